@@ -1,0 +1,127 @@
+"""Recordings: lazily read RGB-D frames with checked intrinsics and clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+MIN_FRAMES = 10  # chosen by us: rest, motion and rest again need a few frames each
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """Pinhole camera without distortion, pixel centres at integers; focal lengths and centre in pixels."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        values = (self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        if not np.all(np.isfinite(values)) or min(self.width, self.height, self.fx, self.fy) <= 0:
+            raise InputError(f"intrinsics must be finite with positive size and focal lengths, got {values}")
+        if not (0 <= self.cx < self.width and 0 <= self.cy < self.height):
+            raise InputError(
+                f"principal point ({self.cx}, {self.cy}) lies outside the {self.width}x{self.height} image",
+                "give the intrinsics of this resolution",
+            )
+
+    @property
+    def matrix(self) -> Array:
+        """K (3, 3)."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+    def scaled(self, width: int, height: int) -> Intrinsics:
+        """The same camera at another resolution; pixel centres stay at integers."""
+        sx, sy = width / self.width, height / self.height
+        cx, cy = (self.cx + 0.5) * sx - 0.5, (self.cy + 0.5) * sy - 0.5
+        return Intrinsics(width, height, self.fx * sx, self.fy * sy, cx, cy)
+
+    def backproject(self, pixels: Array, depth: Array) -> Array:
+        """Camera points (..., 3) in metres of pixels (..., 2) = (x, y) at depth (...) metres."""
+        x = (pixels[..., 0] - self.cx) / self.fx * depth
+        y = (pixels[..., 1] - self.cy) / self.fy * depth
+        return np.stack([x, y, np.asarray(depth, dtype=np.float64)], axis=-1)
+
+    def project(self, points_cam: Array) -> Array:
+        """Pixels (..., 2) of camera points (..., 3); depth must be positive."""
+        z = points_cam[..., 2]
+        return np.stack(
+            [points_cam[..., 0] / z * self.fx + self.cx, points_cam[..., 1] / z * self.fy + self.cy], axis=-1
+        )
+
+
+class Frame(NamedTuple):
+    """One frame: colour (H, W, 3) uint8 RGB and depth (H, W) float32 in metres, 0 = unknown, on one pixel grid."""
+
+    color: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """An RGB-D recording whose frames are read when asked for.
+
+    Readers hand in `read_frame`, which returns colour and depth aligned on the grid of `intrinsics`. times (N,) s
+    strictly increase. poses: known camera poses, used only when asked. gravity_camera0: unit vector (3,) that points
+    down, in the first camera's axes, when the device knew it.
+    """
+
+    name: str
+    source: str
+    times: Array
+    intrinsics: Intrinsics
+    read_frame: Callable[[int], Frame]
+    fingerprint: str
+    poses: Trajectory | None = None
+    gravity_camera0: Array | None = None
+    warnings: tuple[str, ...] = ()
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        t = np.array(self.times, dtype=np.float64)
+        if t.ndim != 1 or len(t) < MIN_FRAMES:
+            raise InputError(
+                f"{self.source}: a recording needs at least {MIN_FRAMES} frames, got {t.size}",
+                "record the part at rest, the motion, and rest again",
+            )
+        bad = np.flatnonzero(~(np.diff(t) > 0))
+        if not np.all(np.isfinite(t)) or len(bad):
+            k = int(bad[0]) + 1 if len(bad) else int(np.flatnonzero(~np.isfinite(t))[0])
+            raise InputError(
+                f"{self.source}: time stamps must strictly increase, frame {k} has {t[k]!r} s",
+                "sort the frames or repair timestamps.txt",
+            )
+        t.flags.writeable = False
+        object.__setattr__(self, "times", t)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def frame(self, index: int) -> Frame:
+        """Read frame `index`. Raises InputError naming the file when it is unreadable."""
+        if not 0 <= index < len(self):
+            raise InputError(f"{self.source} has frames 0..{len(self) - 1}, not {index}")
+        return self.read_frame(index)
+
+
+def open_recording(path: Path | str, layout: str | None = None) -> Recording:
+    """Open a recording; the layout is recognised from its files, or named (see `recon.readers.READERS`).
+
+    Raises InputError naming the file, the value and the remedy.
+    """
+    from recon.readers import open_with
+
+    return open_with(Path(path), layout)

@@ -1,0 +1,1 @@
+"""Robots: plan and replay, headless, what the person in the recording did."""

@@ -1,0 +1,64 @@
+"""Functional digital twins: scene types, storage, physics, collision, export and checks."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import FuntwinError, InputError, MissingDependencyError
+from twin.scene import (
+    Box,
+    ContactPath,
+    Inertial,
+    Joint,
+    Mesh,
+    Motion,
+    Part,
+    PartPhysics,
+    Prismatic,
+    Quantity,
+    Revolute,
+    StaticPart,
+    Trajectory,
+    Twin,
+)
+
+if TYPE_CHECKING:
+    from twin.check import check
+    from twin.export import export
+    from twin.storage import load, save
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Box",
+    "ContactPath",
+    "FuntwinError",
+    "Inertial",
+    "InputError",
+    "Joint",
+    "Mesh",
+    "MissingDependencyError",
+    "Motion",
+    "Part",
+    "PartPhysics",
+    "Prismatic",
+    "Quantity",
+    "Revolute",
+    "StaticPart",
+    "Trajectory",
+    "Twin",
+    "check",
+    "export",
+    "load",
+    "save",
+]
+
+# Heavy modules are imported on first use, so that `import twin` stays light.
+_LAZY = {"load": "twin.storage", "save": "twin.storage"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module 'twin' has no attribute {name!r}")

@@ -1,0 +1,53 @@
+"""Errors that teach: what was wrong, the value, what to try.
+
+Every error that a user can cause derives from `FuntwinError`. The command line prints its message as one line
+and exits with code 1; anything else is a bug and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+
+class FuntwinError(Exception):
+    """Base of all expected errors.
+
+    Args:
+        problem: what was wrong, naming the file or field and the value.
+        remedy: what to try.
+    """
+
+    def __init__(self, problem: str, remedy: str = "") -> None:
+        self.problem = problem
+        self.remedy = remedy
+        super().__init__(f"{problem}; {remedy}" if remedy else problem)
+
+
+class InputError(FuntwinError):
+    """A file, a folder or an argument that the user gave can't be used."""
+
+
+class SceneError(FuntwinError):
+    """A scene value breaks a law of its type (unit axis, positive mass, tree, unique names, ...)."""
+
+
+class ReconstructionError(FuntwinError):
+    """The recording is readable but does not hold what a stage needs (nothing moves, too few tracks, ...)."""
+
+
+class MissingDependencyError(FuntwinError):
+    """An optional package or a system library is absent; the message names the extra to install."""
+
+
+class PlanningError(FuntwinError):
+    """No robot motion satisfies the request; the message says where and by how much it fails."""
+
+
+class ConfigError(FuntwinError):
+    """A configuration key or value is not known or not allowed."""
+
+
+def nearest_name(name: str, names: list[str]) -> str:
+    """Return the known name most like `name`, or an empty string when none is close."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, names, n=1, cutoff=0.5)
+    return close[0] if close else ""

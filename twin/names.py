@@ -1,0 +1,29 @@
+"""Names that are legal, and mean the same, in URDF, MJCF and USD."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+
+_LEGAL = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+# "world" is the root frame of URDF and MJCF: a part of that name would collide with it.
+_RESERVED = frozenset({"world"})
+
+
+def is_legal_name(name: str) -> bool:
+    """True when `name` is [A-Za-z][A-Za-z0-9_]* and not reserved."""
+    return bool(_LEGAL.match(name)) and name.lower() not in _RESERVED
+
+
+def legal_name(text: str, taken: Iterable[str] = ()) -> str:
+    """Make a legal name from any text, unlike every name in `taken` whatever the case (a number is appended)."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    base = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_") or "part"
+    if not base[0].isalpha() or base.lower() in _RESERVED:
+        base = f"part_{base}"
+    used = {t.lower() for t in taken}
+    name, k = base, 2
+    while name.lower() in used:
+        name, k = f"{base}_{k}", k + 1
+    return name

@@ -1,0 +1,454 @@
+"""The types of a functional digital twin. Numpy only; every type checks its own laws when it is built.
+
+World frame: z up, gravity-aligned, metres. Meshes, hulls, axes, pivots, contacts and inertias are stored in the
+world frame with every joint at state 0, the most closed state; opening is positive.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import geometry as geo
+from twin.errors import SceneError
+from twin.geometry import Array
+from twin.names import is_legal_name, legal_name
+
+STATIC_LABEL = 1
+HAND_LABEL = 255
+UNKNOWN_LABEL = 0
+FIRST_PART_ID = 2
+
+
+def _frozen(values: Any, shape: tuple[int | None, ...], what: str, dtype: Any = np.float64) -> NDArray[Any]:
+    """Read-only copy with a checked shape (None = any length) and finite values."""
+    a = np.array(values, dtype=dtype)
+    if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
+        raise SceneError(f"{what} must have shape {shape}, got {a.shape}")
+    if a.dtype.kind == "f" and not np.all(np.isfinite(a)):
+        raise SceneError(
+            f"{what} holds values that are not finite", "drop or repair them before building the type"
+        )
+    a.flags.writeable = False
+    return a
+
+
+def _set(instance: object, name: str, value: Any) -> None:
+    object.__setattr__(instance, name, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangle mesh: vertices (V, 3) m, faces (F, 3) int32, optional vertex colours (V, 3) uint8 sRGB."""
+
+    vertices: Array
+    faces: NDArray[np.int32]
+    colors: NDArray[np.uint8] | None = None
+
+    def __post_init__(self) -> None:
+        _set(self, "vertices", _frozen(self.vertices, (None, 3), "mesh vertices"))
+        _set(self, "faces", _frozen(self.faces, (None, 3), "mesh faces", np.int32))
+        if len(self.faces) and (self.faces.min() < 0 or self.faces.max() >= len(self.vertices)):
+            raise SceneError(
+                f"mesh faces index vertices {self.faces.min()}..{self.faces.max()} of {len(self.vertices)}"
+            )
+        if self.colors is not None:
+            _set(self, "colors", _frozen(self.colors, (len(self.vertices), 3), "mesh colors", np.uint8))
+
+    def transformed(self, T_new_old: Array) -> Mesh:
+        """The mesh in another frame."""
+        return Mesh(geo.transform(T_new_old, self.vertices), self.faces, self.colors)
+
+    @property
+    def area(self) -> float:
+        """Surface area in m^2."""
+        return float(self._face_areas().sum())
+
+    @property
+    def area_centroid(self) -> Array:
+        """Centroid (3,) of the surface, each face weighing its area; the vertex mean for a mesh without area."""
+        w = self._face_areas()
+        if w.sum() < 1e-15:
+            return np.asarray(self.vertices.mean(axis=0))
+        return np.asarray((self.vertices[self.faces].mean(axis=1) * w[:, None]).sum(0) / w.sum())
+
+    def _face_areas(self) -> Array:
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Solid box: pose T_world_box (4, 4) of its centre, full `size` (3,) in metres along its axes."""
+
+    T_world_box: Array
+    size: Array
+
+    def __post_init__(self) -> None:
+        _set(self, "T_world_box", _frozen(self.T_world_box, (4, 4), "box pose"))
+        _set(self, "size", _frozen(self.size, (3,), "box size"))
+        if np.any(self.size <= 0):
+            raise SceneError(f"box size must be positive, got {self.size.tolist()}")
+
+    @property
+    def corners(self) -> Array:
+        """The eight corners (8, 3) in the world frame."""
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        return geo.transform(self.T_world_box, signs * self.size / 2)
+
+
+@dataclass(frozen=True)
+class JointSigma:
+    """One standard deviation of a joint: axis direction (rad), axis position (m, None if prismatic), state (m or rad)."""
+
+    axis: float
+    pivot: float | None
+    state: float
+
+
+@dataclass(frozen=True, eq=False)
+class Joint(ABC):
+    """One-degree-of-freedom joint. `lower` <= 0 <= `upper` hold the limits in metres or radians.
+
+    `pose(a) @ pose(b) == pose(a + b)` and `pose(0)` is the identity. `covariance` is over the tangent of the joint
+    in the basis `geometry.orthogonal_basis(axis)`: the axis tilts (rad) about its first two columns, then, for a revolute
+    joint, the shifts (m) of the axis along those columns at the pivot.
+    """
+
+    axis: Array
+    lower: float = 0.0
+    upper: float = 0.0
+    covariance: Array | None = None
+    sigma: JointSigma | None = None
+
+    kind: Literal["prismatic", "revolute"] = field(init=False, default="prismatic")
+    _dof: int = field(init=False, default=2, repr=False)
+
+    def __post_init__(self) -> None:
+        _set(self, "axis", _frozen(self.axis, (3,), "joint axis"))
+        norm = float(np.linalg.norm(self.axis))
+        if abs(norm - 1.0) > 1e-6:
+            raise SceneError(f"joint axis must have length 1, got {norm:.6g}", "divide it by its length")
+        if not (np.isfinite(self.lower) and np.isfinite(self.upper) and self.lower <= self.upper):
+            raise SceneError(
+                f"joint limits must be finite with lower <= upper, got {self.lower}..{self.upper}"
+            )
+        if self.covariance is not None:
+            c = _frozen(self.covariance, (self._dof, self._dof), "joint covariance")
+            if not np.allclose(c, c.T, atol=1e-12) or np.linalg.eigvalsh(c).min() < -1e-12:
+                raise SceneError("joint covariance must be symmetric and not negative")
+            _set(self, "covariance", c)
+
+    @abstractmethod
+    def pose(self, state: float) -> Array:
+        """Pose (4, 4) of the part at `state` relative to state 0, in the world frame."""
+
+    def poses(self, states: Any) -> Array:
+        """Poses (n, 4, 4) for states (n,)."""
+        return np.stack([self.pose(float(s)) for s in np.atleast_1d(states)])
+
+    @abstractmethod
+    def velocity(self, state: float, point: Any) -> Array:
+        """Derivative (3,) by the state of a part point given in the world at state 0."""
+
+    @abstractmethod
+    def transformed(self, T_new_old: Array) -> Joint:
+        """The same joint in another world frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prismatic(Joint):
+    """Sliding joint (drawer, sliding door); states in metres along `axis`."""
+
+    kind: Literal["prismatic", "revolute"] = field(init=False, default="prismatic")
+    _dof: int = field(init=False, default=2, repr=False)
+
+    def pose(self, state: float) -> Array:
+        return geo.make_pose(translation=self.axis * state)
+
+    def velocity(self, state: float, point: Any) -> Array:  # noqa: ARG002  (the same everywhere)
+        return np.array(self.axis)
+
+    def transformed(self, T_new_old: Array) -> Prismatic:
+        return replace(self, axis=geo.unit(geo.rotate(T_new_old, self.axis)), covariance=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Revolute(Joint):
+    """Hinge (door, lid) about the line through `pivot` (3,) m along `axis`; states in radians, right-handed."""
+
+    pivot: Array = field(kw_only=True)
+    kind: Literal["prismatic", "revolute"] = field(init=False, default="revolute")
+    _dof: int = field(init=False, default=4, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _set(self, "pivot", _frozen(self.pivot, (3,), "joint pivot"))
+
+    def pose(self, state: float) -> Array:
+        r = geo.exp_so3(self.axis * state)
+        return geo.make_pose(r, self.pivot - r @ self.pivot)
+
+    def velocity(self, state: float, point: Any) -> Array:
+        moved = geo.transform(self.pose(state), np.asarray(point, dtype=np.float64)[None])[0]
+        return np.cross(self.axis, moved - self.pivot)
+
+    def transformed(self, T_new_old: Array) -> Revolute:
+        axis = geo.unit(geo.rotate(T_new_old, self.axis))
+        return replace(self, axis=axis, pivot=geo.transform(T_new_old, self.pivot[None])[0], covariance=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Measured motion of a part: `state` (n,) m or rad at recording `frames` (n,) and `times` (n,) s.
+
+    intervals: first and last moving frame of each interaction, inclusive. residual: RMS of the fit in metres.
+    inliers: share of the evidence that agrees, 0..1.
+    """
+
+    frames: NDArray[np.int64]
+    times: Array
+    state: Array
+    intervals: tuple[tuple[int, int], ...] = ()
+    residual: float = 0.0
+    inliers: float = 1.0
+
+    def __post_init__(self) -> None:
+        _set(self, "frames", _frozen(self.frames, (None,), "motion frames", np.int64))
+        n = len(self.frames)
+        _set(self, "times", _frozen(self.times, (n,), "motion times"))
+        _set(self, "state", _frozen(self.state, (n,), "motion state"))
+        if n and np.any(np.diff(self.frames) <= 0):
+            raise SceneError("motion frames must strictly increase")
+        if any(a >= b for a, b in self.intervals):
+            raise SceneError(f"an interval must have first < last, got {self.intervals}")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its interval (low, high) and where it comes from (measured, geometry x table, user, ...)."""
+
+    value: float
+    source: str
+    interval: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        low, high = self.interval
+        if not (
+            np.isfinite(self.value) and np.isfinite(low) and np.isfinite(high) and low <= self.value <= high
+        ):
+            raise SceneError(
+                f"a quantity must lie inside its finite interval, got {self.value} in {self.interval}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """Mass (kg) with interval and source, centre of mass (3,) m and inertia tensor (3, 3) kg m^2 about it.
+
+    World axes at state 0. The tensor is positive definite and its principal moments obey the triangle inequality.
+    """
+
+    mass: Quantity
+    com: Array
+    inertia: Array
+
+    def __post_init__(self) -> None:
+        _set(self, "com", _frozen(self.com, (3,), "centre of mass"))
+        _set(self, "inertia", _frozen(self.inertia, (3, 3), "inertia tensor"))
+        if self.mass.value <= 0:
+            raise SceneError(f"mass must be positive, got {self.mass.value} kg")
+        if not np.allclose(self.inertia, self.inertia.T, rtol=1e-9, atol=1e-15):
+            raise SceneError("inertia tensor must be symmetric")
+        moments = np.linalg.eigvalsh(self.inertia)
+        if moments[0] <= 0:
+            raise SceneError(
+                f"inertia must be positive definite, its principal moments are {moments.tolist()}"
+            )
+        if moments[2] > (moments[0] + moments[1]) * (1 + 1e-6):
+            raise SceneError(f"principal moments {moments.tolist()} break the triangle inequality")
+
+
+@dataclass(frozen=True)
+class PartPhysics:
+    """Contact and joint physics: sliding friction (-), joint damping (N s/m or N m s/rad), joint frictionloss
+    (N or N m), material density (kg/m^3)."""
+
+    friction: Quantity
+    damping: Quantity
+    frictionloss: Quantity
+    density: Quantity
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPath:
+    """Where the hand held the part.
+
+    point: (3,) m on the part's surface, world frame at state 0. rotation: (3, 3), columns = direction in which the hand
+    closes, direction along the handle, direction out of the part (right-handed). width: m, thickness of what is held
+    along the closing direction. frames: recording frames in which the hand holds the part.
+    """
+
+    point: Array
+    rotation: Array
+    width: float
+    frames: tuple[int, ...]
+    source: str
+
+    def __post_init__(self) -> None:
+        _set(self, "point", _frozen(self.point, (3,), "contact point"))
+        _set(self, "rotation", _frozen(self.rotation, (3, 3), "contact rotation"))
+        if (
+            not np.allclose(self.rotation.T @ self.rotation, np.eye(3), atol=1e-6)
+            or np.linalg.det(self.rotation) < 0
+        ):
+            raise SceneError("contact rotation must be a right-handed rotation matrix")
+        if not (np.isfinite(self.width) and self.width >= 0):
+            raise SceneError(f"contact width must be finite and not negative, got {self.width}")
+
+
+Collision = Mesh | Box
+
+
+@dataclass(frozen=True, eq=False)
+class StaticPart:
+    """Everything that never moves."""
+
+    name: str
+    mesh: Mesh
+    collision: tuple[Collision, ...] = ()
+
+    def __post_init__(self) -> None:
+        _require_legal(self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A moving part. `parent` is the id of the part it is mounted on, None for the static scene."""
+
+    id: int
+    name: str
+    mesh: Mesh
+    joint: Joint
+    motion: Motion
+    inertial: Inertial | None = None
+    physics: PartPhysics | None = None
+    contact: ContactPath | None = None
+    collision: tuple[Collision, ...] = ()
+    parent: int | None = None
+    limits_source: str = "observed"
+    closed_source: str = "first rest pose"
+    type_source: str = "motion"
+
+    def __post_init__(self) -> None:
+        _require_legal(self.name)
+        if not FIRST_PART_ID <= self.id < HAND_LABEL:
+            raise SceneError(f"part id must be in {FIRST_PART_ID}..{HAND_LABEL - 1}, got {self.id}")
+        if type(self.joint) not in (Prismatic, Revolute):
+            raise SceneError(
+                f"part {self.name!r} needs a Prismatic or Revolute joint, got {type(self.joint).__name__}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Camera poses T_world_cam (n, 4, 4) (OpenCV camera axes) at recording `frames` (n,), `times` (n,) s."""
+
+    frames: NDArray[np.int64]
+    times: Array
+    T_world_cam: Array
+
+    def __post_init__(self) -> None:
+        _set(self, "frames", _frozen(self.frames, (None,), "trajectory frames", np.int64))
+        n = len(self.frames)
+        _set(self, "times", _frozen(self.times, (n,), "trajectory times"))
+        _set(self, "T_world_cam", _frozen(self.T_world_cam, (n, 4, 4), "camera poses"))
+        if n == 0:
+            raise SceneError("a camera trajectory must not be empty")
+        if np.any(np.diff(self.frames) <= 0) or np.any(np.diff(self.times) <= 0):
+            raise SceneError("camera frames and times must strictly increase")
+        r = self.T_world_cam[:, :3, :3]
+        if not np.allclose(r @ np.swapaxes(r, 1, 2), np.eye(3), atol=1e-6):
+            raise SceneError("camera poses must be rigid")
+
+    def pose(self, frame: int) -> Array | None:
+        """T_world_cam (4, 4) of a recording frame, None when that frame is lost."""
+        k = int(np.searchsorted(self.frames, frame))
+        return self.T_world_cam[k] if k < len(self.frames) and self.frames[k] == frame else None
+
+    def transformed(self, T_new_world: Array) -> Trajectory:
+        """The same cameras in another world frame."""
+        return replace(self, T_world_cam=T_new_world @ self.T_world_cam)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What the twin was made from: source path name, frame count and a fingerprint of the input."""
+
+    source: str
+    frames: int
+    fingerprint: str
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """Static scene, moving parts (a tree), cameras and where it all comes from.
+
+    labels: recording frame -> (H, W) uint8 label image (0 unknown, 1 static, part ids from 2, 255 hand); may be lazy.
+    provenance: versions and configuration, JSON types only.
+    """
+
+    name: str
+    static: StaticPart
+    parts: tuple[Part, ...]
+    cameras: Trajectory | None = None
+    recorded: Recorded | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    labels: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _require_legal(self.name)
+        names = [self.static.name, *(p.name for p in self.parts)]
+        if len({n.lower() for n in names}) != len(names):
+            raise SceneError(f"part names must be unique whatever their case, got {names}")
+        ids = [p.id for p in self.parts]
+        if len(set(ids)) != len(ids):
+            raise SceneError(f"part ids must be unique, got {ids}")
+        for p in self.parts:
+            self._check_ancestors(p)
+
+    def _check_ancestors(self, part: Part) -> None:
+        seen = {part.id}
+        parent = part.parent
+        while parent is not None:
+            if parent in seen:
+                raise SceneError(f"part {part.name!r} is its own ancestor", "parents must form a tree")
+            seen.add(parent)
+            parent = self.part(parent).parent
+
+    def part(self, key: int | str) -> Part:
+        """The part with this id or name. Raises SceneError that lists what exists."""
+        for p in self.parts:
+            if key in (p.id, p.name):
+                return p
+        known = ", ".join(f"{p.name} (id {p.id})" for p in self.parts) or "none"
+        raise SceneError(f"the twin has no part {key!r}", f"its parts are: {known}")
+
+    def part_pose(self, key: int | str, states: Mapping[int, float]) -> Array:
+        """T_world_part (4, 4), the motion from state 0, of a part when every part id in `states` is at that state.
+
+        The joint of a nested part is carried along by its parents.
+        """
+        part = self.part(key)
+        pose = part.joint.pose(states.get(part.id, 0.0))
+        return pose if part.parent is None else self.part_pose(part.parent, states) @ pose
+
+
+def _require_legal(name: str) -> None:
+    if not is_legal_name(name):
+        raise SceneError(f"name {name!r} is not legal in URDF, MJCF and USD", f"use {legal_name(name)!r}")
