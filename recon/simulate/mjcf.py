@@ -1,0 +1,275 @@
+"""Reading an articulated MJCF scene: the moving part of one joint, and everything else, as surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from recon.simulate.surfaces import Surface
+from recon.simulate.textures import Material, material_for
+from twin.errors import InputError, nearest_name
+from twin.geometry import Array, exp_so3, invert_pose, make_pose
+
+PLANE_HALF_SIZE = 4.0  # metres; MuJoCo planes are infinite, a recording needs the part around the camera
+VISUAL_GROUPS = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
+DEFAULT_HINGE, DEFAULT_SLIDE, OPENING_SHARE = 1.2, 0.3, 0.8  # chosen by us
+JOINT_TYPES = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
+
+
+@dataclass(frozen=True)
+class Articulation:
+    """One joint of a scene, seen from its closed state (0); opening is positive.
+
+    Attributes:
+        name: the joint's name. kind: "revolute" or "prismatic".
+        axis, pivot: world axis (3,), signed so that opening is positive, and a point on it (3,) in metres.
+        span: travel from the closed end to the other end, radians or metres.
+        static, part: surfaces in the world frame at state 0.
+        mass, com, inertia: kg; (3,) m and (6,) kg m^2 = xx yy zz xy xz yz about the centre of mass, in world axes
+            at state 0.
+        lower: smallest corner of the scene (3,), upper: largest corner (3,), without infinite planes.
+        has_floor: whether the scene has a plane of its own.
+        sites: world positions of the named sites that the part carries.
+    """
+
+    name: str
+    kind: str
+    axis: Array
+    pivot: Array
+    span: float
+    static: tuple[Surface, ...]
+    part: tuple[Surface, ...]
+    mass: float
+    com: Array
+    inertia: Array
+    lower: Array
+    upper: Array
+    has_floor: bool
+    sites: dict[str, Array]
+
+    def pose(self, state: float) -> Array:
+        """T_world_part (4, 4) at `state`, the identity at 0."""
+        if self.kind == "prismatic":
+            return make_pose(None, self.axis * state)
+        turn = exp_so3(self.axis * state)
+        return make_pose(turn, self.pivot - turn @ self.pivot)
+
+
+def load_articulation(
+    scene: Path, joint: str, exclude: tuple[str, ...], contrast: float, rng: np.random.Generator
+) -> Articulation:
+    """Load `scene` (MJCF) and split it at `joint`.
+
+    Raises:
+        InputError: when the file can't be loaded, or has no such hinge or slide joint (the message names those
+            that exist), or the joint moves nothing that can be seen.
+    """
+    model = load_model(scene)
+    index = find_joint(model, joint)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    kind = JOINT_TYPES[int(model.jnt_type[index])]
+    closed, sign, span = _closed_end(model, index, kind)
+    data.qpos[model.jnt_qposadr[index]] = closed
+    mujoco.mj_forward(model, data)
+    dropped = _subtrees(model, [b for b in range(1, model.nbody) if _matches(model.body(b).name, exclude)])
+    moving = _subtrees(model, [int(model.jnt_bodyid[index])]) - dropped
+    static, part, infinite = [], [], False
+    materials: dict[tuple[str, str], Material] = {}
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if body in dropped or not _is_visual(model, geom):
+            continue
+        infinite |= int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
+        surface = _surface(model, data, geom, materials, contrast, rng)
+        (part if body in moving else static).append(surface)
+    if not part:
+        raise InputError(f"joint {joint!r} of {scene} moves no visible geometry", "choose another joint")
+    finite = [s.vertices for s in static + part if not s.name.startswith("plane:")]
+    corners = np.concatenate(finite)
+    mass, com, inertia = _mass(model, data, moving)
+    return Articulation(
+        name=joint,
+        kind=kind,
+        axis=sign * data.xaxis[index].copy(),
+        pivot=data.xanchor[index].copy(),
+        span=span,
+        static=tuple(static),
+        part=tuple(part),
+        mass=mass,
+        com=com,
+        inertia=inertia,
+        lower=corners.min(axis=0),
+        upper=corners.max(axis=0),
+        has_floor=infinite,
+        sites={
+            model.site(i).name: data.site_xpos[i].copy()
+            for i in range(model.nsite)
+            if int(model.site_bodyid[i]) in moving
+        },
+    )
+
+
+def load_model(scene: Path) -> mujoco.MjModel:
+    """Load an MJCF file. Raises InputError with MuJoCo's reason in one line."""
+    if not Path(scene).is_file():
+        raise InputError(f"no scene file {scene}", "give the path of an MJCF file (*.xml)")
+    try:
+        return mujoco.MjModel.from_xml_path(str(scene))
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"MuJoCo can't load the scene {scene}: {reason}", "check it with MuJoCo's viewer") from error
+
+
+def joint_names(model: mujoco.MjModel) -> list[str]:
+    """Names of the hinge and slide joints of a model."""
+    return [model.joint(j).name for j in range(model.njnt) if int(model.jnt_type[j]) in JOINT_TYPES]
+
+
+def find_joint(model: mujoco.MjModel, name: str) -> int:
+    """Index of the hinge or slide joint `name`. Raises InputError that lists the joints there are."""
+    names = joint_names(model)
+    if name not in names:
+        near = nearest_name(name, names)
+        hint = f"did you mean {near!r}? " if near else ""
+        there = ", ".join(n for n in names if n) or "none"
+        raise InputError(f"the scene has no hinge or slide joint {name!r}", f"{hint}joints that exist: {there}")
+    return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
+
+
+def _closed_end(model: mujoco.MjModel, index: int, kind: str) -> tuple[float, float, float]:
+    """The joint coordinate of the closed end, the sign of opening, and the travel to the other end.
+
+    Closed is the end of the range nearest to the model's reference pose (qpos0).
+    """
+    rest = float(model.qpos0[model.jnt_qposadr[index]])
+    if not model.jnt_limited[index]:
+        return rest, 1.0, DEFAULT_HINGE / OPENING_SHARE if kind == "revolute" else DEFAULT_SLIDE / OPENING_SHARE
+    low, high = (float(v) for v in model.jnt_range[index])
+    if abs(rest - low) <= abs(rest - high):
+        return low, 1.0, high - low
+    return high, -1.0, high - low
+
+
+def _subtrees(model: mujoco.MjModel, roots: list[int]) -> set[int]:
+    found = set(roots)
+    for body in range(1, model.nbody):  # parents come before their children
+        if int(model.body_parentid[body]) in found:
+            found.add(body)
+    return found
+
+
+def _matches(name: str, words: tuple[str, ...]) -> bool:
+    return any(word and word.lower() in name.lower() for word in words)
+
+
+def _is_visual(model: mujoco.MjModel, geom: int) -> bool:
+    material = int(model.geom_matid[geom])
+    alpha = model.mat_rgba[material][3] if material >= 0 else model.geom_rgba[geom][3]
+    return int(model.geom_group[geom]) < VISUAL_GROUPS and float(alpha) > 0.05
+
+
+def _surface(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    geom: int,
+    materials: dict[tuple[str, str], Material],
+    contrast: float,
+    rng: np.random.Generator,
+) -> Surface:
+    vertices, faces = geom_mesh(model, geom)
+    T_world_geom = make_pose(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
+    body = int(model.geom_bodyid[geom])
+    T_world_body = make_pose(data.xmat[body].reshape(3, 3), data.xpos[body])
+    offset = make_pose(None, rng.uniform(-1.0, 1.0, 3))
+    plane = int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    name = model.geom(geom).name or f"geom{geom}"
+    return Surface(
+        name=f"plane:{name}" if plane else name,
+        vertices=vertices @ T_world_geom[:3, :3].T + T_world_geom[:3, 3],
+        faces=faces,
+        material=_geom_material(model, geom, plane, materials, contrast, rng),
+        T_texture_object=offset @ invert_pose(T_world_body),
+    )
+
+
+def _geom_material(
+    model: mujoco.MjModel,
+    geom: int,
+    plane: bool,
+    materials: dict[tuple[str, str], Material],
+    contrast: float,
+    rng: np.random.Generator,
+) -> Material:
+    """One material for all geoms of the same MJCF material under the same top-level body."""
+    index = int(model.geom_matid[geom])
+    name = model.mat(index).name if index >= 0 else ("floor" if plane else "")
+    rgba = model.mat_rgba[index] if index >= 0 else model.geom_rgba[geom]
+    root = int(model.geom_bodyid[geom])
+    while int(model.body_parentid[root]) > 0:
+        root = int(model.body_parentid[root])
+    key = (name, model.body(root).name)
+    if key not in materials:
+        materials[key] = material_for(name, np.asarray(rgba[:3], dtype=np.float64), contrast, rng)
+    return materials[key]
+
+
+def geom_mesh(model: mujoco.MjModel, geom: int) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (V, 3) and faces (F, 3) of a geom in its own frame.
+
+    Raises InputError for kinds that have no surface mesh here (height fields, signed distance functions).
+    """
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    size = np.asarray(model.geom_size[geom], dtype=np.float64)
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        return _model_mesh(model, int(model.geom_dataid[geom]))
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        mesh = trimesh.creation.box(extents=2.0 * size)
+    elif kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        mesh = trimesh.creation.icosphere(subdivisions=3, radius=size[0])
+    elif kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        mesh = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
+        mesh.apply_scale(size)
+    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        mesh = trimesh.creation.cylinder(radius=size[0], height=2.0 * size[1], sections=24)
+    elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        mesh = trimesh.creation.capsule(radius=size[0], height=2.0 * size[1], count=[16, 24])
+    elif kind == mujoco.mjtGeom.mjGEOM_PLANE:
+        half = np.where(size[:2] > 0.0, np.minimum(size[:2], PLANE_HALF_SIZE), PLANE_HALF_SIZE)
+        corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [half[0], half[1], 0.0]
+        return corners.astype(np.float64), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int64)
+    else:
+        raise InputError(
+            f"geom {model.geom(geom).name or geom} is of kind {kind.name}, which can't be rendered",
+            "use primitive or mesh geoms, or leave its body out with `exclude`",
+        )
+    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+
+
+def _model_mesh(model: mujoco.MjModel, mesh: int) -> tuple[Array, NDArray[np.int64]]:
+    v0, nv = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    f0, nf = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    vertices = np.asarray(model.mesh_vert[v0 : v0 + nv], dtype=np.float64)
+    return vertices, np.asarray(model.mesh_face[f0 : f0 + nf], dtype=np.int64)
+
+
+def _mass(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia (xx yy zz xy xz yz, about it, world axes) of bodies moving together."""
+    index = sorted(bodies)
+    masses = np.asarray(model.body_mass[index], dtype=np.float64)
+    mass = float(masses.sum())
+    if mass <= 0.0:
+        raise InputError("the moving part has no mass", "give its geoms a mass or a density")
+    com = masses @ np.asarray(data.xipos[index], dtype=np.float64) / mass
+    total = np.zeros((3, 3))
+    for body, m in zip(index, masses, strict=True):
+        principal = np.diag(np.asarray(model.body_inertia[body], dtype=np.float64))
+        axes = data.ximat[body].reshape(3, 3)
+        arm = np.asarray(data.xipos[body], dtype=np.float64) - com
+        total += axes @ principal @ axes.T + m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return mass, com, np.array([total[0, 0], total[1, 1], total[2, 2], total[0, 1], total[0, 2], total[1, 2]])
