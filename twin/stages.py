@@ -1,0 +1,366 @@
+"""Stages and the only disk cache: each stage is computed once for one input, one configuration and one version.
+
+The key of a stage is the SHA-256 of its name, its version, its configuration, the keys of the stages it reads and the
+fingerprint of the recording. A result is written to a temporary folder, which is then renamed: whenever the process
+dies, what stands under `stages/NN_name` is complete, and the next run goes on from there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import resource
+import shutil
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from platform import python_version
+from typing import IO, Any, Generic, Protocol, TypeVar
+
+from twin.codec import TreeCodec
+from twin.errors import FuntwinError, InputError
+from twin.settings import as_dict
+
+T = TypeVar("T")
+
+MANIFEST = "manifest.json"
+RECORD = "stage.json"
+PACKAGES = ("funtwin", "numpy", "scipy", "open3d", "opencv-contrib-python", "scikit-learn", "mujoco")
+
+
+class Progress(Protocol):
+    """Told how far a stage is: `fraction` 0..1; `message` says why it runs, or that it was taken from the cache."""
+
+    def __call__(self, stage: str, fraction: float, message: str = "") -> None: ...
+
+
+class Codec(Protocol[T]):
+    """Stores the value of a stage in an existing, empty folder, exactly.
+
+    `settle(value)` is what `load` would return after `save`: runs with and without a folder then compute on equal bytes.
+    """
+
+    def save(self, value: T, folder: Path) -> None: ...
+    def load(self, folder: Path) -> T: ...
+    def settle(self, value: T) -> T: ...
+
+
+@dataclass(frozen=True, eq=False)
+class StageResult(Generic[T]):
+    """Value of a stage with its key, the seconds and the peak memory (MB of the process) of its computation, the
+    warnings it gave, whether it came from the cache (`cached`) and, if not, why it was computed (`reason`)."""
+
+    name: str
+    key: str
+    value: T
+    seconds: float
+    peak_mb: float
+    warnings: tuple[str, ...]
+    cached: bool
+    reason: str
+
+
+class Run:
+    """One reconstruction: a run folder with its cache, or none, in which case all stages are computed.
+
+    Args:
+        folder: the run folder, made when missing; None keeps everything in memory.
+        fingerprint: identifies the recording's content.
+        progress: told about every stage.
+
+    Raises InputError when the folder can't be written or is in use by another process.
+    """
+
+    def __init__(self, folder: Path | None, fingerprint: str, progress: Progress | None = None) -> None:
+        self.folder = folder
+        self.fingerprint = fingerprint
+        self.results: list[StageResult[Any]] = []
+        self._progress = progress
+        self._warnings: list[str] = []
+        self._lock: IO[str] | None = None
+        if folder is not None:
+            self._lock = _claim(folder)
+            for left in (folder / "stages").glob(".*.tmp"):  # what a killed process was writing
+                shutil.rmtree(left)
+
+    def stage(
+        self,
+        name: str,
+        version: int,
+        config: Any,
+        upstream: Sequence[StageResult[Any]],
+        compute: Callable[[], T],
+        codec: Codec[T] | None = None,
+    ) -> StageResult[T]:
+        """The result of `compute`, from the cache if its key is there.
+
+        Args:
+            name: identifier, unique in the run.
+            version: to be raised by whoever changes what `compute` returns.
+            config: dataclass or mapping of all settings that `compute` uses, or None.
+            upstream: the results that `compute` reads.
+            codec: how to store the value; TreeCodec when None.
+        """
+        if any(r.name == name for r in self.results):
+            raise ValueError(f"stage {name!r} was run already; names are unique in a run")
+        codec = codec or TreeCodec()
+        parts = {
+            "version": version,
+            "config": as_dict(config),
+            "upstream": {u.name: u.key for u in upstream},
+            "input": self.fingerprint,
+        }
+        key = stage_key(name, parts)
+        found, reason = self._look_up(name, key, parts, codec)
+        if found is None:
+            self.report(name, 0.0, reason)
+            found = self._compute(name, key, parts, compute, codec, reason)
+            self.report(name, 1.0, f"{found.seconds:.1f} s")
+        else:
+            self.report(name, 1.0, "from the cache")
+        self.results.append(found)
+        self._write_manifest()
+        return found
+
+    def report(self, stage: str, fraction: float, message: str = "") -> None:
+        """Pass progress on; for use inside of `compute`."""
+        if self._progress is not None:
+            self._progress(stage, fraction, message)
+
+    def warn(self, message: str) -> None:
+        """Note a warning that belongs to no stage (of the recording, for example)."""
+        self._warnings.append(message)
+        self._write_manifest()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All warnings so far, those of cached stages included."""
+        return (*self._warnings, *(w for r in self.results for w in r.warnings))
+
+    def close(self) -> None:
+        """Let other processes use the folder."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _look_up(
+        self, name: str, key: str, parts: Mapping[str, Any], codec: Codec[T]
+    ) -> tuple[StageResult[T] | None, str]:
+        """The cached result, or None and the reason why it must be computed."""
+        if self.folder is None:
+            return None, "no run folder"
+        place, stored = self._place(name), self._stored(name)
+        if stored is None:
+            return None, "not computed yet"
+        record = read_json(stored / RECORD)
+        if record.get("key") != key:
+            return None, why_changed(record.get("parts", {}), parts)
+        try:
+            value = codec.load(stored)
+            meta = _meta(record)
+        except (FuntwinError, OSError, ValueError, KeyError, TypeError) as e:
+            return None, f"its stored result is damaged ({e})"
+        if stored != place:
+            stored.rename(place)
+        return StageResult(name, key, value, *meta, cached=True, reason=""), ""
+
+    def _compute(
+        self,
+        name: str,
+        key: str,
+        parts: Mapping[str, Any],
+        compute: Callable[[], T],
+        codec: Codec[T],
+        reason: str,
+    ) -> StageResult[T]:
+        start = time.perf_counter()
+        _reset_peak_memory()
+        value, notes = _recording_warnings(compute)
+        seconds, peak = time.perf_counter() - start, peak_memory_mb()
+        if self.folder is None:
+            value = codec.settle(value)
+        else:
+            record: dict[str, Any] = {"name": name, "key": key, "parts": parts}
+            record |= {"seconds": round(seconds, 3), "peak_mb": round(peak, 1), "warnings": notes}
+            self._store(name, value, record, codec)
+            value = codec.load(self._place(name))
+        return StageResult(name, key, value, seconds, peak, tuple(notes), cached=False, reason=reason)
+
+    def _store(self, name: str, value: T, record: Mapping[str, Any], codec: Codec[T]) -> None:
+        place = self._place(name)
+        temporary = place.with_name(f".{place.name}.tmp")
+        temporary.mkdir()
+        try:
+            codec.save(value, temporary)
+            write_json(temporary / RECORD, record)
+            old = self._stored(name)
+            if old is not None:
+                old.rename(place.with_name(f".{place.name}.old.tmp"))
+            temporary.rename(place)
+        finally:
+            for left in (temporary, place.with_name(f".{place.name}.old.tmp")):
+                shutil.rmtree(left, ignore_errors=True)
+
+    def _place(self, name: str) -> Path:
+        assert self.folder is not None
+        return self.folder / "stages" / f"{len(self.results) + 1:02d}_{name}"
+
+    def _stored(self, name: str) -> Path | None:
+        """The folder that holds this stage, whatever its number was when it was written."""
+        assert self.folder is not None
+        pattern = re.compile(r"\d\d_" + re.escape(name))
+        found = [p for p in (self.folder / "stages").iterdir() if pattern.fullmatch(p.name)]
+        return min(found) if found else None
+
+    def _write_manifest(self) -> None:
+        if self.folder is None:
+            return
+        stages = [
+            {"name": r.name, "key": r.key, "seconds": round(r.seconds, 3), "peak_mb": round(r.peak_mb, 1)}
+            | {"cached": r.cached, "reason": r.reason, "warnings": list(r.warnings)}
+            for r in self.results
+        ]
+        update_manifest(
+            self.folder,
+            fingerprint=self.fingerprint,
+            versions=versions(),
+            warnings=list(self._warnings),
+            stages=stages,
+        )
+
+
+def stage_key(name: str, parts: Mapping[str, Any]) -> str:
+    """SHA-256 of the canonical JSON of a stage's name and key parts."""
+    text = json.dumps([name, parts], sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def why_changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """One line that names what differs between two sets of key parts."""
+    reasons = []
+    if old.get("input") != new["input"]:
+        reasons.append("the recording changed")
+    if old.get("version") != new["version"]:
+        reasons.append(f"the stage's version changed from {old.get('version')} to {new['version']}")
+    was, now = _flat(old.get("config")), _flat(new["config"])
+    reasons += [
+        f"{field or 'config'} changed from {was.get(field)!r} to {now.get(field)!r}"
+        for field in sorted(was.keys() | now.keys())
+        if was.get(field) != now.get(field) or (field in was) != (field in now)
+    ]
+    was, now = old.get("upstream", {}), new["upstream"]
+    changed = [n for n in sorted(was.keys() | now.keys()) if was.get(n) != now.get(n)]
+    if changed:
+        reasons.append(f"it reads {', '.join(changed)}, which changed")
+    return "; ".join(reasons) or "its stored key does not match"
+
+
+def update_manifest(folder: Path, **sections: Any) -> None:
+    """Replace top-level sections of RUN/manifest.json, atomically, and keep the others."""
+    path = folder / MANIFEST
+    manifest = read_json(path)
+    manifest = {"format": "funtwin-run/1"} | manifest | sections
+    write_json(path, manifest)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON by way of a temporary file, so that readers see the old or the new text, never a part."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    temporary.replace(path)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in a file; empty when the file is missing or no JSON object."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the installed packages that shape the results."""
+    found = {"python": python_version()}
+    for package in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            found[package] = metadata.version(package)
+    return found
+
+
+def peak_memory_mb() -> float:
+    """Largest resident memory of this process in MB since the last reset, else since its start."""
+    with suppress(OSError, ValueError):
+        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+        match = re.search(r"VmHWM:\s+(\d+) kB", status)
+        if match:
+            return int(match[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def _reset_peak_memory() -> None:
+    with suppress(OSError):  # Linux only; elsewhere the peak is that of the whole process
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def _recording_warnings(compute: Callable[[], T]) -> tuple[T, list[str]]:
+    """Call `compute`; UserWarnings are collected, each text once, and other warnings shown as usual."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        value = compute()
+    notes: list[str] = []
+    for w in caught:
+        if issubclass(w.category, UserWarning):
+            notes += [] if str(w.message) in notes else [str(w.message)]
+        else:
+            warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
+    return value, notes
+
+
+def _claim(folder: Path) -> IO[str]:
+    """Make the folder and hold it for this process; the lock ends with the process, however it ends."""
+    import fcntl
+
+    try:
+        (folder / "stages").mkdir(parents=True, exist_ok=True)
+        lock = (folder / "stages" / ".lock").open("w", encoding="ascii")
+    except OSError as e:
+        raise InputError(
+            f"run folder {folder} can't be written ({e.strerror})", "give another folder with -o"
+        ) from e
+    try:
+        # A record lock belongs to the process: forked workers that outlive it don't keep the folder.
+        fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as e:
+        lock.close()
+        raise InputError(
+            f"run folder {folder} is in use by another process", "wait for it or give another folder"
+        ) from e
+    lock.write(str(os.getpid()))
+    lock.flush()
+    return lock
+
+
+def _meta(record: Mapping[str, Any]) -> tuple[float, float, tuple[str, ...]]:
+    return float(record["seconds"]), float(record["peak_mb"]), tuple(record["warnings"])
+
+
+def _flat(config: Any, prefix: str = "") -> dict[str, Any]:
+    if not isinstance(config, Mapping):
+        return {} if config is None and not prefix else {prefix: config}
+    items: dict[str, Any] = {}
+    for key, value in config.items():
+        items |= _flat(value, f"{prefix}.{key}" if prefix else key)
+    return items
