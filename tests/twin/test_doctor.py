@@ -1,0 +1,90 @@
+"""The doctor finds what is missing and names one command for it."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import pytest
+
+from twin import doctor
+from twin.doctor import Finding
+
+
+def test_this_machine_is_fit_for_the_tests() -> None:
+    """The suite itself runs here, so nothing that is needed can be missing, and a picture can be drawn."""
+    missing = [f for f in doctor.diagnose() if f.needed and not f.ok]
+    assert missing == []
+    assert doctor.remedies(doctor.diagnose()) == []
+
+
+@pytest.mark.parametrize(
+    ("version", "ok"), [((3, 10), False), ((3, 11), True), ((3, 12), True), ((3, 13), False)]
+)
+def test_python_version(version: tuple[int, int], ok: bool) -> None:
+    finding = doctor.check_python(version)
+    assert finding.ok is ok
+    assert f"{version[0]}.{version[1]}" in finding.detail
+
+
+def test_all_missing_libraries_take_one_command() -> None:
+    def load(name: str) -> object:
+        if name in ("libGL.so.1", "libEGL.so.1"):
+            raise OSError(name)
+        return object()
+
+    findings = doctor.check_libraries(load)
+    assert [f.name for f in findings if not f.ok] == ["libgl1", "libegl1"]
+    (command,) = doctor.remedies(findings)
+    assert command.endswith("apt-get install -y libgl1 libegl1")
+
+
+def test_missing_and_old_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    required = ["no-such-package-here>=1", "numpy>=99.0", "rich>=1", 'mediapipe==0.1; extra == "hands"']
+    monkeypatch.setattr(doctor.metadata, "requires", lambda _: required)
+    findings = doctor.check_packages()
+    assert [(f.name, f.ok) for f in findings] == [
+        ("no-such-package-here", False),
+        ("numpy", False),
+        ("rich", True),
+    ]
+    assert findings[0].detail == "not installed"
+    assert ">=99.0 wanted" in findings[1].detail
+    assert len(doctor.remedies(findings)) == 1
+
+
+def test_missing_extra_is_no_illness(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor.metadata, "requires", lambda _: ['nothing-like-it>=2; extra == "hands"'])
+    hands = next(f for f in doctor.check_extras() if f.name == "extra hands")
+    assert not hands.ok
+    assert not hands.needed
+    assert hands.remedy == f"{sys.executable} -m pip install 'nothing-like-it>=2'"
+    assert doctor.remedies([hands]) == []
+
+
+def test_broken_rendering_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "_RENDER", "raise RuntimeError('no EGL display')")
+    finding = doctor.check_rendering()
+    assert not finding.ok
+    assert finding.detail == "RuntimeError: no EGL display"
+    assert "libgl1-mesa-dri" in finding.remedy
+
+
+def test_drawing_is_not_tried_on_an_unfit_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    bad = Finding("libgl1", False, "not found", "x")
+    monkeypatch.setattr(doctor, "check_libraries", lambda: [bad])
+    monkeypatch.setattr(doctor, "check_rendering", lambda: pytest.fail("tried"))
+    assert not next(f for f in doctor.diagnose() if f.name == "rendering").ok
+
+
+def test_versions_compare_as_numbers() -> None:
+    assert doctor._fits("2.10.1", ">=", "2.9")
+    assert not doctor._fits("1.9", ">=", "2")
+    assert doctor._fits("25.11", "==", "25.11")
+    assert not doctor._fits("25.12", "==", "25.11")
+
+
+@pytest.mark.parametrize(("euid", "start"), [(0, "apt-get"), (1000, "sudo apt-get")])
+def test_the_command_fits_the_user(euid: int, start: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: euid)
+    assert doctor._apt("libgl1").startswith(start)
