@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import SceneError
+from recon.progress import Progress, silent
+from recon.recording import Intrinsics, Recording
+from twin.errors import ConfigError, SceneError
 from twin.geometry import Array
 
 
@@ -33,3 +36,149 @@ class Tracks:
 
     def __len__(self) -> int:
         return self.visible.shape[1]
+
+
+@dataclass(frozen=True)
+class TrackConfig:
+    """Corner tracking. Lengths in pixels of the tracking image, which is at most `max_width` wide."""
+
+    max_width: int = 640  # measured: more pixels cost time and gain no accuracy
+    cell: int = 12  # one corner per cell; plain corner seeding left 3 % of the corners on the moving part
+    reseed_every: int = 10  # frames
+    window: int = 21
+    levels: int = 3
+    max_forward_backward: float = 0.7
+    min_corner_quality: float = (
+        2e-5  # smallest eigenvalue of the gradient matrix, grey levels 0..1; chosen by us
+    )
+    max_depth: float = 6.0  # metres; noise of structured light and ToF sensors grows with z^2
+    depth_edge: float = 0.03  # relative depth step in 3x3 pixels that makes a depth edge; chosen by us
+
+    def __post_init__(self) -> None:
+        if self.max_width < 64 or self.cell < 3 or self.reseed_every < 1:
+            raise ConfigError(
+                f"tracks: max_width >= 64, cell >= 3 and reseed_every >= 1 are needed, got {self}"
+            )
+
+
+def track_points(
+    recording: Recording, config: TrackConfig = TrackConfig(), progress: Progress = silent
+) -> Tracks:
+    """Track corners through every frame and lift them by depth.
+
+    Corners are seeded one per grid cell, followed by pyramidal Lucas-Kanade with a forward-backward test (Kalal
+    2010), and reseeded in empty cells. A track without valid depth in a frame is not visible there.
+    """
+    scale = min(1.0, config.max_width / recording.intrinsics.width)
+    size = (round(recording.intrinsics.width * scale), round(recording.intrinsics.height * scale))
+    camera = recording.intrinsics.scaled(*size)
+    cv2.setRNGSeed(0)
+    tracker = _Tracker(config, size)
+    for i in progress(range(len(recording)), "tracks"):
+        frame = recording.frame(i)
+        grey = cv2.resize(cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
+        depth = cv2.resize(frame.depth, size, interpolation=cv2.INTER_NEAREST)
+        tracker.step(i, grey, depth)
+    return tracker.tracks(camera, len(recording), 1.0 / scale)
+
+
+class _Tracker:
+    """State of the tracker between frames: the previous image and the live corners."""
+
+    def __init__(self, config: TrackConfig, size: tuple[int, int]) -> None:
+        self._config = config
+        self._size = size
+        self._previous: NDArray[np.uint8] | None = None
+        self._live_id = np.zeros(0, dtype=np.int64)
+        self._live_xy = np.zeros((0, 2), dtype=np.float32)
+        self._next_id = 0
+        self._log: list[tuple[int, NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]] = []
+
+    def step(self, index: int, grey: NDArray[np.uint8], depth: NDArray[np.float32]) -> None:
+        if self._previous is not None and len(self._live_id):
+            self._follow(grey)
+        smooth, edge = _smooth_depth(depth, self._config.depth_edge)
+        if index % self._config.reseed_every == 0:
+            self._seed(grey, smooth, edge)
+        xy = np.rint(self._live_xy).astype(int)
+        z = smooth[xy[:, 1], xy[:, 0]]
+        z = np.where(edge[xy[:, 1], xy[:, 0]] | (z > self._config.max_depth), 0.0, z).astype(np.float32)
+        self._log.append((index, self._live_id, self._live_xy, z))
+        self._previous = grey
+
+    def _follow(self, grey: NDArray[np.uint8]) -> None:
+        c = self._config
+        lk = {
+            "winSize": (c.window, c.window),
+            "maxLevel": c.levels,
+            "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01),
+        }
+        assert self._previous is not None
+        start = self._live_xy[:, None]
+        there, ok1, _ = cv2.calcOpticalFlowPyrLK(self._previous, grey, start, None, **lk)  # type: ignore[call-overload]
+        back, ok2, _ = cv2.calcOpticalFlowPyrLK(grey, self._previous, there, None, **lk)  # type: ignore[call-overload]
+        error = np.linalg.norm((back - start)[:, 0], axis=1)
+        xy = there[:, 0]
+        w, h = self._size
+        inside = (xy[:, 0] >= 1) & (xy[:, 0] <= w - 2) & (xy[:, 1] >= 1) & (xy[:, 1] <= h - 2)
+        keep = inside & (ok1[:, 0] == 1) & (ok2[:, 0] == 1) & (error < c.max_forward_backward)
+        # Two tracks that have run into each other follow the same point: the older one stays.
+        cells = np.rint(xy / 2.0).astype(np.int64)
+        _, first = np.unique(
+            np.where(keep, cells[:, 1] * w + cells[:, 0], -1 - np.arange(len(xy))), return_index=True
+        )
+        unique = np.zeros(len(xy), dtype=bool)
+        unique[first] = True
+        keep &= unique
+        self._live_id, self._live_xy = self._live_id[keep], np.ascontiguousarray(xy[keep])
+
+    def _seed(self, grey: NDArray[np.uint8], depth: NDArray[np.float32], edge: NDArray[np.bool_]) -> None:
+        c = self._config
+        w, h = self._size
+        score = cv2.cornerMinEigenVal(grey.astype(np.float32) / 255.0, 5)
+        score[edge | (depth <= 0) | (depth > c.max_depth)] = 0.0
+        border = c.window // 2
+        score[:border], score[-border:], score[:, :border], score[:, -border:] = 0.0, 0.0, 0.0, 0.0
+        ny, nx = h // c.cell, w // c.cell
+        blocks = score[: ny * c.cell, : nx * c.cell].reshape(ny, c.cell, nx, c.cell).swapaxes(1, 2)
+        flat = blocks.reshape(ny, nx, -1)
+        best = flat.argmax(axis=-1)
+        good = np.take_along_axis(flat, best[..., None], -1)[..., 0] > c.min_corner_quality
+        cell = np.floor(self._live_xy / c.cell).astype(int)
+        inside = (cell[:, 0] < nx) & (cell[:, 1] < ny)
+        good[cell[inside, 1], cell[inside, 0]] = False
+        cy, cx = np.nonzero(good)
+        b = best[cy, cx]
+        xy = np.stack([cx * c.cell + b % c.cell, cy * c.cell + b // c.cell], axis=-1).astype(np.float32)
+        self._live_id = np.concatenate([self._live_id, np.arange(self._next_id, self._next_id + len(xy))])
+        self._live_xy = np.concatenate([self._live_xy, xy])
+        self._next_id += len(xy)
+
+    def tracks(self, camera: Intrinsics, frames: int, to_full: float) -> Tracks:
+        """Gather the log; pixels are given at the recording's resolution, points in metres."""
+        shape = (frames, self._next_id)
+        pixels = np.full((*shape, 2), np.nan)
+        depth = np.zeros(shape)
+        for index, ids, xy, z in self._log:
+            pixels[index, ids] = xy
+            depth[index, ids] = z
+        visible = depth > 0
+        long_enough = visible.sum(axis=0) >= 3  # a track seen less often constrains nothing
+        pixels, depth, visible = pixels[:, long_enough], depth[:, long_enough], visible[:, long_enough]
+        points = camera.backproject(pixels, depth)
+        points[~visible] = np.nan
+        pixels[~visible] = np.nan
+        full = (pixels + 0.5) * to_full - 0.5
+        return Tracks(points, full, visible, visible.astype(np.float64))
+
+
+def _smooth_depth(
+    depth: NDArray[np.float32], edge_step: float
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """3x3 median depth (0 where unknown) and a mask of depth edges and holes."""
+    median = cv2.medianBlur(depth, 3)
+    kernel = np.ones((3, 3), np.uint8)
+    far = cv2.dilate(depth, kernel)
+    near = cv2.erode(np.where(depth > 0, depth, np.float32(0.0)), kernel)
+    edge = (near <= 0) | (far - near > edge_step * np.maximum(median, 0.1))
+    return np.asarray(median), np.asarray(edge)

@@ -1,0 +1,111 @@
+"""Which way is up: from the device when it knew, else from the walls, floors and counters in view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recon.depth import depth_normals, shrink_depth
+from recon.recording import Recording
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+
+@dataclass(frozen=True)
+class GravityConfig:
+    """Manhattan fit to surface normals (Straub 2014 in spirit); angles in radians."""
+
+    keyframes: int = 10
+    width: int = 160
+    hypotheses: int = 400
+    normal_sigma: float = np.radians(4.0)  # normals of smoothed depth at this width; chosen by us
+    max_depth: float = 5.0
+
+    def __post_init__(self) -> None:
+        if self.keyframes < 1 or self.hypotheses < 1 or not 32 <= self.width <= 1024:
+            raise ConfigError(
+                f"gravity: keyframes, hypotheses >= 1 and width in 32..1024 are needed, got {self}"
+            )
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Rotation R_world_start (3, 3) that turns the start world so that z points up, and where it was learnt."""
+
+    R_world_start: Array
+    source: str
+    warnings: tuple[str, ...] = ()
+
+
+def find_gravity(
+    recording: Recording, cameras: Trajectory, config: GravityConfig = GravityConfig()
+) -> Gravity:
+    """Gravity from the recording's metadata, else from a Manhattan fit to normals of evenly spread frames."""
+    if recording.gravity_camera0 is not None and cameras.pose(0) is not None:
+        up = -geo.rotate(cameras.T_world_cam[0], recording.gravity_camera0)
+        return Gravity(geo.rotation_between(up, [0, 0, 1]), "metadata")
+    normals = _normals(recording, cameras, config)
+    camera_up = geo.unit(-cameras.T_world_cam[:, :3, 1].mean(axis=0))
+    camera_right = geo.unit(cameras.T_world_cam[:, :3, 0].mean(axis=0))
+    if len(normals) < 100:
+        message = "too little depth to see floors or walls: the mean camera-up direction is taken as up"
+        return Gravity(geo.rotation_between(camera_up, [0, 0, 1]), "camera", (message,))
+    axes = manhattan_axes(normals, config)
+    up, ambiguous = _pick_up(axes, camera_up, camera_right)
+    notes = (
+        ("the camera is pitched by about 45 degrees: wall and floor may be exchanged; give gravity_camera0",)
+        if ambiguous
+        else ()
+    )
+    return Gravity(geo.rotation_between(up, [0, 0, 1]), "planes", notes)
+
+
+def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> tuple[Array, bool]:
+    """Up axis among +-columns of `axes`: people keep their heads level, so it is square to the camera's right."""
+    candidates = np.concatenate([axes.T, -axes.T])
+    score = candidates @ camera_up - np.abs(candidates @ camera_right)
+    order = np.argsort(-score)
+    return candidates[order[0]], bool(score[order[0]] - score[order[1]] < 0.15)
+
+
+def manhattan_axes(normals: Array, config: GravityConfig = GravityConfig()) -> Array:
+    """Rotation (3, 3) whose columns are the three orthogonal directions that most normals (n, 3) agree with."""
+    rng = np.random.default_rng(0)
+    first = normals[rng.integers(0, len(normals), config.hypotheses)]
+    second = normals[rng.integers(0, len(normals), config.hypotheses)]
+    cross = np.cross(first, second)
+    good = np.linalg.norm(cross, axis=1) > 0.9
+    if not good.any():  # one plane only: its normal is all there is to know
+        return geo.orthogonal_basis(np.median(normals, axis=0))
+    z = geo.unit(cross[good])
+    x = first[good]
+    frames = np.stack([x, np.cross(z, x), z], axis=-1)
+    sample = normals[rng.integers(0, len(normals), 2000)]
+    angle2 = 2.0 * (1.0 - np.abs(np.einsum("nk,hka->hna", sample, frames)).max(axis=-1))
+    best = frames[int(np.argmax(np.exp(-angle2 / (2 * (2 * config.normal_sigma) ** 2)).sum(axis=1)))]
+    for _ in range(20):
+        dots = normals @ best
+        nearest = np.abs(dots).argmax(axis=1)
+        picked = np.take_along_axis(dots, nearest[:, None], 1)[:, 0]
+        weight = np.exp(-(1.0 - np.abs(picked)) / config.normal_sigma**2)
+        target = np.eye(3)[nearest] * np.sign(picked)[:, None]
+        u, _, vt = np.linalg.svd((normals * weight[:, None]).T @ target)
+        best = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return np.asarray(best)
+
+
+def _normals(recording: Recording, cameras: Trajectory, config: GravityConfig) -> Array:
+    """Surface normals (n, 3) in the start world, from depth smoothed to the working width."""
+    scale = config.width / recording.intrinsics.width
+    size = (config.width, max(1, round(recording.intrinsics.height * scale)))
+    camera = recording.intrinsics.scaled(*size)
+    picks = np.unique(np.linspace(0, len(cameras.frames) - 1, config.keyframes).astype(int))
+    out = []
+    for k in picks:
+        depth = recording.frame(int(cameras.frames[k])).depth
+        normals = depth_normals(shrink_depth(depth, size), camera, config.max_depth)
+        out.append(normals[np.isfinite(normals).all(axis=-1)] @ cameras.T_world_cam[k, :3, :3].T)
+    return np.concatenate(out)
