@@ -1,0 +1,153 @@
+"""Forward kinematics, Jacobian and inverse kinematics of a serial arm for many configurations at once (numpy).
+
+The planner screens hundreds of base poses with it; the final path comes from `robots.ik`. The chain is read from the
+compiled MJCF model, so there is one description of the arm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robots.spec import RobotSpec
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.geometry import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """n hinges from the base to the tool: T_base_tool = prod_i(fixed_i exp(axes_i q_i)) last.
+
+    fixed: (n, 4, 4); axes: (n, 3) unit, in the joint's own frame; last: (4, 4); lower, upper: (n,) rad.
+    """
+
+    fixed: Array
+    axes: Array
+    last: Array
+    lower: Array
+    upper: Array
+
+    def forward(self, q: Array) -> tuple[Array, Array]:
+        """Poses T_base_tool (B, 4, 4) and geometric Jacobians (B, 6, n) in tool axes (linear, angular), q (B, n)."""
+        batch, n = q.shape
+        r = np.broadcast_to(np.eye(3), (batch, 3, 3))
+        p = np.zeros((batch, 3))
+        origins, directions = np.empty((batch, n, 3)), np.empty((batch, n, 3))
+        for i in range(n):
+            p = p + r @ self.fixed[i, :3, 3]
+            r = r @ self.fixed[i, :3, :3]
+            origins[:, i], directions[:, i] = p, r @ self.axes[i]
+            r = r @ _rotations(self.axes[i], q[:, i])
+        p = p + r @ self.last[:3, 3]
+        r = r @ self.last[:3, :3]
+        linear = np.cross(directions, p[:, None] - origins)
+        jacobian = np.concatenate([linear @ r, directions @ r], axis=2).transpose(0, 2, 1)
+        pose = np.zeros((batch, 4, 4))
+        pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = r, p, 1.0
+        return pose, jacobian
+
+    def solve(self, q: Array, target: Array, weights: Array, steps: int) -> tuple[Array, Array]:
+        """Damped least squares towards `target` (B, 4, 4) from q (B, n), inside the limits.
+
+        weights: (6,) of the error in tool axes (1/m, 1/rad). A weak pull to mid-range settles the redundancy (chosen
+        by us). Returns q (B, n) and the weighted error (B, 6) in m and rad after `steps` steps.
+        """
+        w2 = weights**2
+        middle, span = (self.lower + self.upper) / 2, self.upper - self.lower
+        pull = 3e-5 / (span / 2) ** 2
+        eye = np.eye(q.shape[1])
+        for _ in range(steps):
+            error, jacobian = self._error(q, target)
+            jw = jacobian.transpose(0, 2, 1) * w2
+            hessian = jw @ jacobian + 3e-5 * eye + np.diag(pull)
+            gradient = (jw @ error[:, :, None])[:, :, 0] + pull * (middle - q)
+            step = np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
+            largest = np.abs(step).max(axis=1, keepdims=True)
+            q = np.clip(q + step * np.minimum(1.0, 0.4 / np.maximum(largest, 1e-9)), self.lower, self.upper)
+        error, _ = self._error(q, target)
+        return q, error * (weights > 0)
+
+    def _error(self, q: Array, target: Array) -> tuple[Array, Array]:
+        pose, jacobian = self.forward(q)
+        rt = pose[:, :3, :3].transpose(0, 2, 1)
+        linear = (rt @ (target[:, :3, 3] - pose[:, :3, 3])[:, :, None])[:, :, 0]
+        return np.concatenate([linear, geo.log_so3(rt @ target[:, :3, :3])], axis=1), jacobian
+
+    def manipulability(self, q: Array) -> Array:
+        """sqrt(det(J J^T)) (B,), Yoshikawa 1985; 0 at a singularity."""
+        _, j = self.forward(q)
+        return np.sqrt(np.maximum(np.linalg.det(j @ j.transpose(0, 2, 1)), 0.0))
+
+    def limit_margin(self, q: Array) -> Array:
+        """Smallest distance (...,) in rad of q (..., n) from its limits."""
+        return np.minimum(q - self.lower, self.upper - q).min(axis=-1)
+
+
+def _rotations(axis: Array, angles: Array) -> Array:
+    k = geo.skew(axis)
+    return np.eye(3) + np.sin(angles)[:, None, None] * k + (1 - np.cos(angles))[:, None, None] * (k @ k)
+
+
+def read_chain(model: mujoco.MjModel, spec: RobotSpec) -> Chain:
+    """The arm of `spec` in a compiled model of the robot alone.
+
+    Raises InputError when a named body, joint or site does not exist or the joints are no chain of hinges.
+    """
+    base = _id(model, mujoco.mjtObj.mjOBJ_BODY, spec.base_body, spec)
+    site = _id(model, mujoco.mjtObj.mjOBJ_SITE, spec.tool, spec)
+    for name in (spec.gripper_actuator, *spec.arm_actuators):
+        _id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name, spec)
+    for name in spec.gripper_joints:
+        _id(model, mujoco.mjtObj.mjOBJ_JOINT, name, spec)
+    for name in spec.finger_bodies:
+        _id(model, mujoco.mjtObj.mjOBJ_BODY, name, spec)
+    joints = [_id(model, mujoco.mjtObj.mjOBJ_JOINT, j, spec) for j in spec.arm_joints]
+    fixed, pose = [], np.eye(4)
+    for body in _bodies_from(model, base, int(model.site_bodyid[site])):
+        pose = pose @ _pose(model.body_pos[body], model.body_quat[body])
+        for j in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
+            if len(fixed) == len(joints) or j != joints[len(fixed)]:
+                raise InputError(
+                    f"robot {spec.name!r}: arm.joints must list the joints from base to tool in order; "
+                    f"{model.joint(j).name!r} comes after {len(fixed)} of them"
+                )
+            if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_HINGE or np.any(model.jnt_pos[j]):
+                raise InputError(
+                    f"robot {spec.name!r}: joint {model.joint(j).name!r} must be a hinge at its body's origin"
+                )
+            fixed.append(pose)
+            pose = np.eye(4)
+    if len(fixed) != len(joints):
+        raise InputError(
+            f"robot {spec.name!r}: {len(fixed)} of {len(joints)} arm joints lead to the tool site"
+        )
+    last = pose @ _pose(model.site_pos[site], model.site_quat[site])
+    limits = model.jnt_range[joints]
+    return Chain(
+        np.stack(fixed), model.jnt_axis[joints].copy(), last, limits[:, 0].copy(), limits[:, 1].copy()
+    )
+
+
+def _bodies_from(model: mujoco.MjModel, base: int, body: int) -> list[int]:
+    chain: list[int] = []
+    while body not in (base, 0):
+        chain.append(body)
+        body = int(model.body_parentid[body])
+    return chain[::-1]
+
+
+def _pose(position: Array, quat_wxyz: Array) -> Array:
+    return geo.make_pose(geo.matrix_from_quat_wxyz(quat_wxyz), position)
+
+
+def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str, spec: RobotSpec) -> int:
+    found = mujoco.mj_name2id(model, kind, name)
+    if found < 0:
+        raise InputError(
+            f"robot {spec.name!r} names {name!r}, which its model {spec.model.name} does not have",
+            f"{kind.name.removeprefix('mjOBJ_').lower()} names must match the MJCF file",
+        )
+    return int(found)
