@@ -15,7 +15,7 @@ import resource
 import shutil
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
@@ -25,7 +25,7 @@ from typing import IO, Any, Generic, Protocol, TypeVar
 
 from twin.codec import TreeCodec
 from twin.errors import FuntwinError, InputError
-from twin.settings import as_dict
+from twin.settings import as_dict, to_toml
 
 T = TypeVar("T")
 
@@ -73,11 +73,14 @@ class Run:
         folder: the run folder, made when missing; None keeps everything in memory.
         fingerprint: identifies the recording's content.
         progress: told about every stage.
+        config: of the whole run; written to config.toml for the reader, the stages' own settings decide the keys.
 
     Raises InputError when the folder can't be written or is in use by another process.
     """
 
-    def __init__(self, folder: Path | None, fingerprint: str, progress: Progress | None = None) -> None:
+    def __init__(
+        self, folder: Path | None, fingerprint: str, progress: Progress | None = None, config: Any = None
+    ) -> None:
         self.folder = folder
         self.fingerprint = fingerprint
         self.results: list[StageResult[Any]] = []
@@ -88,6 +91,8 @@ class Run:
             self._lock = _claim(folder)
             for left in (folder / "stages").glob(".*.tmp"):  # what a killed process was writing
                 shutil.rmtree(left)
+            if config is not None:
+                write_text(folder / "config.toml", to_toml(config))
 
     def stage(
         self,
@@ -132,6 +137,18 @@ class Run:
         """Pass progress on; for use inside of `compute`."""
         if self._progress is not None:
             self._progress(stage, fraction, message)
+
+    def loop(self, stage: str) -> Callable[[Iterable[T], str], Iterable[T]]:
+        """A function `(items, what)` that yields the items and reports how many of them are done."""
+
+        def wrap(items: Iterable[T], what: str) -> Iterator[T]:
+            total = len(items) if isinstance(items, Sized) else 0
+            for k, item in enumerate(items):
+                if total:
+                    self.report(stage, k / total, what)
+                yield item
+
+        return wrap
 
     def warn(self, message: str) -> None:
         """Note a warning that belongs to no stage (of the recording, for example)."""
@@ -276,9 +293,14 @@ def update_manifest(folder: Path, **sections: Any) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write JSON by way of a temporary file, so that readers see the old or the new text, never a part."""
+    """Write JSON so that readers see the old or the new text, never a part."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Replace a text file at once."""
     temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    temporary.write_text(text, encoding="utf-8")
     temporary.replace(path)
 
 

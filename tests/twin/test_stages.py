@@ -17,6 +17,7 @@ import pytest
 
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.settings import load_config
 from twin.stages import Run, StageResult, read_json, stage_key
 
 
@@ -187,6 +188,20 @@ def test_progress_is_told(tmp_path: Path) -> None:
     assert [(s, f) for s, f, _ in told] == [("a", 0.0), ("a", 0.5), ("a", 1.0), ("a", 1.0)]
     assert told[0][2] == "not computed yet"
     assert told[-1][2] == "from the cache"
+
+
+def test_loops_tell_how_far_they_are() -> None:
+    told: list[float] = []
+    run = Run(None, "x", lambda stage, fraction, message="": told.append(fraction))
+    assert list(run.loop("a")(range(4), "frames")) == [0, 1, 2, 3]
+    assert told == [0, 0.25, 0.5, 0.75]
+    assert list(run.loop("a")(iter("ab"), "of unknown number")) == ["a", "b"]
+    assert len(told) == 4
+
+
+def test_config_is_written_beside_the_results(tmp_path: Path) -> None:
+    Run(tmp_path, "x", config=Config(seed=3)).close()
+    assert load_config(Config, tmp_path / "config.toml") == Config(seed=3)
 
 
 def test_a_name_is_used_once() -> None:
