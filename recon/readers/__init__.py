@@ -1,0 +1,66 @@
+"""Readers: one file per recording layout, and the table that finds the right one.
+
+To add a layout, write a class with `recognises` and `open` and put an instance of it into `READERS`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+from recon.readers.files import listing
+from recon.readers.native import NativeReader
+from recon.readers.record3d import Record3DReader
+from recon.readers.tum import TumReader
+from recon.recording import Recording
+from twin.errors import InputError, nearest_name
+
+__all__ = ["READERS", "Reader", "open_with"]
+
+
+class Reader(Protocol):
+    """One recording layout."""
+
+    @property
+    def layout(self) -> str:
+        """One line that tells what the layout looks like."""
+        ...
+
+    def recognises(self, path: Path) -> bool:
+        """Whether the path looks like this layout; quick, never raises for an existing path."""
+        ...
+
+    def open(self, path: Path) -> Recording:
+        """Open the recording. Raises InputError naming the file, the value and the remedy."""
+        ...
+
+
+# The first one that recognises a path opens it: the native layout is the most general and comes last.
+READERS: dict[str, Reader] = {
+    "record3d": Record3DReader(),
+    "tum": TumReader(),
+    "native": NativeReader(),
+}
+
+
+def open_with(path: Path, layout: str | None = None) -> Recording:
+    """Open a recording with the reader named `layout`, or with the first that recognises it.
+
+    Raises InputError for a path that does not exist, an unknown layout name, or a layout nobody recognises.
+    """
+    if layout is not None and layout not in READERS:
+        near = nearest_name(layout, list(READERS))
+        raise InputError(
+            f"there is no recording layout {layout!r}",
+            (f"did you mean {near!r}? " if near else "") + f"known: {', '.join(READERS)}",
+        )
+    if not path.exists():
+        raise InputError(f"recording {path} does not exist", "check the path")
+    if layout is not None:
+        return READERS[layout].open(path)
+    for reader in READERS.values():
+        if reader.recognises(path):
+            return reader.open(path)
+    there = f"it holds {listing(path)}" if path.is_dir() else f"a file of {path.stat().st_size} bytes"
+    known = "; ".join(f"{name}: {reader.layout}" for name, reader in READERS.items())
+    raise InputError(f"{path} is no recording known here ({there})", f"use one of these layouts: {known}")

@@ -1,0 +1,291 @@
+"""Record3D's .r3d: a zip of JPEG colour, LZFSE-compressed float depth and confidence, and one JSON of metadata.
+
+The app writes no specification; the layout is the one its users' readers agree on: `metadata` with w, h, dw, dh, fps,
+K (column-major, at w x h), poses [qx, qy, qz, qw, tx, ty, tz] camera to world, perFrameIntrinsicCoeffs and
+frameTimestamps; `rgbd/<i>.jpg`, `rgbd/<i>.depth` float32 m (dh x dw), `rgbd/<i>.conf` uint8 0..2. Poses have ARKit's
+axes: camera x right, y up, looking along -z; world y up.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.readers import files
+from recon.recording import Frame, Intrinsics, Recording
+from twin.errors import InputError, MissingDependencyError
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+MAX_SIDE = (
+    640  # px, chosen by us: VGA holds what a 256x192 depth image can support, and costs a ninth of 1920x1440
+)
+MIN_CONFIDENCE = 1  # chosen by us: ARKit's 0 is "low", mostly edges and glass
+MAX_STEP = 0.02  # chosen by us: neighbours further apart than 2 % of their depth lie on two surfaces
+MAX_MEMBER_BYTES = 64 * 2**20  # chosen by us: no frame is larger; guards against hostile archives
+MAX_FOCAL_CHANGE = 0.01  # chosen by us: one camera model describes all frames when its focus moves less
+FLIP_YZ = np.diag([1.0, -1.0, -1.0, 1.0])  # T_arkitcam_opencvcam
+Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Record3DReader:
+    """Reads a .r3d file.
+
+    The recording's pixel grid is the colour image's, scaled down to a longer side of at most `MAX_SIDE` pixels; depth is
+    brought up to it, between its own pixels where these lie on one surface.
+    """
+
+    layout: str = "a Record3D file .r3d"
+
+    def recognises(self, path: Path) -> bool:
+        return path.is_file() and path.suffix.lower() == ".r3d"
+
+    def open(self, path: Path) -> Recording:
+        archive = _Archive(path)
+        meta = _Metadata.read(archive)
+        count = archive.frame_count()
+        first = files.decode_color(archive.shown("rgbd/0.jpg"), archive.read("rgbd/0.jpg"))
+        native, warnings = meta.intrinsics(first.shape[1], first.shape[0])
+        scale = min(1.0, MAX_SIDE / max(native.width, native.height))
+        grid = native.scaled(round(native.width * scale), round(native.height * scale))
+        times = meta.times(count)
+        poses = meta.poses(count, times)
+        gravity = None if poses is None else np.array(poses.T_world_cam[0, :3, :3].T @ [0.0, 0.0, -1.0])
+        recording = Recording(
+            name=path.stem,
+            source=str(path),
+            times=times,
+            intrinsics=grid,
+            read_frame=_frame_reader(archive, meta, native, grid),
+            fingerprint=files.fingerprint_of(path),
+            poses=poses,
+            gravity_camera0=gravity,
+            warnings=warnings,
+        )
+        recording.frame(0)  # decodes once now, so that what is missing is told before anything is computed
+        return recording
+
+
+class _Archive:
+    """Members of a zip file, read without unpacking it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            with zipfile.ZipFile(path) as archive:
+                names = archive.namelist()
+        except (OSError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path.name} is no readable zip archive ({error})", "export it again") from None
+        for name in names:
+            if name.startswith("/") or "\\" in name or ".." in PurePosixPath(name).parts:
+                raise InputError(
+                    f"{path.name} holds {name!r}, a path out of the archive", "don't trust this file"
+                )
+        self.names = frozenset(names)
+
+    def shown(self, name: str) -> str:
+        return f"{self.path.name}:{name}"
+
+    def read(self, name: str) -> bytes:
+        """Bytes of a member. Raises InputError when it is missing, damaged or too large."""
+        if name not in self.names:
+            raise InputError(f"{self.shown(name)} is missing", "export the recording again")
+        try:
+            with zipfile.ZipFile(self.path) as archive:
+                size = archive.getinfo(name).file_size
+                if size > MAX_MEMBER_BYTES:
+                    raise InputError(f"{self.shown(name)} has {size} bytes", "don't trust this file")
+                return archive.read(name)
+        except (OSError, zipfile.BadZipFile, EOFError) as error:
+            raise InputError(
+                f"{self.shown(name)} is damaged ({error})", "export the recording again"
+            ) from None
+
+    def frame_count(self) -> int:
+        """Number of frames. Raises InputError when a number or one of its files is missing."""
+        members = [PurePosixPath(n) for n in self.names if n.startswith("rgbd/")]
+        kinds = {
+            s: {int(m.stem) for m in members if m.suffix == s and m.stem.isdigit()}
+            for s in (".jpg", ".depth")
+        }
+        count = max((max(k) + 1 for k in kinds.values() if k), default=0)
+        if count == 0:
+            raise InputError(f"{self.path.name} holds no rgbd/0.jpg", "export it as .r3d from Record3D")
+        for suffix, numbers in kinds.items():
+            if missing := sorted(set(range(count)) - numbers):
+                raise InputError(
+                    f"{self.path.name} has {count} frames, but rgbd/{missing[0]}{suffix} is missing",
+                    "export the recording again",
+                )
+        return count
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    """The metadata object, checked where it is used."""
+
+    name: str
+    values: dict[str, Any]
+
+    @classmethod
+    def read(cls, archive: _Archive) -> _Metadata:
+        name = archive.shown("metadata")
+        try:
+            values = json.loads(archive.read("metadata"))
+        except (ValueError, UnicodeDecodeError) as error:
+            raise InputError(f"{name} is not JSON ({error})", "export the recording again") from None
+        missing = [k for k in ("w", "h", "K") if k not in (values if isinstance(values, dict) else {})]
+        if missing:
+            raise InputError(f"{name} lacks {', '.join(missing)}", "export the recording again")
+        return cls(name, values)
+
+    def table(self, key: str, columns: int) -> Array | None:
+        """Numbers (n, columns) of a key; None when it is absent or empty."""
+        value = self.values.get(key)
+        if not value:
+            return None
+        try:
+            return np.array(value, dtype=np.float64).reshape(len(value), columns)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{self.name}: {key} is no table of {columns} numbers a row", "export the recording again"
+            ) from None
+
+    def intrinsics(self, width: int, height: int) -> tuple[Intrinsics, tuple[str, ...]]:
+        """Camera of the colour images as they are stored, width x height, and warnings."""
+        k = self.table("K", 1)
+        if k is None or k.size != 9:
+            raise InputError(f"{self.name}: K is {self.values['K']}", "export the recording again")
+        k = k[:, 0]
+        coeffs = np.array([k[0], k[4], k[6], k[7]])
+        warnings: tuple[str, ...] = ()
+        own = self.table("perFrameIntrinsicCoeffs", 4)
+        if own is not None and np.all(np.isfinite(own)) and np.all(own > 0):
+            coeffs = np.median(own, axis=0)
+            change = float(np.ptp(own[:, 0]) / coeffs[0])
+            if change > MAX_FOCAL_CHANGE:
+                warnings = (f"{self.name}: the focal length changes by {change:.1%}; using its median",)
+        size = int(self.values["w"]), int(self.values["h"])
+        if abs(size[0] / size[1] - width / height) > 0.01 * width / height:
+            raise InputError(
+                f"{self.name} says {size[0]}x{size[1]}, but the images are {width}x{height}",
+                "export the recording again without turning or cropping it",
+            )
+        return Intrinsics(*size, *(float(c) for c in coeffs)).scaled(width, height), warnings
+
+    def times(self, count: int) -> Array:
+        """Times (count,) s: the frames' own time stamps, else from the frame rate."""
+        stamps = self.table("frameTimestamps", 1)
+        if stamps is not None:
+            if len(stamps) != count:
+                raise InputError(
+                    f"{self.name} has {len(stamps)} time stamps for {count} frames", "export it again"
+                )
+            return stamps[:, 0]
+        fps = self.values.get("fps")
+        if not isinstance(fps, int | float) or not np.isfinite(fps) or fps <= 0:
+            raise InputError(f"{self.name} has no time stamps, and fps is {fps!r}", "export it again")
+        return np.arange(count) / float(fps)
+
+    def poses(self, count: int, times: Array) -> Trajectory | None:
+        """Camera poses with OpenCV's camera axes in a z-up world; None when the file has none."""
+        table = self.table("poses", 7)
+        if table is None:
+            return None
+        if len(table) != count:
+            raise InputError(f"{self.name} has {len(table)} poses for {count} frames", "export it again")
+        arkit = files.poses_from_xyzw(table[:, 4:], table[:, :4], self.name, range(count))
+        return Trajectory(np.arange(count), times, Y_UP_TO_Z_UP @ arkit @ FLIP_YZ)
+
+    def depth_size(self, values: int) -> tuple[int, int]:
+        """(height, width) of a depth image, 256x192 turned like the colour image when the file doesn't say."""
+        if "dw" in self.values and "dh" in self.values:
+            return int(self.values["dh"]), int(self.values["dw"])
+        short = (192, 256) if self.values["w"] > self.values["h"] else (256, 192)
+        return short if values in (short[0] * short[1], 4 * short[0] * short[1]) else (0, 0)
+
+
+def _frame_reader(
+    archive: _Archive, meta: _Metadata, native: Intrinsics, grid: Intrinsics
+) -> Callable[[int], Frame]:
+    size = (grid.width, grid.height)
+
+    def read(index: int) -> Frame:
+        name = f"rgbd/{index}"
+        image = files.decode_color(archive.shown(f"{name}.jpg"), archive.read(f"{name}.jpg"))
+        if image.shape[:2] != (native.height, native.width):
+            raise InputError(
+                f"{archive.shown(name)}.jpg is {image.shape[1]}x{image.shape[0]}, the first frame "
+                f"{native.width}x{native.height}",
+                "export the recording again",
+            )
+        small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        metres = _payload(archive, meta, f"{name}.depth", np.dtype("<f4")).astype(np.float32)
+        metres = np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(0.0))
+        if f"{name}.conf" in archive.names:
+            sure = _payload(archive, meta, f"{name}.conf", np.dtype("u1")) >= MIN_CONFIDENCE
+            metres = np.where(sure, metres, np.float32(0.0))
+        if not np.any(metres):
+            raise InputError(
+                f"{archive.shown(name)}.depth holds no depth: all {metres.size} pixels are unknown",
+                "leave out this recording, or record again",
+            )
+        return Frame(small, upsample_depth(metres, grid.width, grid.height))
+
+    return read
+
+
+def _payload(archive: _Archive, meta: _Metadata, name: str, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Image (dh, dw) of a member that is LZFSE-compressed or raw."""
+    data = archive.read(name)
+    height, width = meta.depth_size(len(data))
+    expected = height * width * dtype.itemsize
+    if len(data) != expected or expected == 0:
+        data = _decompress(archive.shown(name), data)
+    height, width = meta.depth_size(len(data))
+    if len(data) != height * width * dtype.itemsize or not data:
+        raise InputError(
+            f"{archive.shown(name)} has {len(data)} bytes, not those of {width}x{height} {dtype.name} values",
+            "export the recording again",
+        )
+    return np.frombuffer(data, dtype).reshape(height, width)
+
+
+def _decompress(name: str, data: bytes) -> bytes:
+    try:
+        import liblzfse
+    except ImportError:
+        raise MissingDependencyError(
+            f"{name} is LZFSE-compressed and the decoder is not installed",
+            "pip install 'funtwin[record3d]'",
+        ) from None
+    try:
+        return bytes(liblzfse.decompress(data))
+    except Exception as error:
+        # the extension raises its own error type, which is not importable on every platform
+        raise InputError(f"{name} is no LZFSE stream ({error})", "export the recording again") from None
+
+
+def upsample_depth(depth: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    """Depth (h, w) m on a finer or coarser grid of the same view; 0 = unknown stays unknown.
+
+    Between pixels of one surface it is bilinear, elsewhere the nearest pixel, so that no depth is invented between two
+    surfaces or beside an unknown pixel.
+    """
+    size = (width, height)
+    nearest = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST_EXACT))
+    linear = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_LINEAR))
+    window = np.ones((3, 3), np.uint8)
+    low, high = cv2.erode(depth, window), cv2.dilate(depth, window)
+    one_surface = ((high - low) <= MAX_STEP * low).astype(np.uint8)
+    smooth = np.asarray(cv2.resize(one_surface, size, interpolation=cv2.INTER_NEAREST_EXACT)) > 0
+    return np.where(smooth, linear, nearest).astype(np.float32)
