@@ -192,7 +192,11 @@ def test_progress_is_told(tmp_path: Path) -> None:
 
 def test_loops_tell_how_far_they_are() -> None:
     told: list[float] = []
-    run = Run(None, "x", lambda stage, fraction, message="": told.append(fraction))
+
+    def progress(stage: str, fraction: float, message: str = "") -> None:
+        told.append(fraction)
+
+    run = Run(None, "x", progress)
     assert list(run.loop("a")(range(4), "frames")) == [0, 1, 2, 3]
     assert told == [0, 0.25, 0.5, 0.75]
     assert list(run.loop("a")(iter("ab"), "of unknown number")) == ["a", "b"]

@@ -1,0 +1,262 @@
+"""Reads twin.json: every error names the file, the field and its value."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.errors import InputError, SceneError
+from twin.geometry import Array
+from twin.ply import read_ply
+from twin.scene import (
+    Box,
+    Collision,
+    ContactPath,
+    Inertial,
+    Joint,
+    JointSigma,
+    Mesh,
+    Motion,
+    Part,
+    PartPhysics,
+    Prismatic,
+    Quantity,
+    Recorded,
+    Revolute,
+    StaticPart,
+    Trajectory,
+    Twin,
+)
+from twin.storage import FORMAT, LabelFolder
+
+T = TypeVar("T")
+
+
+class Node:
+    """One object of the document with the path that leads to it."""
+
+    def __init__(self, file: Path, path: str, value: Any) -> None:
+        self.file, self.path, self.value = file, path, value
+        if not isinstance(value, dict):
+            raise self.error(f"must be an object, is {value!r:.60}")
+
+    def error(self, problem: str, key: str = "") -> InputError:
+        where = ".".join(x for x in (self.path, key) if x) or "document"
+        return InputError(f"{self.file}: {where} {problem}", "see docs/twin_format.md")
+
+    def raw(self, key: str) -> Any:
+        if key not in self.value:
+            raise self.error("is missing", key)
+        return self.value[key]
+
+    def child(self, key: str) -> Node:
+        return Node(self.file, f"{self.path}.{key}".lstrip("."), self.raw(key))
+
+    def maybe(self, key: str, read: Callable[[Node], T]) -> T | None:
+        return None if self.value.get(key) is None else read(self.child(key))
+
+    def children(self, key: str) -> list[Node]:
+        rows = self.list(key)
+        return [Node(self.file, f"{self.path}.{key}[{k}]".lstrip("."), v) for k, v in enumerate(rows)]
+
+    def list(self, key: str) -> list[Any]:
+        value = self.raw(key)
+        if not isinstance(value, list):
+            raise self.error(f"must be a list, is {value!r:.60}", key)
+        return value
+
+    def text(self, key: str) -> str:
+        value = self.raw(key)
+        if not isinstance(value, str):
+            raise self.error(f"must be a text, is {value!r:.60}", key)
+        return value
+
+    def number(self, key: str) -> float:
+        value = self.raw(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error(f"must be a number, is {value!r:.60}", key)
+        return float(value)
+
+    def integer(self, key: str) -> int:
+        value = self.raw(key)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise self.error(f"must be a whole number, is {value!r:.60}", key)
+        return value
+
+    def array(self, key: str, shape: tuple[int | None, ...], whole: bool = False) -> Any:
+        value = self.list(key)
+        try:
+            a = np.array(value, dtype=np.float64).reshape(
+                (0,) * len(shape) if value == [] else np.shape(value)
+            )
+        except (TypeError, ValueError):
+            raise self.error(f"must hold numbers only, is {value!r:.60}", key) from None
+        if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
+            raise self.error(f"must have shape {shape}, has {a.shape}", key)
+        if whole and np.any(a != np.floor(a)):
+            raise self.error("must hold whole numbers", key)
+        return a.astype(np.int64) if whole else a
+
+    @contextmanager
+    def building(self) -> Iterator[None]:
+        """Say where in the document a law of a type is broken."""
+        try:
+            yield
+        except SceneError as e:
+            raise InputError(f"{self.file}: {self.path or 'document'}: {e.problem}", e.remedy) from e
+
+
+def read_twin(folder: Path) -> Twin:
+    """The twin in `folder`, which holds twin.json."""
+    file = folder / "twin.json"
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as e:
+        raise InputError(f"{file} is not readable JSON: {e}", "save the twin again") from e
+    root = Node(file, "", document)
+    if root.text("format") != FORMAT:
+        raise root.error(f"is {root.text('format')!r}, this program reads {FORMAT!r}", "format")
+    static = root.child("static")
+    parts = tuple(_part(n, folder) for n in root.children("parts"))
+    with root.building():
+        return Twin(
+            name=root.text("name"),
+            static=StaticPart(static.text("name"), _mesh(static, "mesh", folder), _collision(static, folder)),
+            parts=parts,
+            cameras=root.maybe("cameras", lambda n: _cameras(n, folder)),
+            recorded=root.maybe(
+                "recording", lambda n: Recorded(n.text("source"), n.integer("frames"), n.text("fingerprint"))
+            ),
+            provenance=root.maybe("provenance", lambda n: n.value) or {},
+            labels=LabelFolder(folder / "labels"),
+        )
+
+
+def _part(n: Node, folder: Path) -> Part:
+    joint = n.child("joint")
+    with n.building():
+        return Part(
+            id=n.integer("id"),
+            name=n.text("name"),
+            mesh=_mesh(n, "mesh", folder),
+            joint=_joint(joint),
+            motion=_motion(n.child("motion")),
+            inertial=n.maybe("inertial", _inertial),
+            physics=n.maybe("physics", _physics),
+            contact=n.maybe("contact", _contact),
+            collision=_collision(n, folder),
+            parent=None if n.raw("parent") is None else n.integer("parent"),
+            limits_source=joint.text("limits_source"),
+            closed_source=joint.text("closed_source"),
+            type_source=joint.text("type_source"),
+        )
+
+
+def _joint(n: Node) -> Joint:
+    kind = n.text("type")
+    if kind not in ("revolute", "prismatic"):
+        raise n.error(f"must be revolute or prismatic, is {kind!r}", "type")
+    dof = 4 if kind == "revolute" else 2
+    covariance = None if n.value.get("covariance") is None else n.array("covariance", (dof, dof))
+    args = (n.array("axis", (3,)), n.number("lower"), n.number("upper"), covariance, n.maybe("sigma", _sigma))
+    with n.building():
+        return Revolute(*args, pivot=n.array("pivot", (3,))) if kind == "revolute" else Prismatic(*args)
+
+
+def _sigma(n: Node) -> JointSigma:
+    pivot = None if n.value.get("pivot_m") is None else n.number("pivot_m")
+    return JointSigma(float(np.deg2rad(n.number("axis_deg"))), pivot, n.number("state"))
+
+
+def _motion(n: Node) -> Motion:
+    intervals = n.array("intervals", (None, 2), whole=True)
+    with n.building():
+        return Motion(
+            n.array("frames", (None,), whole=True),
+            n.array("times", (None,)),
+            n.array("state", (None,)),
+            tuple((int(a), int(b)) for a, b in intervals),
+            n.number("residual"),
+            n.number("inliers"),
+        )
+
+
+def _inertial(n: Node) -> Inertial:
+    xx, yy, zz, xy, xz, yz = n.array("inertia", (6,))
+    low, high = n.array("mass_interval", (2,))
+    with n.building():
+        return Inertial(
+            Quantity(n.number("mass"), n.text("source"), (float(low), float(high))),
+            n.array("com", (3,)),
+            np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+        )
+
+
+def _quantity(n: Node) -> Quantity:
+    low, high = n.array("interval", (2,))
+    with n.building():
+        return Quantity(n.number("value"), n.text("source"), (float(low), float(high)))
+
+
+def _physics(n: Node) -> PartPhysics:
+    return PartPhysics(*(_quantity(n.child(k)) for k in ("friction", "damping", "frictionloss", "density")))
+
+
+def _contact(n: Node) -> ContactPath:
+    with n.building():
+        return ContactPath(
+            n.array("point", (3,)),
+            n.array("rotation", (3, 3)),
+            n.number("width"),
+            tuple(int(f) for f in n.array("frames", (None,), whole=True)),
+            n.text("source"),
+        )
+
+
+def _mesh(n: Node, key: str, folder: Path) -> Mesh:
+    return _mesh_file(n, key, n.text(key), folder)
+
+
+def _mesh_file(n: Node, key: str, name: str, folder: Path) -> Mesh:
+    path = folder / name
+    if Path(name).is_absolute() or not path.resolve().is_relative_to(folder.resolve()):
+        raise n.error(f"must be a path inside the twin's folder, is {name!r}", key)
+    return read_ply(path)
+
+
+def _collision(n: Node, folder: Path) -> tuple[Collision, ...]:
+    pieces: list[Collision] = []
+    for k, value in enumerate(n.list("collision")):
+        if isinstance(value, str):
+            pieces.append(_mesh_file(n, f"collision[{k}]", value, folder))
+            continue
+        box = Node(n.file, f"{n.path}.collision[{k}]", value)
+        pose: Array = geo.make_pose(box.array("rotation", (3, 3)), box.array("center", (3,)))
+        with box.building():
+            pieces.append(Box(pose, box.array("size", (3,))))
+    return tuple(pieces)
+
+
+def _cameras(n: Node, folder: Path) -> Trajectory:
+    path = folder / n.text("file")
+    try:
+        rows = [r.split() for r in path.read_text(encoding="ascii").splitlines() if r and r[0] != "#"]
+        values = np.array(rows, dtype=np.float64).reshape(-1, 8)
+    except (OSError, ValueError) as e:
+        raise InputError(
+            f"{path} does not hold lines 't tx ty tz qx qy qz qw': {e}", "save the twin again"
+        ) from e
+    frames = n.array("frames", (None,), whole=True)
+    if len(frames) != len(values):
+        raise n.error(f"counts {len(frames)} frames but {path.name} has {len(values)} lines", "frames")
+    poses = np.tile(np.eye(4), (len(values), 1, 1))
+    poses[:, :3, :3] = geo.matrix_from_quat_wxyz(values[:, [7, 4, 5, 6]])
+    poses[:, :3, 3] = values[:, 1:4]
+    with n.building():
+        return Trajectory(frames, values[:, 0], poses)
