@@ -1,0 +1,90 @@
+"""Sign, zero and limits of a measured motion, carried through its covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from recon.track_bundle import Model
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import JointSigma, Prismatic, Revolute
+
+REST_SHARE = 0.02  # of the range: still the first rest pose (the interval definition's 2 %)
+
+
+@dataclass(frozen=True, eq=False)
+class Oriented:
+    """A joint with limits and uncertainty; state (n,) and state_sigma (n,) of the given frames. shift: the state, in the
+    new sense, of what was state 0 before."""
+
+    joint: Prismatic | Revolute
+    state: Array
+    state_sigma: Array
+    shift: float
+
+
+def orient(model: Model, covariance: Array, frames: NDArray[np.int64], quantile: float) -> Oriented:
+    """Zero at the first rest pose, positive along the net motion (along the larger excursion when it comes back).
+
+    Args:
+        model: state for every frame. covariance: joint tangent, then states. frames: those with a trusted state.
+        quantile: limits are the quantiles q and 1 - q of the smoothed state.
+    """
+    raw = model.state[frames]
+    smooth = smoothed(raw)
+    low, high = np.quantile(smooth, [quantile, 1.0 - quantile])
+    span = float(high - low)
+    rest = first_rest(smooth, span)
+    zero = float(raw[:rest].mean())
+    net = float(np.median(smooth[-3:])) - zero
+    if abs(net) < 0.25 * span:
+        net = float(high - zero) if high - zero >= zero - low else float(low - zero)
+    sign = -1.0 if net < 0 else 1.0
+    state = sign * (raw - zero)
+    n = len(covariance) - len(model.state)
+    pick = np.zeros((len(frames), len(model.state)))
+    pick[np.arange(len(frames)), frames] = 1.0
+    pick[:, frames[:rest]] -= 1.0 / rest
+    variance = np.einsum("ij,jk,ik->i", pick, covariance[n:, n:], pick)
+    state_sigma = np.sqrt(np.maximum(variance, 0.0))
+    top = float(np.quantile(sign * (smooth - zero), 1.0 - quantile))
+    bottom = float(np.quantile(sign * (smooth - zero), quantile))
+    lower = (
+        bottom if bottom < -0.1 * span else 0.0
+    )  # a part that really moved both ways from where it started
+    joint = joint_of(model, covariance[:n, :n], sign, lower, max(top, 0.0), float(np.median(state_sigma)))
+    return Oriented(joint, state, state_sigma, -sign * zero)
+
+
+def smoothed(state: Array) -> Array:
+    """Running median over five states: single bad states do not reach the limits."""
+    return np.asarray(median_filter(state, size=min(5, len(state)), mode="nearest"))
+
+
+def first_rest(smooth: Array, span: float) -> int:
+    """How many leading states belong to the first rest pose (at least one)."""
+    start = float(np.median(smooth[:3]))
+    away = np.flatnonzero(np.abs(smooth - start) > REST_SHARE * span)
+    return max(int(away[0]) if len(away) else len(smooth), 1)
+
+
+def joint_of(
+    model: Model, covariance: Array, sign: float, lower: float, upper: float, state_sigma: float
+) -> Prismatic | Revolute:
+    """The twin's joint: axis in the wanted sense, covariance turned into the basis that goes with that axis."""
+    axis = geo.unit(sign * model.axis)
+    turn = geo.orthogonal_basis(axis)[:, :2].T @ geo.orthogonal_basis(model.axis)[:, :2]
+    both = np.kron(np.eye(len(covariance) // 2), turn)
+    cov = both @ covariance @ both.T
+    cov = 0.5 * (cov + cov.T)
+    tilt = float(np.sqrt(max(np.trace(cov[:2, :2]), 0.0)))
+    if model.kind == "prismatic":
+        sigma = JointSigma(axis=tilt, pivot=None, state=state_sigma)
+        return Prismatic(axis=axis, lower=lower, upper=upper, covariance=cov, sigma=sigma)
+    shift = float(np.sqrt(max(np.trace(cov[2:, 2:]), 0.0)))
+    sigma = JointSigma(axis=tilt, pivot=shift, state=state_sigma)
+    return Revolute(axis=axis, lower=lower, upper=upper, covariance=cov, sigma=sigma, pivot=model.pivot)
