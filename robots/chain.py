@@ -105,7 +105,8 @@ def read_chain(model: mujoco.MjModel, spec: RobotSpec) -> Chain:
     for name in spec.finger_bodies:
         _id(model, mujoco.mjtObj.mjOBJ_BODY, name, spec)
     joints = [_id(model, mujoco.mjtObj.mjOBJ_JOINT, j, spec) for j in spec.arm_joints]
-    fixed, pose = [], np.eye(4)
+    fixed: list[Array] = []
+    pose = np.eye(4)
     for body in _bodies_from(model, base, int(model.site_bodyid[site])):
         pose = pose @ _pose(model.body_pos[body], model.body_quat[body])
         for j in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):

@@ -27,7 +27,7 @@ DH = [
 ]
 
 
-def dh_model() -> "pin.Model":
+def dh_model() -> pin.Model:
     model = pin.Model()
     parent = 0
     for i, (a, d, alpha) in enumerate(DH):

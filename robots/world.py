@@ -1,0 +1,270 @@
+"""The MuJoCo scene of a replay: a twin's collision geometry, its joints, and a robot on its pedestal.
+
+Collision groups: robot 1, parts 2, static 4. The robot meets everything, itself included; parts and static scene don't
+meet each other, because their reconstructed surfaces touch at the seams.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robots.paint import painted
+from robots.spec import RobotSpec
+from twin import geometry as geo
+from twin.errors import PlanningError
+from twin.geometry import Array
+from twin.scene import Box, Collision, Part, Prismatic, Revolute, Twin
+
+ROBOT, PART, STATIC = 1, 2, 4
+PREFIX = "robot_"
+_MOUNT = "robot_mount"
+_PEDESTAL = "robot_pedestal"
+TIMESTEP = 0.002  # s; 4 ms still works, 2 ms leaves room for stiff contacts
+
+# Used where a part carries no physics of its own: a light kitchen door or drawer with a tired catch (chosen by us from
+# the 7-14 N that logged doors take after the catch).
+_DEFAULT_FRICTION = 0.6
+_DEFAULT_DAMPING = {"prismatic": 5.0, "revolute": 0.5}  # N s/m, N m s/rad
+_DEFAULT_FRICTIONLOSS = {"prismatic": 4.0, "revolute": 0.8}  # N, N m
+_PANEL_MASS = 6.0  # kg per m^2 of surface: both faces of a 16 mm board of 750 kg/m^3
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A compiled scene and where its pieces are.
+
+    part_qpos, part_dof: address of each part id's joint. arm_qpos, arm_dof (n,), gripper_qpos (k,): addresses.
+    arm_ctrl (n,), gripper_ctrl: actuators. tool: site id. owner: (ngeom,) 0 nothing, else ROBOT, PART or STATIC.
+    finger: (ngeom,) True on the fingers. geom_part: (ngeom,) part id or 0.
+    """
+
+    model: mujoco.MjModel
+    spec: RobotSpec
+    part_qpos: dict[int, int]
+    part_dof: dict[int, int]
+    arm_qpos: Array
+    arm_dof: Array
+    arm_ctrl: Array
+    gripper_qpos: Array
+    gripper_ctrl: int
+    tool: int
+    mount: int
+    owner: Array
+    finger: Array
+    geom_part: Array
+
+    def move_base(self, T_world_base: Array) -> None:
+        """Set the robot's base pose (4, 4)."""
+        self.model.body_pos[self.mount] = T_world_base[:3, 3]
+        self.model.body_quat[self.mount] = geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
+
+
+def build_world(
+    twin: Twin, spec: RobotSpec, T_world_base: Array, pedestal: float, *, visual: bool = False
+) -> World:
+    """Compile the scene.
+
+    Args:
+        twin: its static part and parts need collision geometry.
+        T_world_base: base pose (4, 4). pedestal: height in metres of the column under the base (0: none).
+        visual: add the coloured meshes that a video shows.
+
+    Raises:
+        PlanningError: a part has no collision geometry, or MuJoCo refuses the scene.
+    """
+    scene = mujoco.MjSpec()
+    scene.modelname = twin.name
+    scene.compiler.degree = False
+    scene.option.timestep = TIMESTEP
+    scene.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    scene.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    scene.option.impratio = 10.0
+    scene.visual.headlight.ambient = [0.45, 0.45, 0.45]
+    scene.visual.headlight.diffuse = [0.5, 0.5, 0.5]
+    _add_static(scene, twin, visual)
+    bodies: dict[int, mujoco.MjsBody] = {}
+    for part in _parents_first(twin):
+        parent = scene.worldbody if part.parent is None else bodies[part.parent]
+        bodies[part.id] = _add_part(scene, parent, part, visual)
+    _add_robot(scene, spec, T_world_base, pedestal)
+    try:
+        model = scene.compile()
+    except ValueError as e:
+        raise PlanningError(f"MuJoCo refuses the scene of twin {twin.name!r}: {e}", "run `twin check`") from e
+    return _index(model, twin, spec)
+
+
+def _parents_first(twin: Twin) -> list[Part]:
+    ordered: list[Part] = []
+    while len(ordered) < len(twin.parts):
+        done = {p.id for p in ordered}
+        ordered += [p for p in twin.parts if p.id not in done and (p.parent is None or p.parent in done)]
+    return ordered
+
+
+def _add_static(scene: mujoco.MjSpec, twin: Twin, visual: bool) -> None:
+    body = scene.worldbody.add_body(name=f"static_{twin.static.name}")
+    for k, shape in enumerate(twin.static.collision):
+        _add_shape(scene, body, shape, f"static_{k}", STATIC, _DEFAULT_FRICTION)
+    if visual:
+        _add_paint(scene, body, twin.static.mesh, "static", 24, 40_000)
+
+
+def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: bool) -> mujoco.MjsBody:
+    if not part.collision:
+        raise PlanningError(
+            f"part {part.name!r} has no collision geometry", "make it with twin.collision.with_collision"
+        )
+    body = parent.add_body(name=f"part_{part.id}")
+    joint, physics = part.joint, part.physics
+    kind = mujoco.mjtJoint.mjJNT_HINGE if isinstance(joint, Revolute) else mujoco.mjtJoint.mjJNT_SLIDE
+    body.add_joint(
+        name=f"part_{part.id}",
+        type=kind,
+        axis=joint.axis,
+        pos=joint.pivot if isinstance(joint, Revolute) else [0, 0, 0],
+        limited=True,
+        range=[joint.lower, joint.upper],
+        damping=physics.damping.value if physics else _DEFAULT_DAMPING[joint.kind],
+        frictionloss=physics.frictionloss.value if physics else _DEFAULT_FRICTIONLOSS[joint.kind],
+        armature=0.01,
+    )
+    _add_inertia(body, part)
+    friction = physics.friction.value if physics else _DEFAULT_FRICTION
+    for k, shape in enumerate(part.collision):
+        _add_shape(scene, body, shape, f"part_{part.id}_{k}", PART, friction)
+    if visual:
+        _add_paint(scene, body, part.mesh, f"part_{part.id}", 12, 20_000)
+    return body
+
+
+def _add_inertia(body: mujoco.MjsBody, part: Part) -> None:
+    body.explicitinertial = True
+    if part.inertial is not None:
+        t = part.inertial.inertia
+        body.mass, body.ipos = part.inertial.mass.value, part.inertial.com
+        body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
+        return
+    size = np.maximum(np.ptp(part.mesh.vertices, axis=0), 0.01)
+    mass = max(_PANEL_MASS * part.mesh.area, 0.1)
+    body.mass, body.ipos = mass, part.mesh.area_centroid
+    body.inertia = mass / 12 * (np.sum(size**2) - size**2)
+
+
+def _add_shape(
+    scene: mujoco.MjSpec, body: mujoco.MjsBody, shape: Collision, name: str, group: int, friction: float
+) -> None:
+    common = {
+        "name": name,
+        "contype": group,
+        "conaffinity": ROBOT,
+        "group": 5,
+        "mass": 0.0,
+        "friction": [friction, 0.005, 0.0001],
+    }
+    if isinstance(shape, Box):
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=shape.size / 2,
+            pos=shape.T_world_box[:3, 3],
+            quat=geo.quat_wxyz_from_matrix(shape.T_world_box[:3, :3]),
+            **common,
+        )
+        return
+    scene.add_mesh(
+        name=name,
+        uservert=shape.vertices.ravel(),
+        userface=shape.faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+    )
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **common)
+
+
+def _add_paint(
+    scene: mujoco.MjSpec, body: mujoco.MjsBody, mesh: geo.Array, name: str, colours: int, faces: int
+) -> None:
+    for k, (piece, rgb) in enumerate(painted(mesh, colours, faces)):
+        scene.add_mesh(
+            name=f"{name}_paint_{k}",
+            uservert=piece.vertices.ravel(),
+            userface=piece.faces.ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=f"{name}_paint_{k}",
+            contype=0,
+            conaffinity=0,
+            group=2,
+            mass=0.0,
+            rgba=[*rgb, 1.0],
+        )
+
+
+def _add_robot(scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedestal: float) -> None:
+    mount = scene.worldbody.add_body(
+        name=_MOUNT, pos=T_world_base[:3, 3], quat=geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
+    )
+    if pedestal > 0.02:
+        mount.add_geom(
+            name=_PEDESTAL,
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=[spec.footprint, pedestal / 2 - 0.005, 0],
+            pos=[-0.04, 0, -pedestal / 2],
+            contype=ROBOT,
+            conaffinity=0,
+            group=3,
+            rgba=[0.45, 0.47, 0.5, 1],
+        )
+    child = mujoco.MjSpec.from_file(str(spec.model))
+    for geom in child.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.contype, geom.conaffinity = ROBOT, ROBOT | PART | STATIC
+    scene.attach(child, prefix=PREFIX, frame=mount.add_frame())
+
+
+def _index(model: mujoco.MjModel, twin: Twin, spec: RobotSpec) -> World:
+    def qpos(name: str) -> int:
+        return int(model.jnt_qposadr[model.joint(name).id])
+
+    def dof(name: str) -> int:
+        return int(model.jnt_dofadr[model.joint(name).id])
+
+    part_of_body = {model.body(f"part_{p.id}").id: p.id for p in twin.parts}
+    fingers = {model.body(PREFIX + b).id for b in spec.finger_bodies}
+    robot_root = model.body(_MOUNT).id
+    owner, geom_part = np.zeros(model.ngeom, dtype=int), np.zeros(model.ngeom, dtype=int)
+    for g in range(model.ngeom):
+        body = int(model.geom_bodyid[g])
+        geom_part[g] = part_of_body.get(body, 0)
+        owner[g] = (
+            PART if body in part_of_body else ROBOT if _inside(model, body, robot_root) else STATIC
+        )
+    arm = [PREFIX + j for j in spec.arm_joints]
+    return World(
+        model=model,
+        spec=spec,
+        part_qpos={p.id: qpos(f"part_{p.id}") for p in twin.parts},
+        part_dof={p.id: dof(f"part_{p.id}") for p in twin.parts},
+        arm_qpos=np.array([qpos(j) for j in arm]),
+        arm_dof=np.array([dof(j) for j in arm]),
+        arm_ctrl=np.array([model.actuator(PREFIX + a).id for a in spec.arm_actuators]),
+        gripper_qpos=np.array([qpos(PREFIX + j) for j in spec.gripper_joints]),
+        gripper_ctrl=int(model.actuator(PREFIX + spec.gripper_actuator).id),
+        tool=int(model.site(PREFIX + spec.tool).id),
+        mount=int(robot_root),
+        owner=owner,
+        finger=np.isin(model.geom_bodyid, list(fingers)),
+        geom_part=geom_part,
+    )
+
+
+def _inside(model: mujoco.MjModel, body: int, root: int) -> bool:
+    while body > 0:
+        if body == root:
+            return True
+        body = int(model.body_parentid[body])
+    return False
