@@ -54,11 +54,15 @@ __all__ = [
     "save",
 ]
 
-# Heavy modules are imported on first use, so that `import twin` stays light.
+# Heavy modules are imported on first use, so that `import twin` stays light. `twin.export` and `twin.check` are the
+# modules of that name, which can be called: twin.export(twin, folder), and imported from: from twin.export import urdf.
 _LAZY = {"load": "twin.storage", "save": "twin.storage"}
+_CALLABLE_MODULES = ("check", "export")
 
 
 def __getattr__(name: str) -> Any:
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
+    if name in _CALLABLE_MODULES:
+        return import_module(f"twin.{name}")
     raise AttributeError(f"module 'twin' has no attribute {name!r}")

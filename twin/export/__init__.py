@@ -1,0 +1,98 @@
+"""Export of twins to simulation formats: one intermediate tree, one writer per format that only reads it."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Literal, get_args
+
+from twin._module_call import call_as
+from twin.errors import InputError
+from twin.export.tree import build_tree
+from twin.scene import Twin
+
+Format = Literal["urdf", "mjcf", "usd"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+
+
+@dataclass(frozen=True)
+class Exported(Mapping[str, Path]):
+    """Format -> main file, with a warning for everything a format can't carry."""
+
+    files: Mapping[str, Path]
+    warnings: tuple[str, ...] = ()
+
+    def __getitem__(self, fmt: str) -> Path:
+        return self.files[fmt]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.files)
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+
+def export(
+    twin: Twin,
+    folder: Path,
+    formats: Sequence[str] = FORMATS,
+    package: str = "",
+    cache_dir: Path | None = None,
+) -> Exported:
+    """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
+
+    Each format's folder is complete in itself and replaced as a whole. Mass, friction and collision shapes that the twin
+    lacks are filled in first (twin.physics, twin.collision).
+
+    Args:
+        package: ROS package name for mesh paths in the URDF; relative paths when empty.
+        cache_dir: where collision shapes are kept between runs.
+    Returns:
+        the main file of every format, and warnings about what a format can't carry.
+    Raises:
+        InputError: unknown format, or the folder can't be written. SceneError: a part that can't be simulated.
+    """
+    unknown = [f for f in formats if f not in FORMATS]
+    if unknown:
+        raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
+    tree = build_tree(complete(twin, cache_dir))
+    files: dict[str, Path] = {}
+    warnings: list[str] = [
+        f"all: {k.name} has no collision shapes, so nothing can touch it"
+        for k in tree.links
+        if not k.collision
+    ]
+    for fmt in formats:
+        writer = import_module(f"twin.export.{fmt}")
+        options = {"package": package} if fmt == "urdf" else {}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix=f".{fmt}-", dir=folder) as temporary:
+                path, lost = writer.write(tree, Path(temporary) / fmt, **options)
+                shutil.rmtree(folder / fmt, ignore_errors=True)
+                (Path(temporary) / fmt).rename(folder / fmt)
+        except OSError as e:
+            raise InputError(f"{folder / fmt} can't be written: {e}", "check space and permissions") from e
+        files[fmt] = folder / fmt / path.name
+        warnings += lost
+    return Exported(files, tuple(warnings))
+
+
+def complete(twin: Twin, cache_dir: Path | None = None) -> Twin:
+    """The twin with mass, friction and collision shapes wherever they were missing."""
+    if any(p.inertial is None or p.physics is None for p in twin.parts):
+        from twin.physics import with_physics
+
+        twin = with_physics(twin)
+    if not twin.static.collision or any(not p.collision for p in twin.parts):
+        from twin.collision import with_collision
+
+        twin = with_collision(twin, cache_dir=cache_dir)
+    return twin
+
+
+call_as(__name__, "export")

@@ -1,0 +1,165 @@
+"""MJCF writer, in the manner of MuJoCo Menagerie: default classes, explicit inertials, a separate scene.xml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.export.obj import TexturedFiles, write_hull, write_textured
+from twin.export.tree import ARMATURE, Link, Tree, numbers
+from twin.scene import Mesh
+
+_MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
+
+
+def write(tree: Tree, folder: Path) -> tuple[Path, list[str]]:
+    """Write `<name>.xml`, scene.xml and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
+    everything a tree holds)."""
+    assets = folder / "assets"
+    assets.mkdir(parents=True, exist_ok=True)
+    root = ET.Element("mujoco", model=tree.name)
+    ET.SubElement(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
+    _defaults(root, tree.name)
+    asset = ET.SubElement(root, "asset")
+    body = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=tree.name)
+    _fill(body, tree.root, tree, asset, assets)
+    _excludes(root, tree)
+    _keyframes(root, tree)
+    path = folder / f"{tree.name}.xml"
+    write_xml(root, path)
+    write_xml(_scene(tree), folder / "scene.xml")
+    return path, []
+
+
+def write_xml(root: ET.Element, path: Path) -> None:
+    """Write indented XML, the same bytes every time."""
+    ET.indent(root, "  ")
+    path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8", newline="\n")
+
+
+def _defaults(root: ET.Element, name: str) -> None:
+    main = ET.SubElement(ET.SubElement(root, "default"), "default", {"class": name})
+    visual = ET.SubElement(main, "default", {"class": f"{name}_visual"})
+    ET.SubElement(visual, "geom", type="mesh", contype="0", conaffinity="0", group="2", density="0")
+    collision = ET.SubElement(main, "default", {"class": f"{name}_collision"})
+    ET.SubElement(collision, "geom", group="3", rgba="0.6 0.3 0.3 0.4")
+    site = ET.SubElement(main, "default", {"class": f"{name}_grasp"})
+    ET.SubElement(site, "site", type="sphere", size="0.008", group="4", rgba="0.1 0.8 0.2 1")
+
+
+def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: Path) -> None:
+    """Write inertial, joint, geoms and children of a link into its body."""
+    if link.joint is not None and link.com is not None and link.inertia is not None:
+        i = link.inertia
+        full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
+        ET.SubElement(
+            body, "inertial", pos=numbers(link.com), mass=numbers(link.mass), fullinertia=numbers(full)
+        )  # fmt: skip
+        j = link.joint
+        ET.SubElement(
+            body, "joint", name=j.name, type=_MJ_TYPE[j.kind], axis=numbers(j.axis),
+            range=numbers([j.lower, j.upper]), damping=numbers(j.damping), frictionloss=numbers(j.frictionloss),
+            armature=numbers(ARMATURE[j.kind]),
+        )  # fmt: skip
+    if len(link.visual.faces):
+        _visual(body, link, tree.name, asset, folder)
+    _collision(body, link, tree.name, asset, folder)
+    if link.grasp is not None:
+        ET.SubElement(
+            body, "site", {"class": f"{tree.name}_grasp"}, name=f"{link.name}_grasp",
+            pos=numbers(link.grasp[:3, 3]), quat=numbers(geo.quat_wxyz_from_matrix(link.grasp[:3, :3])),
+        )  # fmt: skip
+    for child in tree.children(link.name):
+        inner = ET.SubElement(body, "body", name=child.name, pos=numbers(child.offset))
+        _fill(inner, child, tree, asset, folder)
+
+
+def _visual(body: ET.Element, link: Link, model: str, asset: ET.Element, folder: Path) -> None:
+    files: TexturedFiles = write_textured(link.visual, folder, f"{link.name}_visual")
+    material = {"name": f"{link.name}_material", "specular": "0.2", "shininess": "0.2"}
+    if files.png:
+        ET.SubElement(asset, "texture", name=f"{link.name}_texture", type="2d", file=files.png)
+        material["texture"] = f"{link.name}_texture"
+    else:
+        material["rgba"] = numbers([*files.color, 1.0])
+    ET.SubElement(asset, "material", material)
+    ET.SubElement(asset, "mesh", name=f"{link.name}_visual", file=files.obj, inertia="shell")
+    ET.SubElement(
+        body, "geom", {"class": f"{model}_visual"}, name=f"{link.name}_visual", mesh=f"{link.name}_visual",
+        material=f"{link.name}_material",
+    )  # fmt: skip
+
+
+def _collision(body: ET.Element, link: Link, model: str, asset: ET.Element, folder: Path) -> None:
+    friction = numbers([link.friction, 0.005, 0.0001])
+    for k, piece in enumerate(link.collision):
+        name = f"{link.name}_collision_{k}"
+        if isinstance(piece, Mesh):
+            write_hull(piece, folder / f"{name}.obj")
+            ET.SubElement(asset, "mesh", name=name, file=f"{name}.obj")
+            ET.SubElement(
+                body, "geom", {"class": f"{model}_collision"}, name=name, type="mesh", mesh=name, friction=friction
+            )  # fmt: skip
+        else:
+            ET.SubElement(
+                body, "geom", {"class": f"{model}_collision"}, name=name, type="box", size=numbers(piece.size / 2),
+                pos=numbers(piece.T_world_box[:3, 3]),
+                quat=numbers(geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3])), friction=friction,
+            )  # fmt: skip
+
+
+def _excludes(root: ET.Element, tree: Tree) -> None:
+    """A part does not touch what it is mounted on: hinges and runners are not modelled as contact."""
+    if tree.moving:
+        contact = ET.SubElement(root, "contact")
+        for link in tree.moving:
+            ET.SubElement(contact, "exclude", body1=str(link.parent), body2=link.name)
+
+
+def _keyframes(root: ET.Element, tree: Tree) -> None:
+    joints = [k.joint for k in tree.links if k.joint is not None]
+    if joints:
+        key = ET.SubElement(root, "keyframe")
+        ET.SubElement(key, "key", name="closed", qpos=numbers([0.0] * len(joints)))
+        ET.SubElement(key, "key", name="open", qpos=numbers([j.upper for j in joints]))
+
+
+def _scene(tree: Tree) -> ET.Element:
+    """A floor below the model, light and sky around it."""
+    points = [k.visual.vertices for k in tree.links if len(k.visual.vertices)]
+    low = points[0].min(axis=0) if points else np.zeros(3)
+    high = points[0].max(axis=0) if points else np.ones(3)
+    center, extent = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    root = ET.Element("mujoco", model=f"{tree.name}_scene")
+    ET.SubElement(root, "include", file=f"{tree.name}.xml")
+    ET.SubElement(root, "option", integrator="implicitfast")
+    ET.SubElement(
+        root, "statistic", center=numbers(np.round(center, 4)), extent=numbers(round(max(extent, 0.1), 4))
+    )
+    visual = ET.SubElement(root, "visual")
+    ET.SubElement(
+        visual, "headlight", diffuse="0.5 0.5 0.5", ambient="0.35 0.35 0.35", specular="0.1 0.1 0.1"
+    )
+    ET.SubElement(visual, "global", azimuth="-120", elevation="-20", offwidth="1280", offheight="960")
+    asset = ET.SubElement(root, "asset")
+    ET.SubElement(
+        asset, "texture", name="sky", type="skybox", builtin="gradient", rgb1="0.75 0.82 0.9", rgb2="0.3 0.36 0.45",
+        width="256", height="1536",
+    )  # fmt: skip
+    ET.SubElement(
+        asset, "texture", name="floor", type="2d", builtin="checker", rgb1="0.78 0.78 0.76", rgb2="0.7 0.7 0.68",
+        width="256", height="256",
+    )  # fmt: skip
+    ET.SubElement(asset, "material", name="floor", texture="floor", texrepeat="2 2", texuniform="true")
+    world = ET.SubElement(root, "worldbody")
+    ET.SubElement(
+        world, "light", pos=numbers(np.round(center + [0, 0, 3.0], 4)), dir="0 0 -1", directional="true"
+    )
+    ET.SubElement(
+        world, "geom", name="floor", type="plane", size="0 0 0.05", material="floor",
+        pos=numbers([0.0, 0.0, np.floor(low[2] * 1000 - 1) / 1000]),
+    )  # fmt: skip
+    return root

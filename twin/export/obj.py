@@ -1,0 +1,151 @@
+"""Wavefront OBJ meshes with their vertex colours baked into a small texture (most simulators ignore vertex colours)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.geometry import Array
+from twin.scene import Mesh
+
+_MAX_TEXTURE = 2048  # texels; every renderer takes this
+_CREASE = np.cos(np.deg2rad(40.0))  # chosen by us: faces that meet at more keep their edge sharp
+_GREY = (180, 180, 180)
+
+
+@dataclass(frozen=True)
+class TexturedFiles:
+    """File names of a written mesh and its mean colour (r, g, b) in 0..1."""
+
+    obj: str
+    png: str | None
+    color: tuple[float, float, float]
+
+
+def write_hull(mesh: Mesh, path: Path) -> None:
+    """Write bare geometry: vertices to 1e-9 m and faces."""
+    lines = _rows("v {:.9f} {:.9f} {:.9f}", mesh.vertices + 0.0) + _rows("f {} {} {}", mesh.faces + 1)
+    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
+
+
+def write_textured(mesh: Mesh, folder: Path, name: str) -> TexturedFiles:
+    """Write name.obj, name.mtl and, when the mesh has colours, name.png into `folder`."""
+    order = _spatial_order(mesh)
+    faces = mesh.faces[order]
+    normals, normal_index = _corner_normals(mesh.vertices, faces)
+    png = None
+    uv: Array = np.zeros((0, 2))
+    if mesh.colors is not None and len(faces):
+        import cv2
+
+        image, uv = _atlas(mesh.colors[faces])
+        png = f"{name}.png"
+        ok, data = cv2.imencode(
+            ".png", image[::-1, :, ::-1]
+        )  # rows bottom-up as v goes, BGR as OpenCV writes
+        if not ok:
+            raise OSError(f"texture {folder / png} can't be encoded")
+        (folder / png).write_bytes(data.tobytes())
+    lines = [f"mtllib {name}.mtl", f"usemtl {name}"]
+    lines += _rows("v {:.7f} {:.7f} {:.7f}", mesh.vertices + 0.0)
+    lines += _rows("vt {:.6f} {:.6f}", uv)
+    lines += _rows("vn {:.4f} {:.4f} {:.4f}", normals + 0.0)
+    vertex, normal = faces + 1, normal_index + 1
+    if png:
+        texture = np.arange(3 * len(faces)).reshape(-1, 3) + 1
+        corners = np.stack([vertex, texture, normal], axis=2).reshape(len(faces), 9)
+        lines += _rows("f {}/{}/{} {}/{}/{} {}/{}/{}", corners)
+    else:
+        lines += _rows("f {}//{} {}//{} {}//{}", np.stack([vertex, normal], axis=2).reshape(len(faces), 6))
+    (folder / f"{name}.obj").write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
+    color = mean_color(mesh)
+    kd = (1.0, 1.0, 1.0) if png else color
+    mtl = [f"newmtl {name}", "Ka 0 0 0", "Kd {:.4f} {:.4f} {:.4f}".format(*kd), "Ks 0.1 0.1 0.1", "Ns 20"]
+    mtl += [f"map_Kd {png}"] if png else []
+    (folder / f"{name}.mtl").write_text("\n".join(mtl) + "\n", encoding="ascii", newline="\n")
+    return TexturedFiles(f"{name}.obj", png, color)
+
+
+def _rows(template: str, values: NDArray[Any]) -> list[str]:
+    return [template.format(*row) for row in values.tolist()]
+
+
+def mean_color(mesh: Mesh) -> tuple[float, float, float]:
+    """Mean vertex colour (r, g, b) in 0..1, grey without colours."""
+    rgb = np.array(_GREY) if mesh.colors is None or not len(mesh.colors) else mesh.colors.mean(axis=0)
+    r, g, b = (round(float(c) / 255, 4) for c in rgb)
+    return r, g, b
+
+
+def _spatial_order(mesh: Mesh) -> NDArray[np.int64]:
+    """Faces along a Morton curve, so that neighbours on the surface are neighbours in the texture (coarse mipmaps mix
+    neighbouring texels)."""
+    if not len(mesh.faces):
+        return np.zeros(0, np.int64)
+    c = mesh.vertices[mesh.faces].mean(axis=1)
+    low = c.min(axis=0)
+    cell = ((c - low) / max(float((c - low).max()), 1e-9) * 1023).astype(np.int64)
+    code = np.zeros(len(c), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+def _atlas(corner_colors: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Array]:
+    """Texture (side, side, 3) and coordinates (3 F, 2) for faces with corner colours (F, 3, 3).
+
+    Two faces share a square cell of s x s texels: corner texels (0,0) (s-2,0) (0,s-2) and, turned, (s-1,s-1) (1,s-1) (s-1,1).
+    """
+    n = len(corner_colors)
+    grid = int(np.ceil(np.sqrt((n + 1) // 2)))
+    s = int(np.clip(_MAX_TEXTURE // grid, 4, 8))
+    i, j = np.meshgrid(np.arange(s), np.arange(s), indexing="xy")
+    first = i + j < s
+    u = np.where(first, i, s - 1 - i) / (s - 2)
+    v = np.where(first, j, s - 1 - j) / (s - 2)
+    weights = np.clip(np.stack([1 - u - v, u, v], axis=-1), 0.0, 1.0)
+    weights /= weights.sum(axis=-1, keepdims=True)
+    padded = np.concatenate([corner_colors, np.repeat(corner_colors[-1:], 2 * grid * grid - n, axis=0)])
+    pairs = padded.reshape(grid, grid, 2, 3, 3).astype(np.float64)
+    cells = np.where(
+        first[None, None, :, :, None],
+        np.einsum("ijk,abkc->abijc", weights, pairs[:, :, 0]),
+        np.einsum("ijk,abkc->abijc", weights, pairs[:, :, 1]),
+    )
+    image = np.round(cells.transpose(0, 2, 1, 3, 4).reshape(grid * s, grid * s, 3)).astype(np.uint8)
+    corners = np.array([[[0, 0], [s - 2, 0], [0, s - 2]], [[s - 1, s - 1], [1, s - 1], [s - 1, 1]]]) + 0.5
+    k = np.arange(n)
+    origin = np.stack([(k // 2) % grid, (k // 2) // grid], axis=1) * s
+    return image, ((origin[:, None] + corners[k % 2]) / (grid * s)).reshape(-1, 2)
+
+
+def _corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int64]]:
+    """Normals (M, 3) and the index (F, 3) of each face corner's: smooth over the surface, sharp at creases."""
+    from scipy.sparse import csr_matrix
+
+    n = len(faces)
+    if n == 0:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    unit = cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
+    corner = faces.ravel()
+    touch = csr_matrix((np.ones(3 * n), (np.arange(3 * n), corner)), shape=(3 * n, len(vertices)))
+    around = csr_matrix((np.ones(3 * n), (corner, np.repeat(np.arange(n), 3))), shape=(len(vertices), n))
+    pairs = (touch @ around).tocoo()
+    own, other = unit[pairs.row // 3], unit[pairs.col]
+    near = np.einsum("ij,ij->i", own, other) > _CREASE
+    keep = csr_matrix((near.astype(float), (pairs.row, pairs.col)), shape=pairs.shape)
+    total = np.asarray(keep @ cross)
+    length = np.linalg.norm(total, axis=1)
+    smooth = np.where(
+        length[:, None] > 1e-15, total / np.maximum(length, 1e-300)[:, None], np.repeat(unit, 3, axis=0)
+    )
+    smooth[np.linalg.norm(smooth, axis=1) < 0.5] = (0.0, 0.0, 1.0)  # faces without area
+    normals, index = np.unique(np.round(smooth, 4), axis=0, return_inverse=True)
+    return normals.astype(np.float64), np.asarray(index, dtype=np.int64).reshape(-1, 3)

@@ -1,0 +1,126 @@
+"""URDF writer: a fixed `world` link, full inertials, one collision element per convex piece."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.export.mjcf import write_xml
+from twin.export.obj import mean_color, write_hull, write_textured
+from twin.export.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
+from twin.geometry import Array
+from twin.scene import Mesh
+
+
+def write(tree: Tree, folder: Path, package: str = "") -> tuple[Path, list[str]]:
+    """Write `<name>.urdf` and meshes/ into `folder`; returns the path and what URDF can't carry.
+
+    package: name of a ROS package; meshes are then referred to as package://<package>/meshes/..., else relatively.
+    """
+    meshes = folder / "meshes"
+    meshes.mkdir(parents=True, exist_ok=True)
+    prefix = f"package://{package}/meshes/" if package else "meshes/"
+    root = ET.Element("robot", name=tree.name)
+    # MuJoCo would otherwise merge the static scene into its world body and drop all visuals.
+    mujoco = ET.SubElement(root, "mujoco")
+    ET.SubElement(
+        mujoco,
+        "compiler",
+        fusestatic="false",
+        discardvisual="false",
+        strippath="false",
+        balanceinertia="false",
+    )
+    ET.SubElement(root, "link", name="world")
+    for link in tree.links:
+        _link(root, link, meshes, prefix)
+        if link.grasp is not None:
+            ET.SubElement(root, "link", name=f"{link.name}_grasp")
+    for link in tree.links:
+        _joint(root, link)
+        if link.grasp is not None:
+            fixed = ET.SubElement(root, "joint", name=f"{link.name}_grasp_joint", type="fixed")
+            ET.SubElement(fixed, "parent", link=link.name)
+            ET.SubElement(fixed, "child", link=f"{link.name}_grasp")
+            _origin(fixed, link.grasp)
+    path = folder / f"{tree.name}.urdf"
+    write_xml(root, path)
+    return path, _not_carried(tree)
+
+
+def _not_carried(tree: Tree) -> list[str]:
+    lost = [
+        "urdf: contact friction is not carried (URDF has none); set it in the simulator",
+        "urdf: pairs that must not collide are not carried (URDF has none); the collision shapes keep clear of each other",
+        "urdf: the keyframes closed and open are not carried (URDF has none)",
+    ]
+    if any(k.grasp is not None for k in tree.links):
+        lost.append("urdf: grasp frames are carried as massless links <part>_grasp (URDF has no sites)")
+    return lost
+
+
+def _link(root: ET.Element, link: Link, folder: Path, prefix: str) -> None:
+    element = ET.SubElement(root, "link", name=link.name)
+    if link.mass is not None and link.com is not None and link.inertia is not None:
+        inertial = ET.SubElement(element, "inertial")
+        _origin(inertial, geo.make_pose(translation=link.com))
+        ET.SubElement(inertial, "mass", value=numbers(link.mass))
+        i = link.inertia
+        ET.SubElement(
+            inertial, "inertia", ixx=numbers(i[0, 0]), ixy=numbers(i[0, 1]), ixz=numbers(i[0, 2]),
+            iyy=numbers(i[1, 1]), iyz=numbers(i[1, 2]), izz=numbers(i[2, 2]),
+        )  # fmt: skip
+    if len(link.visual.faces):
+        files = write_textured(link.visual, folder, f"{link.name}_visual")
+        visual = ET.SubElement(element, "visual", name=f"{link.name}_visual")
+        _origin(visual, np.eye(4))
+        ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=prefix + files.obj)
+        material = ET.SubElement(visual, "material", name=f"{link.name}_material")
+        ET.SubElement(material, "color", rgba=numbers([*mean_color(link.visual), 1.0]))
+    for k, piece in enumerate(link.collision):
+        name = f"{link.name}_collision_{k}"
+        collision = ET.SubElement(element, "collision", name=name)
+        if isinstance(piece, Mesh):
+            write_hull(piece, folder / f"{name}.obj")
+            _origin(collision, np.eye(4))
+            ET.SubElement(ET.SubElement(collision, "geometry"), "mesh", filename=f"{prefix}{name}.obj")
+        else:
+            _origin(collision, piece.T_world_box)
+            ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=numbers(piece.size))
+
+
+def _joint(root: ET.Element, link: Link) -> None:
+    if link.joint is None:
+        fixed = ET.SubElement(root, "joint", name=f"{link.name}_to_world", type="fixed")
+        ET.SubElement(fixed, "parent", link="world")
+        ET.SubElement(fixed, "child", link=link.name)
+        _origin(fixed, np.eye(4))
+        return
+    j = link.joint
+    joint = ET.SubElement(root, "joint", name=j.name, type=j.kind)
+    ET.SubElement(joint, "parent", link=str(link.parent))
+    ET.SubElement(joint, "child", link=link.name)
+    _origin(joint, geo.make_pose(translation=link.offset))
+    ET.SubElement(joint, "axis", xyz=numbers(j.axis))
+    ET.SubElement(
+        joint, "limit", lower=numbers(j.lower), upper=numbers(j.upper),
+        effort=numbers(EFFORT_LIMIT[j.kind]), velocity=numbers(VELOCITY_LIMIT[j.kind]),
+    )  # fmt: skip
+    ET.SubElement(joint, "dynamics", damping=numbers(j.damping), friction=numbers(j.frictionloss))
+
+
+def _origin(element: ET.Element, pose: Array) -> None:
+    ET.SubElement(element, "origin", xyz=numbers(pose[:3, 3]), rpy=numbers(roll_pitch_yaw(pose[:3, :3])))
+
+
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """Fixed-axis roll, pitch, yaw (3,) rad of a rotation (3, 3): R = Rz(yaw) Ry(pitch) Rx(roll), also at pitch = +-90 deg."""
+    r = rotation
+    cos_pitch = float(np.hypot(r[0, 0], r[1, 0]))
+    pitch = float(np.arctan2(-r[2, 0], cos_pitch))
+    if cos_pitch < 1e-9:  # roll and yaw turn about the same axis: put all into roll
+        return np.array([np.arctan2(-r[1, 2], r[1, 1]), pitch, 0.0])
+    return np.array([np.arctan2(r[2, 1], r[2, 2]), pitch, np.arctan2(r[1, 0], r[0, 0])])
