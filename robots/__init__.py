@@ -1,1 +1,49 @@
-"""Robots: plan and replay, headless, what the person in the recording did."""
+"""Robots: plan and replay, headless, what the person in the recording did.
+
+    trajectory = robots.plan(twin, "door")
+    report = robots.replay(twin, trajectory, Path("out"))
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from robots.catalog import names as names
+    from robots.catalog import resolve as resolve
+    from robots.config import PlanConfig as PlanConfig
+    from robots.config import ReplayConfig as ReplayConfig
+    from robots.planner import plan as plan
+    from robots.replayer import replay as replay
+    from robots.report import ReplayReport as ReplayReport
+    from robots.trajectory import RobotTrajectory as RobotTrajectory
+
+# name -> module; imported when first used, because MuJoCo and mink take a second to load
+_HOME = {
+    "names": "catalog",
+    "resolve": "catalog",
+    "PlanConfig": "config",
+    "ReplayConfig": "config",
+    "plan": "planner",
+    "replay": "replayer",
+    "ReplayReport": "report",
+    "RobotTrajectory": "trajectory",
+}
+
+__all__ = [  # noqa: F822  (resolved by __getattr__)
+    "PlanConfig",
+    "ReplayConfig",
+    "ReplayReport",
+    "RobotTrajectory",
+    "names",
+    "plan",
+    "replay",
+    "resolve",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'robots' has no attribute {name!r}")
+    return getattr(import_module(f"robots.{_HOME[name]}"), name)

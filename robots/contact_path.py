@@ -1,0 +1,72 @@
+"""From a hold on the part to 6-DoF tool paths along its articulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.config import PlanConfig
+from robots.grasp import Hold
+from robots.spec import RobotSpec
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Joint, Revolute
+
+_TIP_ROOM = 0.004  # m that the fingertips keep from the surface behind a handle
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """A tool pose on a hold and how it follows the part.
+
+    T_world_tool: (4, 4) at state 0, tool axes x along the handle, y closing, z out of the hand. turn: share of a
+    revolute angle by which the hand lags behind the handle, about `handle` (3,) through hold.centre. freedom: (3,)
+    orientation weights about the tool axes for inverse kinematics. cost: what makes it less natural, 0 = best.
+    """
+
+    hold: Hold
+    T_world_tool: Array
+    handle: Array
+    turn: float
+    freedom: Array
+    cost: float
+    label: str
+
+    def path(self, joint: Joint, states: Array) -> Array:
+        """Tool poses (n, 4, 4) in the world for part states (n,)."""
+        to_centre = geo.make_pose(translation=-self.hold.centre)
+        from_centre = geo.make_pose(translation=self.hold.centre)
+        along = float(joint.axis @ self.handle) if isinstance(joint, Revolute) else 0.0
+        lag = geo.exp_so3(-self.turn * along * np.asarray(states)[:, None] * self.handle)
+        turned = np.tile(np.eye(4), (len(states), 1, 1))
+        turned[:, :3, :3] = lag
+        return joint.poses(states) @ from_centre @ turned @ to_centre @ self.T_world_tool
+
+
+def backed_off(T_world_tool: Array, distance: float) -> Array:
+    """The tool pose drawn back along its own z."""
+    return T_world_tool @ geo.make_pose(translation=[0, 0, -distance])
+
+
+def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig) -> list[Grasp]:
+    """Both flips of the hand, leant as configured, with and without lag.
+
+    The tool point goes deeper than the middle of the handle, as far as the stand-off and the palm allow.
+    """
+    wanted = config.over_insert if hold.refined else config.over_insert_blind
+    insert = min(wanted, hold.stand_off - spec.tip - _TIP_ROOM, spec.palm - hold.depth)
+    closing, along, out = hold.rotation.T
+    turns = config.turn if isinstance(joint, Revolute) and abs(joint.axis @ along) > 0.5 else (0.0,)
+    freedom = np.array([0.15 if hold.kind == "bar" else 0.4, 0.4, 0.4])
+    grasps = []
+    for flip in (1.0, -1.0):
+        for lean in config.lean:
+            upright = np.stack([along * flip, closing * flip, -out], axis=1)
+            tool = geo.make_pose(geo.exp_so3(lean * closing) @ upright, hold.centre)
+            tool = tool @ geo.make_pose(translation=[0, 0, insert])
+            for turn in turns:
+                cost = abs(lean) / 0.45 * 0.3 + turn * 0.6
+                label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"
+                grasps.append(Grasp(hold, tool, along, turn, freedom, cost, label))
+    return grasps

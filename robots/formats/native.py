@@ -1,0 +1,72 @@
+"""trajectory.json (everything, readable) and trajectory.npz (the arrays), the project's own form."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robots.trajectory import RejectedBase, RobotTrajectory
+from twin.errors import InputError, PlanningError
+
+FORMAT = "funtwin-trajectory/1"
+_ARRAYS = (
+    "times", "q", "qd", "gripper", "part_state", "T_world_tool", "position_error", "T_world_base", "limits",
+    "velocity_limits",
+)  # fmt: skip
+
+
+def save(trajectory: RobotTrajectory, folder: Path) -> tuple[Path, Path]:
+    """Write trajectory.json and trajectory.npz into `folder`; returns their paths.
+
+    Raises InputError when the folder can't be written.
+    """
+    json_path, npz_path = folder / "trajectory.json", folder / "trajectory.npz"
+    document: dict[str, Any] = {"format": FORMAT}
+    for f in fields(trajectory):
+        value = getattr(trajectory, f.name)
+        if isinstance(value, np.ndarray):
+            value = np.round(value, 9).tolist()
+        elif f.name == "rejected":
+            value = [asdict(r) for r in value]
+        document[f.name] = value
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        json_path.write_text(json.dumps(document, indent=None, allow_nan=False) + "\n", encoding="utf-8")
+        arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
+        np.savez_compressed(npz_path, phases=np.array(trajectory.phases), **arrays)
+    except OSError as e:
+        raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
+    return json_path, npz_path
+
+
+def load(path: Path) -> RobotTrajectory:
+    """Read a trajectory.json.
+
+    Raises InputError when the file is missing, of another format, or breaks the laws of a trajectory.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as e:
+        raise InputError(f"{path} can't be read ({e.strerror})", "give a trajectory.json") from e
+    except (json.JSONDecodeError, UnicodeDecodeError) as e:
+        raise InputError(f"{path} is not JSON: {e}") from e
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise InputError(f"{path} is not of format {FORMAT}")
+    values = {f.name: document.get(f.name) for f in fields(RobotTrajectory)}
+    missing = [name for name, value in values.items() if value is None]
+    if missing:
+        raise InputError(f"{path} lacks {', '.join(missing)}")
+    try:
+        for name in _ARRAYS:
+            values[name] = np.asarray(values[name], dtype=np.float64)
+        values["rejected"] = tuple(
+            RejectedBase(**{**r, "position": tuple(r["position"])}) for r in values["rejected"]
+        )
+        values["joint_names"], values["phases"] = tuple(values["joint_names"]), tuple(values["phases"])
+        return RobotTrajectory(**values)
+    except (TypeError, ValueError, KeyError, PlanningError) as e:
+        raise InputError(f"{path} does not hold a valid trajectory: {e}") from e

@@ -1,0 +1,262 @@
+"""Where the robot's base stands: many poses are tried at once, and each rejected one has a reason."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.stats import qmc
+
+from robots.chain import Chain
+from robots.config import PlanConfig
+from robots.contact_path import Grasp, backed_off
+from robots.grasp import sample_surface
+from robots.spec import RobotSpec
+from robots.world import ROBOT, World
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Joint, Mesh
+
+_WAYPOINTS = 8
+_START_STEPS, _FOLLOW_STEPS = 45, 7
+_RADII = (0.35, 0.78)  # m from the handle's middle to the base axis, horizontally: half to nine tenths of the reach
+_BELOW = (-0.15, 0.75)  # m by which the base lies below the handle
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A base pose with the arm's rough path over it.
+
+    T_world_base: (4, 4). pedestal: m above the floor. grasp: index. q: (waypoints + 2, n): approach, states, retreat.
+    position_error m and angle_error rad: worst along the path; failed_at: state of the worst. margin: least distance
+    from a joint limit (rad). manipulability: least. clearance: least distance (m) from anything not to be touched.
+    reason: why it was rejected, empty when it was not.
+    """
+
+    T_world_base: Array
+    pedestal: float
+    grasp: int
+    q: Array
+    position_error: float
+    angle_error: float
+    failed_at: float
+    margin: float
+    manipulability: float
+    score: float
+    clearance: float = 0.0
+    reason: str = ""
+
+    @property
+    def yaw(self) -> float:
+        """Heading in rad."""
+        return float(np.arctan2(self.T_world_base[1, 0], self.T_world_base[0, 0]))
+
+
+def floor_height(static: Mesh) -> float:
+    """Height on which a pedestal stands: the lowest upward surface seen, robust against single stray vertices."""
+    points, normals = sample_surface(static, 20_000, np.random.default_rng(0))
+    if len(points) == 0:
+        return 0.0
+    up = points[normals[:, 2] > 0.7]
+    return float(np.quantile(up[:, 2], 0.02) if len(up) > 200 else np.quantile(points[:, 2], 0.002))
+
+
+def search(
+    joint: Joint,
+    goal: float,
+    grasps: Sequence[Grasp],
+    chain: Chain,
+    spec: RobotSpec,
+    static: Mesh,
+    config: PlanConfig,
+) -> list[Base]:
+    """Base poses with their rough paths, best score first, rejected ones (with a reason) last."""
+    states = np.linspace(0.0, goal, _WAYPOINTS)
+    paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
+    floor = floor_height(static)
+    points, _ = sample_surface(static, 60_000, np.random.default_rng(config.seed))
+    poses, pedestals, choice = _sample(paths, floor, len(grasps), config)
+    free = _column_is_free(poses, floor, points, spec.footprint)
+    candidates = [
+        _blocked(poses[k], pedestals[k], int(choice[k])) for k in np.flatnonzero(~free)
+    ]
+    keep = np.flatnonzero(free)
+    if len(keep):
+        q, error = _follow(chain, geo.invert_pose(poses[keep])[:, None] @ paths[choice[keep]], grasps, choice[keep], spec)
+        at = np.concatenate([[0.0], states, [goal]])
+        candidates += [
+            _rated(poses[k], pedestals[k], int(choice[k]), q[i], error[i], at, chain, grasps, config)
+            for i, k in enumerate(keep)
+        ]
+    return sorted(candidates, key=lambda b: (bool(b.reason), -b.score))
+
+
+def _tool_path(grasp: Grasp, joint: Joint, states: Array, approach: float) -> Array:
+    path = grasp.path(joint, states)
+    return np.stack([backed_off(path[0], approach), *path, backed_off(path[-1], approach)])
+
+
+def _sample(paths: Array, floor: float, grasps: int, config: PlanConfig) -> tuple[Array, Array, Array]:
+    """Halton points over angle, radius, height, yaw and grasp."""
+    n = config.candidates
+    u = qmc.Halton(5, seed=config.seed).random(n)
+    middle = paths[0, 1:-1, :3, 3].mean(axis=0)
+    angle, radius = 2 * np.pi * u[:, 0], _RADII[0] + (_RADII[1] - _RADII[0]) * u[:, 1]
+    low, high = floor + config.pedestal[0], floor + config.pedestal[1]
+    z = np.clip(middle[2] - (_BELOW[0] + (_BELOW[1] - _BELOW[0]) * u[:, 2]), low, high)
+    xyz = np.stack([middle[0] + radius * np.cos(angle), middle[1] + radius * np.sin(angle), z], axis=1)
+    yaw = angle + np.pi + (u[:, 3] - 0.5) * 2.0
+    poses = np.tile(np.eye(4), (n, 1, 1))
+    poses[:, :3, :3] = geo.exp_so3(np.stack([np.zeros(n), np.zeros(n), yaw], axis=1))
+    poses[:, :3, 3] = xyz
+    return poses, z - floor, np.minimum((u[:, 4] * grasps).astype(int), grasps - 1)
+
+
+def _column_is_free(poses: Array, floor: float, points: Array, footprint: float) -> Array:
+    """True where pedestal and base body stand clear of the static surface points."""
+    if len(points) == 0:
+        return np.ones(len(poses), dtype=bool)
+    tree = cKDTree(points[:, :2])
+    near = tree.query_ball_point(poses[:, :2, 3], footprint + 0.03)
+    return np.array(
+        [
+            not np.any((points[i, 2] > floor + 0.05) & (points[i, 2] < pose[2, 3] + 0.35))
+            for pose, i in zip(poses, near, strict=True)
+        ]
+    )
+
+
+def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:
+    nothing = np.zeros((0, 0))
+    return Base(
+        pose, float(pedestal), grasp, nothing, np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf,
+        reason="the pedestal would stand in the static scene",
+    )  # fmt: skip
+
+
+def _follow(
+    chain: Chain, targets: Array, grasps: Sequence[Grasp], choice: Array, spec: RobotSpec
+) -> tuple[Array, Array]:
+    """Rough joint paths (B, W, n) and errors (B, W, 6) along targets (B, W, 4, 4), from the middle outwards."""
+    batch, count = targets.shape[:2]
+    q = np.empty((batch, count, len(spec.home)))
+    error = np.empty((batch, count, 6))
+    # Grasps of one call share their freedom where their holds are of one kind; the mean is exact then.
+    weights = np.concatenate([np.ones(3), np.mean([grasps[g].freedom for g in choice], axis=0)])
+    middle = count // 2
+    starts = _starts(targets[:, middle], chain, spec)
+    tried = [chain.solve(s, targets[:, middle], weights, _START_STEPS) for s in starts]
+    cost = np.stack([np.linalg.norm(e * weights, axis=1) - 0.02 * chain.limit_margin(p).clip(0, 0.5) for p, e in tried])
+    best = np.argmin(cost, axis=0)
+    rows = np.arange(batch)
+    q[:, middle] = np.stack([p for p, _ in tried])[best, rows]
+    error[:, middle] = np.stack([e for _, e in tried])[best, rows]
+    for order in (range(middle + 1, count), range(middle - 1, -1, -1)):
+        current = q[:, middle]
+        for k in order:
+            current, error[:, k] = chain.solve(current, targets[:, k], weights, _FOLLOW_STEPS)
+            q[:, k] = current
+    return q, error
+
+
+def _starts(target: Array, chain: Chain, spec: RobotSpec) -> list[Array]:
+    """Start configurations: home turned towards the target, and with the elbow out to either side."""
+    facing = np.arctan2(target[:, 1, 3], target[:, 0, 3])
+    starts = []
+    for elbow, wrist in ((0.0, 0.0), (1.2, 1.5), (-1.2, -1.5)):
+        q = np.tile(spec.home, (len(target), 1))
+        q[:, 0] += facing - 0.5 * elbow
+        if q.shape[1] > 2:
+            q[:, 2] += elbow
+        q[:, -1] += wrist
+        starts.append(np.clip(q, chain.lower, chain.upper))
+    return starts
+
+
+def _rated(
+    pose: Array,
+    pedestal: float,
+    grasp: int,
+    q: Array,
+    error: Array,
+    states: Array,
+    chain: Chain,
+    grasps: Sequence[Grasp],
+    config: PlanConfig,
+) -> Base:
+    position = np.linalg.norm(error[:, :3], axis=1)
+    angle = np.abs(error[:, 3:] * (grasps[grasp].freedom >= 0.3)).max(axis=1)
+    free_angle = np.abs(error[:, 3:]).max()
+    margin = float(chain.limit_margin(q).min())
+    manipulability = float(chain.manipulability(q).min())
+    worst = int(np.argmax(position + 0.1 * angle))
+    reason = ""
+    if position.max() > 0.006 or angle.max() > 0.10 or free_angle > 0.5:
+        reason = (
+            f"out of reach at state {states[worst]:.2f}: {1000 * position[worst]:.0f} mm short, "
+            f"{np.rad2deg(angle[worst]):.0f} deg off"
+        )
+    jump = float(np.abs(np.diff(q, axis=0)).max())
+    if not reason and jump > 1.0:
+        reason = f"the arm would have to reconfigure on the way (one joint jumps by {jump:.1f} rad)"
+    # Terms of about equal weight: a third of a radian from the limits and a manipulability of 0.06 count as plenty.
+    score = min(margin, 0.35) / 0.35 + min(manipulability, 0.06) / 0.06 - grasps[grasp].cost - 0.15 * jump
+    score -= 20.0 * float(position.max()) + 0.5 * free_angle
+    return Base(
+        pose, float(pedestal), grasp, q, float(position.max()), float(angle.max()), float(states[worst]),
+        margin, manipulability, score, reason=reason,
+    )  # fmt: skip
+
+
+class CollisionCheck:
+    """Distances of the robot from all it must not touch, in the replay's own scene."""
+
+    def __init__(self, world: World, part: int, reach: float) -> None:
+        self._world, self._part = world, part
+        self._data = mujoco.MjData(world.model)
+        world.model.geom_margin[world.owner == ROBOT] = reach
+        self._reach = reach
+
+    def clearance(self, q: Array, state: float, opening: float) -> tuple[float, str]:
+        """Least distance (m, at most the reach of the check) and the names of the two bodies that have it."""
+        w, d, m = self._world, self._data, self._world.model
+        d.qpos[w.arm_qpos] = q
+        d.qpos[w.gripper_qpos] = opening / len(w.gripper_qpos)
+        d.qpos[w.part_qpos[self._part]] = state
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_collision(m, d)
+        least, names = self._reach, ""
+        for k in range(d.ncon):
+            g1, g2 = d.contact.geom[k]
+            if self._allowed(int(g1), int(g2)):
+                continue
+            distance = float(d.contact.dist[k])
+            if distance < least:
+                least = distance
+                names = " and ".join(m.body(m.geom_bodyid[g]).name.removeprefix("robot_") for g in (g1, g2))
+        return least, names
+
+    def _allowed(self, g1: int, g2: int) -> bool:
+        w = self._world
+        return bool(
+            (w.finger[g1] and w.geom_part[g2] == self._part)
+            or (w.finger[g2] and w.geom_part[g1] == self._part)
+        )
+
+
+def check_clearance(base: Base, states: Array, check: CollisionCheck, world: World, opening: float) -> Base:
+    """The base with its clearance, and a reason when the arm would touch something on the way."""
+    world.move_base(base.T_world_base)
+    least, where = np.inf, ""
+    for q, state in zip(base.q, states, strict=True):
+        distance, names = check.clearance(q, float(state), opening)
+        if distance < least:
+            least, where = distance, f"{names} at state {state:.2f}"
+        if least < -0.02:
+            break
+    reason = f"{where} would meet ({1000 * least:.0f} mm)" if least < 0.0 else ""
+    return replace(base, clearance=float(least), reason=reason)

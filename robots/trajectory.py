@@ -1,0 +1,126 @@
+"""A robot's motion over time, checked, and the law by which it was timed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.errors import PlanningError
+from twin.geometry import Array
+
+PHASES = ("approach", "close", "move", "hold", "open", "retreat")
+
+
+@dataclass(frozen=True)
+class RejectedBase:
+    """A base pose that was tried: position (m, world), yaw (rad), pedestal height (m), score, reason."""
+
+    position: tuple[float, float, float]
+    yaw: float
+    pedestal: float
+    score: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class RobotTrajectory:
+    """Joint trajectory of an arm that opens one part; n samples, j arm joints.
+
+    times: (n,) s from 0. q, qd: (n, j) rad and rad/s. gripper: (n,) commanded opening in m, 0 = closed with full force.
+    phases: (n,) names out of PHASES. part_state: (n,) commanded state, m or rad. T_world_tool: (n, 4, 4).
+    position_error: (n,) m between the wanted and the reachable tool position. T_world_base: (4, 4).
+    pedestal: m, height of the base above the floor. limits: (2, j) rad. velocity_limits: (j,) rad/s.
+    goal: state to reach. grasp: how the hand holds the part. score, clearance (m): of the chosen base.
+    """
+
+    robot: str
+    twin: str
+    part_id: int
+    part: str
+    joint_names: tuple[str, ...]
+    times: Array
+    q: Array
+    qd: Array
+    gripper: Array
+    phases: tuple[str, ...]
+    part_state: Array
+    T_world_tool: Array
+    position_error: Array
+    T_world_base: Array
+    pedestal: float
+    limits: Array
+    velocity_limits: Array
+    goal: float
+    grasp: str
+    score: float
+    clearance: float
+    rejected: tuple[RejectedBase, ...] = ()
+
+    def __post_init__(self) -> None:
+        n, j = len(self.times), len(self.joint_names)
+        shapes = {
+            "times": (n,), "q": (n, j), "qd": (n, j), "gripper": (n,), "part_state": (n,),
+            "T_world_tool": (n, 4, 4), "position_error": (n,), "T_world_base": (4, 4),
+            "limits": (2, j), "velocity_limits": (j,),
+        }  # fmt: skip
+        for key, shape in shapes.items():
+            values = np.array(getattr(self, key), dtype=np.float64)
+            if values.shape != shape or not np.all(np.isfinite(values)):
+                raise PlanningError(f"trajectory {key} must be finite with shape {shape}, got {values.shape}")
+            values.flags.writeable = False
+            object.__setattr__(self, key, values)
+        if n < 2 or np.any(np.diff(self.times) <= 0):
+            raise PlanningError("trajectory times must strictly increase and hold two samples or more")
+        unknown = set(self.phases) - set(PHASES)
+        if len(self.phases) != n or unknown:
+            raise PlanningError(f"a trajectory needs a known phase for each sample, unknown: {sorted(unknown)}")
+        self._check_limits()
+
+    def _check_limits(self) -> None:
+        over = np.maximum(self.limits[0] - self.q, self.q - self.limits[1]).max(axis=0)
+        if over.max() > 1e-6:
+            k = int(np.argmax(over))
+            raise PlanningError(f"joint {self.joint_names[k]} leaves its limits by {over[k]:.4f} rad")
+        speed = (np.abs(self.qd) / self.velocity_limits).max(axis=0)
+        if speed.max() > 1 + 1e-6:
+            k = int(np.argmax(speed))
+            raise PlanningError(f"joint {self.joint_names[k]} moves at {speed[k]:.2f} of its velocity limit")
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(self.times[-1] - self.times[0])
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Joint positions (m, j), velocities (m, j) and gripper command (m,) at any times, held beyond the ends.
+
+        Cubic Hermite between samples, so positions and velocities agree.
+        """
+        t = np.clip(times, self.times[0], self.times[-1])
+        k = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        h = (self.times[k + 1] - self.times[k])[:, None]
+        u = ((t - self.times[k])[:, None]) / h
+        q0, q1, v0, v1 = self.q[k], self.q[k + 1], self.qd[k] * h, self.qd[k + 1] * h
+        q = (
+            (1 + 2 * u) * (1 - u) ** 2 * q0
+            + u * (1 - u) ** 2 * v0
+            + u**2 * (3 - 2 * u) * q1
+            + u**2 * (u - 1) * v1
+        )
+        qd = (
+            6 * u * (u - 1) * (q0 - q1) + (3 * u - 1) * (u - 1) * v0 + u * (3 * u - 2) * v1
+        ) / h
+        outside = ((times < self.times[0]) | (times > self.times[-1]))[:, None]
+        return q, np.where(outside, 0.0, qd), self.gripper[k]
+
+
+def quintic(duration: float, step: float) -> tuple[Array, Array, Array]:
+    """Times (n,), share (n,) from 0 to 1 and its rate (n,) 1/s of the quintic with rest at both ends.
+
+    s = 10 u^3 - 15 u^4 + 6 u^5: peak rate 1.875 / duration, peak acceleration 5.774 / duration^2.
+    """
+    count = max(int(np.ceil(duration / step)), 2) + 1
+    times = np.linspace(0.0, duration, count)
+    u = times / duration
+    return times, u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / duration
