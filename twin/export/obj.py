@@ -34,25 +34,13 @@ def write_hull(mesh: Mesh, path: Path) -> None:
 
 def write_textured(mesh: Mesh, folder: Path, name: str) -> TexturedFiles:
     """Write name.obj, name.mtl and, when the mesh has colours, name.png into `folder`."""
-    order = _spatial_order(mesh)
-    faces = mesh.faces[order]
-    normals, normal_index = _corner_normals(mesh.vertices, faces)
-    png = None
-    uv: Array = np.zeros((0, 2))
-    if mesh.colors is not None and len(faces):
-        import cv2
-
-        image, uv = _atlas(mesh.colors[faces])
-        png = f"{name}.png"
-        ok, data = cv2.imencode(
-            ".png", image[::-1, :, ::-1]
-        )  # rows bottom-up as v goes, BGR as OpenCV writes
-        if not ok:
-            raise OSError(f"texture {folder / png} can't be encoded")
-        (folder / png).write_bytes(data.tobytes())
+    baked = bake(mesh)
+    faces = mesh.faces[baked.order]
+    normals, normal_index = corner_normals(mesh.vertices, faces)
+    png = write_image(baked.image, folder / f"{name}.png") if baked.image is not None else None
     lines = [f"mtllib {name}.mtl", f"usemtl {name}"]
     lines += _rows("v {:.7f} {:.7f} {:.7f}", mesh.vertices + 0.0)
-    lines += _rows("vt {:.6f} {:.6f}", uv)
+    lines += _rows("vt {:.6f} {:.6f}", baked.uv)
     lines += _rows("vn {:.4f} {:.4f} {:.4f}", normals + 0.0)
     vertex, normal = faces + 1, normal_index + 1
     if png:
@@ -68,6 +56,36 @@ def write_textured(mesh: Mesh, folder: Path, name: str) -> TexturedFiles:
     mtl += [f"map_Kd {png}"] if png else []
     (folder / f"{name}.mtl").write_text("\n".join(mtl) + "\n", encoding="ascii", newline="\n")
     return TexturedFiles(f"{name}.obj", png, color)
+
+
+@dataclass(frozen=True)
+class Baked:
+    """Faces in texture order: `order` (F,) into the mesh's faces, `uv` (3 F, 2) of their corners (v up) and the texture
+    `image` (side, side, 3), top row first; None without colours."""
+
+    order: NDArray[np.int64]
+    uv: Array
+    image: NDArray[np.uint8] | None
+
+
+def bake(mesh: Mesh) -> Baked:
+    """Bake vertex colours into a texture."""
+    order = _spatial_order(mesh)
+    if mesh.colors is None or not len(order):
+        return Baked(order, np.zeros((0, 2)), None)
+    image, uv = _atlas(mesh.colors[mesh.faces[order]])
+    return Baked(order, uv, image[::-1])
+
+
+def write_image(image: NDArray[np.uint8], path: Path) -> str:
+    """Write an RGB image as PNG and return its file name."""
+    import cv2
+
+    ok, data = cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))
+    if not ok:
+        raise OSError(f"texture {path} can't be encoded")
+    path.write_bytes(data.tobytes())
+    return path.name
 
 
 def _rows(template: str, values: NDArray[Any]) -> list[str]:
@@ -124,7 +142,7 @@ def _atlas(corner_colors: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Array]:
     return image, ((origin[:, None] + corners[k % 2]) / (grid * s)).reshape(-1, 2)
 
 
-def _corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int64]]:
+def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int64]]:
     """Normals (M, 3) and the index (F, 3) of each face corner's: smooth over the surface, sharp at creases."""
     from scipy.sparse import csr_matrix
 
