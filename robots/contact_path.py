@@ -49,8 +49,10 @@ def backed_off(T_world_tool: Array, distance: float) -> Array:
     return T_world_tool @ geo.make_pose(translation=[0, 0, -distance])
 
 
-def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig) -> list[Grasp]:
-    """Both flips of the hand, leant as configured, with and without lag.
+def make_grasps(
+    hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, rank: int = 0
+) -> list[Grasp]:
+    """Both flips of the hand, leant as configured, with and without lag. rank: how many better holds there are.
 
     The tool point goes deeper than the middle of the handle, as far as the stand-off and the palm allow.
     """
@@ -66,7 +68,7 @@ def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig) -
             tool = geo.make_pose(geo.exp_so3(lean * closing) @ upright, hold.centre)
             tool = tool @ geo.make_pose(translation=[0, 0, insert])
             for turn in turns:
-                cost = abs(lean) / 0.45 * 0.3 + turn * 0.6
+                cost = abs(lean) / 0.45 * 0.3 + turn * 0.6 + 0.5 * rank + (hold.thickness / spec.stroke) ** 2
                 label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"
                 grasps.append(Grasp(hold, tool, along, turn, freedom, cost, label))
     return grasps

@@ -88,7 +88,7 @@ def plan(
     alone = mujoco.MjModel.from_xml_path(str(spec.model))
     chain = read_chain(alone, spec)
     holds = find_holds(target.mesh, contact, spec, config.seed)
-    grasps = [g for h in holds for g in make_grasps(h, target.joint, spec, config)]
+    grasps = [g for k, h in enumerate(holds) for g in make_grasps(h, target.joint, spec, config, k)]
     bases = placement.search(target.joint, goal, grasps, chain, spec, twin.static.mesh, config)
     accepted, rejected = _free_of_collision(twin, target, spec, goal, bases, config)
     solver = PathSolver(spec, alone)

@@ -1,0 +1,178 @@
+"""Plays a trajectory back in MuJoCo: the arm's own servos, contact and friction, nothing else moves the part."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.catalog import resolve
+from robots.config import ReplayConfig
+from robots.formats import native
+from robots.planner import with_collision
+from robots.report import Record, ReplayReport, measure
+from robots.spec import RobotSpec
+from robots.trajectory import PHASES, RobotTrajectory
+from robots.world import PART, ROBOT, World, build_world
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.scene import Twin
+
+_RECORD_EVERY = 5  # simulation steps between samples: 10 ms
+_SQUEEZE = -0.02  # m; command that saturates the gripper's force whatever it holds
+
+
+def replay(
+    twin: Twin,
+    trajectory: RobotTrajectory,
+    out: Path | None = None,
+    *,
+    robot: str | Path | None = None,
+    video: bool = True,
+    config: ReplayConfig | None = None,
+) -> ReplayReport:
+    """Replay a trajectory and measure what happened. Deterministic.
+
+    Args:
+        twin: the one that was planned for. out: folder for trajectory.json, trajectory.npz, report.json and
+            replay.mp4 (usually RUN/replay/<robot>/<part>); nothing is written without it.
+        robot: name or robot file when it is not the trajectory's own name. video: write replay.mp4.
+
+    Raises:
+        SceneError: the twin has no such part. InputError: no such robot, another arm, or an unwritable folder.
+        PlanningError: MuJoCo refuses the scene.
+    """
+    config = config or ReplayConfig()
+    part = twin.part(trajectory.part_id)
+    spec = resolve(robot or trajectory.robot)
+    if spec.arm_joints != trajectory.joint_names:
+        raise InputError(
+            f"the trajectory moves {trajectory.joint_names}, robot {spec.name!r} has {spec.arm_joints}",
+            "replay it with the robot it was planned for",
+        )
+    twin = with_collision(twin)
+    started = time.perf_counter()
+    world = build_world(
+        twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None
+    )
+    record, frames = simulate(world, trajectory, config)
+    wall = time.perf_counter() - started
+    written: str | None = None
+    if out is not None:
+        native.save(trajectory, out)
+        if video:
+            from robots.video import write_video
+
+            if write_video(out / "replay.mp4", world, trajectory, part, frames, config):
+                written = "replay.mp4"
+    report = measure(record, trajectory, part, spec, wall, written)
+    if out is not None:
+        _write_report(report, out / "report.json")
+    return report
+
+
+def simulate(
+    world: World, trajectory: RobotTrajectory, config: ReplayConfig
+) -> tuple[Record, Array]:
+    """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames moments."""
+    model, spec = world.model, world.spec
+    data = mujoco.MjData(model)
+    steps = int(np.ceil((trajectory.duration + config.settle) / model.opt.timestep))
+    times = np.arange(steps) * model.opt.timestep
+    ctrl = _commands(world, trajectory, times)
+    phase_at = np.searchsorted(trajectory.times, times).clip(0, len(trajectory.times) - 1)
+    phases = np.array([PHASES.index(p) for p in trajectory.phases])[phase_at]
+    phases[times > trajectory.times[-1]] = -1
+    data.qpos[world.arm_qpos] = trajectory.q[0]
+    data.qpos[world.gripper_qpos] = trajectory.gripper[0] / len(world.gripper_qpos)
+    mujoco.mj_forward(model, data)
+    recorder = _Recorder(world, trajectory.part_id, spec)
+    frame_at = set(np.linspace(0, steps - 1, config.video_frames).astype(int).tolist())
+    frames = []
+    for k in range(steps):
+        data.ctrl[:] = ctrl[k]
+        mujoco.mj_step(model, data)
+        if k % _RECORD_EVERY == _RECORD_EVERY - 1 or k == steps - 1:
+            recorder.take(data, int(phases[k]))
+        if k in frame_at:
+            frames.append(data.qpos.copy())
+    return recorder.done(), np.array(frames)
+
+
+def _commands(world: World, trajectory: RobotTrajectory, times: Array) -> Array:
+    """Actuator commands (steps, nu): q + kd/kp qd feeds the velocity forward through the servo's own damping."""
+    model = world.model
+    q, qd, gripper = trajectory.at(times)
+    kp = model.actuator_gainprm[world.arm_ctrl, 0]
+    kd = -model.actuator_biasprm[world.arm_ctrl, 2]
+    ctrl = np.zeros((len(times), model.nu))
+    low, high = model.actuator_ctrlrange[world.arm_ctrl].T
+    ctrl[:, world.arm_ctrl] = np.clip(q + kd / kp * qd, low - 0.5, high + 0.5)
+    ctrl[:, world.gripper_ctrl] = np.where(gripper > 1e-6, gripper, _SQUEEZE)
+    return ctrl
+
+
+class _Recorder:
+    """Collects samples of a running simulation."""
+
+    def __init__(self, world: World, part: int, spec: RobotSpec) -> None:
+        self._w, self._part, self._spec = world, part, spec
+        self._rows: list[tuple[float, int, float, float, Array, Array, Array, float, int]] = []
+        self._contacts: list[tuple[float, str, str, float]] = []
+
+    def take(self, data: mujoco.MjData, phase: int) -> None:
+        """Add the present state."""
+        w = self._w
+        tool = geo.make_pose(data.site_xmat[w.tool].reshape(3, 3), data.site_xpos[w.tool])
+        touching = self._read_contacts(data)
+        self._rows.append(
+            (
+                float(data.time),
+                phase,
+                float(data.qpos[w.part_qpos[self._part]]),
+                float(data.qvel[w.part_dof[self._part]]),
+                data.qpos[w.arm_qpos].copy(),
+                data.qfrc_actuator[w.arm_dof].copy(),
+                tool,
+                float(data.actuator_force[w.gripper_ctrl]),
+                touching,
+            )
+        )
+
+    def _read_contacts(self, data: mujoco.MjData) -> int:
+        """Fingers that touch the part; everything else that touches the robot is noted as unintended."""
+        w, m = self._w, self._w.model
+        fingers = set()
+        for k in range(data.ncon):
+            if data.contact.dist[k] > 0:
+                continue
+            g1, g2 = (int(g) for g in data.contact.geom[k])
+            if w.owner[g1] != ROBOT and w.owner[g2] != ROBOT:
+                continue
+            f, other = (g1, g2) if w.finger[g1] else (g2, g1)
+            if w.finger[f] and w.owner[other] == PART and w.geom_part[other] == self._part:
+                fingers.add(int(m.geom_bodyid[f]))
+                continue
+            names = sorted(m.body(m.geom_bodyid[g]).name.removeprefix("robot_") for g in (g1, g2))
+            self._contacts.append((float(data.time), names[0], names[1], -float(data.contact.dist[k])))
+        return len(fingers)
+
+    def done(self) -> Record:
+        """The record."""
+        columns = list(zip(*self._rows, strict=True))
+        return Record(
+            *(np.array(c, dtype=np.float64) for c in columns), contacts=tuple(self._contacts)
+        )
+
+
+def _write_report(report: ReplayReport, path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(report.to_json(), indent=1, allow_nan=False)
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as e:
+        raise InputError(f"{path} can't be written ({e.strerror})", "choose another output folder") from e

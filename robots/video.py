@@ -1,0 +1,190 @@
+"""Draws a replay with MuJoCo's renderer, without a screen, and writes it as H.264."""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+from fractions import Fraction
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.config import ReplayConfig
+from robots.trajectory import RobotTrajectory
+from robots.world import ROBOT, STATIC, World
+from twin.errors import InputError, MissingDependencyError
+from twin.geometry import Array
+from twin.scene import Part, Revolute
+
+_LOG = logging.getLogger(__name__)
+_AXIS_COLOUR = np.array([0.95, 0.25, 0.1, 1.0], dtype=np.float32)
+_GROUPS = (1, 0, 1, 1, 0, 0)  # 2 visual meshes, 3 the robot; collision shapes of the twin (5) stay hidden
+
+
+def write_video(
+    path: Path, world: World, trajectory: RobotTrajectory, part: Part, frames: Array, config: ReplayConfig
+) -> bool:
+    """Draw joint positions `frames` (f, nq) and write them to `path`.
+
+    Returns False, after one warning, when no OpenGL is found: the replay itself doesn't need it.
+    Raises InputError when the file can't be written.
+    """
+    try:
+        images = draw(world, trajectory, part, frames, config.video_size)
+    except MissingDependencyError as e:
+        _LOG.warning("no video: %s", e)
+        return False
+    encode(path, images, config.video_rate)
+    return True
+
+
+def draw(
+    world: World, trajectory: RobotTrajectory, part: Part, frames: Array, size: tuple[int, int]
+) -> list[Array]:
+    """Images (height, width, 3) uint8 of the scene with the joint axis drawn in. Raises MissingDependencyError."""
+    model = world.model
+    _finish_looks(model, size)
+    renderer = _renderer(model, size)
+    data = mujoco.MjData(model)
+    camera = _camera(world, data, trajectory, frames)
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = _GROUPS
+    images = []
+    try:
+        for qpos in frames:
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_camlight(model, data)
+            renderer.update_scene(data, camera, option)
+            _draw_axis(renderer.scene, part)
+            images.append(renderer.render().copy())
+    finally:
+        renderer.close()
+    return images
+
+
+def _finish_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
+    model.vis.global_.offwidth, model.vis.global_.offheight = size
+    model.vis.map.znear, model.vis.map.zfar = 0.005, 50.0
+    model.vis.quality.shadowsize = 0
+
+
+def _renderer(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.Renderer:
+    try:
+        _prefer_egl()
+        renderer = mujoco.Renderer(model, height=size[1], width=size[0])
+    except Exception as e:  # the drivers raise ImportError, RuntimeError, AttributeError and GL errors of their own
+        raise MissingDependencyError(
+            f"OpenGL can't be used without a screen ({type(e).__name__}: {e})",
+            "install libegl1 and libgl1-mesa-dri, or set MUJOCO_GL; `twin doctor` tells more",
+        ) from e
+    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+    return renderer
+
+
+def _prefer_egl() -> None:
+    """Without a screen, and where nothing else was asked for, draw through EGL.
+
+    MuJoCo reads MUJOCO_GL once, when it is first imported, which is too late for us to set it.
+    """
+    if platform.system() == "Linux" and not os.environ.get("MUJOCO_GL") and not os.environ.get("DISPLAY"):
+        from mujoco.egl import GLContext
+        from mujoco.rendering.classic import gl_context
+
+        gl_context.GLContext = GLContext
+
+
+def _camera(
+    world: World, data: mujoco.MjData, trajectory: RobotTrajectory, frames: Array
+) -> mujoco.MjvCamera:
+    """A view from the side of the base in which hand, handle and shoulder are least hidden."""
+    hand = trajectory.T_world_tool[:: max(len(trajectory.times) // 6, 1), :3, 3]
+    shoulder = trajectory.T_world_base[:3, 3] + [0, 0, 0.35]
+    look = 0.6 * hand.mean(axis=0) + 0.4 * shoulder
+    seen = np.vstack([hand, shoulder[None]])
+    distance = 1.15 + 1.5 * float(np.linalg.norm(seen - look, axis=1).max())
+    facing = np.arctan2(*(hand.mean(axis=0) - shoulder)[1::-1])
+    model = world.model
+    poses = frames[:: max(len(frames) // 5, 1)]
+    best, best_score = (0.0, 0.0), -np.inf
+    for turn in np.deg2rad([-50, 50, -80, 80, -25, 25, -110, 110, 140, -140]):
+        for lift in np.deg2rad([18, 35]):
+            azimuth = facing + turn
+            forward = np.array(
+                [np.cos(lift) * np.cos(azimuth), np.cos(lift) * np.sin(azimuth), -np.sin(lift)]
+            )
+            eye = look - distance * forward
+            score = _visible(model, data, world, poses, eye, shoulder) - 0.1 * abs(abs(turn) - 0.9)
+            if score > best_score + 1e-9:
+                best, best_score = (azimuth, lift), score
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat[:] = look
+    camera.distance = distance
+    camera.azimuth, camera.elevation = np.rad2deg(best[0]), -np.rad2deg(best[1])
+    return camera
+
+
+def _visible(
+    model: mujoco.MjModel, data: mujoco.MjData, world: World, poses: Array, eye: Array, shoulder: Array
+) -> float:
+    """Share of rays from the eye to hand and shoulder that nothing but the hand itself cuts, 0..2."""
+    groups = np.array([0, 0, 0, 1, 0, 1], dtype=np.uint8)
+    free = 0.0
+    for qpos in poses:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        hand = np.array(data.site_xpos[world.tool])
+        for target, weight in ((hand, 1.5), (shoulder, 0.5)):
+            ray = target - eye
+            hit = np.array([-1], dtype=np.int32)
+            share = mujoco.mj_ray(model, data, eye, ray, groups, 1, -1, hit)
+            near = share < 0 or (1 - share) * np.linalg.norm(ray) < 0.12
+            mine = hit[0] >= 0 and world.owner[hit[0]] == ROBOT and target is shoulder
+            behind_wall = hit[0] >= 0 and world.owner[hit[0]] == STATIC and not near
+            free += weight * (1.0 if near or mine else 0.0 if behind_wall else 0.3)
+    return free / len(poses)
+
+
+def _draw_axis(scene: mujoco.MjvScene, part: Part) -> None:
+    """The joint axis as an arrow: at the pivot of a hinge, from the contact of a slider."""
+    joint = part.joint
+    middle = part.mesh.area_centroid
+    if isinstance(joint, Revolute):
+        along = (part.mesh.vertices - joint.pivot) @ joint.axis
+        start = joint.pivot + joint.axis * (along.min() - 0.08)
+        end = joint.pivot + joint.axis * (along.max() + 0.08)
+    else:
+        start = part.contact.point if part.contact else middle
+        end = start + joint.axis * max(joint.upper, 0.1)
+    if scene.ngeom >= scene.maxgeom:
+        return
+    geom = scene.geoms[scene.ngeom]
+    mujoco.mjv_initGeom(
+        geom, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), _AXIS_COLOUR
+    )
+    mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, 0.008, start, end)
+    scene.ngeom += 1
+
+
+def encode(path: Path, images: list[Array], rate: int) -> None:
+    """Write images as H.264, yuv420p. Raises InputError when the file can't be written."""
+    import av
+
+    height, width = images[0].shape[:2]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with av.open(str(path), "w") as container:
+            stream = container.add_stream("libx264", rate=Fraction(rate), options={"crf": "23", "preset": "fast"})
+            stream.width, stream.height, stream.pix_fmt = width - width % 2, height - height % 2, "yuv420p"
+            for image in images:
+                frame = av.VideoFrame.from_ndarray(image[: stream.height, : stream.width], format="rgb24")
+                for packet in stream.encode(frame):
+                    container.mux(packet)
+            for packet in stream.encode():
+                container.mux(packet)
+    except (OSError, av.FFmpegError) as e:
+        raise InputError(f"{path} can't be written: {e}", "choose another output folder") from e
