@@ -31,7 +31,8 @@ class SimulateConfig:
         rest_after_s: time after the hand has left.
         azimuth_deg: bearing of the camera from the part's outward normal, positive towards the right of a person
             facing the part; None searches a free line of sight around a random bearing.
-        distance: horizontal distance of the camera from the grip; None draws 1.0 to 1.25 m.
+        distance: horizontal distance of the camera from the grip; None takes 0.78 m or, for a wide
+            door, enough to stand clear of it, plus a random 0 to 0.16 m.
         height_above_grip: height of the camera above the grip; None follows an eye height of 1.6 m, bent towards the part.
         sway: scale of the head's sway, turn and tremor; 0 holds the camera still after its approach.
         handle: name of a site or geom to grasp; None finds what protrudes from the part.

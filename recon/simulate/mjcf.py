@@ -79,7 +79,9 @@ def load_articulation(
     mujoco.mj_forward(model, data)
     dropped = _subtrees(model, [b for b in range(1, model.nbody) if _matches(model.body(b).name, exclude)])
     moving = _subtrees(model, [int(model.jnt_bodyid[index])]) - dropped
-    static, part, infinite = [], [], False
+    static: list[Surface] = []
+    part: list[Surface] = []
+    infinite = False
     materials: dict[tuple[str, str], Material] = {}
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
@@ -123,7 +125,9 @@ def load_model(scene: Path) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_path(str(scene))
     except ValueError as error:
         reason = " ".join(str(error).split())
-        raise InputError(f"MuJoCo can't load the scene {scene}: {reason}", "check it with MuJoCo's viewer") from error
+        raise InputError(
+            f"MuJoCo can't load the scene {scene}: {reason}", "check it with MuJoCo's viewer"
+        ) from error
 
 
 def joint_names(model: mujoco.MjModel) -> list[str]:
@@ -138,7 +142,9 @@ def find_joint(model: mujoco.MjModel, name: str) -> int:
         near = nearest_name(name, names)
         hint = f"did you mean {near!r}? " if near else ""
         there = ", ".join(n for n in names if n) or "none"
-        raise InputError(f"the scene has no hinge or slide joint {name!r}", f"{hint}joints that exist: {there}")
+        raise InputError(
+            f"the scene has no hinge or slide joint {name!r}", f"{hint}joints that exist: {there}"
+        )
     return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
 
 
@@ -149,7 +155,11 @@ def _closed_end(model: mujoco.MjModel, index: int, kind: str) -> tuple[float, fl
     """
     rest = float(model.qpos0[model.jnt_qposadr[index]])
     if not model.jnt_limited[index]:
-        return rest, 1.0, DEFAULT_HINGE / OPENING_SHARE if kind == "revolute" else DEFAULT_SLIDE / OPENING_SHARE
+        return (
+            rest,
+            1.0,
+            DEFAULT_HINGE / OPENING_SHARE if kind == "revolute" else DEFAULT_SLIDE / OPENING_SHARE,
+        )
     low, high = (float(v) for v in model.jnt_range[index])
     if abs(rest - low) <= abs(rest - high):
         return low, 1.0, high - low

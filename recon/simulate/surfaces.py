@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from recon.simulate.textures import Material
 from twin.geometry import Array
 
-SMOOTH_ANGLE_DEG = 40.0  # chosen by us: facets of a cylinder with 24 sides are smoothed, edges of a box are not
+SMOOTH_ANGLE_DEG = (
+    40.0  # chosen by us: facets of a cylinder with 24 sides are smoothed, edges of a box are not
+)
 
 
 @dataclass(frozen=True)
@@ -62,9 +64,9 @@ def corner_normals(vertices: Array, faces: NDArray[np.int64], angle_deg: float =
 
 def merged_mesh(surfaces: list[Surface]) -> trimesh.Trimesh:
     """All surfaces as one mesh, in the frame that they share."""
-    return trimesh.util.concatenate(
-        [trimesh.Trimesh(s.vertices, s.faces, process=False) for s in surfaces]
-    )
+    base = np.cumsum([0, *(len(s.vertices) for s in surfaces[:-1])])
+    faces = np.concatenate([s.faces + b for s, b in zip(surfaces, base, strict=True)])
+    return trimesh.Trimesh(np.concatenate([s.vertices for s in surfaces]), faces, process=False)
 
 
 def box(size: tuple[float, float, float]) -> tuple[Array, NDArray[np.int64]]:

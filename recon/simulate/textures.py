@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -62,7 +63,7 @@ def _planks(rng: np.random.Generator) -> Image:
     rows = int(rng.integers(5, 9))
     out = np.zeros((SIZE, SIZE), np.float32)
     edges = np.linspace(0, SIZE, rows + 1).astype(int)
-    for top, bottom in zip(edges[:-1], edges[1:], strict=True):
+    for top, bottom in pairwise(edges):
         cuts = np.sort(rng.choice(SIZE, size=3, replace=False))
         shade = rng.uniform(-0.25, 0.3, size=3)
         columns = np.searchsorted(cuts, np.arange(SIZE)) % 3
@@ -78,8 +79,10 @@ def _knots(rng: np.random.Generator) -> Image:
         centre = tuple(int(v) for v in rng.integers(20, SIZE - 20, 2))
         axes = (int(rng.integers(5, 14)), int(rng.integers(3, 8)))
         for k in range(3, 0, -1):
-            cv2.ellipse(out, centre, (axes[0] * k // 3 + 1, axes[1] * k // 3 + 1), 0, 0, 360, 0.9 - 0.2 * k, -1)
-    return cv2.GaussianBlur(out, (0, 0), 1.0)
+            cv2.ellipse(
+                out, centre, (axes[0] * k // 3 + 1, axes[1] * k // 3 + 1), 0, 0, 360, 0.9 - 0.2 * k, -1
+            )
+    return cv2.GaussianBlur(out, (0, 0), 1.0).astype(np.float32)
 
 
 def speckle(rng: np.random.Generator, colour: Array) -> Image:
@@ -124,18 +127,23 @@ def plaster(rng: np.random.Generator, colour: Array) -> Image:
     """Trowelled wall: clouds, ridges and specks."""
     ridges = 1.0 - np.abs(noise(rng, 1.2, low=4.0))
     specks = np.clip(np.abs(noise(rng, 0.3, low=30.0)) - 1.6, 0.0, 1.0)
-    value = 0.3 + 0.16 * ridges + 0.12 * noise(rng, 1.5) + 0.7 * specks
+    grit = noise(rng, 0.9, low=10.0)
+    value = 0.3 + 0.14 * ridges + 0.1 * noise(rng, 1.5) + 0.13 * grit + 0.7 * specks
     return _mix(colour * 1.1, value, colour * 0.55)
 
 
 def laminate(rng: np.random.Generator, colour: Array) -> Image:
     """Painted or laminated board: fine fibres, scratches and smudges."""
-    value = 0.25 + 0.1 * noise(rng, 0.7, stretch=5.0) + 0.1 * noise(rng, 1.3)
+    value = (
+        0.25 + 0.12 * noise(rng, 0.7, stretch=5.0) + 0.1 * noise(rng, 1.3) + 0.08 * noise(rng, 0.9, low=8.0)
+    )
     scratches = np.zeros((SIZE, SIZE), np.float32)
     for _ in range(130):
         a = rng.integers(0, SIZE, 2)
         b = a + rng.integers(-50, 50, 2)
-        cv2.line(scratches, tuple(map(int, a)), tuple(map(int, b)), float(rng.uniform(0.2, 0.6)), 1, cv2.LINE_AA)
+        cv2.line(
+            scratches, tuple(map(int, a)), tuple(map(int, b)), float(rng.uniform(0.2, 0.6)), 1, cv2.LINE_AA
+        )
     for _ in range(90):
         centre = tuple(map(int, rng.integers(0, SIZE, 2)))
         cv2.circle(scratches, centre, int(rng.integers(1, 5)), float(rng.uniform(0.2, 0.7)), -1, cv2.LINE_AA)
@@ -171,16 +179,16 @@ def poster(rng: np.random.Generator, colour: Array) -> Image:
         if rng.random() < 0.5:
             cv2.rectangle(image, corner, far, tone, -1)
         else:
-            cv2.ellipse(image, corner, (int(size[0] // 2), int(size[1] // 2)), float(rng.uniform(0, 180)), 0, 360,
-                        tone, -1, cv2.LINE_AA)
+            axes, angle = (int(size[0] // 2), int(size[1] // 2)), float(rng.uniform(0, 180))
+            cv2.ellipse(image, corner, axes, angle, 0, 360, tone, -1, cv2.LINE_AA)
     for _ in range(9):
         x, y = (int(v) for v in rng.integers(0, SIZE - 100, 2))
-        tone = float(rng.choice([0.03, 0.8]))
+        ink = (float(rng.choice([0.03, 0.8])),) * 3
         for line in range(int(rng.integers(2, 6))):
             for word in range(5):
                 start = x + word * 22
-                cv2.line(image, (start, y + 9 * line), (start + int(rng.integers(8, 18)), y + 9 * line),
-                         (tone, tone, tone), 3)
+                end = start + int(rng.integers(8, 18))
+                cv2.line(image, (start, y + 9 * line), (end, y + 9 * line), ink, 3)
     return np.clip(image * (1.0 + 0.08 * noise(rng, 0.8)[..., None]), 0.0, 1.0).astype(np.float32)
 
 
@@ -203,7 +211,13 @@ PALETTES: dict[str, list[tuple[float, float, float]]] = {
     "speckle": [(0.5, 0.48, 0.45), (0.62, 0.6, 0.55), (0.3, 0.32, 0.34), (0.45, 0.38, 0.33)],
     "tiles": [(0.62, 0.58, 0.52), (0.4, 0.5, 0.52), (0.55, 0.36, 0.28), (0.7, 0.7, 0.68)],
     "plaster": [(0.66, 0.63, 0.56), (0.5, 0.56, 0.58), (0.62, 0.54, 0.44), (0.58, 0.6, 0.5)],
-    "laminate": [(0.66, 0.65, 0.6), (0.35, 0.45, 0.5), (0.45, 0.52, 0.4), (0.6, 0.42, 0.35), (0.36, 0.36, 0.4)],
+    "laminate": [
+        (0.66, 0.65, 0.6),
+        (0.35, 0.45, 0.5),
+        (0.45, 0.52, 0.4),
+        (0.6, 0.42, 0.35),
+        (0.36, 0.36, 0.4),
+    ],
     "metal": [(0.5, 0.5, 0.5), (0.45, 0.42, 0.36), (0.3, 0.3, 0.32)],
     "fabric": [(0.16, 0.2, 0.32), (0.3, 0.12, 0.13), (0.2, 0.27, 0.2), (0.33, 0.3, 0.26)],
     "skin": [(0.72, 0.46, 0.35), (0.55, 0.33, 0.23), (0.36, 0.2, 0.13), (0.78, 0.54, 0.43)],
@@ -233,7 +247,9 @@ def kind_of(name: str, rng: np.random.Generator) -> str:
     return str(rng.choice(["wood", "wood", "laminate", "speckle"]))
 
 
-def make_material(kind: str, contrast: float, rng: np.random.Generator, colour: Array | None = None) -> Material:
+def make_material(
+    kind: str, contrast: float, rng: np.random.Generator, colour: Array | None = None
+) -> Material:
     """A material of `kind` (see PAINTERS) with its own drawing; `contrast` scales it around its mean colour."""
     painter, tile, gloss = PAINTERS[kind]
     if colour is None:
@@ -247,10 +263,10 @@ def make_material(kind: str, contrast: float, rng: np.random.Generator, colour: 
 
 
 def material_for(name: str, rgb: Array, contrast: float, rng: np.random.Generator) -> Material:
-    """The material of an MJCF geom: its kind from the material's name, its colour from `rgb` when that is not grey."""
+    """The material of an MJCF geom: kind from its material's name; painted surfaces keep `rgb` unless it is grey."""
     own = np.random.default_rng([int(rng.integers(2**31)), zlib.crc32(name.encode())])
     kind = kind_of(name, own)
-    coloured = float(rgb.max() - rgb.min()) > 0.08
+    coloured = kind in ("laminate", "plaster", "fabric", "tiles") and float(rgb.max() - rgb.min()) > 0.08
     return make_material(kind, contrast, own, np.clip(rgb, 0.02, 0.9) if coloured else None)
 
 

@@ -1,0 +1,217 @@
+"""The camera's path: a person walks up, looks at the part, sways, and sees the interaction to its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from recon.simulate.caster import Caster
+from recon.simulate.config import SimulateConfig
+from recon.simulate.grasp import Grasp
+from recon.simulate.mjcf import Articulation
+from recon.simulate.surfaces import Surface, merged_mesh
+from recon.simulate.timeline import Timeline, minimum_jerk
+from twin.geometry import Array, exp_so3, make_pose, point_line_distance, transform, unit
+
+EYE_HEIGHT = 1.6
+NEAR_PART, NEAR_STATIC = 0.45, 0.22  # metres that the head keeps from the part's way and from furniture
+STATES = 5
+FOLLOW = 0.4
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a viewpoint is judged by: distances to what stands still, and the part at a few states."""
+
+    static: Caster
+    at_state: tuple[Caster, ...]
+    states: Array
+    low: Array
+    high: Array
+
+
+def camera_path(
+    scene: Articulation,
+    still: tuple[Surface, ...],
+    bounds: tuple[Array, Array],
+    grasp: Grasp,
+    timeline: Timeline,
+    states: Array,
+    config: SimulateConfig,
+    rng: np.random.Generator,
+) -> Array:
+    """Poses T_world_camera (frames, 4, 4), OpenCV axes, with a free line of sight to the grip."""
+    around = _surroundings(scene, still, bounds, float(states.max()))
+    main = _viewpoint(scene, around, grasp, config, rng)
+    moved = transform(scene.pose(float(states.max())), grasp.point[None])[0] - grasp.point
+    centres = _walk(main, around, grasp.point, moved, timeline, config, rng)
+    part = merged_mesh(list(scene.part))
+    middle = 0.5 * np.asarray(part.bounds[0] + part.bounds[1])
+    held = np.stack([transform(scene.pose(float(s)), np.stack([grasp.point, middle])) for s in states])
+    target = gaussian_filter1d(0.6 * held[:, 0] + 0.4 * held[:, 1], 0.35 * config.fps, axis=0, mode="nearest")
+    wobble = np.radians(config.sway) * _sway(timeline.frames, config.fps, 0.8, 0.07, rng)
+    n = timeline.frames
+    first_look = np.radians(rng.uniform(4.0, 9.0)) * rng.choice([-1.0, 1.0])
+    ease = 1.0 - minimum_jerk(np.arange(n) / max(1, timeline.grasp))
+    out = np.empty((n, 4, 4))
+    for i in range(n):
+        look = _look_at(centres[i], target[i])
+        turn = wobble[i] + [0.3 * first_look * ease[i], first_look * ease[i], 0.0]
+        out[i] = make_pose(look @ exp_so3(turn), centres[i])
+    return out
+
+
+def _surroundings(
+    scene: Articulation, still: tuple[Surface, ...], bounds: tuple[Array, Array], opening: float
+) -> Surroundings:
+    static = _caster([(s.vertices, s.faces) for s in still])
+    states = np.linspace(0.0, opening, STATES)
+    moving = []
+    for s in states:
+        pose = scene.pose(float(s))
+        moving.append(_caster([(transform(pose, p.vertices), p.faces) for p in scene.part]))
+    return Surroundings(static, tuple(moving), states, *bounds)
+
+
+def _caster(meshes: list[tuple[Array, NDArray[np.int64]]]) -> Caster:
+    out = Caster()
+    for vertices, faces in meshes:
+        out.add(vertices, faces)
+    return out
+
+
+def _viewpoint(
+    scene: Articulation, around: Surroundings, grasp: Grasp, config: SimulateConfig, rng: np.random.Generator
+) -> Array:
+    """Best of a fan of viewpoints about a seeded (or the asked) bearing: the grip and the part stay in sight."""
+    facing = unit(grasp.outward * [1.0, 1.0, 0.0]) if abs(grasp.outward[2]) < 0.9 else _facing(scene, around)
+    right = np.cross([0.0, 0.0, 1.0], facing)
+    asked = config.azimuth_deg
+    bearing = float(rng.uniform(-30.0, 30.0)) if asked is None else asked
+    distance = float(rng.uniform(0.0, 0.16)) + max(0.78, 0.6 + 0.75 * _radius(scene, grasp))
+    distance = config.distance if config.distance is not None else distance
+    rise = config.height_above_grip
+    if rise is None:
+        rise = float(np.clip(EYE_HEIGHT + around.low[2] - grasp.point[2], -0.12, 0.55))
+    travel = around.states[-1] * float(grasp.outward @ scene.axis) if scene.kind == "prismatic" else 0.0
+    base = grasp.point + max(0.0, travel) * 0.35 * facing  # a person stands clear of a drawer
+    best, choice = -np.inf, base + distance * facing
+    for turn in (0.0, 10.0, -10.0, 20.0, -20.0, 32.0, -32.0, 45.0, -45.0):
+        for scale, lift in ((1.0, 0.0), (1.12, 0.0), (0.9, 0.0), (1.0, 0.15), (1.0, -0.15), (1.2, 0.15)):
+            angle = np.radians(bearing + turn)
+            away = np.cos(angle) * facing + np.sin(angle) * right
+            eye = base + scale * distance * away + np.array([0.0, 0.0, rise + lift])
+            score = (
+                _sight(scene, around, grasp, eye)
+                - 0.006 * abs(turn)
+                - 0.15 * abs(lift)
+                - 0.3 * abs(scale - 1.0)
+            )
+            if score > best:
+                best, choice = score, eye
+    return choice
+
+
+def _radius(scene: Articulation, grasp: Grasp) -> float:
+    """How far the grip swings out: its distance from a hinge's axis, 0 for a slide."""
+    return point_line_distance(grasp.point, scene.pivot, scene.axis) if scene.kind == "revolute" else 0.0
+
+
+def _facing(scene: Articulation, around: Surroundings) -> Array:
+    """For a part that faces up: the horizontal direction in which the room has most space."""
+    middle = 0.5 * (scene.lower + scene.upper)
+    space = np.concatenate([middle[:2] - around.low[:2], around.high[:2] - middle[:2]])
+    directions = np.array([[-1.0, 0, 0], [0, -1.0, 0], [1.0, 0, 0], [0, 1.0, 0]])
+    return directions[int(space.argmax())]
+
+
+def _sight(scene: Articulation, around: Surroundings, grasp: Grasp, eye: Array) -> float:
+    """Share of the states in which the grip, and share of the part's points that, are seen; less for bad places."""
+    if np.any(eye < around.low + 0.2) or np.any(eye > around.high - 0.15):
+        return -2.0
+    penalty = 2.0 if around.static.distance(eye) < NEAR_STATIC else 0.0
+    seen = 0.0
+    part = np.concatenate([s.vertices[s.faces].mean(axis=1) for s in scene.part])
+    front = part[part @ grasp.outward > np.quantile(part @ grasp.outward, 0.3)][:200]
+    for k, state in enumerate(around.states):
+        moving = around.at_state[k]
+        if moving.distance(eye) < NEAR_PART:
+            penalty += 1.0
+        pose = scene.pose(float(state))
+        grip = transform(pose, (grasp.point + 0.03 * grasp.outward)[None])
+        points = np.concatenate([grip, transform(pose, front + 0.004 * grasp.outward)])
+        rays = np.concatenate([np.broadcast_to(eye, points.shape), points - eye], axis=1).astype(np.float32)
+        free = np.ones(len(points), dtype=bool)
+        for caster in (around.static, moving):
+            free &= ~caster.blocked(rays, 0.999)
+        seen += (0.6 * float(free[0]) + 0.4 * float(free[1:].mean())) / len(around.states)
+    return seen - penalty
+
+
+def _walk(
+    main: Array,
+    around: Surroundings,
+    grip: Array,
+    moved: Array,
+    timeline: Timeline,
+    config: SimulateConfig,
+    rng: np.random.Generator,
+) -> Array:
+    """Camera centres (frames, 3): an approach of some 30 cm, a drift along with the part, half a step back.
+
+    The person gives way by FOLLOW of the distance that the grip comes nearer, or follows when it goes away.
+    """
+    away = unit((main - grip) * [1.0, 1.0, 0.0])
+    side = np.cross([0.0, 0.0, 1.0], away) * float(rng.choice([-1.0, 1.0]))
+    start = (
+        main
+        + rng.uniform(0.18, 0.30) * away
+        + rng.uniform(0.10, 0.24) * side
+        + [0, 0, rng.uniform(-0.07, 0.05)]
+    )
+    give_way = FOLLOW * float(moved @ away) * away
+    drift = (
+        main
+        + give_way
+        + rng.uniform(0.03, 0.09) * away
+        + rng.uniform(-0.09, 0.09) * side
+        + [0, 0, rng.uniform(-0.03, 0.04)]
+    )
+    end = drift + rng.uniform(0.05, 0.14) * away + rng.uniform(-0.08, 0.08) * side
+    low, high = around.low + 0.15, around.high - 0.12
+    marks = [
+        0.0,
+        0.55 * timeline.grasp,
+        1.2 * timeline.grasp,
+        float(timeline.end),
+        float(timeline.frames + 2),
+    ]
+    points = np.stack([start, 0.3 * start + 0.7 * main, main, drift, end])
+    path = CubicSpline(marks, np.clip(points, low, high), bc_type="clamped")(np.arange(timeline.frames))
+    return path + 0.01 * config.sway * _sway(timeline.frames, config.fps, 1.3, 0.06, rng)
+
+
+def _sway(frames: int, fps: float, slow: float, tremor: float, rng: np.random.Generator) -> Array:
+    """Smooth noise (frames, 3): slow sway below 1 Hz of amplitude `slow`, tremor at 2 to 5 Hz of `tremor`."""
+    t = np.arange(frames)[:, None] / fps
+    out = np.zeros((frames, 3))
+    for low, high, size, count in (
+        (0.12, 0.4, 0.62 * slow, 3),
+        (0.4, 1.0, 0.28 * slow, 3),
+        (2.0, 5.0, tremor, 3),
+    ):
+        for _ in range(count):
+            phase, rate = rng.uniform(0.0, 2.0 * np.pi, 3), rng.uniform(low, high, 3)
+            out += size / np.sqrt(count) * np.sin(2.0 * np.pi * rate * t + phase)
+    return out
+
+
+def _look_at(eye: Array, target: Array) -> Array:
+    """Rotation (3, 3) of a level camera (OpenCV axes) at `eye` that looks at `target`."""
+    forward = unit(target - eye)
+    right = unit(np.cross(forward, [0.0, 0.0, 1.0]))
+    return np.stack([right, np.cross(forward, right), forward], axis=1)
