@@ -1,0 +1,274 @@
+"""Labels: which pixels are static scene, which part, which hand, from geometry alone.
+
+Every pixel's point is carried into reference frames as if it belonged to the static scene and as if to each part. A
+surface that is seen through in another frame can't have been there. What neither hypothesis explains is the hand with
+its sleeve. Evidence is then pooled over voxels of the world and of each part, and over neighbouring pixels.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.parts import MovingPart
+from recon.progress import Progress, silent
+from recon.recording import Recording
+from recon.references import (
+    References,
+    View,
+    camera_vector,
+    find_references,
+    gather,
+    lab,
+    relative_moves,
+    view,
+)
+from recon.regions import agree, upsample_labels
+from recon.voxels import largest_piece, mean_evidence, near_piece, voxel_keys
+from recon.warping import F32, depth_sigma
+from twin import geometry as geo
+from twin.errors import ConfigError, ReconstructionError
+from twin.geometry import Array
+from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
+
+
+@dataclass(frozen=True)
+class LabelConfig:
+    """How frames are labelled; all values chosen by us.
+
+    every: label every n-th frame. working_width: px, width up to which the dense test works. pose_error: m, depth error
+    that camera, joint and state errors may cause together. references: frames at rest taken from each rest phase.
+    witnesses: frames of the whole recording that testify empty space.
+    """
+
+    every: int = 4
+    working_width: int = 320
+    pose_error: float = 0.003
+    references: int = 6
+    witnesses: int = 6
+
+    def __post_init__(self) -> None:
+        if self.every < 1 or self.working_width < 32 or self.references < 1 or self.witnesses < 0:
+            raise ConfigError(f"label settings must be positive, got {self}")
+
+
+# Log scores, chosen by us and the same for every recording: agreement of two references is worth 1.5, being seen
+# through by 1.5 of them 4. Without any evidence a pixel is static; a moving one without more is part or hand alike.
+_SUPPORT, _VIOLATION = 1.5, 4.0
+_PRIOR_PART, _PRIOR_HAND = -0.5, -1.2
+_VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
+_BOX_MARGIN_M = 0.1
+
+
+def label_frames(
+    recording: Recording,
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    config: LabelConfig = LabelConfig(),
+    *,
+    frames: Sequence[int] | None = None,
+    progress: Progress | None = None,
+) -> dict[int, NDArray[np.uint8]]:
+    """Label images (H, W) at colour resolution: 0 unknown, 1 static, part ids, 255 hand with sleeve and forearm.
+
+    Args:
+        frames: which frames; default every `config.every`-th one that has a camera pose.
+
+    Warns when no frame before or after the motion is free of the hand. Raises ReconstructionError when none of the
+    frames has a camera pose.
+    """
+    known = set(cameras.frames.tolist())
+    wanted = range(0, len(recording), config.every) if frames is None else frames
+    chosen = [int(f) for f in wanted if int(f) in known]
+    if not chosen:
+        raise ReconstructionError(
+            "no frame to label has a camera pose", "label frames which the cameras cover"
+        )
+    factor = max(1, round(recording.intrinsics.width / config.working_width))
+    refs = find_references(
+        recording,
+        cameras,
+        parts,
+        factor=factor,
+        slack=config.pose_error,
+        per_phase=config.references,
+        witnesses=config.witnesses,
+    )
+    _warn(refs)
+    wrap = progress or silent
+    camera = camera_vector(recording.intrinsics, factor)
+    boxes = [_part_box(refs, cameras, p, camera, config.pose_error) for p in parts]
+    views, scores = [], []
+    for f in wrap(chosen, "labels"):
+        seen = view(recording, f, factor)
+        views.append(seen)
+        scores.append(_first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error))
+    _pool_voxels(views, scores, cameras, parts, camera)
+    _pool_color(views, scores)
+    ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
+    out = {}
+    for seen, score in zip(views, scores, strict=True):
+        out[seen.frame] = _final(recording, seen, score, factor, ids, refs.color_sigma)
+    return out
+
+
+def _warn(refs: References) -> None:
+    for k, free in enumerate(refs.rest_without_hand):
+        if not free:
+            where = {0: "before the first motion", len(refs.rest_without_hand) - 1: "after the last motion"}
+            warnings.warn(
+                f"no frame {where.get(k, 'between two motions')} is free of the hand: part and hand labels will be "
+                "less exact there; record a second of rest without the hand",
+                stacklevel=3,
+            )
+
+
+def _part_box(
+    refs: References, cameras: Trajectory, part: MovingPart, camera: Array, slack: float
+) -> tuple[Array, Array] | None:
+    """Lower and upper corner (3,) that surely hold the part at state 0; None when nothing is known of it.
+
+    What other references see through, in references that show no hand, is the part; `_BOX_MARGIN_M` more is added.
+    """
+    found = []
+    for k in np.flatnonzero(refs.trusted):
+        frame = refs.frames[k]
+        pose = part.pose(frame)
+        if pose is None:
+            continue
+        seen = View(frame, refs.depth[k, ::2, ::2].copy(), refs.color[k, ::2, ::2].copy())
+        small = replace(refs, depth=refs.depth[:, ::2, ::2].copy(), color=refs.color[:, ::2, ::2].copy())
+        moves = relative_moves(cameras, (), frame, refs.frames)[0]
+        moves[k] = np.nan
+        _, violation = gather(seen, small, moves, camera / 2, slack)
+        moved = replace(seen, depth=np.where(violation > 1.5, seen.depth, np.float32(0)))
+        found.append(geo.transform(geo.invert_pose(pose), _points(moved, camera / 2, cameras.pose(frame))))
+    points = np.concatenate(found) if found else np.zeros((0, 3))
+    if len(points) < 50:
+        return None
+    low, high = np.percentile(points, [0.5, 99.5], axis=0)
+    return low - _BOX_MARGIN_M, high + _BOX_MARGIN_M
+
+
+def _first_scores(
+    seen: View,
+    refs: References,
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    boxes: Sequence[tuple[Array, Array] | None],
+    camera: Array,
+    slack: float,
+) -> F32:
+    """Log scores (1 + P + 1, h, w) of static, parts, hand from the reference frames alone."""
+    moves = relative_moves(cameras, parts, seen.frame, refs.frames)
+    moves[:, [f == seen.frame for f in refs.frames]] = np.nan
+    planes = [_score(*gather(seen, refs, moves[0], camera, slack))]
+    known = seen.depth > 0
+    world = _points(seen, camera, cameras.pose(seen.frame))
+    for part, box, move in zip(parts, boxes, moves[1:], strict=True):
+        pose, inside = part.pose(seen.frame), known.copy()
+        if box is not None and pose is not None:
+            at_rest = geo.transform(geo.invert_pose(pose), world)
+            inside[known] = ((at_rest > box[0]) & (at_rest < box[1])).all(axis=1)
+        score = _score(*gather(seen, refs, move, camera, slack, inside)) + _PRIOR_PART
+        score[known & ~inside] = _PRIOR_PART - _VIOLATION
+        planes.append(score)
+    planes.append(np.full(known.shape, _PRIOR_HAND, np.float32))
+    return np.stack(planes).astype(np.float32)
+
+
+def _score(support: F32, violation: F32) -> F32:
+    seen_through = np.clip((0.85 * violation - 0.3 * support) / 1.5, 0.0, 1.0)
+    return _SUPPORT * np.minimum(support, 2.0) / 2.0 - _VIOLATION * seen_through
+
+
+def _points(seen: View, camera: Array, T: Array | None) -> F32:
+    """World points (n, 3) of the pixels with known depth, in row order."""
+    pose = np.eye(4) if T is None else T
+    y, x = np.nonzero(seen.depth > 0)
+    z = seen.depth[y, x].astype(np.float64)
+    p = np.stack([(x - camera[2]) / camera[0] * z, (y - camera[3]) / camera[1] * z, z], axis=1)
+    return np.asarray(p @ pose[:3, :3].T + pose[:3, 3], dtype=np.float32)
+
+
+def _lead(score: F32, k: int) -> F32:
+    """How far hypothesis k leads the best other one, clipped."""
+    others = np.delete(score, k, axis=0).max(axis=0)
+    return np.asarray(np.clip(score[k] - others, -_CLIP, _CLIP))
+
+
+def _pool_voxels(
+    views: list[View], scores: list[F32], cameras: Trajectory, parts: Sequence[MovingPart], camera: Array
+) -> None:
+    """Add to each score what all frames say about the pixel's voxel, in the world and in each part's own frame."""
+    typical = float(np.median(np.concatenate([v.depth[v.depth > 0][::97] for v in views])))
+    size = float(np.clip(2.0 * depth_sigma(np.float32(typical)), 0.006, 0.02))
+    worlds = [_points(v, camera, cameras.pose(v.frame)) for v in views]
+    gains: list[list[F32]] = []
+    for k in range(1 + len(parts)):
+        rows = [v for v in range(len(views)) if k == 0 or parts[k - 1].pose(views[v].frame) is not None]
+        points = []
+        for v in rows:
+            pose = None if k == 0 else parts[k - 1].pose(views[v].frame)
+            inv = np.eye(4) if pose is None else geo.invert_pose(pose)
+            points.append((worlds[v] @ inv[:3, :3].T + inv[:3, 3]).astype(np.float32))
+        keys, inverse = np.unique(voxel_keys(np.concatenate(points), size), return_inverse=True)
+        lead = np.concatenate([_lead(scores[v], k)[views[v].depth > 0] for v in rows])
+        mean, n = mean_evidence(inverse, lead, len(keys), _VOXEL_PRIOR)
+        if k > 0:
+            strong = np.flatnonzero((mean > 0.1) & (n >= 2))
+            piece = keys[strong[largest_piece(keys[strong], (mean * n)[strong])]]
+            mean[~near_piece(keys, piece)] = -_CLIP
+        gain = mean[inverse]
+        cuts = np.cumsum([len(p) for p in points])[:-1]
+        per_view: list[F32] = [np.zeros(0, np.float32)] * len(views)
+        for v, g in zip(rows, np.split(gain, cuts), strict=True):
+            per_view[v] = g
+        gains.append(per_view)
+    for k, per_view in enumerate(gains):
+        for v, g in enumerate(per_view):
+            if len(g):
+                scores[v][k][views[v].depth > 0] += _VOXEL_GAIN * g
+
+
+_BINS = 16
+
+
+def _color_bins(color: F32) -> NDArray[np.intp]:
+    low, high = np.array([0.0, -60.0, -60.0]), np.array([50.0, 60.0, 60.0])
+    b = np.clip((color - low) / (high - low) * _BINS, 0, _BINS - 1).astype(np.intp)
+    return np.asarray((b[..., 0] * _BINS + b[..., 1]) * _BINS + b[..., 2])
+
+
+def _pool_color(views: list[View], scores: list[F32]) -> None:
+    """Colours seen mostly on the sure hand speak for the hand, and the other way round; a weak voice."""
+    hand, rest = np.zeros(_BINS**3), np.zeros(_BINS**3)
+    bins = [_color_bins(v.color) for v in views]
+    for b, s in zip(bins, scores, strict=True):
+        lead = s[-1] - s[:-1].max(axis=0)
+        hand += np.bincount(b[lead > 1.0], minlength=_BINS**3)
+        rest += np.bincount(b[lead < -1.0], minlength=_BINS**3)
+    if hand.sum() < 100 or rest.sum() < 100:
+        return
+    ratio = np.log((hand / hand.sum() + 1e-4) / (rest / rest.sum() + 1e-4))
+    for b, s in zip(bins, scores, strict=True):
+        s[-1] += np.clip(0.5 * ratio, -1.0, 1.0)[b].astype(np.float32)
+
+
+def _final(
+    recording: Recording, seen: View, score: F32, factor: int, ids: NDArray[np.uint8], color_sigma: float
+) -> NDArray[np.uint8]:
+    """Neighbours agree, then the full grid follows colour and depth."""
+    scale = 3.0 * color_sigma
+    belief = agree(score, seen.color, seen.depth, scale, 3, 3, 3.0)
+    color, depth = recording.frame(seen.frame)
+    labels = upsample_labels(
+        belief, seen.color, seen.depth, lab(color), np.asarray(depth, np.float32), factor, scale, ids
+    )
+    if not (depth > 0).any():
+        labels[:] = UNKNOWN_LABEL
+    return labels

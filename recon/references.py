@@ -1,0 +1,256 @@
+"""Working-resolution views of a recording, and the choice of frames at rest which show no hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.parts import MovingPart
+from recon.recording import Intrinsics, Recording
+from recon.warping import F32, compare, shrink_depth
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+# Chosen by us: lightness changes with shading when a part turns, hue and chroma hardly do.
+_LIGHTNESS_WEIGHT = 0.5
+_MIN_COLOR_SIGMA = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A frame on the working grid: depth (h, w) m, 0 unknown; color (h, w, 3) Lab with damped lightness."""
+
+    frame: int
+    depth: F32
+    color: F32
+
+
+@dataclass(frozen=True, eq=False)
+class References:
+    """Frames that others are compared with.
+
+    frames: (R,). depth: (R, h, w). color: (R, h, w, 3). trusted: (R,) bool, at rest and (nearly) without hand, so their surfaces support a hypothesis; the
+    others show only what is empty. rest_without_hand: for each rest phase whether it has a frame without hand.
+    color_sigma: colour difference of one surface seen from two frames.
+    """
+
+    frames: tuple[int, ...]
+    depth: F32
+    color: F32
+    trusted: NDArray[np.bool_]
+    rest_without_hand: tuple[bool, ...]
+    color_sigma: float
+
+
+def as_references(views: Sequence[View], trusted: NDArray[np.bool_], color_sigma: float) -> References:
+    """Stack views of equal size."""
+    depth, color = np.stack([v.depth for v in views]), np.stack([v.color for v in views])
+    return References(tuple(v.frame for v in views), depth, color, trusted, (), color_sigma)
+
+
+def lab(color: NDArray[np.uint8]) -> F32:
+    """CIE Lab (h, w, 3) of an RGB image, lightness damped."""
+    out = cv2.cvtColor(color.astype(np.float32) / 255.0, cv2.COLOR_RGB2Lab)
+    out[..., 0] *= _LIGHTNESS_WEIGHT
+    return np.asarray(out, dtype=np.float32)
+
+
+def view(recording: Recording, frame: int, factor: int) -> View:
+    """The frame on a grid that is `factor` times smaller."""
+    color, depth = recording.frame(frame)
+    z = shrink_depth(np.ascontiguousarray(depth, dtype=np.float32), factor)
+    h, w = z.shape
+    small = cv2.resize(color[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
+    return View(frame, z, lab(small))
+
+
+def camera_vector(intrinsics: Intrinsics, factor: int) -> Array:
+    """(fx, fy, cx, cy) of the working grid, pixel centres at integers."""
+    i = intrinsics
+    centre = [(c + 0.5) / factor - 0.5 for c in (i.cx, i.cy)]
+    return np.array([i.fx / factor, i.fy / factor, *centre])
+
+
+def relative_moves(
+    cameras: Trajectory, parts: Sequence[MovingPart], frame: int, others: Sequence[int]
+) -> Array:
+    """Poses (1 + P, R, 3, 4) from a frame's camera to other frames' cameras: as static scene, then as each part.
+
+    NaN where a pose or a state is not known.
+    """
+    nowhere = np.full((4, 4), np.nan)
+    out = np.empty((1 + len(parts), len(others), 3, 4))
+    here = cameras.pose(frame)
+    here = nowhere if here is None else here
+    to_part = [p.pose(frame) for p in parts]
+    for r, other in enumerate(others):
+        there = cameras.pose(other)
+        back = nowhere if there is None else geo.invert_pose(there)
+        out[0, r] = (back @ here)[:3]
+        for k, part in enumerate(parts):
+            now, then = to_part[k], part.pose(other)
+            known = now is not None and then is not None
+            out[k + 1, r] = (back @ then @ geo.invert_pose(now) @ here)[:3] if known else np.nan
+    return out
+
+
+def gather(
+    seen: View,
+    refs: References,
+    moves: Array,
+    camera: Array,
+    slack: float,
+    wanted: NDArray[np.bool_] | None = None,
+) -> tuple[F32, F32]:
+    """Support and violation (h, w) of one motion of a view by the references (see `warping.compare`)."""
+    support, violation = np.zeros_like(seen.depth), np.zeros_like(seen.depth)
+    everywhere = np.ones(seen.depth.shape, bool) if wanted is None else wanted
+    compare(
+        seen.depth,
+        seen.color,
+        everywhere,
+        camera.astype(np.float32),
+        moves.astype(np.float32),
+        refs.depth,
+        refs.color,
+        refs.trusted,
+        refs.color_sigma,
+        slack,
+        support,
+        violation,
+    )
+    return support, violation
+
+
+def rest_phases(parts: Sequence[MovingPart], frames: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Frames with a camera, split into the phases in which no part moves (by the intervals of the motions)."""
+    moving = np.zeros(int(frames.max()) + 2, bool)
+    for part in parts:
+        for first, last in part.motion.intervals:
+            moving[first : last + 1] = True
+    rest = frames[~moving[frames]]
+    if not len(rest):
+        return [frames]
+    cuts = [k + 1 for k in range(len(rest) - 1) if moving[rest[k] : rest[k + 1]].any()]
+    return np.split(rest, cuts)
+
+
+def _spread(frames: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    pick = np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)
+    return frames[np.unique(pick)]
+
+
+def _unexplained(
+    views: list[View],
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    camera: Array,
+    sigma: float,
+    slack: float,
+) -> list[NDArray[np.bool_]]:
+    """For each view the pixels (h, w) that neither the static scene nor any part explains, by the other views.
+
+    At least two of the others, and a seventh of them, must look through a pixel under every hypothesis.
+    """
+    refs = as_references(views, np.ones(len(views), bool), sigma)
+    enough = max(1.5, len(views) / 7)
+    out = []
+    for k, seen in enumerate(views):
+        moves = relative_moves(cameras, parts, seen.frame, refs.frames)
+        moves[:, k] = np.nan
+        odd = seen.depth > 0
+        for move in moves:
+            odd &= gather(seen, refs, move, camera, slack, odd)[1] > enough
+        out.append(odd)
+    return out
+
+
+def _color_sigma(seen: View, other: View, move: Array, camera: Array) -> float:
+    """Robust spread of colour between two frames at rest, at pixels whose depth agrees."""
+    z = seen.depth
+    h, w = z.shape
+    y, x = np.nonzero(z > 0)
+    rays = np.stack([(x - camera[2]) / camera[0], (y - camera[3]) / camera[1], np.ones(len(x))], axis=1)
+    p = (rays * z[y, x, None]) @ move[:, :3].T + move[:, 3]
+    front = p[:, 2] > 0.05
+    u = np.round(p[front, 0] / p[front, 2] * camera[0] + camera[2]).astype(int)
+    v = np.round(p[front, 1] / p[front, 2] * camera[1] + camera[3]).astype(int)
+    inside = (u >= 0) & (v >= 0) & (u < w) & (v < h)
+    u, v = u[inside], v[inside]
+    y, x, depth = y[front][inside], x[front][inside], p[front, 2][inside]
+    same = np.abs(other.depth[v, u] - depth) < 0.02
+    if same.sum() < 100:
+        return _MIN_COLOR_SIGMA
+    d = np.linalg.norm(seen.color[y, x] - other.color[v, u], axis=1)[same]
+    return max(float(np.median(d)), _MIN_COLOR_SIGMA)
+
+
+def find_references(
+    recording: Recording,
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    *,
+    factor: int,
+    slack: float,
+    per_phase: int = 6,
+    witnesses: int = 6,
+    hand_share: float = 0.003,
+) -> References:
+    """Choose reference frames: for every rest phase the frames with the least that nothing explains (a hand).
+
+    What neither hypothesis explains is removed from the chosen frames. Frames of the motion join as witnesses of
+    empty space.
+
+    Args:
+        factor: shrinking of the working grid. slack: m, depth error that poses may cause. per_phase: reference frames
+            for each rest phase. witnesses: frames from the whole recording that may only violate.
+        hand_share: share of unexplained pixels up to which a frame counts as without hand (chosen by us: a third of
+            the smallest hand worth a label, well above the share that noise leaves).
+    """
+    pools = [_spread(phase, 2 * per_phase) for phase in rest_phases(parts, cameras.frames)]
+    candidates = [view(recording, int(f), factor) for pool in pools for f in pool]
+    camera = camera_vector(recording.intrinsics, factor)
+    sigma = _estimate_color_sigma(candidates, pools, cameras, camera)
+    coarse = [View(v.frame, v.depth[::2, ::2].copy(), v.color[::2, ::2].copy()) for v in candidates]
+    masks = _unexplained(coarse, cameras, parts, camera / 2, sigma, slack)
+    share = np.array([m.sum() / max(int((v.depth > 0).sum()), 1) for m, v in zip(masks, coarse, strict=True)])
+    chosen, clean, start = [], [], 0
+    for pool in pools:
+        inside = np.arange(start, start + len(pool))
+        start += len(pool)
+        free = inside[share[inside] <= max(hand_share, 1.5 * float(share.min()))]
+        clean.append(bool(share[inside].min() <= hand_share))
+        best = inside[np.argsort(share[inside], kind="stable")][: max(per_phase // 2, 1)]
+        chosen.extend(_spread(free if len(free) else np.sort(best), per_phase).tolist())
+    views = [_without(candidates[k], masks[k]) for k in chosen]
+    frames = _spread(np.setdiff1d(cameras.frames, [v.frame for v in views]), witnesses)
+    views += [view(recording, int(f), factor) for f in frames]
+    refs = as_references(views, np.arange(len(views)) < len(chosen), sigma)
+    return replace(refs, rest_without_hand=tuple(clean))
+
+
+def _estimate_color_sigma(
+    candidates: list[View], pools: list[NDArray[np.int64]], cameras: Trajectory, camera: Array
+) -> float:
+    """Median over the rest phases of the colour spread between their first and last candidate."""
+    values, start = [], 0
+    for pool in pools:
+        a, b = candidates[start], candidates[start + len(pool) - 1]
+        start += len(pool)
+        if a.frame != b.frame:
+            values.append(_color_sigma(a, b, relative_moves(cameras, (), a.frame, [b.frame])[0, 0], camera))
+    return float(np.median(values)) if values else 2 * _MIN_COLOR_SIGMA
+
+
+def _without(seen: View, mask: NDArray[np.bool_]) -> View:
+    if not mask.any():
+        return seen
+    h, w = seen.depth.shape
+    big = cv2.resize(mask.astype(np.uint8), (w, h), interpolation=cv2.INTER_NEAREST)
+    wide = cv2.dilate(big, np.ones((7, 7), np.uint8)) > 0
+    return View(seen.frame, np.where(wide, np.float32(0), seen.depth), seen.color)

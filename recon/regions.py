@@ -1,0 +1,151 @@
+"""Compiled kernels that let neighbouring pixels of one surface agree on a label."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.warping import F32
+
+
+@numba.njit(cache=True, inline="always")
+def _softmax(scores: F32, y: int, x: int, belief: F32) -> None:
+    n = scores.shape[0]
+    top = scores[0, y, x]
+    for k in range(1, n):
+        top = max(top, scores[k, y, x])
+    total = np.float32(0.0)
+    for k in range(n):
+        belief[k, y, x] = np.exp(scores[k, y, x] - top)
+        total += belief[k, y, x]
+    for k in range(n):
+        belief[k, y, x] /= total
+
+
+@numba.njit(cache=True)
+def _settled(belief: F32, radius: int) -> NDArray[np.bool_]:
+    """Pixels (h, w) around which all pixels within `radius` surely hold the same label."""
+    n, h, w = belief.shape
+    sure = np.zeros((h, w), np.int16)
+    for y in range(h):
+        for x in range(w):
+            for k in range(n):
+                if belief[k, y, x] > np.float32(0.95):
+                    sure[y, x] = k + 1
+    rows = np.zeros((h, w), np.int16)
+    for y in range(h):
+        for x in range(w):
+            same = sure[y, x]
+            for a in range(max(0, x - radius), min(w, x + radius + 1)):
+                if sure[y, a] != same:
+                    same = 0
+            rows[y, x] = same
+    out = np.zeros((h, w), np.bool_)
+    for y in range(h):
+        for x in range(w):
+            same = rows[y, x]
+            for b in range(max(0, y - radius), min(h, y + radius + 1)):
+                if rows[b, x] != same:
+                    same = 0
+            out[y, x] = same > 0
+    return out
+
+
+@numba.njit(cache=True, inline="always")
+def _unlikeness(
+    color: F32, y: int, x: int, other: F32, b: int, a: int, z: float, zn: float, inv_c: float
+) -> float:
+    d0 = color[y, x, 0] - other[b, a, 0]
+    d1 = color[y, x, 1] - other[b, a, 1]
+    d2 = color[y, x, 2] - other[b, a, 2]
+    e = (d0 * d0 + d1 * d1 + d2 * d2) * inv_c
+    if z > 0 and zn > 0:
+        t = (z - zn) / (np.float32(0.01) + np.float32(0.01) * z)
+        e += np.float32(0.5) * t * t
+    return e
+
+
+@numba.njit(cache=True, parallel=True)
+def agree(
+    scores: F32, color: F32, depth: F32, color_scale: float, radius: int, rounds: int, pull: float
+) -> F32:
+    """Belief (K, h, w) after mean-field rounds of a local conditional random field (Potts, Gaussian likeness).
+
+    Args:
+        scores: (K, h, w) log scores. color: (h, w, 3). depth: (h, w) m, 0 unknown. color_scale: standard deviation of
+            colour within a surface. radius: px, of the square neighbourhood. pull: log score of full agreement of all
+            neighbours.
+    """
+    n, h, w = scores.shape
+    now, belief = scores.copy(), np.empty((n, h, w), np.float32)
+    inv_c = np.float32(0.5 / (color_scale * color_scale))
+    for turn in range(rounds + 1):
+        for y in numba.prange(h):
+            for x in range(w):
+                _softmax(now, y, x, belief)
+        if turn == rounds:
+            break
+        settled = _settled(belief, radius)
+        for y in numba.prange(h):
+            vote = np.empty(n, np.float32)
+            for x in range(w):
+                if settled[y, x]:
+                    continue
+                vote[:] = 0.0
+                mass = np.float32(1e-6)
+                for b in range(max(0, y - radius), min(h, y + radius + 1)):
+                    for a in range(max(0, x - radius), min(w, x + radius + 1)):
+                        e = _unlikeness(color, y, x, color, b, a, depth[y, x], depth[b, a], inv_c)
+                        if e > 6.0 or (a == x and b == y):
+                            continue
+                        g = np.exp(-np.float32(e))
+                        mass += g
+                        for k in range(n):
+                            vote[k] += g * belief[k, b, a]
+                share = min(mass / np.float32(0.25 * (2 * radius + 1) ** 2), np.float32(1.0))
+                for k in range(n):
+                    now[k, y, x] = scores[k, y, x] + np.float32(pull) * share * vote[k] / mass
+    return belief
+
+
+@numba.njit(cache=True, parallel=True)
+def upsample_labels(
+    belief: F32,
+    small_color: F32,
+    small_depth: F32,
+    color: F32,
+    depth: F32,
+    factor: int,
+    color_scale: float,
+    ids: NDArray[np.uint8],
+) -> NDArray[np.uint8]:
+    """Labels (H, W) on the full grid: each pixel follows the small pixels (5x5 around it) that look like it.
+
+    Joint bilateral upsampling (Kopf et al. 2007) of belief. ids: (K,) label of each belief plane (K, h, w).
+    """
+    n, h, w = belief.shape
+    rows, cols = depth.shape
+    out = np.zeros((rows, cols), np.uint8)
+    inv_c = np.float32(0.5 / (color_scale * color_scale))
+    settled = _settled(belief, 2)
+    for y in numba.prange(rows):
+        vote = np.empty(n, np.float32)
+        fy = np.float32((y + 0.5) / factor - 0.5)
+        cy = min(max(int(round(fy)), 0), h - 1)
+        for x in range(cols):
+            fx = np.float32((x + 0.5) / factor - 0.5)
+            cx = min(max(int(round(fx)), 0), w - 1)
+            vote[:] = 0.0
+            if settled[cy, cx]:
+                vote[:] = belief[:, cy, cx]
+            else:
+                for b in range(max(0, cy - 2), min(h, cy + 3)):
+                    for a in range(max(0, cx - 2), min(w, cx + 3)):
+                        e = _unlikeness(color, y, x, small_color, b, a, depth[y, x], small_depth[b, a], inv_c)
+                        e += np.float32(0.5) * ((fx - a) * (fx - a) + (fy - b) * (fy - b))
+                        g = np.exp(-np.float32(min(e, 30.0)))
+                        for k in range(n):
+                            vote[k] += g * belief[k, b, a]
+            out[y, x] = ids[np.argmax(vote)]
+    return out

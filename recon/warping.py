@@ -1,0 +1,134 @@
+"""Compiled kernels that compare the pixels of one frame with reference frames under a rigid motion each."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+
+# Axial noise of structured-light sensors, Nguyen, Izadi and Lovell 2012 (there 1.2 mm + 1.9 mm (z - 0.4)^2 for a
+# Kinect at small angles); widened by us to cover grazing angles and time-of-flight sensors.
+DEPTH_SIGMA_M = 0.002
+DEPTH_SIGMA_SLOPE = 0.003
+NEAR_M = 0.4
+
+
+def depth_sigma(depth: F32) -> F32:
+    """One standard deviation (m) of depth readings (m)."""
+    return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (np.asarray(depth) - NEAR_M) ** 2, dtype=np.float32)
+
+
+@numba.njit(cache=True, inline="always")
+def _sigma(z: float) -> float:
+    d = z - np.float32(NEAR_M)
+    return np.float32(DEPTH_SIGMA_M) + np.float32(DEPTH_SIGMA_SLOPE) * d * d
+
+
+@numba.njit(cache=True)
+def shrink_depth(depth: F32, factor: int) -> F32:
+    """Depth (h // factor, w // factor): the lower median of the known readings of each block, 0 where none is known.
+
+    A median of actual readings never invents a surface between two others.
+    """
+    h, w = depth.shape[0] // factor, depth.shape[1] // factor
+    out = np.zeros((h, w), np.float32)
+    block = np.empty(factor * factor, np.float32)
+    for y in range(h):
+        for x in range(w):
+            n = 0
+            for dy in range(factor):
+                for dx in range(factor):
+                    z = depth[y * factor + dy, x * factor + dx]
+                    if z > 0:
+                        k = n
+                        while k > 0 and block[k - 1] > z:
+                            block[k] = block[k - 1]
+                            k -= 1
+                        block[k] = z
+                        n += 1
+            if n > 0:
+                out[y, x] = block[(n - 1) // 2]
+    return out
+
+
+@numba.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"})
+def compare(
+    depth: F32,
+    color: F32,
+    wanted: NDArray[np.bool_],
+    camera: F32,
+    moves: F32,
+    ref_depth: F32,
+    ref_color: F32,
+    can_support: NDArray[np.bool_],
+    color_sigma: float,
+    slack: float,
+    support: F32,
+    violation: F32,
+) -> None:
+    """Sum over reference frames how far each supports and violates one rigid motion at each pixel.
+
+    A pixel's point is moved into a reference camera. A reading there that agrees in depth supports (weighted by the
+    likeness of colour, best of 3x3); readings behind the point in all of 3x3 violate, for then the point would have
+    hidden them; readings in front say nothing.
+
+    Args:
+        depth: (h, w) m, 0 unknown. color: (h, w, 3). wanted: (h, w) pixels to look at.
+        camera: (fx, fy, cx, cy) of this grid. moves: (R, 3, 4) frame camera to reference camera; NaN rows are skipped.
+        ref_depth: (R, h, w). ref_color: (R, h, w, 3). can_support: (R,) false for frames which may only violate.
+        color_sigma: one standard deviation of colour. slack: m, depth error that poses may cause.
+        support: (h, w) result, sum of weights 0..1. violation: (h, w) result, likewise.
+    """
+    h, w = depth.shape
+    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
+    one = np.float32(1.0)
+    inv_color = one / np.float32(color_sigma * color_sigma)
+    slack2 = np.float32(slack * slack)
+    for y in numba.prange(h):
+        for x in range(w):
+            z = depth[y, x]
+            if z <= 0 or not wanted[y, x]:
+                continue
+            px, py = (np.float32(x) - cx) / fx * z, (np.float32(y) - cy) / fy * z
+            s1 = _sigma(z)
+            var = s1 * s1 + slack2
+            c0, c1, c2 = color[y, x, 0], color[y, x, 1], color[y, x, 2]
+            for r in range(moves.shape[0]):
+                if np.isnan(moves[r, 0, 0]):
+                    continue
+                m = moves[r]
+                qz = m[2, 0] * px + m[2, 1] * py + m[2, 2] * z + m[2, 3]
+                if qz < np.float32(0.05):
+                    continue
+                u = (m[0, 0] * px + m[0, 1] * py + m[0, 2] * z + m[0, 3]) / qz * fx + cx
+                v = (m[1, 0] * px + m[1, 1] * py + m[1, 2] * z + m[1, 3]) / qz * fy + cy
+                if u < 0.5 or v < 0.5 or u > w - 1.6 or v > h - 1.6:
+                    continue
+                ui, vi = int(u + np.float32(0.5)), int(v + np.float32(0.5))
+                s2 = _sigma(qz)
+                inv_var = one / (var + s2 * s2)
+                nearest, best, known = np.float32(1e9), np.float32(0.0), 0
+                for b in range(vi - 1, vi + 2):
+                    for a in range(ui - 1, ui + 2):
+                        zr = ref_depth[r, b, a]
+                        if zr <= 0:
+                            continue
+                        known += 1
+                        gap = zr - qz
+                        nearest = min(nearest, gap)
+                        t2 = gap * gap * inv_var
+                        if t2 < 9:
+                            d0, d1, d2 = (
+                                c0 - ref_color[r, b, a, 0],
+                                c1 - ref_color[r, b, a, 1],
+                                c2 - ref_color[r, b, a, 2],
+                            )
+                            like = (d0 * d0 + d1 * d1 + d2 * d2) * inv_color
+                            best = max(best, one / ((one + np.float32(0.15) * t2) * (one + like)))
+                if can_support[r]:
+                    support[y, x] += best
+                if known >= 6 and nearest > 0:
+                    t = nearest * np.sqrt(inv_var)
+                    violation[y, x] += min(max((t - one) / np.float32(1.5), np.float32(0)), one)
