@@ -1,0 +1,181 @@
+"""The command `twin`: parses arguments, then imports what the verb needs.
+
+Exit codes: 0 done and every check or goal met; 1 bad input or environment, told in one line; 2 ran, but a check failed or
+a goal was missed. Errors in the program keep their traceback.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import json
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
+
+from twin.errors import FuntwinError, InputError, nearest_name
+
+FORMATS = ("urdf", "mjcf", "usd")
+# verb -> (function that carries it out, what it does). Named as strings: their imports take seconds.
+VERBS = {
+    "demo": ("twin.verbs:demo", "the whole chain on the recording shipped with Funtwin"),
+    "simulate": ("twin.verbs:simulate", "render a recording with exact truth from an MJCF scene"),
+    "reconstruct": ("twin.verbs:reconstruct", "turn a recording into a twin"),
+    "export": ("twin.verbs:export", "write the twin as URDF, MJCF and USD"),
+    "check": ("twin.verbs:check", "load the exported files in other programs and compare them with the twin"),
+    "replay": ("twin.verbs:replay", "let a robot open the twin's parts in simulation"),
+    "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
+    "doctor": ("twin.verbs:doctor", "say what this machine lacks, and how to get it"),
+}
+# Causes outside of the program, which a traceback would not explain better.
+_ENVIRONMENT = {
+    errno.ENOSPC: "free some space and run again: what was computed is kept",
+    errno.EDQUOT: "free some space and run again: what was computed is kept",
+    errno.EACCES: "give a folder that you may read and write",
+    errno.EPERM: "give a folder that you may read and write",
+    errno.EROFS: "give a folder that you may write",
+    errno.ENOTDIR: "give a folder, not a file",
+    errno.EIO: "check the disk",
+    errno.ENAMETOOLONG: "use shorter names",
+}
+
+
+def main() -> NoReturn:
+    """Entry point of the command."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(argv: Sequence[str]) -> int:
+    """Carry out one command line and return its exit code."""
+    as_json = "--json" in argv
+    try:
+        options = vars(_parse(argv))
+        return _carry_out(options.pop("verb"), options.pop("json"), options)
+    except SystemExit as e:  # --help and --version
+        return int(e.code or 0)
+    except FuntwinError as e:
+        return _fail(e.problem, e.remedy, as_json)
+    except OSError as e:
+        if e.errno not in _ENVIRONMENT:
+            raise
+        name = f"{e.filename}: " if e.filename else ""
+        return _fail(f"{name}{e.strerror}", _ENVIRONMENT[e.errno], as_json)
+    except KeyboardInterrupt:
+        return _fail("interrupted", "run the same command again to go on", as_json)
+
+
+def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
+    if sys.platform == "linux":
+        os.environ.setdefault(
+            "MUJOCO_GL", "egl"
+        )  # read by MuJoCo when it is imported; pictures without a screen
+    from twin.console import Console
+
+    console = Console(quiet=as_json)
+    module, _, name = VERBS[verb][0].partition(":")
+    outcome = getattr(import_module(module), name)(console=console, **options)
+    if as_json:
+        report = {"ok": outcome.ok, **outcome.data, "warnings": list(outcome.warnings)}
+        print(json.dumps(report, indent=1, ensure_ascii=False))
+    else:
+        console.show(outcome)
+    return 0 if outcome.ok else 2
+
+
+def _fail(problem: str, remedy: str, as_json: bool) -> int:
+    line = " ".join(f"{problem}; {remedy}".split() if remedy else problem.split())
+    print(f"twin: {line}", file=sys.stderr)
+    if as_json:
+        print(json.dumps({"ok": False, "error": problem, "remedy": remedy}, ensure_ascii=False))
+    return 1
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports wrong usage like every other wrong input: one line, exit code 1."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(message, f"see `{self.prog} --help`")
+
+
+def _parse(argv: Sequence[str]) -> argparse.Namespace:
+    """The verb and its options; an unknown verb is answered with the nearest one."""
+    verb, *rest = argv or ["--help"]
+    if verb.startswith("-"):
+        _parser().parse_args([verb])
+    if verb not in VERBS:
+        close = nearest_name(verb, list(VERBS))
+        hint = f"did you mean {close!r}?" if close else f"verbs: {', '.join(VERBS)}"
+        raise InputError(f"unknown verb {verb!r}", hint)
+    return _verb_parser(verb).parse_args(rest, argparse.Namespace(verb=verb))
+
+
+def _parser() -> argparse.ArgumentParser:
+    from twin import __version__
+
+    width = max(map(len, VERBS))
+    verbs = "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in VERBS.items())
+    parser = _Parser(
+        prog="twin",
+        usage="twin VERB ...",
+        description="From one recording of a person opening furniture to a twin that a robot opens.",
+        epilog=f"verbs:\n{verbs}\n\n`twin VERB --help` tells a verb's options.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"funtwin {__version__}")
+    return parser
+
+
+def _verb_parser(verb: str) -> argparse.ArgumentParser:
+    parser = _Parser(prog=f"twin {verb}", description=f"{VERBS[verb][1][0].upper()}{VERBS[verb][1][1:]}.")
+    add = parser.add_argument
+    add("--json", action="store_true", help="print one JSON object instead of tables")
+    if verb in ("export", "check", "replay", "evaluate"):
+        add("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
+    if verb == "demo":
+        add("--recording", type=Path, help="another recording than the shipped one")
+        add("-o", "--out", metavar="RUN", type=Path, default=Path("out/demo"), help="run folder [out/demo]")
+    if verb == "simulate":
+        add("scene", metavar="SCENE.xml", type=Path, help="MJCF file with a hinge or slide joint")
+        add("--joint", required=True, help="name of the joint that the hand moves")
+        add("-o", "--out", metavar="RECORDING", type=Path, required=True, help="folder to write")
+    if verb == "reconstruct":
+        add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
+        add(
+            "-o",
+            "--out",
+            metavar="RUN",
+            type=Path,
+            required=True,
+            help="run folder; an earlier run is resumed",
+        )
+        add(
+            "--format",
+            dest="layout",
+            metavar="NAME",
+            help="layout of the recording [recognised from its files]",
+        )
+    if verb in ("simulate", "reconstruct", "demo"):
+        add(
+            "--config",
+            metavar="FILE.toml",
+            type=Path,
+            help="settings; keys that are left out keep their defaults",
+        )
+        add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting, e.g. --set seed=3")
+    if verb in ("export", "check"):
+        known = {"nargs": "+", "choices": FORMATS, "default": list(FORMATS), "metavar": "FORMAT"}
+        add("--format", dest="formats", help="urdf mjcf usd [all]", **known)  # type: ignore[arg-type]
+    if verb in ("replay", "demo"):
+        add("--robot", default="franka", help="name of a robot [franka]")
+    if verb == "replay":
+        add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to open [all]")
+    if verb == "evaluate":
+        add("--truth", metavar="FOLDER", type=Path, required=True, help="truth/ of a simulated recording")
+    return parser
+
+
+if __name__ == "__main__":
+    main()

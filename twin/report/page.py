@@ -1,0 +1,195 @@
+"""Puts the page together: every block is left out when the run does not hold its material yet."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.report.frames import Image, drawn_key_frames, part_color
+from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
+from twin.report.sections import MARKS, Section, load_section, twin_key
+from twin.scene import Inertial, Part, Twin
+from twin.stages import MANIFEST, read_json, write_text
+from twin.storage import load
+
+VERBS = ("evaluate", "export", "check", "replay")
+STEPS = 5  # pictures from closed to open
+
+
+def render(run: Path) -> Path:
+    """Write RUN/report.html, one file without outside references, and return its path.
+
+    Everything that is there is shown: stages and warnings of an unfinished run, a twin without recording, results of
+    the verbs. Raises InputError when `run` is no folder, OSError when it can't be written.
+    """
+    if not run.is_dir():
+        raise InputError(f"{run} is not a run folder", "give the folder that `twin reconstruct -o` wrote")
+    manifest = read_json(run / MANIFEST)
+    twin = load(run) if (run / "twin" / "twin.json").is_file() else None
+    key = twin_key(run)
+    sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
+    context = {
+        "name": twin.name if twin else run.resolve().name,
+        "twin": twin,
+        "cards": _cards(twin, manifest, sections),
+        "warnings": _warnings(manifest, sections),
+        "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
+        "parts": [_part(p) for p in twin.parts] if twin else [],
+        **(_pictures(twin) if twin else {}),
+        "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
+        "replays": [_replay(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
+        "stages": _stages(manifest),
+        "versions": manifest.get("versions", {}),
+        "config": _text(run / "config.toml"),
+        "marks": MARKS,
+    }
+    path = run / "report.html"
+    write_text(path, _template().render(context))
+    return path
+
+
+def _template() -> Any:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html.j2")
+
+
+def _cards(
+    twin: Twin | None, manifest: Mapping[str, Any], sections: Iterable[Section]
+) -> list[dict[str, str]]:
+    """The line of figures at the top."""
+    cards = []
+    if twin is not None and twin.recorded is not None:
+        cards.append({"value": str(twin.recorded.frames), "name": "frames"})
+    if twin is not None:
+        cards.append({"value": str(len(twin.parts)), "name": "moving part" + "s" * (len(twin.parts) != 1)})
+    stages = manifest.get("stages", [])
+    if stages:
+        cards.append({"value": f"{sum(s['seconds'] for s in stages):.0f} s", "name": "to reconstruct"})
+        cards.append({"value": f"{max(s['peak_mb'] for s in stages) / 1000:.1f} GB", "name": "peak memory"})
+    for s in sections:
+        value = "✓" if s.ok else "✗"
+        cards.append({"value": value, "name": s.verb, "mark": "good" if s.ok else "bad"})
+    return cards
+
+
+def _warnings(manifest: Mapping[str, Any], sections: Iterable[Section]) -> list[tuple[str, str]]:
+    """Where each warning comes from, and its text."""
+    found = [("recording", w) for w in manifest.get("warnings", [])]
+    found += [(s["name"], w) for s in manifest.get("stages", []) for w in s["warnings"]]
+    return found + [(s.verb, w) for s in sections for w in s.warnings]
+
+
+def _pictures(twin: Twin) -> dict[str, Any]:
+    """The twin from closed to open, and the scene with the camera path."""
+    from twin.report.meshes import dollhouse, opening
+
+    if not len(twin.static.mesh.faces) and not any(len(p.mesh.faces) for p in twin.parts):
+        return {"opening": [], "dollhouse": ""}
+    steps = STEPS if twin.parts else 1
+    return {"opening": [_jpeg(i) for i in opening(twin, steps)], "dollhouse": _jpeg(dollhouse(twin))}
+
+
+def _part(part: Part) -> dict[str, Any]:
+    color = "#{:02x}{:02x}{:02x}".format(*part_color(part))
+    plot = _uri(state_plot(part).encode(), "image/svg+xml") if len(part.motion.frames) else ""
+    return {
+        "name": part.name,
+        "kind": part.joint.kind,
+        "color": color,
+        "plot": plot,
+        "facts": part_facts(part),
+    }
+
+
+def part_facts(part: Part) -> list[tuple[str, str, str]]:
+    """What is known about a part: name, value with its uncertainty, and where it comes from."""
+    joint, u = part.joint, unit(part)
+    low, high = (float(shown(part, v)) for v in (joint.lower, joint.upper))
+    sigma = joint.sigma
+    tilt = f" ± {np.rad2deg(sigma.axis):.2f}°" if sigma is not None else ""
+    facts = [("joint", joint.kind, part.type_source), ("axis", _vector(joint.axis) + tilt, "")]
+    pivot = getattr(joint, "pivot", None)
+    if pivot is not None:
+        shift = f" ± {sigma.pivot * 1000:.1f} mm" if sigma is not None and sigma.pivot is not None else ""
+        facts.append(("pivot", f"{_vector(pivot)} m{shift}", ""))
+    spread = f" ± {float(shown(part, sigma.state)):.1f}" if sigma is not None else ""
+    facts.append(("range", f"{low:.1f} to {high:.1f}{spread} {u}", part.limits_source))
+    facts.append(("closed end", "state 0", part.closed_source))
+    if part.motion.intervals:
+        moved = ", ".join(f"{a}-{b}" for a, b in part.motion.intervals)
+        facts.append(("moving frames", moved, f"residual {part.motion.residual * 1000:.1f} mm"))
+    if part.inertial is not None:
+        facts += _inertial_facts(part.inertial)
+    if part.physics is not None:
+        units = {"friction": "", "damping": " N m s" if u == "°" else " N s/m", "density": " kg/m³"}
+        units["frictionloss"] = " N m" if u == "°" else " N"
+        for name, text in units.items():
+            q = getattr(part.physics, name)
+            facts.append(
+                (name, f"{q.value:.3g}{text} ({q.interval[0]:.3g} to {q.interval[1]:.3g})", q.source)
+            )
+    if part.contact is not None:
+        c = part.contact
+        facts.append(("hand holds at", f"{_vector(c.point)} m, {c.width * 1000:.0f} mm wide", c.source))
+    return facts
+
+
+def _inertial_facts(inertial: Inertial) -> list[tuple[str, str, str]]:
+    m = inertial.mass
+    return [
+        ("mass", f"{m.value:.2f} kg ({m.interval[0]:.2f} to {m.interval[1]:.2f})", m.source),
+        ("centre of mass", f"{_vector(inertial.com)} m", ""),
+    ]
+
+
+def _replay(run: Path, film: Path) -> dict[str, Any]:
+    """Pictures of one replay and, unless it is too long, its film."""
+    small = film.stat().st_size <= FILM_LIMIT
+    return {
+        "title": " · ".join(film.parent.relative_to(run / "replay").parts),
+        "pictures": [_jpeg(p) for p in film_pictures(film)],
+        "film": _uri(film.read_bytes(), "video/mp4") if small else "",
+        "path": film.relative_to(run).as_posix(),
+    }
+
+
+def _stages(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
+    stages = manifest.get("stages", [])
+    longest = max((s["seconds"] for s in stages), default=0.0) or 1.0
+    return [{**s, "share": 100.0 * s["seconds"] / longest} for s in stages]
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
+def _number(x: float) -> str:
+    return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
+
+
+def _vector(v: Any) -> str:
+    return "(" + ", ".join(f"{x:.3f}".replace("-0.000", "0.000") for x in v) + ")"
+
+
+def _jpeg(image: Image) -> str:
+    import cv2
+
+    _, data = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])
+    return _uri(data.tobytes(), "image/jpeg")
+
+
+def _uri(data: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
