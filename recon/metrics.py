@@ -171,7 +171,10 @@ def sample_surface(mesh: Mesh, count: int, seed: int = 0) -> Array:
 
 
 class Surface:
-    """A mesh that answers how far points are from it."""
+    """A mesh that answers how far points are from it.
+
+    In single precision: single points near large thin triangles are up to 0.3 mm off, means of thousands below 1 um.
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         import open3d as o3d
