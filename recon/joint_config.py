@@ -51,7 +51,7 @@ class JointConfig:
     limit_quantile: float = 0.02
     min_tracks: int = 4
     min_observations: int = 3
-    iterations: int = 40
+    iterations: int = 30
     seed: int = 0
 
     def __post_init__(self) -> None:

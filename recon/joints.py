@@ -16,7 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from recon.joint_config import JointConfig
 from recon.joint_type import TypeEvidence, decide, delta_bic, truncated_chi2
+from recon.motion_fit import MotionFit
 from recon.motion_frame import Oriented, orient
+from recon.pose_fit import fit_motion_poses
 from recon.track_bundle import Bundle, Kind, Model, Observations, refine, residuals
 from recon.track_start import (
     Hypothesis,
@@ -29,40 +31,11 @@ from recon.track_start import (
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array
-from twin.scene import Motion, Prismatic, Revolute
 
-__all__ = ["JointConfig", "MotionFit", "TypeEvidence", "fit_motion"]
+__all__ = ["JointConfig", "MotionFit", "TypeEvidence", "fit_motion", "fit_motion_poses"]
 
 
 _DEFAULT = JointConfig()
-
-
-@dataclass(frozen=True, eq=False)
-class MotionFit:
-    """A joint with the motion that showed it.
-
-    joint: state 0 is the first rest pose, positive along the net motion; limits, covariance and sigma filled. The pivot
-    is the axis point nearest the part's tracks. frames (n,), state (n,) m or rad, state_sigma (n,): frames with an
-    estimate only. residual: m, RMS over the observations that agree. inliers: share of the moving evidence that agrees.
-    track_inliers (K,): tracks that are rigid with the part. landmarks (K, 3): their points at state 0, NaN for others.
-    evidence, type_source: why this type.
-    """
-
-    joint: Prismatic | Revolute
-    frames: NDArray[np.int64]
-    state: Array
-    state_sigma: Array
-    residual: float
-    inliers: float
-    track_inliers: NDArray[np.bool_]
-    landmarks: Array
-    evidence: TypeEvidence
-    type_source: str
-
-    def motion(self, times: ArrayLike, intervals: tuple[tuple[int, int], ...] = ()) -> Motion:
-        """The motion as a twin stores it. times (T,): seconds of all recording frames."""
-        clock = np.asarray(times, dtype=np.float64)
-        return Motion(self.frames, clock[self.frames], self.state, intervals, self.residual, self.inliers)
 
 
 def fit_motion(
@@ -88,7 +61,7 @@ def fit_motion(
     obs = everything.take(moving)
     sigma = max(noise, config.search_sigma)
     candidates = _candidates(obs, sigma, config)
-    settled = {kind: _settle(obs, models, noise, sigma, config) for kind, models in candidates.items()}
+    settled = {kind: _settle(obs, model, noise, sigma, config) for kind, model in candidates.items()}
     fits = {kind: fit for kind, fit in settled.items() if fit is not None}
     if not fits:
         raise ReconstructionError(
@@ -145,47 +118,50 @@ def _movers(travel: Array, noise: float, config: JointConfig) -> NDArray[np.int6
     return moving
 
 
-def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Kind, list[Model]]:
-    """The joints of each kind that most tracks follow over the whole motion, best first, not yet refined."""
+def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Kind, Model]:
+    """The joint of each kind that most tracks follow over the whole motion, refined on a part of the tracks."""
     rng = np.random.default_rng(config.seed)
     tracks, frames = np.arange(len(obs.points)), np.arange(obs.weight.shape[1])
     if len(tracks) > config.search_tracks:
         tracks = np.sort(rng.choice(tracks, config.search_tracks, replace=False))
     if len(frames) > config.search_frames:
         frames = np.unique(np.linspace(0, len(frames) - 1, config.search_frames).astype(np.int64))
+    some = obs.take(tracks)
     few = obs.take(tracks, frames)
-    proposals = pair_hypotheses(obs.take(tracks), sigma, config, rng)
-    out: dict[Kind, list[Model]] = {}
+    proposals = pair_hypotheses(some, sigma, config, rng)
+    out: dict[Kind, Model] = {}
     kinds: tuple[Kind, Kind] = ("prismatic", "revolute")
     for kind in kinds:
         scored: list[tuple[float, Hypothesis]] = []
         for joint in (h for h in proposals if h.kind == kind):
-            model = Model(joint.kind, joint.axis, joint.pivot, states_of(few, joint, sigma))
+            model = Model(joint.kind, joint.axis, joint.pivot, states_of(few, joint, sigma, rounds=2))
             scored.append((float(track_support(few, model, sigma, config).sum()), joint))
         scored.sort(key=lambda row: -row[0])
-        best = [h for score, h in scored[: config.candidates] if score > 0]
-        if best:
-            out[kind] = [Model(h.kind, h.axis, h.pivot, states_of(obs, h, sigma)) for h in best]
+        refined = [
+            _first_refinement(some, h, sigma, config) for score, h in scored[: config.candidates] if score > 0
+        ]
+        best = max(refined, key=lambda row: row[0], default=None)
+        if best is not None:
+            out[kind] = best[1]
     return out
 
 
-def _settle(
-    obs: Observations, starts: list[Model], noise: float, sigma: float, config: JointConfig
-) -> _Fit | None:
-    """Refine the candidates, keep the one that most tracks follow, prune the tracks which do not, refine again."""
-    best: tuple[float, Model] | None = None
-    for start in starts:
-        members = _supporters(obs, start, sigma, config)
-        if members.sum() < config.min_tracks:
-            continue
-        model = refine(obs.take(members), start, sigma, max(config.iterations // 3, 8)).model
-        score = float(track_support(obs, model, sigma, config).sum())
-        if best is None or score > best[0]:
-            best = (score, model)
-    if best is None:
-        return None
-    model, scale = best[1], sigma
-    members = _supporters(obs, model, scale, config)
+def _first_refinement(
+    obs: Observations, joint: Hypothesis, sigma: float, config: JointConfig
+) -> tuple[float, Model]:
+    """Support and model of a hypothesis after a short refinement on the tracks that support it."""
+    start = Model(joint.kind, joint.axis, joint.pivot, states_of(obs, joint, sigma))
+    members = _supporters(obs, start, sigma, config)
+    if members.sum() < config.min_tracks:
+        return 0.0, start
+    model = refine(obs.take(members), start, sigma, 8).model
+    return float(track_support(obs, model, sigma, config).sum()), model
+
+
+def _settle(obs: Observations, model: Model, noise: float, sigma: float, config: JointConfig) -> _Fit | None:
+    """Refine, prune the tracks which do not follow, refine again; nothing when too few tracks follow."""
+    members = _supporters(obs, model, sigma, config)
+    scale = sigma
     fit: _Fit | None = None
     for _ in range(6):
         if members.sum() < config.min_tracks:

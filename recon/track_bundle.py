@@ -190,51 +190,51 @@ def _jacobian(y, z, revolute, axis, basis, pivot, angle, out):  # type: ignore[n
 
 @njit(cache=True)
 def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state):  # type: ignore[no-untyped-def]
-    """Normal equations without the landmarks: joint block, joint-state block, state diagonal, gradients, and the
-    factor A (3K, T) whose A^T A is still to be subtracted from the state block."""
+    """Hessian (n + T, n + T) and gradient of half the weighted squared residual, landmarks eliminated track by track."""
     n_tracks, n_frames = weight.shape
     n = 4 if revolute else 2
-    h_joint, h_cross, h_diag = np.zeros((n, n)), np.zeros((n, n_frames)), np.zeros(n_frames)
-    g_joint, g_state = np.zeros(n), np.zeros(n_frames)
-    factor = np.zeros((3 * n_tracks, n_frames))
-    jac = np.zeros((n_frames, 3, 5))
+    hessian, gradient = np.zeros((n + n_frames, n + n_frames)), np.zeros(n + n_frames)
+    jac, column = np.zeros((n_frames, 3, 5)), np.zeros((3, n + n_frames))
     for k in range(n_tracks):
         total = 1e-300
-        mean = np.zeros((3, n))
+        column[:] = 0.0  # sums of w J over the track: what the landmark takes out
+        first, last = n_frames, -1
         for t in range(n_frames):
             w = weight[k, t]
             if w <= 0.0:
                 continue
+            first, last = min(first, t), t
             _jacobian(points[k, t], z[k, t], revolute, axis, basis, pivot, state[t], jac[t])
             total += w
             for i in range(3):
                 r = z[k, t, i] - landmarks[k, i]
-                js = jac[t, i, 4]
-                h_diag[t] += w * js * js
-                g_state[t] += w * js * r
-                factor[3 * k + i, t] = w * js
+                js = w * jac[t, i, 4]
+                hessian[n + t, n + t] += js * jac[t, i, 4]
+                gradient[n + t] += js * r
+                column[i, n + t] = js
                 for a in range(n):
                     ja = w * jac[t, i, a]
-                    mean[i, a] += ja
-                    g_joint[a] += ja * r
-                    h_cross[a, t] += ja * js
+                    column[i, a] += ja
+                    gradient[a] += ja * r
+                    hessian[n + t, a] += ja * jac[t, i, 4]
                     for b in range(a + 1):
-                        h_joint[a, b] += ja * jac[t, i, b]
-        root = 1.0 / np.sqrt(total)
+                        hessian[a, b] += ja * jac[t, i, b]
         for i in range(3):
             for a in range(n):
+                scaled = column[i, a] / total
                 for b in range(a + 1):
-                    h_joint[a, b] -= mean[i, a] * mean[i, b] / total
-            for t in range(n_frames):
-                js = factor[3 * k + i, t]
-                if js != 0.0:
+                    hessian[a, b] -= scaled * column[i, b]
+            for t in range(first, last + 1):
+                scaled = column[i, n + t] / total
+                if scaled != 0.0:
                     for a in range(n):
-                        h_cross[a, t] -= mean[i, a] * js / total
-                    factor[3 * k + i, t] = js * root
-    for a in range(n):
+                        hessian[n + t, a] -= scaled * column[i, a]
+                    for b in range(n + first, n + t + 1):
+                        hessian[n + t, b] -= scaled * column[i, b]
+    for a in range(n + n_frames):
         for b in range(a):
-            h_joint[b, a] = h_joint[a, b]
-    return h_joint, h_cross, h_diag, g_joint, g_state, factor
+            hessian[b, a] = hessian[a, b]
+    return hessian, gradient
 
 
 def normal_equations(obs: Observations, weight: Array, model: Model) -> tuple[Array, Array]:
@@ -243,14 +243,10 @@ def normal_equations(obs: Observations, weight: Array, model: Model) -> tuple[Ar
     basis = geo.orthogonal_basis(model.axis)[:, :2].copy()
     z = pull_back(obs.points, weight, revolute, model.axis, model.pivot, model.state)
     marks = weighted_means(z, weight)
-    h_joint, h_cross, h_diag, g_joint, g_state, factor = _assemble(
+    hessian, gradient = _assemble(
         obs.points, z, weight, marks, revolute, model.axis, basis, model.pivot, model.state
     )
-    n = len(g_joint)
-    hessian = np.empty((n + len(g_state), n + len(g_state)))
-    hessian[:n, :n], hessian[:n, n:], hessian[n:, :n] = h_joint, h_cross, h_cross.T
-    hessian[n:, n:] = np.diag(h_diag) - factor.T @ factor
-    return hessian, np.concatenate([g_joint, g_state])
+    return np.asarray(hessian), np.asarray(gradient)
 
 
 def step(model: Model, delta: ArrayLike) -> Model:
@@ -262,10 +258,13 @@ def step(model: Model, delta: ArrayLike) -> Model:
     return replace(model, axis=axis, pivot=pivot, state=model.state + delta[n:])
 
 
-def residuals(obs: Observations, model: Model, sigma: float, rounds: int = 3) -> tuple[Array, Array, Array]:
-    """Squared residuals (K, T), robust weights (K, T) and landmarks (K, 3), landmarks by iterated robust means."""
+def residuals(
+    obs: Observations, model: Model, sigma: float, rounds: int = 3, near: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Squared residuals (K, T), robust weights (K, T) and landmarks (K, 3), landmarks by iterated robust means that start
+    at `near` (K, 3) when given, else at the medians."""
     z = pull_back(obs.points, obs.weight, model.kind == "revolute", model.axis, model.pivot, model.state)
-    marks = median_landmarks(z, obs.weight)
+    marks = median_landmarks(z, obs.weight) if near is None else near
     for _ in range(rounds):
         weight = robust_weight(obs.weight, squared_residuals(z, obs.weight, marks), sigma)
         marks = weighted_means(z, weight)
@@ -311,9 +310,39 @@ def smoothness(information: Array, state: Array) -> Array:
     )
     variance = max(typical, 1e-6) ** 2
     open_frame = 1.0 / (1.0 + (information * variance / 9.0) ** 2)
-    operator = np.diff(np.eye(n), 2, axis=0)
-    strength = np.maximum(np.maximum(open_frame[:-2], open_frame[1:-1]), open_frame[2:])
-    return np.asarray(operator.T @ (operator * (strength / variance)[:, None]))
+    strength = np.maximum(np.maximum(open_frame[:-2], open_frame[1:-1]), open_frame[2:]) / variance
+    out, inner = np.zeros((n, n)), np.arange(n - 2)
+    for a, left in enumerate((1.0, -2.0, 1.0)):
+        for b, right in enumerate((1.0, -2.0, 1.0)):
+            np.add.at(out, (inner + a, inner + b), left * right * strength)
+    return out
+
+
+@njit(cache=True)
+def solve_positive(matrix, right):  # type: ignore[no-untyped-def]
+    """Solution (n, c) of a positive definite system (n, n), right sides (n, c), by Cholesky.
+
+    The systems are small: LAPACK's threads cost more than they save, hundredfold on a busy machine.
+    """
+    n = len(matrix)
+    low = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= low[i, k] * low[j, k]
+            low[i, j] = np.sqrt(max(total, 1e-300)) if i == j else total / low[j, j]
+    out = right.copy()
+    for c in range(out.shape[1]):
+        for i in range(n):
+            for k in range(i):
+                out[i, c] -= low[i, k] * out[k, c]
+            out[i, c] /= low[i, i]
+        for i in range(n - 1, -1, -1):
+            for k in range(i + 1, n):
+                out[i, c] -= low[k, i] * out[k, c]
+            out[i, c] /= low[i, i]
+    return out
 
 
 def refine(obs: Observations, start: Model, sigma: float, iterations: int) -> Bundle:
@@ -338,8 +367,8 @@ def refine(obs: Observations, start: Model, sigma: float, iterations: int) -> Bu
         moved = False
         for _ in range(6):
             damped = hessian + damping * np.diag(np.diag(hessian))
-            trial = _recentred(step(model, -np.linalg.solve(damped, gradient)), marks, weight)
-            t_square, t_weight, t_marks = residuals(obs, trial, sigma)
+            trial = _recentred(step(model, -solve_positive(damped, gradient[:, None])[:, 0]), marks, weight)
+            t_square, t_weight, t_marks = residuals(obs, trial, sigma, near=marks)
             t_cost = _cost(t_square, obs.weight, sigma) + 0.5 * trial.state @ prior @ trial.state
             if t_cost <= cost * (1 + 1e-12):
                 moved = True
@@ -395,7 +424,7 @@ def _covariance(
     factor = (
         noise * float(np.mean(w)) / max(slope, 1e-3) ** 2 * correlation_factor(obs, square, weight, model)
     )
-    return np.asarray(np.linalg.inv(hessian) * max(factor, 1e-20))
+    return np.asarray(solve_positive(hessian, np.eye(len(hessian))) * max(factor, 1e-20))
 
 
 def correlation_factor(obs: Observations, square: Array, weight: Array, model: Model) -> float:

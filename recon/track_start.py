@@ -131,6 +131,20 @@ def _best_triple(a, b, triples, tau2):  # type: ignore[no-untyped-def]
     return inlier
 
 
+def best_rigid_inliers(
+    a: Array, b: Array, samples: int, tau2: float, rng: np.random.Generator
+) -> NDArray[np.bool_]:
+    """Points (n,) that follow the rigid motion a -> b (n, 3) best liked by random triples, after one least-squares fit.
+    tau2: squared distance in m^2 at which the error is truncated."""
+    triples = rng.integers(0, len(a), (samples, 3))
+    triples = triples[(np.diff(np.sort(triples, axis=1), axis=1) > 0).all(axis=1)]
+    inlier = np.asarray(_best_triple(a, b, triples, tau2))
+    if inlier.sum() < 3:
+        return inlier
+    again = ((geo.transform(geo.fit_rigid(a[inlier], b[inlier]), a) - b) ** 2).sum(-1) < tau2
+    return np.asarray(again if again.sum() >= inlier.sum() else inlier)
+
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """A joint without limits: kind, unit axis (3,), a point on the axis (3,)."""
@@ -178,16 +192,10 @@ def pair_hypotheses(
             if len(both) < max(config.min_tracks, 4):
                 break
             a, b = obs.points[both, i], obs.points[both, j]
-            triples = rng.integers(0, len(both), (config.samples, 3))
-            triples = triples[(np.diff(np.sort(triples, axis=1), axis=1) > 0).all(axis=1)]
-            inlier = _best_triple(a, b, triples, tau2)
+            inlier = best_rigid_inliers(a, b, config.samples, tau2, rng)
             if inlier.sum() < config.min_tracks:
                 break
-            pose = geo.fit_rigid(a[inlier], b[inlier])
-            again = ((geo.transform(pose, a) - b) ** 2).sum(-1) < tau2
-            if again.sum() >= config.min_tracks:
-                inlier, pose = again, geo.fit_rigid(a[again], b[again])
-            found += joints_of_motion(pose, a[inlier], b[inlier])
+            found += joints_of_motion(geo.fit_rigid(a[inlier], b[inlier]), a[inlier], b[inlier])
             both = both[~inlier]
     return found
 

@@ -1,0 +1,160 @@
+"""Joint and motion from a part's own poses, by the part-pose graph."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from recon.joint_config import JointConfig
+from recon.joint_type import TypeEvidence, decide, delta_bic, truncated_chi2
+from recon.motion_fit import MotionFit
+from recon.motion_frame import orient
+from recon.pose_bundle import FLOOR, PoseBundle, chi2, refine_poses
+from recon.pose_edges import edges_from_poses, graph_pairs
+from recon.pose_graph import PoseGraph, edge_errors, solve_pose_graph, twist_of
+from recon.track_bundle import Kind, Model
+from twin import geometry as geo
+from twin.errors import InputError, ReconstructionError
+from twin.geometry import Array
+
+_DEFAULT = JointConfig()
+_LOOPS = 10  # loop closures a frame; more changed neither axis nor states on the measured graphs
+_GRAPH_POSES = 120  # poses that the graph uses; every pose takes part in the refinement (by us, for speed)
+_MAD = 1.4826  # standard deviation over median absolute deviation of a normal variable
+
+
+def fit_motion_poses(
+    poses: ArrayLike,
+    frames: ArrayLike | None = None,
+    *,
+    config: JointConfig = _DEFAULT,
+    joint_type: Kind | None = None,
+) -> MotionFit:
+    """Fit a joint to poses of the part.
+
+    Args:
+        poses: T_world_part (N, 4, 4) in any part coordinates, as markers, a robot's hand or a pose tracker give them; rows
+            that are not finite are left out. frames: (N,) recording frames, increasing; default 0..N-1. joint_type: take
+            this type instead of deciding it.
+    Raises:
+        InputError: shapes, order or rotations are wrong. ReconstructionError: the poses do not move.
+    """
+    T_world_part, numbers = _checked(poses, frames)
+    sigma, sigma_rad = config.sigma_floor, config.sigma_floor_rad
+    fits: dict[Kind, PoseBundle] = {}
+    kinds: tuple[Kind, Kind] = ("prismatic", "revolute")
+    for kind in kinds:
+        try:
+            fits[kind] = _fit(T_world_part, kind, sigma, sigma_rad)
+        except ReconstructionError:
+            if kind == joint_type or (kind == "revolute" and "prismatic" not in fits):
+                raise
+    evidence = _evidence(fits, T_world_part, config)
+    kind, source = decide(evidence, config) if joint_type is None else (joint_type, "given")
+    return _motion_fit(fits[kind], numbers, evidence, source, config)
+
+
+def _checked(poses: ArrayLike, frames: ArrayLike | None) -> tuple[Array, NDArray[np.int64]]:
+    t = geo.as_float(poses)
+    if t.ndim != 3 or t.shape[1:] != (4, 4):
+        raise InputError(f"poses must have shape (N, 4, 4), got {t.shape}")
+    numbers = np.arange(len(t)) if frames is None else np.asarray(frames, dtype=np.int64)
+    if numbers.shape != (len(t),) or np.any(np.diff(numbers) <= 0):
+        raise InputError("frames must be one increasing number for each pose")
+    finite = np.isfinite(t).all(axis=(1, 2))
+    t, numbers = t[finite], numbers[finite]
+    if len(t) < 4:
+        raise ReconstructionError(f"{len(t)} finite poses are too few for a joint", "give at least 4")
+    r = t[:, :3, :3]
+    if not np.allclose(r @ np.swapaxes(r, 1, 2), np.eye(3), atol=1e-4):
+        raise InputError(
+            "poses must be rigid: a rotation is not orthonormal", "check the quaternions' order and length"
+        )
+    return t, numbers
+
+
+def _fit(T_world_part: Array, kind: Kind, sigma: float, sigma_rad: float) -> PoseBundle:
+    """Pose graph with the noise of translation and rotation each taken from the data, then a refinement on every pose."""
+    some = np.unique(
+        np.linspace(0, len(T_world_part) - 1, min(_GRAPH_POSES, len(T_world_part))).astype(np.int64)
+    )
+    poses = T_world_part[some]
+    pairs = graph_pairs(len(poses), _LOOPS)
+    graph: PoseGraph | None = None
+    for _ in range(2):
+        edges = edges_from_poses(poses, pairs, sigma, sigma_rad)
+        graph = solve_pose_graph(edges, len(poses), kind, start=graph)
+        error = np.abs(edge_errors(edges, graph))
+        sigma = max(_MAD * float(np.median(error[:, :3])), FLOOR)
+        sigma_rad = max(_MAD * float(np.median(error[:, 3:])), FLOOR)
+    assert graph is not None
+    xi = twist_of(kind, graph.axis, graph.pivot)
+    rest = _robust_mean(poses @ geo.exp_se3(-graph.state[:, None] * xi))
+    state = np.interp(np.arange(len(T_world_part)), some, graph.state)
+    axis = geo.unit(geo.rotate(rest, graph.axis))
+    pivot = geo.transform(rest, graph.pivot[None])[0]
+    return refine_poses(T_world_part, kind, axis, pivot, state, rest)
+
+
+def _robust_mean(poses: Array) -> Array:
+    """Middle (4, 4) of poses (N, 4, 4) that scatter about one: Cauchy-weighted means of their logs."""
+    mean = poses[len(poses) // 2]
+    for _ in range(10):
+        logs = geo.log_se3(geo.invert_pose(mean) @ poses)
+        shift, turn = np.linalg.norm(logs[:, :3], axis=1), np.linalg.norm(logs[:, 3:], axis=1)
+        size = (shift / max(float(np.median(shift)), FLOOR)) ** 2 + (
+            turn / max(float(np.median(turn)), FLOOR)
+        ) ** 2
+        weight = 1.0 / (1.0 + size / 8.0)
+        mean = mean @ geo.exp_se3((weight[:, None] * logs).sum(0) / weight.sum())
+    return np.asarray(mean)
+
+
+def _rms(fit: PoseBundle, part: slice) -> float:
+    """RMS length of the translation (:3) or rotation (3:) errors of the good poses."""
+    return float(np.sqrt(np.mean((fit.error[fit.good, part] ** 2).sum(1))))
+
+
+def _evidence(fits: dict[Kind, PoseBundle], T_world_part: Array, config: JointConfig) -> TypeEvidence:
+    """Compare both kinds: translation and rotation residuals over their noise floors."""
+
+    def total(fit: PoseBundle) -> float:
+        square = chi2(
+            fit.error, max(config.sigma_floor, fit.sigma), max(config.sigma_floor_rad, fit.sigma_rad)
+        )
+        return truncated_chi2(square, 1.0, dof=6)
+
+    shift = slice(0, 3)
+    if "revolute" not in fits:
+        slide = _rms(fits["prismatic"], shift)
+        return TypeEvidence(0.0, 0.0, float("inf"), slide, slide)
+    hinge = fits["revolute"]
+    low, high = np.quantile(hinge.state, [config.limit_quantile, 1.0 - config.limit_quantile])
+    away = T_world_part[:, :3, 3] - hinge.pivot
+    radius = float(np.median(np.linalg.norm(np.cross(away, hinge.axis), axis=1)))
+    if "prismatic" not in fits:
+        return TypeEvidence(float("inf"), float(high - low), radius, float("inf"), _rms(hinge, shift))
+    slide_fit = fits["prismatic"]
+    dbic = delta_bic(total(slide_fit), total(hinge), 6 * len(T_world_part))
+    return TypeEvidence(dbic, float(high - low), radius, _rms(slide_fit, shift), _rms(hinge, shift))
+
+
+def _motion_fit(
+    fit: PoseBundle, numbers: NDArray[np.int64], evidence: TypeEvidence, source: str, config: JointConfig
+) -> MotionFit:
+    picked = np.flatnonzero(fit.good)
+    model = Model(fit.kind, fit.axis, fit.pivot, fit.state)
+    oriented = orient(model, fit.covariance, picked, config.limit_quantile)
+    return MotionFit(
+        joint=oriented.joint,
+        frames=numbers[picked],
+        state=oriented.state,
+        state_sigma=oriented.state_sigma,
+        residual=_rms(fit, slice(0, 3)),
+        inliers=float(fit.good.mean()),
+        track_inliers=np.zeros(0, dtype=bool),
+        landmarks=np.zeros((0, 3)),
+        evidence=evidence,
+        type_source=source,
+        residual_rad=_rms(fit, slice(3, 6)),
+    )

@@ -1,0 +1,330 @@
+"""Part-pose graph: one joint and one state per frame from relative part motions.
+
+The paper's parameterization and objective (FunREC supplement, section 1): unknowns are the axis (2), for a revolute joint
+the axis point with a . p = 0 (2), and a state per frame; consecutive edges, loop closures with confidences l, and
+mu (sqrt(l) - 1)^2. The confidences leave in closed form, l = (mu / (mu + f))^2 with cost mu f / (mu + f).
+What differs is the noise model: f is in units of the noise, whose scale is taken from the data (median, two rounds), and mu
+follows from the chi-square distribution. A fixed gate cuts good edges when the noise is larger than expected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from recon.pose_edges import PoseEdges
+from recon.track_bundle import Kind, solve_positive
+from twin import geometry as geo
+from twin.errors import ConfigError, ReconstructionError
+from twin.geometry import Array
+
+CHI6_MEDIAN = 5.348  # median of chi-square with 6 degrees of freedom
+_LENGTH = 0.3  # m, about half a door: how much rotation weighs against translation in the start alone
+
+
+@dataclass(frozen=True)
+class PoseGraphConfig:
+    """mu: scale of the confidences in units of the noise variance; 20 puts the prune at 0.3 on the 99 % quantile of a good
+    edge (0.826 mu = 16.8 of chi-square with 6). prune: loop closures below this confidence leave (the paper's 0.3).
+    rounds: of noise rescaling (two were best everywhere). iterations: most steps of one solution (by us)."""
+
+    mu: float = 20.0
+    prune: float = 0.3
+    rounds: int = 2
+    iterations: int = 30
+
+    def __post_init__(self) -> None:
+        if not (self.mu > 0 and 0 <= self.prune < 1 and self.rounds >= 0 and self.iterations >= 1):
+            raise ConfigError(
+                f"pose graph: needs mu > 0, 0 <= prune < 1, rounds >= 0, iterations >= 1, got {self}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PoseGraph:
+    """Solution: kind, unit axis (3,), pivot (3,) with a . p = 0 (zero when prismatic), state (N,) with state[0] = 0.
+
+    confidence (E,), kept (E,) of the given edges; scale: noise standard deviation in units of the given information;
+    covariance of the joint tangent (2 or 4, the basis of `twin.scene.Joint` at `pivot`) then the states.
+    """
+
+    kind: Kind
+    axis: Array
+    pivot: Array
+    state: Array
+    confidence: Array
+    kept: NDArray[np.bool_]
+    scale: float
+    covariance: Array
+
+
+def solve_pose_graph(
+    edges: PoseEdges,
+    frames: int,
+    kind: Kind,
+    config: PoseGraphConfig | None = None,
+    start: PoseGraph | None = None,
+) -> PoseGraph:
+    """Solve for one joint of the given kind.
+
+    Args:
+        edges: relative motions among `frames` frames; every frame must be reached. start: else the closed form.
+    Raises:
+        ReconstructionError: too few edges, or frames that no edge reaches.
+    """
+    cfg = config or PoseGraphConfig()
+    reached = np.zeros(frames, dtype=bool)
+    reached[edges.first] = reached[edges.second] = True
+    if not reached.all():
+        lost = np.flatnonzero(~reached)
+        raise ReconstructionError(
+            f"no motion edge reaches {len(lost)} of {frames} frames, the first is {lost[0]}",
+            "leave those frames out",
+        )
+    state = start or closed_form_start(edges, frames, kind)
+    scale = _scale(edge_costs(edges, state))
+    for _ in range(cfg.rounds):
+        state = _minimise(edges, state, scale, cfg)
+        scale = _scale(edge_costs(edges, state))
+    state = _minimise(edges, state, scale, cfg)
+    confidence = _confidence(edges, edge_costs(edges, state) / scale**2, cfg.mu)
+    kept = (confidence >= cfg.prune) | ~edges.loop
+    good = edges.take(kept)
+    state = _minimise(good, state, scale, cfg)
+    confidence = _confidence(edges, edge_costs(edges, state) / scale**2, cfg.mu)
+    covariance = _covariance(good, state, scale, cfg)
+    return replace(state, confidence=confidence, kept=kept, scale=scale, covariance=covariance)
+
+
+def twist_of(kind: Kind, axis: Array, pivot: Array) -> Array:
+    """Unit screw (6,) = (v, w) of a joint."""
+    if kind == "prismatic":
+        return np.concatenate([axis, np.zeros(3)])
+    return np.concatenate([np.cross(pivot, axis), axis])
+
+
+def closed_form_start(edges: PoseEdges, frames: int, kind: Kind, rounds: int = 10) -> PoseGraph:
+    """Joint and states without iteration on the manifold: log(T_parti_partj) is d_ij times one screw.
+
+    The screw is the leading eigenvector of the logs' scatter (reweighted), the states solve a weighted graph Laplacian.
+    Twists are taken about the origin of the part's coordinates, which should lie near the part.
+    """
+    logs = geo.log_se3(edges.T_parti_partj)
+    if kind == "prismatic":
+        logs = logs * np.array([1.0, 1, 1, 0, 0, 0])
+    unit_scale = np.array([1.0, 1, 1, _LENGTH, _LENGTH, _LENGTH])
+    x = logs * unit_scale
+    size = np.linalg.norm(x, axis=1)
+    if size.max(initial=0.0) < 1e-12:
+        raise ReconstructionError("the part's poses do not move", "give the frames in which it moves")
+    weight = 1.0 / np.maximum(size, 0.05 * size.max())
+    for _ in range(rounds):
+        _, vectors = np.linalg.eigh((x * weight[:, None]).T @ x)
+        screw = vectors[:, -1]
+        away = np.linalg.norm(x - np.outer(x @ screw, screw), axis=1)
+        middle = max(float(np.median(away)), 1e-9)
+        weight = 1.0 / np.maximum(size, 0.05 * size.max()) / (1.0 + (away / (2.0 * middle)) ** 2)
+    xi = screw / unit_scale
+    norm = float(np.linalg.norm(xi[:3] if kind == "prismatic" else xi[3:]))
+    if norm < 1e-9:
+        raise ReconstructionError("the part's poses do not turn", "fit a prismatic joint")
+    xi = xi / norm
+    distance = (x @ screw) * norm
+    state = _laplacian(edges, distance, weight, frames)
+    axis = xi[:3] if kind == "prismatic" else xi[3:]
+    pivot = np.zeros(3) if kind == "prismatic" else np.cross(axis, xi[:3])
+    return PoseGraph(
+        kind, axis, pivot, state, np.ones(len(edges)), np.ones(len(edges), dtype=bool), 1.0, np.zeros((0, 0))
+    )
+
+
+def _laplacian(edges: PoseEdges, distance: Array, weight: Array, frames: int) -> Array:
+    """States (N,), first 0, with s_j - s_i = distance, reweighted against wild edges."""
+    i, j = edges.first, edges.second
+    w = weight.copy()
+    state = np.zeros(frames)
+    for _ in range(5):
+        matrix, right = np.zeros((frames, frames)), np.zeros(frames)
+        np.add.at(matrix, (i, i), w)
+        np.add.at(matrix, (j, j), w)
+        np.add.at(matrix, (i, j), -w)
+        np.add.at(matrix, (j, i), -w)
+        np.add.at(right, j, w * distance)
+        np.add.at(right, i, -w * distance)
+        matrix[0, 0] += matrix.trace() / frames
+        matrix[np.diag_indices(frames)] += 1e-12 * matrix.trace() / frames
+        state = solve_positive(matrix, right[:, None])[:, 0]
+        state -= state[0]
+        error = np.abs(state[j] - state[i] - distance)
+        w = weight / (1.0 + (error / max(2.0 * float(np.median(error)), 1e-12)) ** 2)
+    return np.asarray(state)
+
+
+def edge_costs(edges: PoseEdges, graph: PoseGraph) -> Array:
+    """f (E,) = e^T information e of every edge."""
+    e = edge_errors(edges, graph)
+    return np.asarray(np.einsum("ei,eij,ej->e", e, edges.information, e))
+
+
+def edge_errors(edges: PoseEdges, graph: PoseGraph) -> Array:
+    """e (E, 6) = log(T_parti_partj^-1 T_i^-1 T_j)."""
+    xi = twist_of(graph.kind, graph.axis, graph.pivot)
+    motion = geo.exp_se3((graph.state[edges.second] - graph.state[edges.first])[:, None] * xi)
+    return geo.log_se3(geo.invert_pose(edges.T_parti_partj) @ motion)
+
+
+def error_jacobians(edges: PoseEdges, graph: PoseGraph) -> tuple[Array, Array, Array]:
+    """Errors (E, 6), their derivatives by the joint tangent (E, 6, 2 or 4) and by d = s_j - s_i (E, 6).
+
+    exp((d)(xi + delta)) = exp(d xi) exp(J_r(d xi) d delta), with d J_r(d xi) = d I - (1 - cos d) A + (d - sin d) A^2 for
+    A = ad(xi): three constant matrices for all edges. The log's own Jacobian is the series of J_r^-1 at e.
+    """
+    e = edge_errors(edges, graph)
+    distance = graph.state[edges.second] - graph.state[edges.first]
+    right = right_inverse(e)
+    xi = twist_of(graph.kind, graph.axis, graph.pivot)
+    return e, right @ motion_jacobian(graph.kind, graph.axis, graph.pivot, distance), right @ xi
+
+
+def motion_jacobian(kind: Kind, axis: Array, pivot: Array, distance: Array) -> Array:
+    """Right-hand derivative (E, 6, 2 or 4) of exp(d xi) by the joint tangent, for distances (E,)."""
+    basis = geo.orthogonal_basis(axis)[:, :2]
+    tilt = np.cross(basis.T, axis).T  # da = w x a
+    if kind == "prismatic":
+        return np.asarray(distance[:, None, None] * np.concatenate([tilt, np.zeros((3, 2))]))
+    along = np.cross(pivot, tilt.T).T
+    d_xi = np.block([[along, tilt], [tilt, np.zeros((3, 2))]])
+    a = _ad(twist_of(kind, axis, pivot))
+    a1 = a @ d_xi
+    d = distance[:, None, None]
+    return np.asarray(d * d_xi - (1.0 - np.cos(d)) * a1 + (d - np.sin(d)) * (a @ a1))
+
+
+def _ad(twist: Array) -> Array:
+    """ad (..., 6, 6) of twists (v, w)."""
+    out = np.zeros((*twist.shape[:-1], 6, 6))
+    w, v = geo.skew(twist[..., 3:]), geo.skew(twist[..., :3])
+    out[..., :3, :3], out[..., 3:, 3:], out[..., :3, 3:] = w, w, v
+    return out
+
+
+def right_inverse(e: Array) -> Array:
+    """Inverse right Jacobian of SE(3), by its Bernoulli series to sixth order (1e-8 at 0.5 rad)."""
+    a = _ad(e)
+    a2 = a @ a
+    a4 = a2 @ a2
+    return np.asarray(np.eye(6) + a / 2.0 + a2 / 12.0 - a4 / 720.0 + a4 @ a2 / 30240.0)
+
+
+@njit(cache=True)
+def _accumulate(first, second, error, by_joint, by_distance, information, weight, frames):  # type: ignore[no-untyped-def]
+    """Hessian and gradient of half the weighted cost over joint tangent and states."""
+    n = by_joint.shape[2]
+    hessian, gradient = np.zeros((n + frames, n + frames)), np.zeros(n + frames)
+    column = np.empty((6, n + 1))
+    lifted = np.empty((6, n + 1))
+    for e in range(len(first)):
+        if weight[e] <= 0.0:
+            continue
+        for i in range(6):
+            for a in range(n):
+                column[i, a] = by_joint[e, i, a]
+            column[i, n] = by_distance[e, i]
+        for i in range(6):
+            for a in range(n + 1):
+                total = 0.0
+                for k in range(6):
+                    total += information[e, i, k] * column[k, a]
+                lifted[i, a] = weight[e] * total
+        i_row, j_row = n + first[e], n + second[e]
+        for a in range(n + 1):
+            pull = 0.0
+            for k in range(6):
+                pull += lifted[k, a] * error[e, k]
+            if a < n:
+                gradient[a] += pull
+            else:
+                gradient[j_row] += pull
+                gradient[i_row] -= pull
+            for b in range(n + 1):
+                value = 0.0
+                for k in range(6):
+                    value += lifted[k, a] * column[k, b]
+                if a < n and b < n:
+                    hessian[a, b] += value
+                elif a < n:
+                    hessian[a, j_row] += value
+                    hessian[a, i_row] -= value
+                    hessian[j_row, a] += value
+                    hessian[i_row, a] -= value
+                elif b == n:
+                    hessian[i_row, i_row] += value
+                    hessian[j_row, j_row] += value
+                    hessian[i_row, j_row] -= value
+                    hessian[j_row, i_row] -= value
+    return hessian, gradient
+
+
+def _confidence(edges: PoseEdges, cost: Array, mu: float) -> Array:
+    return np.asarray(np.where(edges.loop, (mu / (mu + cost)) ** 2, 1.0))
+
+
+def _objective(edges: PoseEdges, cost: Array, mu: float) -> float:
+    return float(np.where(edges.loop, mu * cost / (mu + cost), cost).sum())
+
+
+def _scale(cost: Array) -> float:
+    """Noise in units of the given one, by the median of f; floored so that exact data stay finite."""
+    return max(float(np.sqrt(np.median(cost) / CHI6_MEDIAN)), 1e-9)
+
+
+def _system(edges: PoseEdges, graph: PoseGraph, scale: float, mu: float) -> tuple[Array, Array, float]:
+    error, by_joint, by_distance = error_jacobians(edges, graph)
+    cost = np.einsum("ei,eij,ej->e", error, edges.information, error) / scale**2
+    weight = _confidence(edges, cost, mu) / scale**2
+    hessian, gradient = _accumulate(
+        edges.first, edges.second, error, by_joint, by_distance, edges.information, weight, len(graph.state)
+    )
+    n = by_joint.shape[2]
+    hessian[n, n] += float(np.trace(hessian[n:, n:]))  # the first state stays 0
+    return hessian, gradient, _objective(edges, cost, mu)
+
+
+def _moved(graph: PoseGraph, delta: Array) -> PoseGraph:
+    basis = geo.orthogonal_basis(graph.axis)[:, :2]
+    n = 4 if graph.kind == "revolute" else 2
+    axis = geo.unit(geo.exp_so3(basis @ delta[:2]) @ graph.axis)
+    pivot = graph.pivot + basis @ delta[2:4] if n == 4 else graph.pivot
+    state = graph.state + delta[n:]
+    return replace(graph, axis=axis, pivot=pivot - axis * (axis @ pivot), state=state - state[0])
+
+
+def _minimise(edges: PoseEdges, graph: PoseGraph, scale: float, config: PoseGraphConfig) -> PoseGraph:
+    """Levenberg-Marquardt with the confidences in closed form."""
+    damping = 1e-6
+    hessian, gradient, cost = _system(edges, graph, scale, config.mu)
+    for _ in range(config.iterations):
+        delta = -solve_positive(hessian + damping * np.diag(np.diag(hessian)), gradient[:, None])[:, 0]
+        trial = _moved(graph, delta)
+        trial_cost = _objective(edges, edge_costs(edges, trial) / scale**2, config.mu)
+        if trial_cost > cost * (1 + 1e-12):
+            damping *= 10.0
+            if damping > 1e8:
+                break
+            continue
+        done = cost - trial_cost < 1e-6 + 1e-9 * cost
+        graph, damping = trial, max(damping / 10.0, 1e-12)
+        if done:
+            break
+        hessian, gradient, cost = _system(edges, graph, scale, config.mu)
+    return graph
+
+
+def _covariance(edges: PoseEdges, graph: PoseGraph, scale: float, config: PoseGraphConfig) -> Array:
+    """Inverse Hessian, widened by the edges per frame: many edges share each frame's one error."""
+    hessian, _, _ = _system(edges, graph, scale, config.mu)
+    shared = max(1.0, len(edges) / len(graph.state))
+    return np.asarray(solve_positive(hessian, np.eye(len(hessian))) * shared)
