@@ -176,7 +176,7 @@ class Renderer:
         out[:, -1] /= self._ambient_samples
         height, width = self.camera.height, self.camera.width
         light = out.reshape(height, width, -1)
-        for step in (1, 2):
+        for step in (1, 2, 4):
             light = shading.smooth_light(
                 light,
                 depth.reshape(height, width),

@@ -41,7 +41,7 @@ def depth_image(view: View, rays: Array, scale: float, rng: np.random.Generator)
     coarse = _smooth_noise(height, width, 2.0, rng)
     z = z + sigma * (0.85 * rng.standard_normal((height, width)) + 0.5 * coarse)
     lost = 0.6 * near_edge + 0.9 * np.clip((0.16 - facing) / 0.1, 0.0, 1.0)
-    lost = lost + 0.75 * view.gloss * np.clip((0.16 - view.tone) / 0.1, 0.0, 1.0) + 0.002
+    lost = lost + 0.35 * view.gloss * np.clip((0.16 - view.tone) / 0.1, 0.0, 1.0) + 0.002
     blotches = ndtr(_smooth_noise(height, width, 0.8, rng))  # uniform in 0..1, but not salt and pepper
     gone = blotches < np.clip(scale * lost, 0.0, 0.98)
     z = np.where(gone | (exact < NEAREST) | (exact > FARTHEST), 0.0, z)

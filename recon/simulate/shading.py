@@ -218,7 +218,9 @@ def _lit(
     length = math.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
     shine = 0.0
     for k in range(3):
-        out[k] += albedo[k] * sky[k] * light[lights.shape[0]] * up
+        out[k] += (
+            albedo[k] * sky[k] * up * (0.12 + 0.88 * light[lights.shape[0]])
+        )  # light bounces into corners
     for j in range(lights.shape[0]):
         lx = lights[j, 0, 0] - point[0]
         ly = lights[j, 0, 1] - point[1]

@@ -135,16 +135,16 @@ def plaster(rng: np.random.Generator, colour: Array) -> Image:
 def laminate(rng: np.random.Generator, colour: Array) -> Image:
     """Painted or laminated board: fine fibres, scratches and smudges."""
     value = (
-        0.25 + 0.12 * noise(rng, 0.7, stretch=5.0) + 0.1 * noise(rng, 1.3) + 0.08 * noise(rng, 0.9, low=8.0)
+        0.3 + 0.15 * noise(rng, 0.7, stretch=5.0) + 0.1 * noise(rng, 1.3) + 0.13 * noise(rng, 0.9, low=8.0)
     )
     scratches = np.zeros((SIZE, SIZE), np.float32)
-    for _ in range(130):
+    for _ in range(200):
         a = rng.integers(0, SIZE, 2)
         b = a + rng.integers(-50, 50, 2)
         cv2.line(
             scratches, tuple(map(int, a)), tuple(map(int, b)), float(rng.uniform(0.2, 0.6)), 1, cv2.LINE_AA
         )
-    for _ in range(90):
+    for _ in range(200):
         centre = tuple(map(int, rng.integers(0, SIZE, 2)))
         cv2.circle(scratches, centre, int(rng.integers(1, 5)), float(rng.uniform(0.2, 0.7)), -1, cv2.LINE_AA)
     return _mix(colour, value + scratches, colour * 0.4 + 0.04)
