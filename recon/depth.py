@@ -28,7 +28,7 @@ def shrink_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[n
 def depth_normals(depth: NDArray[np.float32], camera: Intrinsics, max_depth: float) -> Array:
     """Camera-facing unit normals (H, W, 3) from depth (H, W) m; NaN at holes, edges and beyond `max_depth`."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth)
+    points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth.astype(np.float64))
     valid = (depth > 0) & (depth < max_depth)
     out = np.full(points.shape, np.nan)
     du = points[2:-2, 4:] - points[2:-2, :-4]

@@ -83,7 +83,7 @@ def find_movers(
             config.min_displacement,
             config.sigmas * float(depth_sigma(np.nanmedian(tracks.points_cam[frames, k, 2]))),
         )
-        far_from_start = np.linalg.norm(p - p[0], axis=1) > tolerance
+        far_from_start = np.linalg.norm(p - p[:1], axis=1) > tolerance
         far_from_end = np.linalg.norm(p - p[-1], axis=1) > tolerance
         moving[k] = far_from_start.sum() >= 3
         at_start = int(np.argmax(far_from_start)) if far_from_start.any() else len(p)

@@ -78,7 +78,7 @@ def track_points(
         frame = recording.frame(i)
         grey = cv2.resize(cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
         depth = cv2.resize(frame.depth, size, interpolation=cv2.INTER_NEAREST)
-        tracker.step(i, grey, depth)
+        tracker.step(i, np.asarray(grey, dtype=np.uint8), np.asarray(depth, dtype=np.float32))
     return tracker.tracks(camera, len(recording), 1.0 / scale)
 
 

@@ -1,0 +1,153 @@
+"""Which tracks lie on the hand, by colour learnt from the recording itself.
+
+While the part is at rest, what appears in free space in front of a frame without a hand is the hand. Its colours tell
+tracks on the hand from tracks on the part during the motion, when both move together. The colour of single pixels is no
+evidence (a skin-coloured door would be lost); of whole tracks it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.depth import depth_sigma
+from recon.recording import Intrinsics, Recording
+from recon.tracks import Tracks
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+
+@dataclass(frozen=True)
+class HandColorConfig:
+    """Chosen by us unless the comment says otherwise."""
+
+    width: int = 160
+    bins: int = 24  # per colour axis
+    margin: float = 0.03  # metres in front of the reference surface, plus 4 sigma of depth
+    max_frames: int = 12  # frames looked at on each side of the motion
+    min_share: float = 0.003  # of the image; less is noise, not a hand
+    min_odds: float = 1.0  # mean log odds above which a track lies on the hand
+
+    def __post_init__(self) -> None:
+        if self.width < 32 or self.bins < 4 or self.margin <= 0 or self.max_frames < 1:
+            raise ConfigError(
+                f"hand colour: width >= 32, bins >= 4, positive margin and frames are needed, got {self}"
+            )
+
+
+def hand_tracks(
+    recording: Recording,
+    cameras: Trajectory,
+    tracks: Tracks,
+    rests: Sequence[tuple[int, int]],
+    config: HandColorConfig = HandColorConfig(),
+) -> NDArray[np.bool_]:
+    """Mask (K,) of the tracks whose colours are those of the hand.
+
+    Args:
+        rests: spans (first, last) of frames in which no part moves, in time order. In each span, the frame farthest
+            from the motion serves as the picture without a hand: the first frame of the recording's first span, the last frame of the
+            last one, and both ends of the spans in between.
+    """
+    size = (
+        config.width,
+        max(1, round(recording.intrinsics.height * config.width / recording.intrinsics.width)),
+    )
+    camera = recording.intrinsics.scaled(*size)
+    hand, rest_of = np.ones(config.bins**3), np.ones(config.bins**3)
+    found = 0
+    for number, (first, last) in enumerate(rests):
+        references = ([first] if number == 0 or len(rests) == 1 else []) + (
+            [last] if number == len(rests) - 1 else []
+        )
+        for reference in references or [first, last]:
+            for frame in np.unique(np.linspace(first, last, config.max_frames).astype(int)):
+                image, mask = _in_front(recording, cameras, int(reference), int(frame), camera, config)
+                if mask is None or mask.mean() < config.min_share:
+                    continue
+                found += 1
+                index = _bin(image, config.bins)
+                hand += np.bincount(index[mask], minlength=len(hand))
+                rest_of += np.bincount(index[~mask], minlength=len(hand))
+    if found == 0:
+        return np.zeros(len(tracks), dtype=bool)
+    odds = _smooth_log_odds(hand, rest_of, config.bins)
+    return _mean_odds(recording, tracks, odds, config) > config.min_odds
+
+
+def _smooth_log_odds(hand: Array, rest: Array, bins: int) -> Array:
+    """Log odds per colour bin, hand and rest equally likely beforehand, histograms blurred by about one bin."""
+    out = []
+    for histogram in (hand, rest):
+        cube = histogram.reshape(bins, bins, bins)
+        for axis in range(3):
+            cube = (np.roll(cube, 1, axis) + 2.0 * cube + np.roll(cube, -1, axis)) / 4.0
+        out.append((cube / cube.sum()).ravel())
+    return np.asarray(np.log((out[0] + 1e-5) / (out[1] + 1e-5)))
+
+
+def _bin(color: NDArray[np.uint8], bins: int) -> NDArray[np.int64]:
+    lab = cv2.cvtColor(color, cv2.COLOR_RGB2LAB).astype(np.int64)
+    lab[..., 0] = lab[..., 0] // 2 + 64  # shading changes lightness more than hue
+    index = lab * bins // 256
+    return np.asarray((index[..., 0] * bins + index[..., 1]) * bins + index[..., 2])
+
+
+def _small(recording: Recording, frame: int, camera: Intrinsics) -> tuple[NDArray[np.uint8], Array]:
+    color, depth = recording.frame(frame)
+    size = (camera.width, camera.height)
+    return (
+        np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), dtype=np.uint8),
+        np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST), dtype=np.float64),
+    )
+
+
+def _in_front(
+    recording: Recording,
+    cameras: Trajectory,
+    reference: int,
+    frame: int,
+    camera: Intrinsics,
+    config: HandColorConfig,
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
+    """Colour of `frame` and the mask of its pixels that float in front of what `reference` saw; None without poses."""
+    image, depth = _small(recording, frame, camera)
+    T_world_ref, T_world_frame = cameras.pose(reference), cameras.pose(frame)
+    if reference == frame or T_world_ref is None or T_world_frame is None:
+        return image, None
+    _, seen = _small(recording, reference, camera)
+    unknown = cv2.erode(np.where(seen > 0, seen, 0.0), np.ones((3, 3)))  # nearest of 3x3, 0 where unknown
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+    points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth).reshape(-1, 3)
+    p = geo.transform(geo.invert_pose(T_world_ref) @ T_world_frame, points)
+    ok = (depth.ravel() > 0) & (p[:, 2] > 0.1)
+    pixel = np.rint(camera.project(np.where(ok[:, None], p, [0.0, 0.0, 1.0]))).astype(int)
+    ok &= (pixel >= 0).all(axis=1) & (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
+    pixel[~ok] = 0
+    surface = unknown[pixel[:, 1], pixel[:, 0]]
+    mask = ok & (surface - p[:, 2] > config.margin + 4.0 * depth_sigma(surface))
+    opened = cv2.morphologyEx(
+        mask.reshape(depth.shape).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
+    return image, opened.astype(bool)
+
+
+def _mean_odds(recording: Recording, tracks: Tracks, odds: Array, config: HandColorConfig) -> Array:
+    """Mean log odds (K,) over every third frame's 5x5 neighbourhoods of each track."""
+    total, count = np.zeros(len(tracks)), np.zeros(len(tracks))
+    for frame in range(0, len(recording), 3):
+        seen = np.flatnonzero(tracks.visible[frame])
+        if not len(seen):
+            continue
+        color = recording.frame(frame).color
+        score = cv2.blur(odds[_bin(color, config.bins)], (5, 5))
+        x, y = np.rint(tracks.pixels[frame, seen]).astype(int).T
+        total[seen] += score[np.clip(y, 0, color.shape[0] - 1), np.clip(x, 0, color.shape[1] - 1)]
+        count[seen] += 1
+    return np.where(count > 0, total / np.maximum(count, 1), -np.inf)

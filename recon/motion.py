@@ -1,0 +1,239 @@
+"""Which parts move, by which joints: tracks in, one `PartTracks` per part out.
+
+The first fit looks at the tracks that travel far. It tells when the part is at rest, and with that which tracks lie on the
+hand (they are in view and move while the part rests, or have the hand's colour) and which merely slip along edges. The
+second fit uses what remains. Parts are found one after the other among the tracks that no earlier part explains.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.hand_color import HandColorConfig, hand_tracks
+from recon.intervals import Interval, IntervalConfig, Movers, find_movers, state_intervals
+from recon.joints import JointConfig, MotionFit, fit_motion
+from recon.parts import MovingPart
+from recon.recording import Recording
+from recon.tracks import Tracks
+from twin import geometry as geo
+from twin.errors import ConfigError, ReconstructionError
+from twin.geometry import Array
+from twin.scene import FIRST_PART_ID, Motion, Trajectory
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """Finding parts among tracks. Chosen by us unless the comment says otherwise.
+
+    far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
+    second fit. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
+    further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
+    max_residual: m, RMS that its fit may leave.
+    """
+
+    far_share: float = 0.3
+    rest_tolerance: float = 0.012
+    max_parts: int = 8
+    min_tracks: int = 25
+    min_share: float = 0.25
+    min_travel: float = 0.04
+    max_residual: float = 0.008
+    joint: JointConfig = field(default_factory=JointConfig)
+    interval: IntervalConfig = field(default_factory=IntervalConfig)
+    hand: HandColorConfig = field(default_factory=HandColorConfig)
+
+    def __post_init__(self) -> None:
+        if (
+            not 0 < self.far_share < 1
+            or self.rest_tolerance <= 0
+            or self.max_parts < 1
+            or self.min_tracks < 3
+        ):
+            raise ConfigError(
+                f"motion: far_share in 0..1, positive rest_tolerance, max_parts >= 1, min_tracks >= 3 are needed: {self}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PartTracks:
+    """A moving part, the tracks (K,) that are rigid with it, and why its joint has this type."""
+
+    part: MovingPart
+    members: NDArray[np.bool_]
+    type_source: str
+
+
+@dataclass(frozen=True, eq=False)
+class FoundParts:
+    """The movers, the tracks (K,) that lie on the hand, and all parts."""
+
+    movers: Movers
+    hand: NDArray[np.bool_]
+    parts: tuple[PartTracks, ...]
+
+
+def find_parts(
+    recording: Recording, tracks: Tracks, cameras: Trajectory, config: MotionConfig = MotionConfig()
+) -> FoundParts:
+    """Find every part that moves by a joint.
+
+    Raises ReconstructionError when nothing moves or no joint explains what moves.
+    """
+    movers = find_movers(recording, tracks, cameras, config.interval)
+    if movers.moving.sum() < config.joint.min_tracks:
+        raise ReconstructionError(
+            f"nothing moves in {recording.source}: {int(movers.moving.sum())} of {len(tracks)} tracked points leave "
+            f"their place by more than {config.interval.min_displacement} m",
+            "record a part being opened, from rest to rest",
+        )
+    travel = _travel(movers)
+    hand = np.zeros(len(tracks), dtype=bool)
+    free = movers.moving.copy()
+    found: list[PartTracks] = []
+    while len(found) < config.max_parts:
+        try:
+            fit, members, hand = _fit_one(recording, tracks, cameras, movers, travel, free, hand, config)
+        except ReconstructionError:
+            if not found:
+                raise
+            break
+        twin_of = _same_part(members, movers, found, config)
+        if twin_of is not None:
+            found[twin_of] = replace(found[twin_of], members=found[twin_of].members | members)
+            free &= ~members & ~hand
+            continue
+        if found and not _is_another_part(fit, members, movers, found[0].members, config):
+            break
+        part = _moving_part(FIRST_PART_ID + len(found), fit, recording, cameras, config)
+        found.append(PartTracks(part, members, fit.type_source))
+        free &= ~members & ~hand
+    return FoundParts(movers, hand, tuple(found))
+
+
+def _fit_one(
+    recording: Recording,
+    tracks: Tracks,
+    cameras: Trajectory,
+    movers: Movers,
+    travel: Array,
+    free: NDArray[np.bool_],
+    hand: NDArray[np.bool_],
+    config: MotionConfig,
+) -> tuple[MotionFit, NDArray[np.bool_], NDArray[np.bool_]]:
+    """First and second fit of one part; returns the fit, its members (K,) and the tracks on the hand (K,)."""
+    far = _far(free & ~hand, travel, config)
+    fit = _fit(movers, far, config)
+    rests = _rests(fit, len(recording), config)
+    hand = hand | hand_tracks(recording, cameras, tracks, rests, config.hand)
+    calm = far & ~hand & ~_restless(movers, far, rests, config)
+    if calm.sum() >= config.joint.min_tracks:
+        try:
+            fit, far = _fit(movers, calm, config), calm
+        except ReconstructionError as e:
+            warnings.warn(
+                f"the joint rests on all moving tracks, the hand's included ({e.problem})", stacklevel=2
+            )
+    members = np.zeros_like(free)
+    members[np.flatnonzero(far)[fit.track_inliers]] = True
+    return fit, members, hand
+
+
+def _travel(movers: Movers) -> Array:
+    """Distance (K,) between the median points of the first and of the farthest five observations of each mover."""
+    out = np.zeros(movers.visible.shape[1])
+    for k in np.flatnonzero(movers.moving):
+        p = movers.points_world[movers.visible[:, k], k]
+        d = np.linalg.norm(p - np.median(p[:5], axis=0), axis=1)
+        out[k] = np.sort(d)[-min(5, len(d))]
+    return out
+
+
+def _far(free: NDArray[np.bool_], travel: Array, config: MotionConfig) -> NDArray[np.bool_]:
+    if not free.any():
+        raise ReconstructionError("no moving tracks are left")
+    reach = float(np.quantile(travel[free], 0.95))
+    return free & (travel > max(config.interval.min_displacement, config.far_share * reach))
+
+
+def _fit(movers: Movers, chosen: NDArray[np.bool_], config: MotionConfig) -> MotionFit:
+    return fit_motion(movers.points_world[:, chosen], movers.visible[:, chosen], config=config.joint)
+
+
+def _rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
+    """Spans of frames in which the fitted part rests, a few frames away from its motion."""
+    # Each frame's own uncertainty would call slow starts rest; 5 % of the range is well above both.
+    careful = replace(config.interval, rest_share=0.05)
+    moving = state_intervals(
+        fit.frames, fit.state, fit.joint.sigma.state if fit.joint.sigma else 0.0, careful
+    )
+    spans, start = [], 0
+    for interval in (*moving, Interval(frames + 1, frames + 2)):
+        first, last = start, min(interval.first - 3, frames - 1)
+        if last - first >= 3:
+            spans.append((first, last))
+        start = interval.last + 3
+    return spans
+
+
+def _restless(
+    movers: Movers, chosen: NDArray[np.bool_], rests: Sequence[tuple[int, int]], config: MotionConfig
+) -> NDArray[np.bool_]:
+    """Tracks (K,) that move while the part rests: on the hand, or slipping along an edge."""
+    out = np.zeros_like(chosen)
+    for k in np.flatnonzero(chosen):
+        for first, last in rests:
+            p = movers.points_world[first : last + 1, k][movers.visible[first : last + 1, k]]
+            if len(p) >= 6:
+                d = np.linalg.norm(p - np.median(p, axis=0), axis=1)
+                out[k] |= bool(np.quantile(d, 0.9) > config.rest_tolerance)
+    return out
+
+
+def _same_part(
+    members: NDArray[np.bool_], movers: Movers, found: Sequence[PartTracks], config: MotionConfig
+) -> int | None:
+    """Index of the found part whose joint and states carry most of the new members too, if there is one."""
+    for number, other in enumerate(found):
+        T_part_world = geo.invert_pose(other.part.joint.poses(other.part.motion.state))
+        frames = other.part.motion.frames
+        rigid = 0
+        for k in np.flatnonzero(members):
+            seen = movers.visible[frames, k]
+            back = geo.transform(T_part_world[seen], movers.points_world[frames[seen], k][:, None])[:, 0]
+            spread = np.linalg.norm(back - np.median(back, axis=0), axis=1)
+            rigid += bool(np.median(spread) < 2.0 * config.rest_tolerance)
+        if rigid > 0.5 * int(members.sum()):
+            return number
+    return None
+
+
+def _is_another_part(
+    fit: MotionFit, members: NDArray[np.bool_], movers: Movers, first: NDArray[np.bool_], config: MotionConfig
+) -> bool:
+    """A further part must be as well seen as a part is: many tracks, seen at rest, far travel, a tight fit."""
+    rested = int((members & movers.rested).sum())
+    needed = max(config.min_tracks, config.min_share * int((first & movers.rested).sum()))
+    lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))
+    return (
+        rested >= needed
+        and float(fit.joint.upper * lever) >= config.min_travel
+        and fit.residual <= config.max_residual
+    )
+
+
+def _moving_part(
+    number: int, fit: MotionFit, recording: Recording, cameras: Trajectory, config: MotionConfig
+) -> MovingPart:
+    """A state for every posed frame; frames without an estimate lie between their neighbours for now."""
+    state = np.interp(cameras.frames, fit.frames, fit.state)
+    intervals = state_intervals(
+        cameras.frames, state, fit.joint.sigma.state if fit.joint.sigma else 0.0, config.interval
+    )
+    spans = tuple((i.first, i.last) for i in intervals)
+    motion = Motion(cameras.frames, recording.times[cameras.frames], state, spans, fit.residual, fit.inliers)
+    return MovingPart(number, fit.joint, motion)
