@@ -31,7 +31,10 @@ class Intrinsics:
     def __post_init__(self) -> None:
         values = (self.width, self.height, self.fx, self.fy, self.cx, self.cy)
         if not np.all(np.isfinite(values)) or min(self.width, self.height, self.fx, self.fy) <= 0:
-            raise InputError(f"intrinsics must be finite with positive size and focal lengths, got {values}")
+            raise InputError(
+                f"intrinsics must be finite with positive size and focal lengths, got {values}",
+                "give width, height, fx, fy, cx, cy in pixels",
+            )
         if not (0 <= self.cx < self.width and 0 <= self.cy < self.height):
             raise InputError(
                 f"principal point ({self.cx}, {self.cy}) lies outside the {self.width}x{self.height} image",

@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import open3d as o3d
+from numpy.typing import NDArray
 
 from recon.metrics import Surface
 from recon.truth import Truth
@@ -111,9 +112,16 @@ def write_poses(path: Path, times: Array, T_world_cam: Array) -> None:
     path.write_text("".join(" ".join(f"{v:.12f}" for v in row) + "\n" for row in rows))
 
 
+def read_image(path: Path) -> NDArray[Any]:
+    """An image as it is stored."""
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return image
+
+
 def _hand_mesh(grip: Array) -> Mesh:
     x, y, z = grip
-    return box((x, y - 0.01, z), (0.09, 0.07, 0.09))
+    return box((x, y - 0.02, z), (0.14, 0.10, 0.14))
 
 
 def _write_frame(
