@@ -380,6 +380,8 @@ def _meta(record: Mapping[str, Any]) -> tuple[float, float, tuple[str, ...]]:
 
 
 def _flat(config: Any, prefix: str = "") -> dict[str, Any]:
+    if isinstance(config, list) and any(isinstance(c, Mapping) for c in config):
+        config = {str(k): c for k, c in enumerate(config)}
     if not isinstance(config, Mapping):
         return {} if config is None and not prefix else {prefix: config}
     items: dict[str, Any] = {}

@@ -98,6 +98,12 @@ def test_only_dependants_recompute_and_say_why(tmp_path: Path) -> None:
     assert r["a"].reason == "the recording changed"
 
 
+def test_settings_may_come_in_groups(tmp_path: Path) -> None:
+    for size, why in ((3, "not computed yet"), (4, "0.size changed from 3 to 4")):
+        with Run(tmp_path, "x") as run:
+            assert run.stage("a", 1, (Window(size), Config()), [], lambda: 1).reason == why
+
+
 def test_key_tells_every_part_apart() -> None:
     base = {"version": 1, "config": {"a": 1}, "upstream": {"u": "k"}, "input": "x"}
     others = [{"version": 2}, {"config": {"a": 2}}, {"upstream": {"u": "l"}}, {"input": "y"}]
