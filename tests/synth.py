@@ -151,3 +151,44 @@ def track_scene(
     points[~visible] = np.nan
     rest[~member] = np.nan
     return TrackScene(points, visible, joint, state, member, rest)
+
+
+def together(*scenes: TrackScene) -> tuple[Array, NDArray[np.bool_]]:
+    """Points (T, K, 3) and visibility (T, K) of several scenes of equal length as one recording, in their order."""
+    return (
+        np.concatenate([s.points for s in scenes], axis=1),
+        np.concatenate([s.visible for s in scenes], axis=1),
+    )
+
+
+def moved_scene(scene: TrackScene, T_new_old: Array) -> TrackScene:
+    """The same scene in another world frame."""
+    rest = np.full_like(scene.rest_points, np.nan)
+    rest[scene.member] = geo.transform(T_new_old, scene.rest_points[scene.member])
+    points = np.full_like(scene.points, np.nan)
+    points[scene.visible] = geo.transform(T_new_old, scene.points[scene.visible])
+    return TrackScene(
+        points, scene.visible, scene.joint.transformed(T_new_old), scene.state, scene.member, rest
+    )
+
+
+def part_poses(
+    joint: Prismatic | Revolute,
+    state: Array,
+    rng: np.random.Generator,
+    noise: float = 0.0,
+    noise_rad: float = 0.0,
+    wild_share: float = 0.0,
+) -> Array:
+    """Poses T_world_part (N, 4, 4) of a body on the part about half a metre from the joint, in its own axes; noise at the
+    body's origin, and a share of poses that are wild (0.15 m, 20 degrees)."""
+    origin = np.zeros(3) if isinstance(joint, Prismatic) else np.array(joint.pivot)
+    sideways = geo.orthogonal_basis(joint.axis)[:, 0]
+    body = geo.make_pose(geo.exp_so3(rng.normal(0, 1, 3)), origin + 0.45 * sideways + 0.1 * joint.axis)
+    scale = np.array([noise] * 3 + [noise_rad] * 3)
+    poses = joint.poses(state) @ body @ geo.exp_se3(rng.normal(0, 1, (len(state), 6)) * scale)
+    wild = rng.random(len(state)) < wild_share
+    poses[wild] = poses[wild] @ geo.exp_se3(
+        rng.normal(0, 1, (int(wild.sum()), 6)) * ([0.15] * 3 + [0.35] * 3)
+    )
+    return np.asarray(poses)

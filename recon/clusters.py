@@ -1,0 +1,150 @@
+"""Articulation-aware clustering: which tracks move together by one joint. Nothing assumes one part.
+
+As in the paper: tracks that travel, a line or an arc for each, density clusters (HDBSCAN) over the joints that these speak
+for. A single noisy track pins its joint down badly, so clusters are only seeds here: a joint is fitted to each, every track
+that follows that joint rigidly joins, and what remains is searched for further joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.cluster import HDBSCAN
+
+from recon.joint_config import JointConfig
+from recon.joint_type import decide
+from recon.motion_frame import orient
+from recon.track_bundle import CHI3_MEDIAN, Kind, Model, Observations, residuals
+from recon.track_fit import TrackFit, compare_kinds, fit_kinds
+from recon.track_shapes import track_shapes
+from recon.track_start import follows, predicted_travel, row_medians, travel_and_noise
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.scene import Prismatic, Revolute
+
+
+@dataclass(frozen=True)
+class ClusterConfig:
+    """eps_s, eps_f: m, least travel of a moving track and largest error of its line or arc (the paper's 0.01 each; the
+    noise widens them to 5 and 2.5 standard deviations). min_share, min_size: a part has at least this share of the moving
+    tracks and this many (by us). max_parts: most clusters sought (by us). joint: settings of the fits."""
+
+    eps_s: float = 0.01
+    eps_f: float = 0.01
+    min_share: float = 0.05
+    min_size: int = 6
+    max_parts: int = 8
+    joint: JointConfig = field(
+        default_factory=lambda: JointConfig(pairs=24, search_tracks=150, search_frames=40)
+    )
+
+    def __post_init__(self) -> None:
+        if not (self.eps_s > 0 and self.eps_f > 0 and 0 <= self.min_share < 1):
+            raise ConfigError(f"clusters: needs eps_s > 0, eps_f > 0 and 0 <= min_share < 1, got {self}")
+        if self.min_size < 4 or self.max_parts < 1:
+            raise ConfigError(f"clusters: needs min_size >= 4 and max_parts >= 1, got {self}")
+
+
+_DEFAULT = ClusterConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """Tracks that one joint carries: members (K,) bool, kind, the joint found with them (state 0 at the first frames, no
+    covariance), score: summed path of the members in metres, by which clusters are sorted."""
+
+    members: NDArray[np.bool_]
+    kind: Kind
+    joint: Prismatic | Revolute
+    score: float
+
+
+def cluster_tracks(
+    points_world: ArrayLike, visible: ArrayLike, *, config: ClusterConfig = _DEFAULT
+) -> list[Cluster]:
+    """Clusters of tracks, best first; empty when nothing moves.
+
+    Args:
+        points_world: (T, K, 3) m, NaN where not visible. visible: (T, K) bool.
+    """
+    points, seen = geo.as_float(points_world), np.asarray(visible, dtype=bool)
+    everything = Observations.of(points, seen)
+    travel, noise = travel_and_noise(everything)
+    moving = np.flatnonzero(travel > max(config.eps_s, config.joint.mover_sigmas * noise))
+    least = max(config.min_size, int(np.ceil(config.min_share * len(moving))))
+    if len(moving) < least:
+        return []
+    obs = everything.take(moving)
+    free = np.ones(len(moving), dtype=bool)
+    found: list[Cluster] = []
+    seeds = [*_seeds(obs, noise, least, config), None]
+    while seeds and len(found) < config.max_parts:
+        seed = seeds[0]
+        cluster = _grow(obs, free if seed is None else free & seed, free, noise, least, config)
+        if cluster is None:
+            seeds.pop(0)
+            continue
+        members, fit = cluster
+        free &= ~_explained(obs, fit, noise, config)
+        full = np.zeros(seen.shape[1], dtype=bool)
+        full[moving[members]] = True
+        found.append(_cluster(full, obs.take(members), fit, config))
+    return sorted(found, key=lambda c: -c.score)
+
+
+def _seeds(obs: Observations, noise: float, least: int, config: ClusterConfig) -> list[NDArray[np.bool_]]:
+    """Density clusters over the joints of single tracks, largest first."""
+    shapes = track_shapes(obs, max(noise, config.joint.search_sigma))
+    fitted = np.flatnonzero(shapes.error < max(config.eps_f, 2.5 * noise))
+    if len(fitted) < least:
+        return []
+    labels = HDBSCAN(min_cluster_size=least, allow_single_cluster=True, copy=True).fit_predict(
+        shapes.screw[fitted]
+    )
+    out: list[NDArray[np.bool_]] = []
+    for label in range(labels.max() + 1):
+        mask = np.zeros(len(shapes.error), dtype=bool)
+        mask[fitted[labels == label]] = True
+        out.append(mask)
+    return sorted(out, key=lambda m: -int(m.sum()))
+
+
+def _grow(
+    obs: Observations,
+    seed: NDArray[np.bool_],
+    free: NDArray[np.bool_],
+    noise: float,
+    least: int,
+    config: ClusterConfig,
+) -> tuple[NDArray[np.bool_], TrackFit] | None:
+    """Fit the seed's joint and take every free track that follows it; nothing when too few do."""
+    if seed.sum() < least:
+        return None
+    fits = fit_kinds(obs.take(seed), noise, config.joint)
+    if not fits:
+        return None
+    kind, _ = decide(compare_kinds(obs.take(seed), fits, config.joint), config.joint)
+    fit = fits.get(kind) or next(iter(fits.values()))
+    members = follows(obs, fit.bundle.model, fit.scale(noise, config.joint), config.joint) & free
+    return (members, fit) if members.sum() >= least else None
+
+
+def _explained(obs: Observations, fit: TrackFit, noise: float, config: ClusterConfig) -> NDArray[np.bool_]:
+    """Tracks that need no joint of their own: they follow, or stay near one that does (a hand on the handle)."""
+    sigma = max(fit.scale(noise, config.joint), config.joint.search_sigma)
+    square, _, _ = residuals(obs, fit.bundle.model, sigma)
+    return np.asarray(
+        np.sqrt(row_medians(square, obs.weight)) < config.joint.prune_sigmas * CHI3_MEDIAN * sigma
+    )
+
+
+def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit, config: ClusterConfig) -> Cluster:
+    model: Model = fit.bundle.model
+    _, _, marks = residuals(obs, model, max(fit.bundle.sigma, 1e-5))
+    score = float(predicted_travel(obs, model, marks).sum())
+    frames = np.flatnonzero((obs.weight > 0).sum(0) >= config.joint.min_observations)
+    oriented = orient(model, fit.bundle.covariance, frames, config.joint.limit_quantile)
+    joint = replace(oriented.joint, covariance=None, sigma=None)
+    return Cluster(full, model.kind, joint, score)

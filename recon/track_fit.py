@@ -1,0 +1,159 @@
+"""Both kinds of joint fitted to moving tracks, and the evidence between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.joint_config import JointConfig
+from recon.joint_type import TypeEvidence, delta_bic, truncated_chi2
+from recon.track_bundle import Bundle, Kind, Model, Observations, refine, residuals
+from recon.track_start import Hypothesis, follows, pair_hypotheses, states_of, track_support
+from twin.errors import ReconstructionError
+from twin.geometry import Array
+
+_WIDEST = 2.0  # times the noise known beforehand (by us)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackFit:
+    bundle: Bundle  # of the following tracks alone
+    members: NDArray[np.bool_]  # which of the moving tracks follow
+
+    def scale(self, noise: float, config: JointConfig) -> float:
+        """Noise (m) that decides who follows: the measured one, but a fit that carries nothing well must not widen its
+        own gate until everything follows."""
+        return min(max(self.bundle.sigma, noise), _WIDEST * max(noise, config.search_sigma))
+
+
+def movers(travel: Array, noise: float, config: JointConfig) -> NDArray[np.int64]:
+    least = max(config.min_travel, config.mover_sigmas * noise)
+    moving = np.flatnonzero(travel > least)
+    if len(moving) < config.min_tracks:
+        most = float(travel.max(initial=0.0))
+        raise ReconstructionError(
+            f"almost nothing moves: {len(moving)} of {len(travel)} tracks travel more than {least * 1e3:.0f} mm, "
+            f"the farthest {most * 1e3:.1f} mm, with noise of {noise * 1e3:.1f} mm",
+            "give the interval in which the part moves, or a recording with a longer motion",
+        )
+    return moving
+
+
+def fit_kinds(obs: Observations, noise: float, config: JointConfig) -> dict[Kind, TrackFit]:
+    """The best joint of each kind on moving tracks; a kind that too few tracks follow is missing.
+
+    noise: of one coordinate in metres.
+    """
+    sigma = max(noise, config.search_sigma)
+    candidates = _candidates(obs, sigma, config)
+    settled = {kind: _settle(obs, model, noise, sigma, config) for kind, model in candidates.items()}
+    return {kind: fit for kind, fit in settled.items() if fit is not None}
+
+
+def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Kind, Model]:
+    """The joint of each kind that most tracks follow over the whole motion, refined on a part of the tracks."""
+    rng = np.random.default_rng(config.seed)
+    tracks, frames = np.arange(len(obs.points)), np.arange(obs.weight.shape[1])
+    if len(tracks) > config.search_tracks:
+        tracks = np.sort(rng.choice(tracks, config.search_tracks, replace=False))
+    if len(frames) > config.search_frames:
+        frames = np.unique(np.linspace(0, len(frames) - 1, config.search_frames).astype(np.int64))
+    some = obs.take(tracks)
+    few = obs.take(tracks, frames)
+    proposals = pair_hypotheses(some, sigma, config, rng)
+    out: dict[Kind, Model] = {}
+    kinds: tuple[Kind, Kind] = ("prismatic", "revolute")
+    for kind in kinds:
+        scored: list[tuple[float, Hypothesis]] = []
+        for joint in (h for h in proposals if h.kind == kind):
+            model = Model(joint.kind, joint.axis, joint.pivot, states_of(few, joint, sigma, rounds=2))
+            scored.append((float(track_support(few, model, sigma, config).sum()), joint))
+        scored.sort(key=lambda row: -row[0])
+        refined = [
+            _first_refinement(some, h, sigma, config) for score, h in scored[: config.candidates] if score > 0
+        ]
+        best = max(refined, key=lambda row: row[0], default=None)
+        if best is not None:
+            out[kind] = best[1]
+    return out
+
+
+def _first_refinement(
+    obs: Observations, joint: Hypothesis, sigma: float, config: JointConfig
+) -> tuple[float, Model]:
+    """Support and model of a hypothesis after a short refinement on the tracks that support it."""
+    start = Model(joint.kind, joint.axis, joint.pivot, states_of(obs, joint, sigma))
+    members = _supporters(obs, start, sigma, config)
+    if members.sum() < config.min_tracks:
+        return 0.0, start
+    model = refine(obs.take(members), start, sigma, 8).model
+    return float(track_support(obs, model, sigma, config).sum()), model
+
+
+def _settle(
+    obs: Observations, model: Model, noise: float, sigma: float, config: JointConfig
+) -> TrackFit | None:
+    """Refine, prune the tracks which do not follow, refine again; nothing when too few tracks follow."""
+    members = _supporters(obs, model, sigma, config)
+    scale = sigma
+    fit: TrackFit | None = None
+    for _ in range(6):
+        if members.sum() < config.min_tracks:
+            return fit
+        bundle = refine(obs.take(members), model, scale, config.iterations)
+        fit, model = TrackFit(bundle, members), bundle.model
+        scale = fit.scale(noise, config)
+        again = follows(obs, model, scale, config)
+        if np.array_equal(again, members):
+            break
+        members = again
+    return fit
+
+
+def _supporters(obs: Observations, model: Model, sigma: float, config: JointConfig) -> NDArray[np.bool_]:
+    """Tracks that follow; when a rough model carries too few, the quarter that follows best."""
+    members = follows(obs, model, sigma, config)
+    if members.sum() >= 2 * config.min_tracks:
+        return members
+    support = track_support(obs, model, sigma, config)
+    least = max(config.min_tracks, len(support) // 4)
+    return np.asarray(support >= max(float(np.sort(support)[-min(least, len(support))]), 1e-9))
+
+
+def compare_kinds(obs: Observations, fits: dict[Kind, TrackFit], config: JointConfig) -> TypeEvidence:
+    """Compare both kinds on the tracks that either carries, each judged by the noise of the tighter one: a loose fit
+    that follows much poorly must not outvote a joint that follows its part well."""
+    tight = min(fit.bundle.sigma for fit in fits.values())
+    gate = max(tight, config.search_sigma)
+    carried = [follows(obs, fit.bundle.model, gate, config) for fit in fits.values()]
+    union = np.logical_or.reduce(carried)
+    shared = obs.take(union if union.any() else np.logical_or.reduce([fit.members for fit in fits.values()]))
+    seen = shared.weight > 0
+    sigma = max(config.sigma_floor, tight)
+    chi2: dict[str, float] = {}
+    rms: dict[str, float] = {}
+    for kind, fit in fits.items():
+        square, _, _ = residuals(shared, fit.bundle.model, sigma)
+        chi2[kind] = truncated_chi2(square[seen], sigma)
+        rms[kind] = agreeing_rms(fit.bundle)
+    if "revolute" not in fits:
+        return TypeEvidence(0.0, 0.0, float("inf"), rms["prismatic"], rms["prismatic"])
+    hinge = fits["revolute"].bundle
+    away = hinge.landmarks - hinge.model.pivot
+    radius = float(
+        np.median(np.linalg.norm(away - np.outer(away @ hinge.model.axis, hinge.model.axis), axis=1))
+    )
+    turned = float(np.ptp(np.quantile(hinge.model.state, [config.limit_quantile, 1 - config.limit_quantile])))
+    if "prismatic" not in fits:
+        return TypeEvidence(float("inf"), turned, radius, float("inf"), rms["revolute"])
+    dbic = delta_bic(chi2["prismatic"], chi2["revolute"], 3 * int(seen.sum()))
+    return TypeEvidence(dbic, turned, radius, rms["prismatic"], rms["revolute"])
+
+
+def agreeing_rms(bundle: Bundle) -> float:
+    """RMS residual (m) over the observations within 3 sigma of their landmark."""
+    r = bundle.residual[np.isfinite(bundle.residual)]
+    agreeing = r[r <= 3.0 * np.sqrt(3.0) * bundle.sigma]
+    return float(np.sqrt(np.mean(agreeing**2))) if agreeing.size else 0.0

@@ -1,0 +1,43 @@
+"""Samplers and tolerances that tests share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Prismatic, Revolute
+
+EXACT = 1e-7  # m or rad: what exact input may miss after an iterative fit
+EXACT_DEG = float(np.degrees(EXACT))
+
+
+def random_pose(rng: np.random.Generator, reach: float = 2.0) -> Array:
+    """Any rotation, and a translation (m) of about `reach`."""
+    return geo.make_pose(geo.exp_so3(rng.normal(0, 1.5, 3)), rng.uniform(-reach, reach, 3))
+
+
+def random_joint(rng: np.random.Generator, kind: str, upper: float = 1.0) -> Prismatic | Revolute:
+    """Joint of the kind with any axis through a point within 1 m."""
+    axis = geo.unit(rng.normal(0, 1, 3))
+    if kind == "prismatic":
+        return Prismatic(axis=axis, upper=upper)
+    return Revolute(axis=axis, upper=upper, pivot=rng.uniform(-1, 1, 3))
+
+
+def axis_error_deg(a: Prismatic | Revolute, b: Prismatic | Revolute) -> float:
+    """Angle in degrees, 0..90, between two joint axes as lines."""
+    return float(np.degrees(geo.line_angle(a.axis, b.axis)))
+
+
+def pivot_error(found: Prismatic | Revolute, truth: Prismatic | Revolute) -> float:
+    """Distance (m) of the found axis point from the true axis; both must be hinges."""
+    assert isinstance(found, Revolute)
+    assert isinstance(truth, Revolute)
+    return geo.point_line_distance(found.pivot, truth.pivot, truth.axis)
+
+
+def state_error(found: Array, truth: Array) -> float:
+    """Mean absolute difference of states after taking the constant between them out."""
+    difference = np.asarray(found) - np.asarray(truth)
+    return float(np.abs(difference - np.median(difference)).mean())
