@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,9 +60,10 @@ class LabelConfig:
 # Log scores, chosen by us and the same for every recording: agreement of two references is worth 1.5, being seen
 # through by 1.5 of them 4. Without any evidence a pixel is static; a moving one without more is part or hand alike.
 _SUPPORT, _VIOLATION = 1.5, 4.0
-_PRIOR_PART, _PRIOR_HAND = -0.5, -1.2
+_PRIOR_PART, _HAND = -0.5, -0.7
 _VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
 _BOX_MARGIN_M = 0.1
+_MIN_HAND = 0.001
 
 
 def label_frames(
@@ -174,10 +176,10 @@ def _first_scores(
         if box is not None and pose is not None:
             at_rest = geo.transform(geo.invert_pose(pose), world)
             inside[known] = ((at_rest > box[0]) & (at_rest < box[1])).all(axis=1)
-        score = _score(*gather(seen, refs, move, camera, slack, inside)) + _PRIOR_PART
-        score[known & ~inside] = _PRIOR_PART - _VIOLATION
+        score = _score(*gather(seen, refs, move, camera, slack, inside))
+        score[known & ~inside] = -_VIOLATION
         planes.append(score)
-    planes.append(np.full(known.shape, _PRIOR_HAND, np.float32))
+    planes.append(np.full(known.shape, _HAND, np.float32))
     return np.stack(planes).astype(np.float32)
 
 
@@ -192,7 +194,8 @@ def _points(seen: View, camera: Array, T: Array | None) -> F32:
     y, x = np.nonzero(seen.depth > 0)
     z = seen.depth[y, x].astype(np.float64)
     p = np.stack([(x - camera[2]) / camera[0] * z, (y - camera[3]) / camera[1] * z, z], axis=1)
-    return np.asarray(p @ pose[:3, :3].T + pose[:3, 3], dtype=np.float32)
+    out: F32 = (p @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
+    return out
 
 
 def _lead(score: F32, k: int) -> F32:
@@ -206,7 +209,7 @@ def _pool_voxels(
 ) -> None:
     """Add to each score what all frames say about the pixel's voxel, in the world and in each part's own frame."""
     typical = float(np.median(np.concatenate([v.depth[v.depth > 0][::97] for v in views])))
-    size = float(np.clip(2.0 * depth_sigma(np.float32(typical)), 0.006, 0.02))
+    size = float(np.clip(2.0 * depth_sigma(typical), 0.006, 0.02))
     worlds = [_points(v, camera, cameras.pose(v.frame)) for v in views]
     gains: list[list[F32]] = []
     for k in range(1 + len(parts)):
@@ -222,8 +225,10 @@ def _pool_voxels(
         if k > 0:
             strong = np.flatnonzero((mean > 0.1) & (n >= 2))
             piece = keys[strong[largest_piece(keys[strong], (mean * n)[strong])]]
-            mean[~near_piece(keys, piece)] = -_CLIP
-        gain = mean[inverse]
+            lost = ~near_piece(keys, piece)[inverse]
+        gain = _VOXEL_GAIN * mean[inverse]
+        if k > 0:
+            gain[lost] = np.minimum(gain[lost], -np.maximum(lead[lost], 0))
         cuts = np.cumsum([len(p) for p in points])[:-1]
         per_view: list[F32] = [np.zeros(0, np.float32)] * len(views)
         for v, g in zip(rows, np.split(gain, cuts), strict=True):
@@ -232,7 +237,9 @@ def _pool_voxels(
     for k, per_view in enumerate(gains):
         for v, g in enumerate(per_view):
             if len(g):
-                scores[v][k][views[v].depth > 0] += _VOXEL_GAIN * g
+                scores[v][k][views[v].depth > 0] += g
+    for s in scores:
+        s[1:-1] += _PRIOR_PART
 
 
 _BINS = 16
@@ -264,7 +271,8 @@ def _final(
 ) -> NDArray[np.uint8]:
     """Neighbours agree, then the full grid follows colour and depth."""
     scale = 3.0 * color_sigma
-    belief = agree(score, seen.color, seen.depth, scale, 3, 3, 3.0)
+    belief = agree(score, seen.color, seen.depth, scale, 3, 6, 3.0)
+    _drop_crumbs(belief)
     color, depth = recording.frame(seen.frame)
     labels = upsample_labels(
         belief, seen.color, seen.depth, lab(color), np.asarray(depth, np.float32), factor, scale, ids
@@ -272,3 +280,13 @@ def _final(
     if not (depth > 0).any():
         labels[:] = UNKNOWN_LABEL
     return labels
+
+
+def _drop_crumbs(belief: F32) -> None:
+    """Take the hand label from pieces smaller than `_MIN_HAND` of the image: neither noise nor a thin handle is a hand."""
+    hand = belief.argmax(axis=0) == len(belief) - 1
+    if not hand.any():
+        return
+    _, pieces, stats, _ = cv2.connectedComponentsWithStats(hand.astype(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] < _MIN_HAND * hand.size
+    belief[-1][small[pieces] & hand] = 0.0

@@ -56,8 +56,7 @@ def as_references(views: Sequence[View], trusted: NDArray[np.bool_], color_sigma
 def lab(color: NDArray[np.uint8]) -> F32:
     """CIE Lab (h, w, 3) of an RGB image, lightness damped."""
     out = cv2.cvtColor(color.astype(np.float32) / 255.0, cv2.COLOR_RGB2Lab)
-    out[..., 0] *= _LIGHTNESS_WEIGHT
-    return np.asarray(out, dtype=np.float32)
+    return np.asarray(out * np.array([_LIGHTNESS_WEIGHT, 1, 1]), dtype=np.float32)
 
 
 def view(recording: Recording, frame: int, factor: int) -> View:
@@ -66,7 +65,7 @@ def view(recording: Recording, frame: int, factor: int) -> View:
     z = shrink_depth(np.ascontiguousarray(depth, dtype=np.float32), factor)
     h, w = z.shape
     small = cv2.resize(color[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
-    return View(frame, z, lab(small))
+    return View(frame, z, lab(np.asarray(small, np.uint8)))
 
 
 def camera_vector(intrinsics: Intrinsics, factor: int) -> Array:
@@ -94,8 +93,10 @@ def relative_moves(
         out[0, r] = (back @ here)[:3]
         for k, part in enumerate(parts):
             now, then = to_part[k], part.pose(other)
-            known = now is not None and then is not None
-            out[k + 1, r] = (back @ then @ geo.invert_pose(now) @ here)[:3] if known else np.nan
+            if now is None or then is None:
+                out[k + 1, r] = np.nan
+            else:
+                out[k + 1, r] = (back @ then @ geo.invert_pose(now) @ here)[:3]
     return out
 
 

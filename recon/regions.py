@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +56,8 @@ def _settled(belief: F32, radius: int) -> NDArray[np.bool_]:
 
 @numba.njit(cache=True, inline="always")
 def _unlikeness(
-    color: F32, y: int, x: int, other: F32, b: int, a: int, z: float, zn: float, inv_c: float
-) -> float:
+    color: F32, y: int, x: int, other: F32, b: int, a: int, z: float, zn: float, inv_c: Any
+) -> Any:
     d0 = color[y, x, 0] - other[b, a, 0]
     d1 = color[y, x, 1] - other[b, a, 1]
     d2 = color[y, x, 2] - other[b, a, 2]
@@ -132,10 +134,10 @@ def upsample_labels(
     for y in numba.prange(rows):
         vote = np.empty(n, np.float32)
         fy = np.float32((y + 0.5) / factor - 0.5)
-        cy = min(max(int(round(fy)), 0), h - 1)
+        cy = min(max(round(fy), 0), h - 1)
         for x in range(cols):
             fx = np.float32((x + 0.5) / factor - 0.5)
-            cx = min(max(int(round(fx)), 0), w - 1)
+            cx = min(max(round(fx), 0), w - 1)
             vote[:] = 0.0
             if settled[cy, cx]:
                 vote[:] = belief[:, cy, cx]

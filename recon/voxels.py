@@ -31,7 +31,7 @@ def mean_evidence(
     return (total / (n + prior)).astype(np.float32), n
 
 
-def largest_piece(keys: NDArray[np.int64], weight: NDArray[np.float64]) -> NDArray[np.bool_]:
+def largest_piece(keys: NDArray[np.int64], weight: F32) -> NDArray[np.bool_]:
     """Which voxels belong to the heaviest 26-connected piece. keys: sorted unique (n,); weight: (n,), positive."""
     if not len(keys):
         return np.zeros(0, bool)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 F32 = NDArray[np.float32]
 
@@ -15,13 +17,13 @@ DEPTH_SIGMA_SLOPE = 0.003
 NEAR_M = 0.4
 
 
-def depth_sigma(depth: F32) -> F32:
+def depth_sigma(depth: ArrayLike) -> F32:
     """One standard deviation (m) of depth readings (m)."""
     return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (np.asarray(depth) - NEAR_M) ** 2, dtype=np.float32)
 
 
 @numba.njit(cache=True, inline="always")
-def _sigma(z: float) -> float:
+def pixel_sigma(z: float) -> Any:
     d = z - np.float32(NEAR_M)
     return np.float32(DEPTH_SIGMA_M) + np.float32(DEPTH_SIGMA_SLOPE) * d * d
 
@@ -92,7 +94,7 @@ def compare(
             if z <= 0 or not wanted[y, x]:
                 continue
             px, py = (np.float32(x) - cx) / fx * z, (np.float32(y) - cy) / fy * z
-            s1 = _sigma(z)
+            s1 = pixel_sigma(z)
             var = s1 * s1 + slack2
             c0, c1, c2 = color[y, x, 0], color[y, x, 1], color[y, x, 2]
             for r in range(moves.shape[0]):
@@ -107,7 +109,7 @@ def compare(
                 if u < 0.5 or v < 0.5 or u > w - 1.6 or v > h - 1.6:
                     continue
                 ui, vi = int(u + np.float32(0.5)), int(v + np.float32(0.5))
-                s2 = _sigma(qz)
+                s2 = pixel_sigma(qz)
                 inv_var = one / (var + s2 * s2)
                 nearest, best, known = np.float32(1e9), np.float32(0.0), 0
                 for b in range(vi - 1, vi + 2):

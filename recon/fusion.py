@@ -1,0 +1,188 @@
+"""Fusion: one coloured mesh of the static scene and one of each part, from labelled depth.
+
+Each body has its own signed distance field. A part is fused in its own frame, so that every frame shows another side of
+it; whatever other bodies show behind a voxel proves the voxel empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
+from recon.parts import MovingPart
+from recon.progress import Progress, silent
+from recon.recording import Recording
+from recon.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
+from recon.warping import F32, depth_sigma
+from twin import geometry as geo
+from twin.errors import ConfigError, ReconstructionError
+from twin.geometry import Array
+from twin.scene import STATIC_LABEL, Mesh, Trajectory
+
+
+@dataclass(frozen=True)
+class FusionConfig:
+    """How meshes are made; all values chosen by us.
+
+    part_voxel, static_voxel: m. part_faces, static_faces: face budgets for simulation. max_depth: m, readings beyond
+    it are left out. min_share: connected pieces smaller than this share of the largest one are noise. static_min_share:
+    the same for the static scene, whose true pieces differ more. smoothing: Taubin rounds. min_views: evidence that a
+    surface needs, in frames seen straight on.
+    """
+
+    part_voxel: float = 0.005
+    static_voxel: float = 0.01
+    part_faces: int = 8_000
+    static_faces: int = 60_000
+    max_depth: float = 5.0
+    min_share: float = 0.05
+    static_min_share: float = 0.002
+    smoothing: int = 3
+    min_views: float = 0.25
+
+    def __post_init__(self) -> None:
+        lengths = (self.part_voxel, self.static_voxel, self.max_depth)
+        if (
+            not np.all(np.isfinite(lengths))
+            or min(lengths) <= 0
+            or min(self.part_faces, self.static_faces) < 4
+        ):
+            raise ConfigError(f"voxel sizes, greatest depth and face budgets must be positive, got {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class FusedScene:
+    """Coloured meshes in the world. parts: id -> mesh at the joint's state 0; ids without any surface are missing."""
+
+    static: Mesh
+    parts: dict[int, Mesh]
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    color: NDArray[np.uint8]
+    depth: F32
+    labels: NDArray[np.uint8]
+    cosine: F32
+    T_world_cam: Array
+
+
+def fuse(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    parts: Sequence[MovingPart],
+    config: FusionConfig = FusionConfig(),
+    *,
+    progress: Progress | None = None,
+) -> FusedScene:
+    """Fuse the labelled frames into a mesh of the static scene and one of each part at state 0.
+
+    Args:
+        labels: frame -> (H, W) label image. Frames without a camera pose are left out.
+
+    Raises ReconstructionError when no labelled frame has a camera pose or none shows static scene.
+    """
+    i = recording.intrinsics
+    camera = np.array([i.fx, i.fy, i.cx, i.cy])
+    frames = [f for f in sorted(labels) if cameras.pose(f) is not None]
+    if not frames:
+        raise ReconstructionError(
+            "no labelled frame has a camera pose", "label frames which the cameras cover"
+        )
+    wrap = progress or silent
+    seen = {f: _load(recording, cameras, labels[f], f, camera, config) for f in wrap(frames, "depth")}
+    bodies: dict[int, MovingPart | None] = {STATIC_LABEL: None, **{p.id: p for p in parts}}
+    meshes = {}
+    for key, part in wrap(list(bodies.items()), "meshes"):
+        mesh = _fuse_body(seen, key, part, camera, config)
+        if mesh is not None:
+            meshes[key] = mesh
+    if STATIC_LABEL not in meshes:
+        raise ReconstructionError("the labelled frames show no static surface", "check depth and labels")
+    return FusedScene(meshes.pop(STATIC_LABEL), meshes)
+
+
+def _load(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: NDArray[np.uint8],
+    frame: int,
+    camera: Array,
+    config: FusionConfig,
+) -> _Frame:
+    color, depth = recording.frame(frame)
+    z = np.where(depth <= config.max_depth, depth, 0).astype(np.float32)
+    cosine = ray_cosine(z, camera, max(2, round(4 * z.shape[1] / 640)))
+    pose = cameras.pose(frame)
+    assert pose is not None
+    return _Frame(color, z, labels, cosine, pose)
+
+
+def _fuse_body(
+    seen: Mapping[int, _Frame], key: int, part: MovingPart | None, camera: Array, config: FusionConfig
+) -> Mesh | None:
+    """Mesh of one body in the world at state 0; None when no labelled pixel shows it."""
+    voxel = config.static_voxel if part is None else config.part_voxel
+    observations, frames = [], []
+    for number, f in seen.items():
+        pose = np.eye(4) if part is None else part.pose(number)
+        if pose is None:
+            continue
+        own = (f.labels == key) & (f.cosine > 0)
+        to_camera = geo.invert_pose(f.T_world_cam) @ pose
+        observations.append(Observation(f.depth, own, f.cosine, camera, to_camera))
+        frames.append(f)
+    points = [own_points(o, 2) for o in observations]
+    cloud = np.concatenate(points) if points else np.zeros((0, 3))
+    if len(cloud) < 100:
+        return None
+    typical = float(np.median(np.concatenate([o.depth[o.own] for o in observations])))
+    sigma = float(depth_sigma(typical))
+    truncation = max(3.0 * voxel, min(2.5 * sigma, 4.0 * voxel))
+    field = allocate(cloud, voxel, truncation)
+    for o in observations:
+        integrate(field, o, truncation, 0.5)
+    vertices, faces = surface(field, config.min_views * 1e-5 / sigma**2)
+    share = config.static_min_share if part is None else config.min_share
+    vertices, faces = keep_large_pieces(vertices, faces, share)
+    if not len(faces):
+        return None
+    vertices = smooth(vertices, faces, config.smoothing)
+    vertices, faces = reduce_faces(
+        vertices, faces, config.static_faces if part is None else config.part_faces
+    )
+    return Mesh(vertices, faces, _vertex_colors(vertices, observations, frames, truncation))
+
+
+def _vertex_colors(
+    vertices: Array, observations: list[Observation], frames: list[_Frame], reach: float
+) -> NDArray[np.uint8]:
+    """Mean colour (v, 3) of the own pixels that see each vertex, seen straight and near counting more.
+
+    Vertices which nothing sees take the mean colour of the body.
+    """
+    total, weight = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
+    for o, f in zip(observations, frames, strict=True):
+        p = geo.transform(o.T_cam_body, vertices)
+        h, w = o.depth.shape
+        z = np.maximum(p[:, 2], 0.05)
+        u = np.round(p[:, 0] / z * o.camera[0] + o.camera[2]).astype(np.int64)
+        v = np.round(p[:, 1] / z * o.camera[1] + o.camera[3]).astype(np.int64)
+        at = np.flatnonzero((p[:, 2] > 0.05) & (u >= 0) & (v >= 0) & (u < w) & (v < h))
+        a, b = u[at], v[at]
+        near = o.own[b, a] & (np.abs(o.depth[b, a] - z[at]) * o.cosine[b, a] < reach)
+        at, a, b = at[near], a[near], b[near]
+        gain = o.cosine[b, a] ** 2 / z[at] ** 2
+        total[at] += gain[:, None] * f.color[b, a]
+        weight[at] += gain
+    lit = weight > 0
+    colors = np.full((len(vertices), 3), 127.0)
+    colors[lit] = total[lit] / weight[lit, None]
+    if lit.any():
+        colors[~lit] = colors[lit].mean(axis=0)
+    return np.asarray(np.clip(np.round(colors), 0, 255), dtype=np.uint8)
