@@ -82,6 +82,9 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
         print(json.dumps(report, indent=1, ensure_ascii=False))
     else:
         console.show(outcome)
+    if outcome.problem:
+        print(f"twin: {outcome.problem}", file=sys.stderr)
+        return 1
     return 0 if outcome.ok else 2
 
 

@@ -14,13 +14,15 @@ from twin.stages import Progress
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a verb did: `ok` is False when a check failed or a goal was missed; `data` holds JSON types."""
+    """What a verb did: `ok` is False when a check failed or a goal was missed; `data` holds JSON types. `problem` is
+    one line about an environment that is not fit, which makes the exit code 1."""
 
     data: dict[str, Any]
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
     warnings: Sequence[str] = ()
     ok: bool = True
+    problem: str = ""
 
 
 @dataclass

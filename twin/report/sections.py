@@ -33,6 +33,7 @@ class Section:
     seconds: float
     tables: Sequence[Table]
     warnings: Sequence[str] = ()
+    notes: Sequence[str] = ()
     twin: str = ""
 
 
@@ -50,7 +51,7 @@ def load_section(run: Path, verb: str) -> Section | None:
     if not data:
         return None
     tables = [Table(t["title"], t["columns"], t["rows"]) for t in data["tables"]]
-    return Section(data["verb"], data["ok"], data["seconds"], tables, data["warnings"], data["twin"])
+    return Section(**{**data, "tables": tables})
 
 
 def twin_key(run: Path) -> str:

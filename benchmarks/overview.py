@@ -1,0 +1,70 @@
+"""Draw docs/overview.png, the picture in the README, from a finished run.
+
+usage: python benchmarks/overview.py RUN [PICTURE.png]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from twin.report.frames import Image, drawn_key_frames
+from twin.report.meshes import opening
+from twin.report.plots import film_pictures
+from twin.storage import load
+
+PANEL = (480, 360)
+
+
+def panels(run: Path) -> list[tuple[str, Image]]:
+    """Captions and pictures: what was recorded, what was found, the twin closed and open, the robot."""
+    twin = load(run)
+    drawn = drawn_key_frames(run, twin)
+    first, last = twin.parts[0].motion.intervals[0]
+    frame, found = min(drawn, key=lambda d: abs(d[0] - (0.4 * first + 0.6 * last)))
+    recorded = cv2.imread(str(run / "report" / f"frame_{frame:06d}.jpg"))
+    closed, opened = opening(twin, 2, *PANEL)
+    film = film_pictures(sorted((run / "replay").glob("*/*/replay.mp4"))[0], count=7, width=2 * PANEL[0])
+    return [
+        ("a recording", np.asarray(recorded[:, :, ::-1], dtype=np.uint8)),
+        ("part, hand, joint", found),
+        ("its twin, closed", closed),
+        ("and open", opened),
+        ("opened by a robot", film[4]),
+    ]
+
+
+def draw(run: Path, path: Path) -> None:
+    """Write the panels side by side."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shown = panels(run)
+    figure = Figure(figsize=(3.2 * len(shown), 2.75), layout="constrained", facecolor="white")
+    axes: Any = figure.subplots(1, len(shown))
+    for k, (ax, (caption, image)) in enumerate(zip(axes, shown, strict=True)):
+        ax.imshow(_fitted(image))
+        ax.set_axis_off()
+        ax.set_title(("→  " if k in (1, 2, 4) else "") + caption, fontsize=13)
+    FigureCanvasAgg(figure).print_png(path)
+
+
+def _fitted(image: Image) -> Image:
+    """Cut to the panels' aspect around the middle, and scale to their size."""
+    height, width = image.shape[:2]
+    w = min(width, height * PANEL[0] // PANEL[1])
+    h = min(height, width * PANEL[1] // PANEL[0])
+    y, x = (height - h) // 2, (width - w) // 2
+    return np.asarray(
+        cv2.resize(image[y : y + h, x : x + w], PANEL, interpolation=cv2.INTER_AREA), dtype=np.uint8
+    )
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3):
+        sys.exit("usage: python benchmarks/overview.py RUN [PICTURE.png]")
+    draw(Path(sys.argv[1]), Path(sys.argv[2] if len(sys.argv) == 3 else "docs/overview.png"))
