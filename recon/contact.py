@@ -1,0 +1,169 @@
+"""Where the hand holds a part: the hand's surface, lifted by depth into the part's frame, against the part's handle.
+
+Seen from outside, a hand's surface lies 2 to 6 cm before what it grips. So the hand says which handle, and where along
+it; the handle says where exactly.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from recon.handles import Handle, Surface, find_edge, find_handle, sample
+from recon.parts import MovingPart
+from recon.recording import Recording
+from recon.voxels import voxel_keys
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.geometry import Array
+from twin.scene import HAND_LABEL, ContactPath, Mesh, Trajectory
+
+
+@dataclass(frozen=True)
+class ContactConfig:
+    """Finding the contact; lengths in metres, chosen by us.
+
+    source: "geometry" needs no model, "keypoints" asks a hand detector (extra `hands`). stride: px between hand pixels that
+    are used. near: hand surface that close to the part may hold it: a finger's thickness and the sensor's noise. finger: a
+    hand's surface lies at most that far outside what it grips. min_points: hand pixels that a frame needs to count.
+    """
+
+    source: Literal["geometry", "keypoints"] = "geometry"
+    stride: int = 2
+    near: float = 0.04
+    finger: float = 0.035
+    min_points: int = 20
+
+    def __post_init__(self) -> None:
+        if self.source not in ("geometry", "keypoints"):
+            raise ConfigError(f"contact source {self.source!r} is unknown", 'use "geometry" or "keypoints"')
+        if self.stride < 1 or not (0 < self.near < 0.2 and 0 < self.finger < 0.1) or self.min_points < 1:
+            raise ConfigError(f"contact settings must be positive and hand-sized, got {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class HandPoints:
+    """Points (n, 3) of the hand's surface in the part's frame at state 0, the frame (n,) of each, and the distance (n,)
+    to the part's surface."""
+
+    points: Array
+    frame: NDArray[np.int64]
+    distance: Array
+
+    def chosen(self, mask: NDArray[np.bool_]) -> HandPoints:
+        """The points where the mask (n,) is set."""
+        return HandPoints(self.points[mask], self.frame[mask], self.distance[mask])
+
+
+def find_contact(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    part: MovingPart,
+    mesh: Mesh,
+    config: ContactConfig = ContactConfig(),
+) -> ContactPath | None:
+    """Where the hand held the part, in the world with the part at state 0.
+
+    Args:
+        labels: label images (H, W) of some frames, 255 = hand. part, mesh: both at the same state 0.
+
+    Warns and returns None when no hand comes near the part while it moves.
+    """
+    surface = sample(mesh)
+    hand = _hand_points(recording, cameras, labels, part, surface, config)
+    touch = _steady(hand.chosen(hand.distance < config.near), config)
+    if not len(touch.points):
+        warnings.warn(
+            f"no hand is within {100 * config.near:.0f} cm of part {part.id} while it moves: it gets no contact; "
+            "record the hand that moves it",
+            stacklevel=2,
+        )
+        return None
+    handle = find_handle(surface, touch.points, part.joint)
+    if handle is None:
+        handle = find_edge(surface, touch.points, part.joint)
+    elif handle.kind == "bar":
+        handle = _along_bar(handle, surface, hand, config)
+    return ContactPath(
+        handle.surface_point,
+        handle.rotation,
+        handle.width,
+        tuple(range(int(touch.frame.min()), int(touch.frame.max()) + 1)),
+        f"geometry: hand label on the part's {handle.kind}",
+    )
+
+
+def _hand_points(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    part: MovingPart,
+    surface: Surface,
+    config: ContactConfig,
+) -> HandPoints:
+    """The hand's surface in the labelled frames in which the part moves, as far as it is some 15 cm from the part."""
+    k = recording.intrinsics
+    spans = part.motion.intervals or ((0, len(recording) - 1),)
+    tree = cKDTree(surface.points)
+    found = []
+    for frame in sorted(labels):
+        pose, camera = part.pose(frame), cameras.pose(frame)
+        if pose is None or camera is None or not any(a <= frame <= b for a, b in spans):
+            continue
+        step = config.stride
+        is_hand = labels[frame][::step, ::step] == HAND_LABEL
+        if np.count_nonzero(is_hand) < config.min_points:
+            continue
+        depth = recording.frame(frame).depth[::step, ::step]
+        y, x = np.nonzero(is_hand & (depth > 0))
+        pixels = np.stack([x, y], axis=-1) * float(step)
+        points = geo.transform(
+            geo.invert_pose(pose) @ camera, k.backproject(pixels, depth[y, x].astype(np.float64))
+        )
+        distance, _ = tree.query(points, distance_upper_bound=0.15)
+        close = np.isfinite(distance)
+        found.append(HandPoints(points[close], np.full(int(close.sum()), frame), distance[close]))
+    if not found:
+        return HandPoints(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0))
+    return HandPoints(
+        np.concatenate([h.points for h in found]),
+        np.concatenate([h.frame for h in found]),
+        np.concatenate([h.distance for h in found]),
+    )
+
+
+def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
+    """What of the hand stays at the same place of the part: cells of 2 cm which it fills in half as many frames as any."""
+    if len(hand.points) < config.min_points:
+        return hand.chosen(np.zeros(len(hand.points), dtype=bool))
+    keys = voxel_keys(hand.points.astype(np.float32), 0.02)
+    cells, cell = np.unique(keys, return_inverse=True)
+    pairs = np.unique(np.stack([cell, hand.frame]), axis=1)
+    frames = np.bincount(pairs[0], minlength=len(cells))
+    return hand.chosen((frames >= 0.5 * frames.max())[cell])
+
+
+def _along_bar(handle: Handle, surface: Surface, hand: HandPoints, config: ContactConfig) -> Handle:
+    """The bar's section in the middle of the fingers: the median over frames of the middle of their extent along it."""
+    close = handle.distance(hand.points) < handle.width / 2 + config.finger
+    middles = []
+    for frame in np.unique(hand.frame[close]):
+        along = handle.along(hand.points[close & (hand.frame == frame)])
+        if len(along) >= config.min_points:
+            middles.append(float(np.mean(np.quantile(along, [0.05, 0.95]))))
+    if not middles:
+        return handle
+    shift = float(np.clip(np.median(middles), handle.low, handle.high))
+    return replace(
+        handle,
+        centre=handle.centre + shift * handle.rotation[:, 1],
+        low=handle.low - shift,
+        high=handle.high - shift,
+    )

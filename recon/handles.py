@@ -1,0 +1,249 @@
+"""What of a part a hand can take hold of: the bar or knob that stands off a face, or else a free edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from recon.voxels import largest_piece, voxel_keys
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Joint, Mesh, Revolute
+
+SAMPLES = 40_000  # points on the mesh: some hundred on a bar that has one percent of a front's surface
+_CONE = np.cos(np.radians(20.0))  # normals of one flat face, noise included
+_LEAST_FACE = 0.04  # of the surface: smaller flat regions are no face
+_FILLED = (
+    0.3  # share of the fullest layer that makes the outermost layer a face: doubled fronts and inner walls
+)
+_LAYER_M = 0.005  # thickness of a layer, the voxel of a fused part
+_STANDS_OFF_M = 0.012  # what stands off less is noise or moulding; about half of a slim bar's clearance
+_TALLEST_M = 0.15  # no handle stands off more
+_AROUND_M = 0.12  # a fist is some 10 cm wide
+_BESIDE_M = 0.04  # how far beside a face a hand may be that holds something on it
+_CELL_M = 0.012  # surface points closer than this are one piece
+_ELONGATED = 1.6  # length over width from which a handle is a bar
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """Something to hold. centre: (3,) m, middle of the held section. rotation: (3, 3), columns = closing direction, along
+    the handle, out of the part. width: m along the closing direction. depth: m from the centre out to the surface.
+    low, high: m, ends along the handle relative to the centre."""
+
+    kind: Literal["bar", "knob", "edge"]
+    centre: Array
+    rotation: Array
+    width: float
+    depth: float
+    low: float
+    high: float
+
+    @property
+    def surface_point(self) -> Array:
+        """Point (3,) of the surface in front of the centre."""
+        return np.asarray(self.centre + self.depth * self.rotation[:, 2])
+
+    def distance(self, points: Array) -> Array:
+        """Distances (n,) of points (n, 3) to the handle's middle line."""
+        local = (points - self.centre) @ self.rotation
+        beyond = np.maximum(np.maximum(self.low - local[:, 1], local[:, 1] - self.high), 0.0)
+        return np.asarray(np.linalg.norm(np.stack([local[:, 0], beyond, local[:, 2]]), axis=0))
+
+    def along(self, points: Array) -> Array:
+        """Coordinates (n,) of points (n, 3) along the handle, from the centre."""
+        return np.asarray((points - self.centre) @ self.rotation[:, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Evenly sampled surface: points (n, 3) and unit normals (n, 3) whose sign means nothing."""
+
+    points: Array
+    normals: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A flat face: normal (3,) towards the hand, normal @ x == offset on it, its points (n, 3), spread in m."""
+
+    normal: Array
+    offset: float
+    points: Array
+    noise: float
+
+
+def sample(mesh: Mesh, count: int = SAMPLES) -> Surface:
+    """Sample a mesh evenly by area; the same for the same mesh."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    area = np.linalg.norm(cross, axis=1)
+    if not len(area) or area.sum() <= 0:
+        return Surface(np.zeros((0, 3)), np.zeros((0, 3)))
+    rng = np.random.default_rng(0)
+    face = rng.choice(len(area), count, p=area / area.sum())
+    r, s = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    points = (1 - r) * a[face] + r * (1 - s) * b[face] + r * s * c[face]
+    return Surface(points, cross[face] / area[face, None])
+
+
+def flat_faces(surface: Surface, hand: Array) -> list[Face]:
+    """Flat faces that have the hand's centre (3,) in front of them, the largest first."""
+    found = []
+    for direction in _directions(surface.normals):
+        flat = surface.points[np.abs(surface.normals @ direction) > _CONE]
+        for sign in (1.0, -1.0):
+            face = _outermost(flat, sign * direction)
+            if hand @ face.normal < face.offset - _STANDS_OFF_M or not len(face.points):
+                continue
+            foot = hand - (hand @ face.normal - face.offset) * face.normal
+            if cKDTree(face.points).query(foot)[0] < _BESIDE_M:
+                found.append(face)
+    return sorted(found, key=lambda f: -len(f.points))
+
+
+def _directions(normals: Array) -> list[Array]:
+    """Directions (3,) that large shares of the normals have in common, up to their sign."""
+    left = normals
+    rng = np.random.default_rng(0)
+    found: list[Array] = []
+    while len(left) >= _LEAST_FACE * len(normals) and len(found) < 6:
+        tries = left[rng.choice(len(left), min(100, len(left)), replace=False)]
+        seed = tries[int(np.argmax((np.abs(tries @ left.T) > _CONE).sum(axis=1)))]
+        close = np.abs(left @ seed) > _CONE
+        if close.sum() < _LEAST_FACE * len(normals):
+            break
+        signed = left[close] * np.sign(left[close] @ seed)[:, None]
+        found.append(geo.unit(signed.mean(axis=0)))
+        left = left[~close]
+    return found
+
+
+def _outermost(flat: Array, normal: Array) -> Face:
+    """The outermost well-filled layer of points (n, 3) along a normal, its plane fitted."""
+    height = flat @ normal
+    edges = np.arange(height.min() - _LAYER_M, height.max() + 2 * _LAYER_M, _LAYER_M)
+    filled = np.convolve(np.histogram(height, edges)[0], np.ones(3), mode="same")
+    k = int(np.flatnonzero(filled >= _FILLED * filled.max())[-1])
+    peak = max(range(max(k - 3, 0), k + 1), key=lambda i: filled[i])
+    offset = float(edges[peak] + 0.5 * _LAYER_M)
+    for _ in range(3):
+        near = np.abs(flat @ normal - offset) < 2 * _LAYER_M
+        centre = flat[near].mean(axis=0)
+        _, vectors = np.linalg.eigh(np.cov((flat[near] - centre).T))
+        fitted = vectors[:, 0] * np.sign(vectors[:, 0] @ normal)
+        if fitted @ normal > _CONE:
+            normal = fitted
+        offset = float(np.median(flat[near] @ normal))
+    height = flat @ normal - offset
+    near = np.abs(height) < 2 * _LAYER_M
+    return Face(normal, offset, flat[near], float(1.4826 * np.median(np.abs(height[near]))))
+
+
+def find_handle(surface: Surface, touch: Array, joint: Joint) -> Handle | None:
+    """The bar or knob near the hand, None when nothing stands off a face there.
+
+    Args:
+        touch: points (n, 3) on the hand's surface near the part.
+    """
+    hand = np.median(touch, axis=0)
+    for face in flat_faces(surface, hand):
+        height = surface.points @ face.normal - face.offset
+        off = (height > max(_STANDS_OFF_M, 3.0 * face.noise)) & (height < _TALLEST_M)
+        off &= np.linalg.norm(surface.points - hand, axis=1) < _AROUND_M
+        piece = _held_piece(surface.points[off], touch)
+        if piece is not None:
+            return _describe(piece, face, hand, joint)
+    return None
+
+
+def _held_piece(points: Array, touch: Array) -> Array | None:
+    """The connected points (n, 3) that the hand touches most."""
+    if len(points) < 30:
+        return None
+    keys = voxel_keys(points.astype(np.float32), _CELL_M)
+    cells, inverse = np.unique(keys, return_inverse=True)
+    middle = np.stack([np.bincount(inverse, c) / np.bincount(inverse) for c in points.T], axis=1)
+    near = np.exp(-((cKDTree(touch).query(middle)[0] / 0.03) ** 2))  # a finger is some 2 cm thick
+    piece = points[largest_piece(cells, near + 1e-6)[inverse]]
+    touching = cKDTree(touch).query(piece)[0].min() < 0.04
+    return piece if len(piece) >= 30 and touching else None
+
+
+def _describe(piece: Array, face: Face, hand: Array, joint: Joint) -> Handle:
+    """Directions and section of a handle from its outer half, which leaves the posts out."""
+    height = piece @ face.normal - face.offset
+    top = float(np.quantile(height, 0.97))
+    outer = piece[height > 0.5 * top]
+    flat = outer - np.outer(outer @ face.normal, face.normal)
+    _, vectors = np.linalg.eigh(np.cov(flat.T))
+    along = geo.unit(vectors[:, 2] - face.normal * (vectors[:, 2] @ face.normal))
+    across = np.cross(along, face.normal)
+    length, width = (float(np.ptp(np.quantile(outer @ d, [0.02, 0.98]))) for d in (along, across))
+    kind: Literal["bar", "knob"] = "bar" if length > _ELONGATED * width else "knob"
+    if kind == "knob":
+        along = upright(face.normal, joint)
+        across = np.cross(along, face.normal)
+    rotation = np.stack([across, along, face.normal], axis=1)
+    local = outer @ rotation
+    low, high = np.quantile(local[:, 1], [0.01, 0.99])
+    middle = float(np.clip(hand @ along, low, high)) if kind == "bar" else float(0.5 * (low + high))
+    return section(outer, rotation, middle, kind)
+
+
+def section(outer: Array, rotation: Array, at: float, kind: Literal["bar", "knob"]) -> Handle:
+    """The handle's section around the coordinate `at` along it."""
+    local = outer @ rotation
+    low, high = np.quantile(local[:, 1], [0.01, 0.99])
+    near = local[np.abs(local[:, 1] - at) < 0.03] if kind == "bar" else local
+    if len(near) < 20:
+        near = local
+    c0, c1 = np.quantile(near[:, 0], [0.03, 0.97])
+    top = float(np.quantile(near[:, 2], 0.97))
+    # A scan sees the front of a bar better than its back, so its depth is taken from its width.
+    depth = min(0.5 * float(c1 - c0), 0.02)
+    centre = rotation @ np.array([0.5 * (c0 + c1), at, top - depth])
+    return Handle(kind, centre, rotation, float(c1 - c0), depth, float(low - at), float(high - at))
+
+
+def upright(normal: Array, joint: Joint) -> Array:
+    """Direction (3,) across a normal along which a hand would hold a knob: the hinge's, else nearest to vertical."""
+    options = [joint.axis] if isinstance(joint, Revolute) else []
+    for option in (*options, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])):
+        flat = option - (option @ normal) * normal
+        if np.linalg.norm(flat) > 0.5:
+            return geo.unit(flat)
+    return geo.orthogonal_basis(normal)[:, 0]
+
+
+def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
+    """The free edge that the hand pinches: of the largest face before it, on the side of the hand's centre.
+
+    The closing direction goes through the panel, the third direction out of it over the edge.
+    """
+    hand = np.median(touch, axis=0)
+    faces = flat_faces(surface, hand)
+    if not faces:
+        faces = [_outermost(surface.points, geo.orthogonal_basis(joint.axis)[:, 0])]
+    face = faces[0]
+    flat = face.points
+    nearest = flat[int(np.argmin(np.linalg.norm(flat - hand, axis=1)))]
+    around = flat[np.linalg.norm(flat - nearest, axis=1) < _AROUND_M]
+    inward = around.mean(axis=0) - nearest
+    inward -= (inward @ face.normal) * face.normal
+    if np.linalg.norm(inward) < 1e-6:
+        inward = upright(face.normal, joint)
+    out = -geo.unit(inward)
+    along = np.cross(out, face.normal)
+    reach = float(np.quantile(around @ out, 0.99))
+    strip = surface.points[
+        (np.linalg.norm(surface.points - nearest, axis=1) < _AROUND_M) & (surface.points @ out > reach - 0.03)
+    ]
+    low, high = np.quantile(strip @ face.normal, [0.02, 0.98])
+    rotation = np.stack([face.normal, along, out], axis=1)
+    at = float(hand @ along)
+    centre = rotation @ np.array([0.5 * (low + high), at, reach - 0.012])
+    return Handle("edge", centre, rotation, float(high - low), 0.012, -0.05, 0.05)
