@@ -270,9 +270,10 @@ def _decompress(name: str, data: bytes) -> bytes:
         ) from None
     try:
         return bytes(liblzfse.decompress(data))
-    except Exception as error:
-        # the extension raises its own error type, which is not importable on every platform
-        raise InputError(f"{name} is no LZFSE stream ({error})", "export the recording again") from None
+    except liblzfse.error:
+        raise InputError(
+            f"{name} is no LZFSE stream ({len(data)} bytes)", "export the recording again"
+        ) from None
 
 
 def upsample_depth(depth: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:

@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from recon.cameras import estimate_cameras
+from recon.motion import find_parts
 from recon.recording import open_recording
+from recon.tracks import track_points
 from tests.recon.tiny import (
     FRAMES,
     HEIGHT,
@@ -24,7 +27,7 @@ from tests.recon.tiny import (
     write_poses,
     write_recording,
 )
-from twin.errors import InputError
+from twin.errors import InputError, ReconstructionError
 
 Damage = Callable[[Path], object]
 
@@ -206,3 +209,13 @@ def test_depth_intrinsics_of_another_size_are_named(original: Path, tmp_path: Pa
     write_intrinsics(folder / "depth_intrinsic.json", 64, 48, 60.0)
     with pytest.raises(InputError, match=r"000000\.png is 96x72, depth_intrinsic\.json says 64x48"):
         open_recording(folder)
+
+
+def test_nothing_moves(tmp_path: Path) -> None:
+    recording = open_recording(write_recording(tmp_path / "still", scale=3, still=True))
+    tracks = track_points(recording)
+    cameras = estimate_cameras(tracks, recording.times, recording.intrinsics.fx)
+    with pytest.raises(ReconstructionError, match="nothing moves in .*still: 0 of") as caught:
+        find_parts(recording, tracks, cameras)
+    assert "\n" not in str(caught.value)
+    assert "record a part being opened" in caught.value.remedy

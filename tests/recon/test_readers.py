@@ -346,7 +346,7 @@ def test_record3d_compressed_depth_needs_the_extra(tmp_path: Path, monkeypatch: 
     monkeypatch.setitem(sys.modules, "liblzfse", None)
     with pytest.raises(MissingDependencyError, match=r"funtwin\[record3d\]"):
         open_recording(path)
-    decoder = types.SimpleNamespace(decompress=lambda data: data[4:])
+    decoder = types.SimpleNamespace(decompress=lambda data: data[4:], error=OSError)
     monkeypatch.setitem(sys.modules, "liblzfse", decoder)
     raw = open_recording(write_r3d(tmp_path / "raw.r3d")).frame(2)
     np.testing.assert_array_equal(open_recording(path).frame(2).depth, raw.depth)

@@ -81,19 +81,29 @@ def cameras(n: int) -> Array:
     return poses
 
 
-def write_recording(folder: Path, parts: tuple[str, ...] = ("door",), frames: int = FRAMES) -> Path:
-    """Write a recording in the native layout with truth/ in it; the parts move one after the other."""
+def write_recording(
+    folder: Path,
+    parts: tuple[str, ...] = ("door",),
+    frames: int = FRAMES,
+    scale: int = 1,
+    still: bool = False,
+) -> Path:
+    """Write a recording in the native layout with truth/ in it; the parts move one after the other.
+
+    scale: 2 is 192x144. still: nothing moves but the camera.
+    """
     for name in ("color", "depth", "truth/labels"):
         (folder / name).mkdir(parents=True)
     T_world_cam = cameras(frames)
     slot = frames // len(parts)
     segments = {p: (k * slot + slot // 4, k * slot + (3 * slot) // 4) for k, p in enumerate(parts)}
-    states = {p: TRAVEL[p] * smooth(frames, *segments[p]) for p in parts}
+    states = {p: (0.0 if still else TRAVEL[p]) * smooth(frames, *segments[p]) for p in parts}
     for i in range(frames):
-        _write_frame(folder, i, T_world_cam[i], parts, segments, {p: states[p][i] for p in parts})
+        meshes = _meshes({p: states[p][i] for p in parts}, () if still else _holding(i, segments))
+        _write_frame(folder, i, T_world_cam[i], meshes, scale)
     times = 5.0 + np.arange(frames) / 15.0
     (folder / "timestamps.txt").write_text("".join(f"{t:.6f}\n" for t in times))
-    write_intrinsics(folder / "intrinsic.json", WIDTH, HEIGHT, FOCAL)
+    write_intrinsics(folder / "intrinsic.json", scale * WIDTH, scale * HEIGHT, scale * FOCAL)
     write_poses(folder / "truth" / "trajectory.txt", times, T_world_cam)
     _write_truth(folder / "truth", parts, segments, states)
     return folder
@@ -124,31 +134,36 @@ def _hand_mesh(grip: Array) -> Mesh:
     return box((x, y - 0.02, z), (0.14, 0.10, 0.14))
 
 
+def _holding(index: int, segments: dict[str, tuple[int, int]]) -> tuple[str, ...]:
+    """Parts that the hand holds."""
+    return tuple(p for p, (a, b) in segments.items() if a - 2 <= index <= b + 2)
+
+
+def _meshes(states: dict[str, float], held: tuple[str, ...]) -> list[tuple[int, Mesh]]:
+    """Label and mesh of everything in one frame."""
+    meshes = [(STATIC_LABEL, STATIC)]
+    for k, (p, state) in enumerate(states.items()):
+        joint, mesh, grip = JOINTS[p]
+        meshes.append((k + 2, mesh.transformed(joint.pose(state))))
+        if p in held:
+            meshes.append((HAND_LABEL, _hand_mesh(grip).transformed(joint.pose(state))))
+    return meshes
+
+
 def _write_frame(
-    folder: Path,
-    index: int,
-    T_world_cam: Array,
-    parts: tuple[str, ...],
-    segments: dict[str, tuple[int, int]],
-    state: dict[str, float],
+    folder: Path, index: int, T_world_cam: Array, meshes: list[tuple[int, Mesh]], scale: int
 ) -> None:
+    width, height, focal = scale * WIDTH, scale * HEIGHT, scale * FOCAL
     scene = o3d.t.geometry.RaycastingScene()
     label_of = []
-    meshes = [(STATIC_LABEL, STATIC)]
-    for k, p in enumerate(parts):
-        joint, mesh, grip = JOINTS[p]
-        T = joint.pose(state[p])
-        meshes.append((k + 2, mesh.transformed(T)))
-        if _held(index, segments[p]):
-            meshes.append((HAND_LABEL, _hand_mesh(grip).transformed(T)))
     for label, mesh in meshes:
         scene.add_triangles(
             o3d.core.Tensor.from_numpy(mesh.vertices.astype(np.float32)),
             o3d.core.Tensor.from_numpy(mesh.faces.astype(np.uint32)),
         )
         label_of.append(label)
-    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
-    rays = np.stack([(x - (WIDTH - 1) / 2) / FOCAL, (y - (HEIGHT - 1) / 2) / FOCAL, np.ones(x.shape)], -1)
+    y, x = np.mgrid[0:height, 0:width]
+    rays = np.stack([(x - (width - 1) / 2) / focal, (y - (height - 1) / 2) / focal, np.ones(x.shape)], -1)
     directions = geo.rotate(T_world_cam, rays)
     origin = np.broadcast_to(T_world_cam[:3, 3], directions.shape)
     hit = scene.cast_rays(
@@ -159,17 +174,14 @@ def _write_frame(
     seen = np.isfinite(depth)
     labels = np.where(seen, np.array([*label_of, 0])[np.where(seen, ids, len(label_of))], 0).astype(np.uint8)
     points = origin + directions * np.where(seen, depth, 0.0)[..., None]
-    checks = (np.floor(points * 10).sum(-1) % 2)[..., None] * 60
+    cell = np.floor(points * 15 + 0.37).astype(np.int64)  # no face lies on a border of the pattern
+    checks = ((cell @ [73856093, 19349663, 83492791]) % 101)[..., None]
     color = (np.array([40, 90, 150])[labels % 3][..., None] + checks + np.zeros(3)).astype(np.uint8)
     millimetres = np.where(seen, np.rint(depth * 1000), 0).astype(np.uint16)
     name = f"{index:06d}"
     cv2.imwrite(str(folder / "color" / f"{name}.jpg"), color)
     cv2.imwrite(str(folder / "depth" / f"{name}.png"), millimetres)
     cv2.imwrite(str(folder / "truth" / "labels" / f"{name}.png"), labels)
-
-
-def _held(index: int, segment: tuple[int, int]) -> bool:
-    return segment[0] - 2 <= index <= segment[1] + 2
 
 
 def _write_truth(
@@ -191,7 +203,7 @@ def _write_truth(
         entries.append(entry)
         (folder / f"part_{k + 2}.ply").write_bytes(ply_bytes(mesh))
         for i in range(n):
-            if _held(i, segments[p]):
+            if p in _holding(i, segments):
                 owner[i], point[i] = k + 2, geo.transform(joint.pose(states[p][i]), grip[None])[0].tolist()
     hand = {"contact": [o is not None for o in owner], "contact_part": owner, "contact_point_world": point}
     data = {"world": "z-up, metres", "frames": n, "fps": 15, "parts": entries, "hand": hand}
