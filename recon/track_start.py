@@ -15,6 +15,7 @@ from twin.geometry import Array
 
 _WINDOW = 5  # observations in the running median that measures travel (by us)
 _PAIR_ROUNDS = 2  # rigid motions sought in one frame pair: the part, and what else moves with it (the hand)
+_LEVER = 0.3  # m; tracks farther from an axis have no more say in its states (by us)
 _NOISE_MIN = 1e-4  # m; thresholds never get finer than this
 
 
@@ -302,7 +303,9 @@ def states_of(obs: Observations, joint: Hypothesis, sigma: float, rounds: int = 
         basis = geo.orthogonal_basis(joint.axis)
         plane = (obs.points - joint.pivot) @ basis[:, :2]
         coord = np.arctan2(plane[..., 1], plane[..., 0])
-        lever = np.linalg.norm(plane, axis=-1)
+        lever = np.minimum(
+            np.linalg.norm(plane, axis=-1), _LEVER
+        )  # or a few far tracks would outvote the part
     return np.asarray(_additive_states(coord, lever, obs.weight, joint.kind == "revolute", sigma, rounds))
 
 
