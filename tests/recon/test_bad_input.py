@@ -215,7 +215,7 @@ def test_nothing_moves(tmp_path: Path) -> None:
     recording = open_recording(write_recording(tmp_path / "still", scale=3, still=True))
     tracks = track_points(recording)
     cameras = estimate_cameras(tracks, recording.times, recording.intrinsics.fx)
-    with pytest.raises(ReconstructionError, match="nothing moves in .*still: 0 of") as caught:
+    with pytest.raises(ReconstructionError, match=r"nothing moves in .*still: 0 of") as caught:
         find_parts(recording, tracks, cameras)
     assert "\n" not in str(caught.value)
     assert "record a part being opened" in caught.value.remedy

@@ -19,6 +19,7 @@ from tests.recon.tiny import JOINTS, TRAVEL, merged, twin_of, write_recording
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.scene import HAND_LABEL, Mesh, Part, Prismatic, Revolute, Trajectory, Twin
+from twin.storage import load, save
 
 ONES = {
     "frames with camera", "hand mIoU", "static mesh completeness", "type right",
@@ -83,6 +84,11 @@ def test_exact_twin_scores_zero_or_one_everywhere(truth: Truth, exact: Twin) -> 
 def test_moved_world_scores_the_same(truth: Truth, exact: Twin) -> None:
     T = geo.make_pose(geo.exp_so3([0, 0, 2.0]), [3.0, -1.0, 0.5])
     assert_exact(evaluate(in_world(exact, T), truth))
+
+
+def test_saved_and_loaded_twin_scores_the_same(truth: Truth, exact: Twin, tmp_path: Path) -> None:
+    save(exact, tmp_path / "run" / "twin")
+    assert_exact(evaluate(load(tmp_path / "run"), truth.folder))
 
 
 def test_tilted_world_is_seen_in_up_alone(truth: Truth, exact: Twin) -> None:
