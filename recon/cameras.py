@@ -32,7 +32,8 @@ class CameraConfig:
     ransac_iterations: int = 300
     inlier_sigma: float = 4.0
     pixel_sigma: float = 0.6  # px; forward-backward tests leave about this (measured)
-    bundle_rounds: int = 40
+    bundle_rounds: int = 60
+    converged: float = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
     use_known_poses: bool = False
 
     def __post_init__(self) -> None:
@@ -161,6 +162,8 @@ def _bundle(
         step = -np.linalg.solve(h[usable] + 1e-6 * np.eye(6), g[usable][..., None])[..., 0]
         poses[usable] = poses[usable] @ geo.exp_se3(step)
         landmarks = _landmarks(poses, frame_index, track_index, points, info, weights, len(tracks))
+        if round_ > 8 and np.abs(step).max() < config.converged:
+            break
     return poses
 
 

@@ -94,8 +94,9 @@ def refine_parts(
     out = []
     for tracks in found.parts:
         fit = _refine_one(views, labels, tracks, found.movers, recording.intrinsics.fx, config)
-        noise = fit.sigma.state
-        spans = state_intervals(tracks.part.motion.frames, fit.state, noise, interval or IntervalConfig())
+        spans = state_intervals(
+            tracks.part.motion.frames, fit.state, fit.jitter, interval or IntervalConfig()
+        )
         joint = replace(fit.joint, covariance=fit.covariance, sigma=fit.sigma)
         motion = replace(
             tracks.part.motion,
@@ -114,6 +115,7 @@ class _Refined:
     covariance: Array
     sigma: JointSigma
     residual: float
+    jitter: float  # standard deviation of the state from frame to frame, m or rad
 
 
 def _load_views(recording: Recording, cameras: Trajectory, config: RefineConfig) -> _Views:
@@ -145,10 +147,10 @@ def _refine_one(
             _track_terms(views, movers, tracks.members, part, rows, joint, state, focal, config),
         )
         for _ in range(config.steps):
-            joint, state = _step(joint, state, terms)
+            joint, state = _step(joint, state, part.motion.state, terms)
     # States are counted from the first frame, whose pose is the part's frame.
     state = state - state[0]
-    return _with_uncertainty(joint, state, terms)
+    return _with_uncertainty(joint, state, part.motion.state, terms)
 
 
 def _part_points(views: _Views, joint: Joint, state: Array, rows: NDArray[np.int64]) -> Array:
@@ -288,13 +290,13 @@ def _join(a: _Terms, b: _Terms) -> _Terms:
     )
 
 
-def _step(joint: Joint, state: Array, terms: _Terms) -> tuple[Joint, Array]:
+def _step(joint: Joint, state: Array, start: Array, terms: _Terms) -> tuple[Joint, Array]:
     """One robust Gauss-Newton step over the joint's tangent and all states."""
     value, jac = _linearise(joint, state, terms)
     weight, _ = _robust_weights(value, terms)
     h, g = _reduced(terms.term, terms.frame, weight, value, jac, len(state))
     d = jac.shape[1] - 1
-    h, g = _add_priors(h, g, d, state)
+    h, g = _add_priors(h, g, d, state, start)
     delta = -np.linalg.solve(h, g)
     basis = geo.orthogonal_basis(joint.axis)
     axis = geo.unit(geo.exp_so3(basis[:, :2] @ delta[:2]) @ joint.axis)
@@ -304,7 +306,7 @@ def _step(joint: Joint, state: Array, terms: _Terms) -> tuple[Joint, Array]:
     return new, state + delta[d:]
 
 
-def _with_uncertainty(joint: Joint, state: Array, terms: _Terms) -> _Refined:
+def _with_uncertainty(joint: Joint, state: Array, start: Array, terms: _Terms) -> _Refined:
     """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
 
     Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all pixels of a few
@@ -314,7 +316,7 @@ def _with_uncertainty(joint: Joint, state: Array, terms: _Terms) -> _Refined:
     weight, mean = _robust_weights(value, terms)
     d = jac.shape[1] - 1
     h, g = _reduced(terms.term, terms.frame, weight, value, jac, len(state))
-    h, _ = _add_priors(h, g, d, state)
+    h, _ = _add_priors(h, g, d, state, start)
     score = weight * (value - mean[terms.term])
     blocks = terms.frame // _BLOCK
     scores = np.zeros((int(blocks.max(initial=0)) + 1, len(h)))
@@ -333,7 +335,7 @@ def _with_uncertainty(joint: Joint, state: Array, terms: _Terms) -> _Refined:
     tilt = float(np.sqrt(np.trace(covariance[:2, :2]) / 2))
     shift = float(np.sqrt(np.trace(covariance[2:, 2:]) / 2)) if d == 4 else None
     sigma = JointSigma(tilt, shift, float(np.hypot(noise, drift)))
-    return _Refined(joint, state, 0.5 * (covariance + covariance.T), sigma, rms)
+    return _Refined(joint, state, 0.5 * (covariance + covariance.T), sigma, rms, noise)
 
 
 def _linearise(joint: Joint, state: Array, terms: _Terms) -> tuple[Array, Array]:
@@ -373,8 +375,9 @@ def _robust_weights(value: Array, terms: _Terms) -> tuple[Array, Array]:
     return np.asarray(weight * robust / max(scale2 / 9.0, 1e-12)), np.asarray(mean)
 
 
-def _add_priors(h: Array, g: Array, d: int, state: Array) -> tuple[Array, Array]:
-    """Fix the zero of the state (gauge) and ask for small second differences where the data say little."""
+def _add_priors(h: Array, g: Array, d: int, state: Array, start: Array) -> tuple[Array, Array]:
+    """Fix the zero of the state (gauge); where the data say little, ask for small second differences, and for states
+    within a fifth of the range from where they started, so that unseen frames at the ends don't run away."""
     n = len(state)
     second = np.diff(state, 2)
     noise = 1.4826 * float(np.median(np.abs(second)))
@@ -385,6 +388,10 @@ def _add_priors(h: Array, g: Array, d: int, state: Array) -> tuple[Array, Array]
     rows[k, k], rows[k, k + 1], rows[k, k + 2] = 1.0, -2.0, 1.0
     h[d:, d:] += rows.T @ rows / sigma**2
     g[d:] += rows.T @ second / sigma**2
+    anchor = max(0.2 * float(np.ptp(start)), 1e-3)
+    every = d + np.arange(n)
+    h[every, every] += 1.0 / anchor**2
+    g[every] += (state - state[0] - start + start[0]) / anchor**2
     h[d, d] += 1e8 * max(1.0, float(np.abs(np.diag(h)).max()) * 1e-6)
     scale = float(np.diag(h).mean())
     h[np.diag_indices_from(h)] += 1e-9 * scale
