@@ -162,22 +162,19 @@ def _albedo(
     out: FloatArray,
 ) -> None:
     """Triplanar lookup: the plane that faces the surface most, mip level by the pixel's footprint in metres."""
-    p = np.empty(3, np.float32)
-    n = np.empty(3, np.float32)
-    for k in range(3):
-        p[k] = (
-            to_texture[k, 0] * point[0]
-            + to_texture[k, 1] * point[1]
-            + to_texture[k, 2] * point[2]
-            + to_texture[k, 3]
-        )
-        n[k] = abs(to_texture[k, 0] * normal[0] + to_texture[k, 1] * normal[1] + to_texture[k, 2] * normal[2])
-    if n[2] >= n[0] and n[2] >= n[1]:
-        u, v = p[0], p[1]
-    elif n[1] >= n[0]:
-        u, v = p[0], p[2]
+    m = to_texture
+    a = abs(m[0, 0] * normal[0] + m[0, 1] * normal[1] + m[0, 2] * normal[2])
+    b = abs(m[1, 0] * normal[0] + m[1, 1] * normal[1] + m[1, 2] * normal[2])
+    c = abs(m[2, 0] * normal[0] + m[2, 1] * normal[1] + m[2, 2] * normal[2])
+    x = m[0, 0] * point[0] + m[0, 1] * point[1] + m[0, 2] * point[2] + m[0, 3]
+    y = m[1, 0] * point[0] + m[1, 1] * point[1] + m[1, 2] * point[2] + m[1, 3]
+    z = m[2, 0] * point[0] + m[2, 1] * point[1] + m[2, 2] * point[2] + m[2, 3]
+    if c >= a and c >= b:
+        u, v = x, y
+    elif b >= a:
+        u, v = x, z
     else:
-        u, v = p[1], p[2]
+        u, v = y, z
     level = int(max(0.0, math.log2(max(footprint / tile * size, 1e-6)) + 0.3))
     level = min(level, starts.shape[0] - 1)
     _texel(atlas, starts[level], size >> level, u / tile, v / tile, out)
