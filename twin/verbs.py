@@ -117,7 +117,7 @@ def doctor(console: Console) -> Outcome:
     data = {"findings": [vars(f) for f in findings], "commands": commands}
     return Outcome(
         data,
-        [Table("doctor", ["what", "found", ""], rows)],
+        [Table("this machine", ["what", "found", ""], rows)],
         [*notes, *extras],
         ok=not commands,
         problem=problem,
