@@ -90,7 +90,7 @@ def find_contact(
     if handle is None:
         handle = find_edge(surface, touch.points, part.joint)
     elif handle.kind == "bar":
-        handle = _along_bar(handle, surface, hand, config)
+        handle = _along_bar(handle, hand, config)
     return ContactPath(
         handle.surface_point,
         handle.rotation,
@@ -123,7 +123,7 @@ def _hand_points(
             continue
         depth = recording.frame(frame).depth[::step, ::step]
         y, x = np.nonzero(is_hand & (depth > 0))
-        pixels = np.stack([x, y], axis=-1) * float(step)
+        pixels = step * np.stack([x, y], axis=-1).astype(np.float64)
         points = geo.transform(
             geo.invert_pose(pose) @ camera, k.backproject(pixels, depth[y, x].astype(np.float64))
         )
@@ -150,7 +150,7 @@ def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
     return hand.chosen((frames >= 0.5 * frames.max())[cell])
 
 
-def _along_bar(handle: Handle, surface: Surface, hand: HandPoints, config: ContactConfig) -> Handle:
+def _along_bar(handle: Handle, hand: HandPoints, config: ContactConfig) -> Handle:
     """The bar's section in the middle of the fingers: the median over frames of the middle of their extent along it."""
     close = handle.distance(hand.points) < handle.width / 2 + config.finger
     middles = []

@@ -90,19 +90,25 @@ def sample(mesh: Mesh, count: int = SAMPLES) -> Surface:
     return Surface(points, cross[face] / area[face, None])
 
 
-def flat_faces(surface: Surface, hand: Array) -> list[Face]:
-    """Flat faces that have the hand's centre (3,) in front of them, the largest first."""
+def outer_faces(surface: Surface) -> list[Face]:
+    """The outermost flat face to either side of every direction in which much of the surface lies, largest first."""
     found = []
     for direction in _directions(surface.normals):
         flat = surface.points[np.abs(surface.normals @ direction) > _CONE]
-        for sign in (1.0, -1.0):
-            face = _outermost(flat, sign * direction)
-            if hand @ face.normal < face.offset - _STANDS_OFF_M or not len(face.points):
-                continue
-            foot = hand - (hand @ face.normal - face.offset) * face.normal
-            if cKDTree(face.points).query(foot)[0] < _BESIDE_M:
-                found.append(face)
+        found += [_outermost(flat, direction), _outermost(flat, -direction)]
     return sorted(found, key=lambda f: -len(f.points))
+
+
+def faces_before(surface: Surface, hand: Array) -> list[Face]:
+    """Flat faces that have the hand's centre (3,) in front of them, the largest first."""
+    found = []
+    for face in outer_faces(surface):
+        height = float(hand @ face.normal - face.offset)
+        if height > -_STANDS_OFF_M:
+            beside, _ = cKDTree(face.points).query(hand - height * face.normal)
+            if beside < _BESIDE_M:
+                found.append(face)
+    return found
 
 
 def _directions(normals: Array) -> list[Array]:
@@ -150,7 +156,7 @@ def find_handle(surface: Surface, touch: Array, joint: Joint) -> Handle | None:
         touch: points (n, 3) on the hand's surface near the part.
     """
     hand = np.median(touch, axis=0)
-    for face in flat_faces(surface, hand):
+    for face in faces_before(surface, hand):
         height = surface.points @ face.normal - face.offset
         off = (height > max(_STANDS_OFF_M, 3.0 * face.noise)) & (height < _TALLEST_M)
         off &= np.linalg.norm(surface.points - hand, axis=1) < _AROUND_M
@@ -225,7 +231,7 @@ def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
     The closing direction goes through the panel, the third direction out of it over the edge.
     """
     hand = np.median(touch, axis=0)
-    faces = flat_faces(surface, hand)
+    faces = faces_before(surface, hand)
     if not faces:
         faces = [_outermost(surface.points, geo.orthogonal_basis(joint.axis)[:, 0])]
     face = faces[0]

@@ -1,0 +1,254 @@
+"""Which end of a part's travel is the closed one. The motion alone can't tell; the furniture around it can."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from recon.handles import Surface, outer_faces, sample
+from recon.parts import MovingPart
+from recon.recording import Recording
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.geometry import Array
+from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Revolute, Trajectory
+
+
+@dataclass(frozen=True)
+class ClosedEndConfig:
+    """Deciding which end is closed; chosen by us.
+
+    gap: m, a rim closer than this to the static surface is flush with it: a panel's thickness and a joint gap. deep: m, what
+    lies that far behind the part is a cavity, not the neighbour that a sliding door covers. margin: difference of shares
+    that decides. frames: frames looked at for each end. quantile: of the smoothed state, an end of the travel.
+    """
+
+    gap: float = 0.025
+    deep: float = 0.08
+    margin: float = 0.2
+    frames: int = 8
+    quantile: float = 0.02
+
+    def __post_init__(self) -> None:
+        if min(self.gap, self.deep, self.margin) <= 0 or self.frames < 1 or not 0 <= self.quantile < 0.5:
+            raise ConfigError(f"closed-end settings must be positive, quantile below 0.5, got {self}")
+
+
+@dataclass(frozen=True)
+class ClosedEnd:
+    """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the reason."""
+
+    state: float
+    opening_sign: Literal[1, -1]
+    source: str
+
+
+def find_closed_end(
+    part: MovingPart,
+    part_mesh: Mesh,
+    static: Mesh,
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    config: ClosedEndConfig = ClosedEndConfig(),
+) -> ClosedEnd:
+    """Decide by what surrounds and what lies behind the part at both ends of its travel.
+
+    In this order: its face is flush with static surface there and not at the other end; it covers a cavity that is seen
+    when it is away; it covers more space; else the first rest pose. part_mesh: at the part's state 0.
+    """
+    ends = travel_ends(part.motion.state, config.quantile)
+    surface = sample(part_mesh)
+    choices: tuple[Literal[1, -1], Literal[1, -1]] = (1, -1)
+    if len(surface.points):
+        eyes = cameras.T_world_cam[:, :3, 3]
+        face = _front(surface, part, eyes)
+        flush = _flush_shares(surface, face, part.joint, ends, static, config)
+        if abs(flush[0] - flush[1]) > config.margin:
+            k = int(flush[1] > flush[0])
+            return ClosedEnd(ends[k], choices[k], f"flush with its surroundings ({_shares(flush, k)})")
+        depth = [
+            _depth_behind(
+                part, face, ends[k], _far_frames(part, labels, ends, k, config), recording, cameras, labels
+            )
+            for k in (0, 1)
+        ]
+        cavity = [float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth]
+        if abs(cavity[0] - cavity[1]) > config.margin:
+            k = int(cavity[1] > cavity[0])
+            return ClosedEnd(ends[k], choices[k], f"covers a cavity ({_shares(cavity, k)})")
+        space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
+        if abs(space[0] - space[1]) > config.margin * max(space):
+            k = int(space[1] > space[0])
+            return ClosedEnd(ends[k], choices[k], "its rest pose shows less uncovered space")
+    first = float(np.median(part.motion.state[:5]))
+    k = int(abs(first - ends[1]) < abs(first - ends[0]))
+    return ClosedEnd(ends[k], choices[k], "first rest pose")
+
+
+def _shares(values: tuple[float, float] | list[float], k: int) -> str:
+    return f"{100 * values[k]:.0f} % of its face, at the other end {100 * values[1 - k]:.0f} %"
+
+
+def smoothed(state: Array) -> Array:
+    """States (n,) after a running median over five frames."""
+    return np.asarray(median_filter(state, size=min(5, len(state)), mode="nearest"))
+
+
+def travel_ends(state: Array, quantile: float) -> tuple[float, float]:
+    """Lowest and highest state (n,): robust quantiles of the smoothed state, and there the middle of the rest.
+
+    Extremes grow with the number of frames; the middle of what lies within 2 % of the travel from them does not.
+    """
+    s = smoothed(state)
+    low, high = np.quantile(s, [quantile, 1 - quantile])
+    near = 0.02 * (high - low)
+    return float(np.median(s[s <= low + near])), float(np.median(s[s >= high - near]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Face:
+    """Points (n, 3) of the part's large outer face at state 0 and the rim (r, 3) around it."""
+
+    points: Array
+    rim: Array
+    normal: Array
+
+
+def _front(surface: Surface, part: MovingPart, eyes: Array) -> _Face:
+    """The part's front: the largest flat face; of a slide, rather one square to its motion when it has such a face."""
+    faces = outer_faces(surface)
+    if isinstance(part.joint, Prismatic):
+        square = [f for f in faces if abs(f.normal @ part.joint.axis) > 0.7]
+        if square and len(square[0].points) > 0.2 * len(faces[0].points):
+            faces = square
+    same = [f for f in faces if abs(f.normal @ faces[0].normal) > 0.9]
+    middle = eyes.mean(axis=0)
+    face = max(same, key=lambda f: float(middle @ f.normal - f.offset))
+    return _Face(face.points, _rim(face.points, face.normal), face.normal)
+
+
+def _rim(points: Array, normal: Array, step: float = 0.01) -> Array:
+    """Points (r, 3) every `step` m on the convex outline of a flat face."""
+    basis = geo.orthogonal_basis(normal)
+    local = points @ basis
+    try:
+        corners = local[ConvexHull(local[:, :2]).vertices]
+    except QhullError:
+        return points
+    rim = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        n = max(1, round(float(np.linalg.norm(b - a)) / step))
+        rim.append(a + (b - a) * (np.arange(n) / n)[:, None])
+    return np.asarray(np.concatenate(rim) @ basis.T)
+
+
+def _flush_shares(
+    surface: Surface,
+    face: _Face,
+    joint: Joint,
+    ends: tuple[float, float],
+    static: Mesh,
+    config: ClosedEndConfig,
+) -> tuple[float, float]:
+    """Share of the front's rim beside which the part comes within `config.gap` of static surface, at each end."""
+    tree = cKDTree(sample(static, 200_000).points) if len(static.faces) else None
+    if tree is None:
+        return 0.0, 0.0
+    around = cKDTree(face.rim).query(surface.points, distance_upper_bound=0.03)
+    beside = np.isfinite(around[0])
+    shares = []
+    for end in ends:
+        pose = joint.pose(end)
+        distance, _ = tree.query(geo.transform(pose, surface.points[beside]), distance_upper_bound=0.1)
+        nearest, _ = tree.query(geo.transform(pose, face.rim), distance_upper_bound=0.1)
+        np.minimum.at(nearest, around[1][beside], distance)
+        shares.append(float(np.mean(nearest < config.gap)))
+    return shares[0], shares[1]
+
+
+def _far_frames(
+    part: MovingPart,
+    labels: Mapping[int, NDArray[np.uint8]],
+    ends: tuple[float, float],
+    k: int,
+    config: ClosedEndConfig,
+) -> list[int]:
+    """Labelled frames in which the part is nearest to the other end, spread evenly."""
+    away = [f for f in sorted(labels) if (s := part.state(f)) is not None and _share(s, ends, k) > 0.8]
+    step = max(1, len(away) // config.frames)
+    return away[::step][: config.frames]
+
+
+def _share(state: float, ends: tuple[float, float], k: int) -> float:
+    """How far a state is on the way from end k to the other one, 0..1."""
+    return (state - ends[k]) / (ends[1 - k] - ends[k]) if ends[0] != ends[1] else 0.0
+
+
+def _depth_behind(
+    part: MovingPart,
+    face: _Face,
+    end: float,
+    frames: list[int],
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+) -> Array:
+    """How far (m, along its normal) static surface is seen behind each point of the front posed at an end, from frames
+    in which it is away; points without a view are left out."""
+    points = geo.transform(part.joint.pose(end), face.points[:: max(1, len(face.points) // 2000)])
+    normal = geo.rotate(part.joint.pose(end), face.normal)
+    seen = np.full((len(frames), len(points)), np.nan)
+    camera = recording.intrinsics
+    for row, frame in zip(seen, frames, strict=True):
+        T = cameras.pose(frame)
+        if T is None:
+            continue
+        p = geo.transform(geo.invert_pose(T), points)
+        pixel = np.rint(camera.project(np.where(p[:, 2:] > 0.1, p, [0.0, 0.0, 1.0]))).astype(int)
+        inside = (p[:, 2] > 0.1) & (pixel >= 0).all(axis=1)
+        inside &= (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
+        at = np.flatnonzero(inside)
+        x, y = pixel[at].T
+        z = recording.frame(frame).depth[y, x].astype(np.float64)
+        ok = (z > 0) & (labels[frame][y, x] == STATIC_LABEL) & (z > p[at, 2] - 0.02)
+        ray = (points[at] - T[:3, 3]) * (z / p[at, 2] - 1.0)[:, None]
+        row[at[ok]] = np.abs(ray[ok] @ normal)
+    known = np.isfinite(seen).any(axis=0)
+    return np.asarray(np.nanmedian(seen[:, known], axis=0))
+
+
+def rebase(part: MovingPart, closed: ClosedEnd, quantile: float = 0.02) -> MovingPart:
+    """The part counted from its closed end: state 0 there, opening positive, `lower` 0, `upper` the other end.
+
+    The axis turns round when the state fell on opening. The frame of the part becomes its pose at the closed end, see
+    `rebase_mesh`.
+    """
+    state = closed.opening_sign * (part.motion.state - closed.state)
+    upper = max(0.0, travel_ends(state, quantile)[1])
+    joint = replace(part.joint, lower=0.0, upper=upper)
+    if closed.opening_sign < 0:
+        joint = _turned(joint)
+    return replace(part, joint=joint, motion=replace(part.motion, state=state))
+
+
+def _turned(joint: Joint) -> Joint:
+    """The joint with its axis reversed; the covariance goes to the basis of the new axis."""
+    covariance = joint.covariance
+    if covariance is not None:
+        old, new = (geo.orthogonal_basis(a)[:, :2] for a in (joint.axis, -joint.axis))
+        change = np.kron(np.eye(2 if isinstance(joint, Revolute) else 1), new.T @ old)
+        covariance = change @ covariance @ change.T
+        covariance = 0.5 * (covariance + covariance.T)
+    return replace(joint, axis=-joint.axis, covariance=covariance)
+
+
+def rebase_mesh(mesh: Mesh, part: MovingPart, closed: ClosedEnd) -> Mesh:
+    """The mesh of `part` (as it was before `rebase`) moved from state 0 to the closed end."""
+    return mesh.transformed(part.joint.pose(closed.state))
