@@ -205,8 +205,8 @@ def _mesh(stage: Usd.Stage, path: str, mesh: Mesh) -> UsdGeom.Mesh:
 
 
 def _look(stage: Usd.Stage, path: str, mesh: Mesh, png: str) -> UsdShade.Material:
-    """A rough surface with the texture `png`, or with the mean colour when there is none."""
-    material, surface = _surface(stage, path, mean_color(mesh))
+    """A rough surface with the texture `png` (readers multiply it with the colour: white), else with the mean colour."""
+    material, surface = _surface(stage, path, (1.0, 1.0, 1.0) if png else mean_color(mesh))
     if png:
         reader = UsdShade.Shader.Define(stage, f"{path}/coordinates")
         reader.CreateIdAttr("UsdPrimvarReader_float2")
