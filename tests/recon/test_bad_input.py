@@ -13,10 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.cameras import estimate_cameras
-from recon.motion import find_parts
 from recon.recording import open_recording
-from recon.tracks import track_points
 from tests.recon.tiny import (
     FRAMES,
     HEIGHT,
@@ -27,7 +24,8 @@ from tests.recon.tiny import (
     write_poses,
     write_recording,
 )
-from twin.errors import InputError, ReconstructionError
+from twin.cli import run
+from twin.errors import InputError
 
 Damage = Callable[[Path], object]
 
@@ -211,11 +209,43 @@ def test_depth_intrinsics_of_another_size_are_named(original: Path, tmp_path: Pa
         open_recording(folder)
 
 
-def test_nothing_moves(tmp_path: Path) -> None:
-    recording = open_recording(write_recording(tmp_path / "still", scale=3, still=True))
-    tracks = track_points(recording)
-    cameras = estimate_cameras(tracks, recording.times, recording.intrinsics.fx)
-    with pytest.raises(ReconstructionError, match=r"nothing moves in .*still: 0 of") as caught:
-        find_parts(recording, tracks, cameras)
-    assert "\n" not in str(caught.value)
-    assert "record a part being opened" in caught.value.remedy
+def told_by_the_command(capsys: pytest.CaptureFixture[str], *argv: object) -> str:
+    """The error line of a command that has to fail with exit code 1."""
+    capsys.readouterr()
+    assert run([str(a) for a in argv]) == 1
+    streams = capsys.readouterr()
+    lines = [line for line in (streams.out + streams.err).splitlines() if line.startswith("twin: ")]
+    assert len(lines) == 1
+    assert "Traceback" not in streams.err
+    return lines[0]
+
+
+def test_nothing_moves_keeps_what_was_computed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    still = write_recording(tmp_path / "still", scale=3, still=True)
+    line = told_by_the_command(capsys, "reconstruct", still, "-o", tmp_path / "run")
+    assert "nothing moves in" in line
+    assert "record a part being opened" in line
+    kept = [p.name.split("_")[1] for p in sorted((tmp_path / "run" / "stages").glob("*_*"))]
+    assert kept[:2] == ["tracks", "cameras"]
+
+
+def test_the_command_tells_bad_files_in_one_line(
+    original: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Path(shutil.copytree(original, tmp_path / "clip"))
+    cut("depth/000021.png")(folder)
+    line = told_by_the_command(capsys, "reconstruct", folder, "-o", tmp_path / "run")
+    assert "depth/000021.png is truncated" in line
+    assert "no recording layout 'tun'" in told_by_the_command(
+        capsys, "reconstruct", original, "-o", tmp_path / "run", "--format", "tun"
+    )
+
+
+def test_an_output_that_cannot_be_written_is_named(
+    original: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("a file, not a folder")
+    line = told_by_the_command(capsys, "reconstruct", original, "-o", tmp_path / "file" / "run")
+    assert "file/run can't be written" in line
+    assert "another folder" in line
+    assert (tmp_path / "file").read_text() == "a file, not a folder"
