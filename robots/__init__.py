@@ -1,7 +1,7 @@
 """Robots: plan and replay, headless, what the person in the recording did.
 
-    trajectory = robots.plan(twin, "door")
-    report = robots.replay(twin, trajectory, Path("out"))
+trajectory = robots.plan(twin, "door")
+report = robots.replay(twin, trajectory, Path("out"))
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _HOME = {
     "RobotTrajectory": "trajectory",
 }
 
-__all__ = [  # noqa: F822  (resolved by __getattr__)
+__all__ = [
     "PlanConfig",
     "ReplayConfig",
     "ReplayReport",

@@ -18,10 +18,11 @@ class PlanConfig:
     turn: shares of a revolute joint's angle by which the hand may lag behind the handle. lean: turns of the hand about
     the closing direction. clearance: wanted between arm and everything else. tool_speed: peak speed of the tool while
     it moves the part. velocity_share, acceleration_share: of the robot's limits. position_tolerance,
-    angle_tolerance: largest error of the path. seed: of every random draw.
+    angle_tolerance: largest error of the path. release: let go and retreat at the end; None: unless the part's weight
+    would close it again. seed: of every random draw.
     """
 
-    candidates: int = 600
+    candidates: int = 800
     finalists: int = 3
     pedestal: tuple[float, float] = (0.0, 3.0)
     over_insert: float = 0.005
@@ -35,13 +36,21 @@ class PlanConfig:
     acceleration_share: float = 0.3
     position_tolerance: float = 0.003
     angle_tolerance: float = 0.05
+    release: bool | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
         low, high = self.pedestal
         if not 0 <= low <= high:
             raise ConfigError(f"pedestal must be 0 <= low <= high, got {self.pedestal}")
-        for key in ("candidates", "finalists", "approach", "tool_speed", "position_tolerance", "angle_tolerance"):
+        for key in (
+            "candidates",
+            "finalists",
+            "approach",
+            "tool_speed",
+            "position_tolerance",
+            "angle_tolerance",
+        ):
             if getattr(self, key) <= 0:
                 raise ConfigError(f"{key} must be positive, got {getattr(self, key)}")
         for key in ("velocity_share", "acceleration_share"):

@@ -49,15 +49,13 @@ def backed_off(T_world_tool: Array, distance: float) -> Array:
     return T_world_tool @ geo.make_pose(translation=[0, 0, -distance])
 
 
-def make_grasps(
-    hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, rank: int = 0
-) -> list[Grasp]:
+def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, rank: int = 0) -> list[Grasp]:
     """Both flips of the hand, leant as configured, with and without lag. rank: how many better holds there are.
 
     The tool point goes deeper than the middle of the handle, as far as the stand-off and the palm allow.
     """
     wanted = config.over_insert if hold.refined else config.over_insert_blind
-    insert = min(wanted, hold.stand_off - spec.tip - _TIP_ROOM, spec.palm - hold.depth)
+    deepest = min(wanted, hold.stand_off - spec.tip - _TIP_ROOM)
     closing, along, out = hold.rotation.T
     turns = config.turn if isinstance(joint, Revolute) and abs(joint.axis @ along) > 0.5 else (0.0,)
     freedom = np.array([0.15 if hold.kind == "bar" else 0.4, 0.4, 0.4])
@@ -66,7 +64,8 @@ def make_grasps(
         for lean in config.lean:
             upright = np.stack([along * flip, closing * flip, -out], axis=1)
             tool = geo.make_pose(geo.exp_so3(lean * closing) @ upright, hold.centre)
-            tool = tool @ geo.make_pose(translation=[0, 0, insert])
+            palm = spec.palm - hold.depth - spec.palm_width / 2 * np.tan(abs(lean))
+            tool = tool @ geo.make_pose(translation=[0, 0, min(deepest, palm)])
             for turn in turns:
                 cost = abs(lean) / 0.45 * 0.3 + turn * 0.6 + 0.5 * rank + (hold.thickness / spec.stroke) ** 2
                 label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"

@@ -76,7 +76,7 @@ def find_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0)
     raw = Hold(
         "contact", contact.point, contact.rotation, contact.width, contact.width / 2, stand_off, refined=False
     )
-    return [*holds, raw] if not holds else holds
+    return holds or [raw]
 
 
 def sample_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[Array, Array]:

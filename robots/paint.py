@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 
-from twin.geometry import Array
 from twin.scene import Mesh
 
+AnyArray = NDArray[Any]
 _GREY = np.array([0.72, 0.70, 0.67])
 
 
-def painted(mesh: Mesh, colours: int, max_faces: int) -> list[tuple[Mesh, Array]]:
+def painted(mesh: Mesh, colours: int, max_faces: int) -> list[tuple[Mesh, AnyArray]]:
     """Pieces of at most `colours` colours and `max_faces` faces together, each with its rgb (3,) in 0..1."""
-    vertices, faces, rgb = mesh.vertices, mesh.faces, mesh.colors
+    vertices: AnyArray = mesh.vertices
+    faces: AnyArray = mesh.faces
+    rgb: AnyArray | None = mesh.colors
     if len(faces) > max_faces:
         vertices, faces, rgb = _decimated(mesh, max_faces)
     if len(faces) == 0:
@@ -32,7 +37,7 @@ def painted(mesh: Mesh, colours: int, max_faces: int) -> list[tuple[Mesh, Array]
     ]
 
 
-def _decimated(mesh: Mesh, max_faces: int) -> tuple[Array, Array, Array | None]:
+def _decimated(mesh: Mesh, max_faces: int) -> tuple[AnyArray, AnyArray, AnyArray | None]:
     import fast_simplification
     from scipy.spatial import cKDTree
 
@@ -47,6 +52,6 @@ def _decimated(mesh: Mesh, max_faces: int) -> tuple[Array, Array, Array | None]:
     return vertices, faces, mesh.colors[cKDTree(mesh.vertices).query(vertices)[1]]
 
 
-def _piece(vertices: Array, faces: Array) -> Mesh:
+def _piece(vertices: AnyArray, faces: AnyArray) -> Mesh:
     used, compact = np.unique(faces, return_inverse=True)
-    return Mesh(vertices[used], compact.reshape(-1, 3))
+    return Mesh(vertices[used], compact.reshape(-1, 3).astype(np.int32))

@@ -22,7 +22,16 @@ from twin.scene import Joint, Mesh
 
 _WAYPOINTS = 8
 _START_STEPS, _FOLLOW_STEPS = 45, 7
-_RADII = (0.35, 0.78)  # m from the handle's middle to the base axis, horizontally: half to nine tenths of the reach
+_RADII = (
+    0.35,
+    0.78,
+)  # m from the handle's middle to the base axis, horizontally: half to nine tenths of the reach
+_OVERSAMPLED = 10  # in a furnished room nine of ten places around a handle are taken
+_BLOCKED_KEPT = 20
+_POINTS = 80_000  # surface samples of the static scene
+_ROOM = 0.03  # m kept around the pedestal
+_SHOULDER = 0.5  # m above the base that must be free
+_FURNITURE_COST = 1.0  # of the score: standing on a table is possible, on the floor is better
 _BELOW = (-0.15, 0.75)  # m by which the base lies below the handle
 
 
@@ -56,12 +65,12 @@ class Base:
 
 
 def floor_height(static: Mesh) -> float:
-    """Height on which a pedestal stands: the lowest upward surface seen, robust against single stray vertices."""
+    """Height on which a pedestal stands: the lowest level surface seen, robust against single stray vertices."""
     points, normals = sample_surface(static, 20_000, np.random.default_rng(0))
     if len(points) == 0:
         return 0.0
-    up = points[normals[:, 2] > 0.7]
-    return float(np.quantile(up[:, 2], 0.02) if len(up) > 200 else np.quantile(points[:, 2], 0.002))
+    level = points[np.abs(normals[:, 2]) > 0.7]
+    return float(np.quantile(level[:, 2], 0.01) if len(level) > 200 else np.quantile(points[:, 2], 0.002))
 
 
 def search(
@@ -77,18 +86,24 @@ def search(
     states = np.linspace(0.0, goal, _WAYPOINTS)
     paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
     floor = floor_height(static)
-    points, _ = sample_surface(static, 60_000, np.random.default_rng(config.seed))
-    poses, pedestals, choice = _sample(paths, floor, len(grasps), config)
-    free = _column_is_free(poses, floor, points, spec.footprint)
+    poses, choice = _sample(paths, floor, grasps, config)
+    handle = float(paths[0, 1:-1, 2, 3].min()) - 0.05
+    supports = _supports(poses, floor, static, spec.footprint, handle)
+    pedestals = poses[:, 2, 3] - supports
+    free = np.isfinite(supports) & (pedestals >= config.pedestal[0]) & (pedestals <= config.pedestal[1])
+    on_floor = np.abs(supports - floor) < 1e-9
     candidates = [
-        _blocked(poses[k], pedestals[k], int(choice[k])) for k in np.flatnonzero(~free)
+        _blocked(poses[k], poses[k, 2, 3] - floor, int(choice[k]))
+        for k in np.flatnonzero(~free)[:_BLOCKED_KEPT]
     ]
-    keep = np.flatnonzero(free)
+    keep = np.flatnonzero(free)[: config.candidates]
+    penalty = np.where(on_floor, 0.0, _FURNITURE_COST)
     if len(keep):
-        q, error = _follow(chain, geo.invert_pose(poses[keep])[:, None] @ paths[choice[keep]], grasps, choice[keep], spec)
+        targets = geo.invert_pose(poses[keep])[:, None] @ paths[choice[keep]]
+        q, error = _follow(chain, targets, grasps, choice[keep], spec)
         at = np.concatenate([[0.0], states, [goal]])
         candidates += [
-            _rated(poses[k], pedestals[k], int(choice[k]), q[i], error[i], at, chain, grasps, config)
+            _rated(poses[k], pedestals[k], int(choice[k]), q[i], error[i], at, chain, grasps, penalty[k])
             for i, k in enumerate(keep)
         ]
     return sorted(candidates, key=lambda b: (bool(b.reason), -b.score))
@@ -99,9 +114,9 @@ def _tool_path(grasp: Grasp, joint: Joint, states: Array, approach: float) -> Ar
     return np.stack([backed_off(path[0], approach), *path, backed_off(path[-1], approach)])
 
 
-def _sample(paths: Array, floor: float, grasps: int, config: PlanConfig) -> tuple[Array, Array, Array]:
-    """Halton points over angle, radius, height, yaw and grasp."""
-    n = config.candidates
+def _sample(paths: Array, floor: float, grasps: Sequence[Grasp], config: PlanConfig) -> tuple[Array, Array]:
+    """Halton points over angle, radius, height, yaw and grasp; more than wanted, as many will be blocked."""
+    n = _OVERSAMPLED * config.candidates
     u = qmc.Halton(5, seed=config.seed).random(n)
     middle = paths[0, 1:-1, :3, 3].mean(axis=0)
     angle, radius = 2 * np.pi * u[:, 0], _RADII[0] + (_RADII[1] - _RADII[0]) * u[:, 1]
@@ -112,28 +127,40 @@ def _sample(paths: Array, floor: float, grasps: int, config: PlanConfig) -> tupl
     poses = np.tile(np.eye(4), (n, 1, 1))
     poses[:, :3, :3] = geo.exp_so3(np.stack([np.zeros(n), np.zeros(n), yaw], axis=1))
     poses[:, :3, 3] = xyz
-    return poses, z - floor, np.minimum((u[:, 4] * grasps).astype(int), grasps - 1)
+    # natural grasps are tried more often
+    share = np.cumsum(np.exp(-2.0 * np.array([g.cost for g in grasps])))
+    return poses, np.searchsorted(share, u[:, 4] * share[-1]).clip(0, len(grasps) - 1)
 
 
-def _column_is_free(poses: Array, floor: float, points: Array, footprint: float) -> Array:
-    """True where pedestal and base body stand clear of the static surface points."""
+def _supports(poses: Array, floor: float, static: Mesh, footprint: float, handle: float) -> Array:
+    """Height (B,) of what a pedestal under each pose would stand on: the floor or a level surface; NaN where it can't.
+
+    Nothing may be above the support within the footprint up to the shoulder, nor up to the handle: a base under a
+    table or inside a cupboard is shut in.
+    """
+    points, _ = sample_surface(static, _POINTS, np.random.default_rng(0))
+    out = np.full(len(poses), floor)
     if len(points) == 0:
-        return np.ones(len(poses), dtype=bool)
-    tree = cKDTree(points[:, :2])
-    near = tree.query_ball_point(poses[:, :2, 3], footprint + 0.03)
-    return np.array(
-        [
-            not np.any((points[i, 2] > floor + 0.05) & (points[i, 2] < pose[2, 3] + 0.35))
-            for pose, i in zip(poses, near, strict=True)
-        ]
-    )
+        return out
+    expected = _POINTS / static.area * np.pi * footprint**2
+    near = cKDTree(points[:, :2]).query_ball_point(poses[:, :2, 3], footprint + _ROOM)
+    for k, (pose, members) in enumerate(zip(poses, near, strict=True)):
+        z, base = points[members, 2], pose[2, 3]
+        z = z[z > floor + 0.05]
+        if np.any((z > base) & (z < max(base + _SHOULDER, handle))):
+            out[k] = np.nan
+        elif np.any(z <= base):
+            top = z[z <= base].max()
+            level = np.count_nonzero(np.abs(z - top) < 0.015)
+            out[k] = top if level > 0.7 * expected else np.nan
+    return out
 
 
 def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:
     nothing = np.zeros((0, 0))
     return Base(
         pose, float(pedestal), grasp, nothing, np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf,
-        reason="the pedestal would stand in the static scene",
+        reason="the pedestal would stand in the static scene or be shut in by it",
     )  # fmt: skip
 
 
@@ -149,7 +176,9 @@ def _follow(
     middle = count // 2
     starts = _starts(targets[:, middle], chain, spec)
     tried = [chain.solve(s, targets[:, middle], weights, _START_STEPS) for s in starts]
-    cost = np.stack([np.linalg.norm(e * weights, axis=1) - 0.02 * chain.limit_margin(p).clip(0, 0.5) for p, e in tried])
+    cost = np.stack(
+        [np.linalg.norm(e * weights, axis=1) - 0.02 * chain.limit_margin(p).clip(0, 0.5) for p, e in tried]
+    )
     best = np.argmin(cost, axis=0)
     rows = np.arange(batch)
     q[:, middle] = np.stack([p for p, _ in tried])[best, rows]
@@ -185,7 +214,7 @@ def _rated(
     states: Array,
     chain: Chain,
     grasps: Sequence[Grasp],
-    config: PlanConfig,
+    penalty: float,
 ) -> Base:
     position = np.linalg.norm(error[:, :3], axis=1)
     angle = np.abs(error[:, 3:] * (grasps[grasp].freedom >= 0.3)).max(axis=1)
@@ -203,7 +232,13 @@ def _rated(
     if not reason and jump > 1.0:
         reason = f"the arm would have to reconfigure on the way (one joint jumps by {jump:.1f} rad)"
     # Terms of about equal weight: a third of a radian from the limits and a manipulability of 0.06 count as plenty.
-    score = min(margin, 0.35) / 0.35 + min(manipulability, 0.06) / 0.06 - grasps[grasp].cost - 0.15 * jump
+    score = (
+        min(margin, 0.35) / 0.35
+        + min(manipulability, 0.06) / 0.06
+        - grasps[grasp].cost
+        - 0.15 * jump
+        - penalty
+    )
     score -= 20.0 * float(position.max()) + 0.5 * free_angle
     return Base(
         pose, float(pedestal), grasp, q, float(position.max()), float(angle.max()), float(states[worst]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -20,33 +20,23 @@ from robots.grasp import find_holds
 from robots.ik import PathSolver
 from robots.placement import Base, CollisionCheck
 from robots.spec import RobotSpec
-from robots.trajectory import RejectedBase, RobotTrajectory, quintic
-from robots.world import build_world
+from robots.timing import Leg, timed
+from robots.trajectory import RejectedBase, RobotTrajectory
+from robots.world import build_world, frictionloss, mass_and_com
 from twin import geometry as geo
 from twin.errors import InputError, PlanningError
 from twin.geometry import Array
 from twin.scene import ContactPath, Part, Twin
 
 _LOG = logging.getLogger(__name__)
-_STEP = 0.02  # s between samples
-_CLOSE, _HOLD, _OPEN = 0.8, 0.5, 0.5  # s; the stiff gripper closes its stroke in about 0.3 s
 _WAYPOINTS = 41
 _STRAIGHT_WAYPOINTS = 9
-_CHECKED = 40  # bases checked for collisions before giving up
+_CHECKED = 200  # bases checked for collisions before giving up
 _REPORTED = 12  # rejected bases kept in the trajectory
-_PLAN_PEDESTAL = 1.0  # m of column under the base while searching; doors sweep no deeper than that below the base
-_CLOSED_COMMAND = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Leg:
-    """Waypoints over a share 0..1: q (w, n), part state (w,), position error (w,), tool poses (w, 4, 4), length m."""
-
-    q: Array
-    state: Array
-    error: Array
-    tool: Array
-    length: float
+_PLAN_PEDESTAL = (
+    1.0  # m of column under the base while searching; doors sweep no deeper than that below the base
+)
+_GRAVITY = 9.81
 
 
 def plan(
@@ -102,10 +92,12 @@ def plan(
         if best is None or candidate.score > best.score:
             best = candidate
     if best is None:
-        raise PlanningError(_why(spec, target, bases, rejected), "move or clear the scene, lower the goal, or give a contact")
-    worst_first = sorted(rejected, key=lambda b: -b.score)[:_REPORTED]
+        raise PlanningError(
+            _why(spec, target, bases, rejected), "clear the scene, lower the goal, or give another contact"
+        )
+    nearest = sorted(rejected, key=lambda b: -b.score)[:_REPORTED]
     _LOG.info("%s opens %s: %s, base score %.2f", spec.name, target.name, best.grasp, best.score)
-    return replace(best, rejected=tuple(_reported(b) for b in worst_first))
+    return replace(best, rejected=tuple(_reported(b) for b in nearest))
 
 
 def with_collision(twin: Twin) -> Twin:
@@ -163,27 +155,41 @@ def _refined(
     goal: float,
     config: PlanConfig,
 ) -> RobotTrajectory:
+    """The precise path over a base, timed. Raises PlanningError when it misses the tolerances."""
     states = np.linspace(0.0, goal, _WAYPOINTS)
     tool = grasp.path(part.joint, states)
-    T_base_world = geo.invert_pose(base.T_world_base)
     rough = CubicSpline(np.linspace(0.0, goal, len(base.q) - 2), base.q[1:-1])
-    move = _leg(solver, T_base_world, tool, states, grasp, rough(states), config)
-    back = np.linspace(config.approach, 0.0, _STRAIGHT_WAYPOINTS)
-    into = np.stack([backed_off(tool[0], d) for d in back[::-1]])
-    away = np.stack([backed_off(tool[-1], d) for d in back[::-1]])
-    # Solved from the part outwards, so that the ends of the legs meet.
-    approach = _leg(solver, T_base_world, into, np.zeros(len(into)), grasp, np.tile(move.q[0], (len(into), 1)), config)
-    retreat = _leg(solver, T_base_world, away, np.full(len(away), goal), grasp, np.tile(move.q[-1], (len(away), 1)), config)
-    approach = _Leg(approach.q[::-1], approach.state, approach.error[::-1], approach.tool[::-1], approach.length)
-    approach.q[-1], retreat.q[0] = move.q[0], move.q[-1]
+    back = np.linspace(0.0, config.approach, _STRAIGHT_WAYPOINTS)
+
+    def leg(poses: Array, at: Array, hint: Array) -> Leg:
+        return _leg(solver, base, poses, at, grasp, hint, config)
+
+    def straight(pose: Array, state: float, q: Array) -> Leg:
+        poses = np.stack([backed_off(pose, d) for d in back])
+        found = leg(poses, np.full(len(back), state), np.tile(q, (len(back), 1)))
+        found.q[0] = q
+        return found
+
+    move = leg(tool, states, rough(states))
+    approach = straight(tool[0], 0.0, move.q[0]).reversed()
+    retreat = straight(tool[-1], goal, move.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
-    samples = _timed(approach, move, retreat, spec, config)
+    release = not falls_shut(part, goal) if config.release is None else config.release
+    samples = timed(approach, move, retreat, spec, config, release)
     return RobotTrajectory(
         robot=spec.name,
         twin=twin.name,
         part_id=part.id,
         part=part.name,
         joint_names=spec.arm_joints,
+        times=samples.times,
+        q=np.clip(samples.q, chain.lower, chain.upper),
+        qd=samples.qd,
+        gripper=samples.gripper,
+        phases=samples.phases,
+        part_state=samples.part_state,
+        T_world_tool=samples.T_world_tool,
+        position_error=samples.position_error,
         T_world_base=base.T_world_base,
         pedestal=base.pedestal,
         limits=np.stack([chain.lower, chain.upper]),
@@ -192,16 +198,15 @@ def _refined(
         grasp=f"{grasp.label}, {1000 * grasp.hold.thickness:.0f} mm thick",
         score=base.score + min(margin, 0.35) - 50.0 * float(move.error.max()),
         clearance=base.clearance,
-        **samples,
     )
 
 
 def _leg(
-    solver: PathSolver, T_base_world: Array, tool: Array, states: Array, grasp: Grasp, hint: Array, config: PlanConfig
-) -> _Leg:
-    solution = solver.follow(T_base_world @ tool, grasp.freedom, hint)
+    solver: PathSolver, base: Base, tool: Array, states: Array, grasp: Grasp, hint: Array, config: PlanConfig
+) -> Leg:
+    solution = solver.follow(geo.invert_pose(base.T_world_base) @ tool, grasp.freedom, hint)
     worst = int(np.argmax(solution.position_error))
-    strict = np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max()
+    strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
     if solution.position_error[worst] > config.position_tolerance or strict > config.angle_tolerance:
         raise PlanningError(
             f"out of reach at state {states[worst]:.2f}: {1000 * solution.position_error[worst]:.0f} mm short, "
@@ -209,76 +214,14 @@ def _leg(
         )
     if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
         raise PlanningError("the arm would have to reconfigure on the way")
-    length = float(np.linalg.norm(np.diff(tool[:, :3, 3], axis=0), axis=1).sum())
-    return _Leg(solution.q, states, solution.position_error, tool, length)
+    return Leg(solution.q, states, solution.position_error, tool)
 
 
-def _timed(approach: _Leg, move: _Leg, retreat: _Leg, spec: RobotSpec, config: PlanConfig) -> dict[str, object]:
-    """Samples of all phases: quintic along each leg, rests between them."""
-    rows: list[tuple[str, _Leg, float, float]] = [
-        ("approach", approach, 0.0, spec.stroke),
-        ("close", move, _CLOSE, _CLOSED_COMMAND),
-        ("move", move, 0.0, _CLOSED_COMMAND),
-        ("hold", move, _HOLD, _CLOSED_COMMAND),
-        ("open", move, _OPEN, spec.stroke),
-        ("retreat", retreat, 0.0, spec.stroke),
-    ]
-    clock, parts, phases = 0.0, [], []
-    for name, leg, rest, gripper in rows:
-        share = np.linspace(0.0, 1.0, len(leg.q))
-        spline = CubicSpline(share, leg.q, bc_type="natural")
-        if rest:
-            times = np.linspace(0.0, rest, max(int(np.ceil(rest / _STEP)), 2) + 1)
-            s = np.full(len(times), 0.0 if name == "close" else 1.0)
-            rate = np.zeros(len(times))
-        else:
-            times, s, rate = quintic(_leg_duration(spline, leg, spec, config), _STEP)
-        times, s, rate = times[1:], s[1:], rate[1:]
-        if not parts:
-            times, s, rate = np.r_[0.0, times], np.r_[0.0, s], np.r_[0.0, rate]
-        nearest = np.rint(s * (len(leg.q) - 1)).astype(int)
-        parts.append(
-            {
-                "times": clock + times,
-                "q": np.clip(spline(s), *_inner(leg)),
-                "qd": spline(s, 1) * rate[:, None],
-                "gripper": np.full(len(s), gripper),
-                "part_state": np.interp(s, share, leg.state),
-                "T_world_tool": _between(leg.tool, s),
-                "position_error": leg.error[nearest],
-            }
-        )
-        phases += [name] * len(s)
-        clock = float(parts[-1]["times"][-1])
-    merged: dict[str, object] = {key: np.concatenate([p[key] for p in parts]) for key in parts[0]}
-    return {**merged, "phases": tuple(phases)}
-
-
-def _inner(leg: _Leg) -> tuple[Array, Array]:
-    """A spline may swing past its waypoints by a hair; the extremes of the waypoints bound it."""
-    slack = 0.005
-    return leg.q.min(axis=0) - slack, leg.q.max(axis=0) + slack
-
-
-def _leg_duration(spline: CubicSpline, leg: _Leg, spec: RobotSpec, config: PlanConfig) -> float:
-    """Shortest quintic time that keeps tool speed, joint velocity and joint acceleration within their shares."""
-    s = np.linspace(0.0, 1.0, 201)
-    first, second = np.abs(spline(s, 1)), np.abs(spline(s, 2))
-    by_speed = 1.875 * leg.length / config.tool_speed
-    by_velocity = 1.875 * (first / (config.velocity_share * spec.velocity)).max()
-    # |q''| <= |dq/ds| 5.774 / T^2 + |d2q/ds2| (1.875 / T)^2
-    by_acceleration = np.sqrt(
-        ((5.774 * first + 1.875**2 * second) / (config.acceleration_share * spec.acceleration)).max()
-    )
-    return float(max(by_speed, by_velocity, by_acceleration, 0.8))
-
-
-def _between(tool: Array, share: Array) -> Array:
-    """Tool poses interpolated over waypoints at equal shares."""
-    at = share * (len(tool) - 1)
-    k = np.clip(at.astype(int), 0, len(tool) - 2)
-    step = geo.log_se3(geo.invert_pose(tool[k]) @ tool[k + 1])
-    return tool[k] @ geo.exp_se3(step * (at - k)[:, None])
+def falls_shut(part: Part, state: float) -> bool:
+    """True when the part's weight would close it again from `state`, so that the hand must keep holding it."""
+    mass, com = mass_and_com(part)
+    pull = mass * _GRAVITY * float(part.joint.velocity(state, com)[2])  # > 0: opening lifts the part
+    return pull > 0.8 * frictionloss(part)
 
 
 def _reported(base: Base) -> RejectedBase:

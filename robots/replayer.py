@@ -75,9 +75,7 @@ def replay(
     return report
 
 
-def simulate(
-    world: World, trajectory: RobotTrajectory, config: ReplayConfig
-) -> tuple[Record, Array]:
+def simulate(world: World, trajectory: RobotTrajectory, config: ReplayConfig) -> tuple[Record, Array]:
     """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames moments."""
     model, spec = world.model, world.spec
     data = mujoco.MjData(model)
@@ -163,10 +161,10 @@ class _Recorder:
 
     def done(self) -> Record:
         """The record."""
-        columns = list(zip(*self._rows, strict=True))
-        return Record(
-            *(np.array(c, dtype=np.float64) for c in columns), contacts=tuple(self._contacts)
+        times, phase, state, speed, q, torque, tool, grip, touching = (
+            np.array(c, dtype=np.float64) for c in zip(*self._rows, strict=True)
         )
+        return Record(times, phase, state, speed, q, torque, tool, grip, touching, tuple(self._contacts))
 
 
 def _write_report(report: ReplayReport, path: Path) -> None:

@@ -118,13 +118,11 @@ def measure(
     start = int(np.flatnonzero(held)[0]) - 1
     slip = float(np.linalg.norm(in_part[held] - in_part[start], axis=1).max())
     error = _tracking(record, trajectory)
-    margin = float(
-        np.minimum(record.q - trajectory.limits[0], trajectory.limits[1] - record.q).min()
-    )
+    margin = float(np.minimum(record.q - trajectory.limits[0], trajectory.limits[1] - record.q).min())
     final, peak = float(record.state[-1]), float(record.state.max())
     limit = STATIC_ANGULAR if part.joint.kind == "revolute" else STATIC_LINEAR
     at_rest = bool(abs(record.speed[-1]) <= limit)
-    success_90 = final >= 0.90 * upper
+    success_90 = bool(final >= 0.90 * upper)
     unintended = _unintended(record)
     reason = _reason(record, upper, slip, share, margin, unintended, spec)
     p = trajectory.T_world_base[:3, 3]
@@ -138,7 +136,7 @@ def measure(
         opening_peak=peak / upper,
         opening_final=final / upper,
         at_rest=at_rest,
-        success_75=final >= 0.75 * upper and at_rest,
+        success_75=bool(final >= 0.75 * upper) and at_rest,
         success_90=success_90,
         ok=success_90 and not reason,
         slip_mm=1000 * slip,
@@ -167,7 +165,8 @@ def _tool_in_part(record: Record, part: Part) -> Array:
 
 def _tracking(record: Record, trajectory: RobotTrajectory) -> Array:
     wanted = np.stack(
-        [np.interp(record.times, trajectory.times, trajectory.T_world_tool[:, k, 3]) for k in range(3)], axis=1
+        [np.interp(record.times, trajectory.times, trajectory.T_world_tool[:, k, 3]) for k in range(3)],
+        axis=1,
     )
     return np.asarray(np.linalg.norm(record.tool[:, :3, 3] - wanted, axis=1))
 

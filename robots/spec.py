@@ -21,7 +21,8 @@ class RobotSpec:
 
     Joint arrays are (n,) in the order of `arm_joints`: velocity rad/s, acceleration rad/s^2, effort N m, home rad.
     The tool frame is the MJCF site `tool`: z out of the hand, y the direction in which the fingers close, origin
-    between the finger pads. palm: free depth (m) from the tool point back to the palm; tip: how far the fingers reach
+    between the finger pads. palm: free depth (m) from the tool point back to the palm, palm_width: its extent along x;
+    tip: how far the fingers reach
     beyond the tool point; finger_width: extent of a finger along x. stroke: full opening (m); force: grip force (N).
     footprint: radius (m) of the pedestal under a fixed base.
     """
@@ -40,6 +41,7 @@ class RobotSpec:
     footprint: float
     tool: str
     palm: float
+    palm_width: float
     tip: float
     finger_width: float
     gripper_actuator: str
@@ -63,7 +65,7 @@ class RobotSpec:
                 raise InputError(f"robot {self.name!r}: arm.{key} must be positive, got {values.tolist()}")
             values.flags.writeable = False
             object.__setattr__(self, key, values)
-        for key in ("footprint", "palm", "finger_width", "stroke", "force"):
+        for key in ("footprint", "palm", "palm_width", "finger_width", "stroke", "force"):
             if not getattr(self, key) > 0:
                 raise InputError(f"robot {self.name!r}: {key} must be positive, got {getattr(self, key)}")
         if self.base_kind != "fixed":
@@ -131,6 +133,7 @@ def _build(raw: dict[str, Any], s: dict[str, dict[str, Any]], path: Path) -> Rob
         footprint=float(base["footprint"]),
         tool=str(tool["site"]),
         palm=float(tool["palm"]),
+        palm_width=float(tool["palm_width"]),
         tip=float(tool["tip"]),
         finger_width=float(tool["finger_width"]),
         gripper_actuator=str(gripper["actuator"]),

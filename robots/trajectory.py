@@ -74,7 +74,9 @@ class RobotTrajectory:
             raise PlanningError("trajectory times must strictly increase and hold two samples or more")
         unknown = set(self.phases) - set(PHASES)
         if len(self.phases) != n or unknown:
-            raise PlanningError(f"a trajectory needs a known phase for each sample, unknown: {sorted(unknown)}")
+            raise PlanningError(
+                f"a trajectory needs a known phase for each sample, unknown: {sorted(unknown)}"
+            )
         self._check_limits()
 
     def _check_limits(self) -> None:
@@ -108,19 +110,6 @@ class RobotTrajectory:
             + u**2 * (3 - 2 * u) * q1
             + u**2 * (u - 1) * v1
         )
-        qd = (
-            6 * u * (u - 1) * (q0 - q1) + (3 * u - 1) * (u - 1) * v0 + u * (3 * u - 2) * v1
-        ) / h
+        qd = (6 * u * (u - 1) * (q0 - q1) + (3 * u - 1) * (u - 1) * v0 + u * (3 * u - 2) * v1) / h
         outside = ((times < self.times[0]) | (times > self.times[-1]))[:, None]
         return q, np.where(outside, 0.0, qd), self.gripper[k]
-
-
-def quintic(duration: float, step: float) -> tuple[Array, Array, Array]:
-    """Times (n,), share (n,) from 0 to 1 and its rate (n,) 1/s of the quintic with rest at both ends.
-
-    s = 10 u^3 - 15 u^4 + 6 u^5: peak rate 1.875 / duration, peak acceleration 5.774 / duration^2.
-    """
-    count = max(int(np.ceil(duration / step)), 2) + 1
-    times = np.linspace(0.0, duration, count)
-    u = times / duration
-    return times, u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / duration

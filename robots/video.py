@@ -10,6 +10,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.config import ReplayConfig
 from robots.trajectory import RobotTrajectory
@@ -42,7 +43,7 @@ def write_video(
 
 def draw(
     world: World, trajectory: RobotTrajectory, part: Part, frames: Array, size: tuple[int, int]
-) -> list[Array]:
+) -> list[NDArray[np.uint8]]:
     """Images (height, width, 3) uint8 of the scene with the joint axis drawn in. Raises MissingDependencyError."""
     model = world.model
     _finish_looks(model, size)
@@ -75,7 +76,9 @@ def _renderer(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.Renderer:
     try:
         _prefer_egl()
         renderer = mujoco.Renderer(model, height=size[1], width=size[0])
-    except Exception as e:  # the drivers raise ImportError, RuntimeError, AttributeError and GL errors of their own
+    except (
+        Exception
+    ) as e:  # the drivers raise ImportError, RuntimeError, AttributeError and GL errors of their own
         raise MissingDependencyError(
             f"OpenGL can't be used without a screen ({type(e).__name__}: {e})",
             "install libegl1 and libgl1-mesa-dri, or set MUJOCO_GL; `twin doctor` tells more",
@@ -170,7 +173,7 @@ def _draw_axis(scene: mujoco.MjvScene, part: Part) -> None:
     scene.ngeom += 1
 
 
-def encode(path: Path, images: list[Array], rate: int) -> None:
+def encode(path: Path, images: list[NDArray[np.uint8]], rate: int) -> None:
     """Write images as H.264, yuv420p. Raises InputError when the file can't be written."""
     import av
 
@@ -178,7 +181,9 @@ def encode(path: Path, images: list[Array], rate: int) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with av.open(str(path), "w") as container:
-            stream = container.add_stream("libx264", rate=Fraction(rate), options={"crf": "23", "preset": "fast"})
+            stream = container.add_stream(
+                "libx264", rate=Fraction(rate), options={"crf": "23", "preset": "fast"}
+            )
             stream.width, stream.height, stream.pix_fmt = width - width % 2, height - height % 2, "yuv420p"
             for image in images:
                 frame = av.VideoFrame.from_ndarray(image[: stream.height, : stream.width], format="rgb24")

@@ -7,17 +7,20 @@ meet each other, because their reconstructed surfaces touch at the seams.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.paint import painted
 from robots.spec import RobotSpec
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array
-from twin.scene import Box, Collision, Part, Prismatic, Revolute, Twin
+from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 
+AnyArray = NDArray[Any]
 ROBOT, PART, STATIC = 1, 2, 4
 PREFIX = "robot_"
 _MOUNT = "robot_mount"
@@ -45,16 +48,16 @@ class World:
     spec: RobotSpec
     part_qpos: dict[int, int]
     part_dof: dict[int, int]
-    arm_qpos: Array
-    arm_dof: Array
-    arm_ctrl: Array
-    gripper_qpos: Array
+    arm_qpos: AnyArray
+    arm_dof: AnyArray
+    arm_ctrl: AnyArray
+    gripper_qpos: AnyArray
     gripper_ctrl: int
     tool: int
     mount: int
-    owner: Array
-    finger: Array
-    geom_part: Array
+    owner: AnyArray
+    finger: AnyArray
+    geom_part: AnyArray
 
     def move_base(self, T_world_base: Array) -> None:
         """Set the robot's base pose (4, 4)."""
@@ -129,7 +132,7 @@ def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: 
         limited=True,
         range=[joint.lower, joint.upper],
         damping=physics.damping.value if physics else _DEFAULT_DAMPING[joint.kind],
-        frictionloss=physics.frictionloss.value if physics else _DEFAULT_FRICTIONLOSS[joint.kind],
+        frictionloss=frictionloss(part),
         armature=0.01,
     )
     _add_inertia(body, part)
@@ -141,17 +144,27 @@ def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: 
     return body
 
 
+def frictionloss(part: Part) -> float:
+    """Dry friction of the joint in N or N m: the part's own, else a default."""
+    return part.physics.frictionloss.value if part.physics else _DEFAULT_FRICTIONLOSS[part.joint.kind]
+
+
+def mass_and_com(part: Part) -> tuple[float, Array]:
+    """Mass (kg) and centre of mass (3,): the part's own, else boards as large as its mesh."""
+    if part.inertial is not None:
+        return part.inertial.mass.value, part.inertial.com
+    return max(_PANEL_MASS * part.mesh.area, 0.1), part.mesh.area_centroid
+
+
 def _add_inertia(body: mujoco.MjsBody, part: Part) -> None:
     body.explicitinertial = True
+    body.mass, body.ipos = mass_and_com(part)
     if part.inertial is not None:
         t = part.inertial.inertia
-        body.mass, body.ipos = part.inertial.mass.value, part.inertial.com
         body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
         return
     size = np.maximum(np.ptp(part.mesh.vertices, axis=0), 0.01)
-    mass = max(_PANEL_MASS * part.mesh.area, 0.1)
-    body.mass, body.ipos = mass, part.mesh.area_centroid
-    body.inertia = mass / 12 * (np.sum(size**2) - size**2)
+    body.inertia = body.mass / 12 * (np.sum(size**2) - size**2)
 
 
 def _add_shape(
@@ -184,7 +197,7 @@ def _add_shape(
 
 
 def _add_paint(
-    scene: mujoco.MjSpec, body: mujoco.MjsBody, mesh: geo.Array, name: str, colours: int, faces: int
+    scene: mujoco.MjSpec, body: mujoco.MjsBody, mesh: Mesh, name: str, colours: int, faces: int
 ) -> None:
     for k, (piece, rgb) in enumerate(painted(mesh, colours, faces)):
         scene.add_mesh(
@@ -240,9 +253,7 @@ def _index(model: mujoco.MjModel, twin: Twin, spec: RobotSpec) -> World:
     for g in range(model.ngeom):
         body = int(model.geom_bodyid[g])
         geom_part[g] = part_of_body.get(body, 0)
-        owner[g] = (
-            PART if body in part_of_body else ROBOT if _inside(model, body, robot_root) else STATIC
-        )
+        owner[g] = PART if body in part_of_body else ROBOT if _inside(model, body, robot_root) else STATIC
     arm = [PREFIX + j for j in spec.arm_joints]
     return World(
         model=model,

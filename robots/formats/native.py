@@ -56,7 +56,7 @@ def load(path: Path) -> RobotTrajectory:
         raise InputError(f"{path} is not JSON: {e}") from e
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError(f"{path} is not of format {FORMAT}")
-    values = {f.name: document.get(f.name) for f in fields(RobotTrajectory)}
+    values: dict[str, Any] = {f.name: document.get(f.name) for f in fields(RobotTrajectory)}
     missing = [name for name, value in values.items() if value is None]
     if missing:
         raise InputError(f"{path} lacks {', '.join(missing)}")

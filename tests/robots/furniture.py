@@ -82,16 +82,12 @@ def contact_at(point, along, out, width, *, error=0.0, seed=0):
 
 def twin_of(boxes, joint: Joint, static, contact, name="part"):
     motion = Motion(np.arange(5), np.arange(5) / 10.0, np.linspace(0, joint.upper, 5), ((0, 4),))
-    part = Part(
-        2, name, mesh_of(boxes), joint, motion, contact=contact, collision=tuple(boxes)
-    )
-    return Twin(
-        "furniture", StaticPart("cabinet", mesh_of(static), tuple(static)), (part,)
-    )
+    part = Part(2, name, mesh_of(boxes), joint, motion, contact=contact, collision=tuple(boxes))
+    return Twin("furniture", StaticPart("cabinet", mesh_of(static), tuple(static)), (part,))
 
 
 def floor(z=0.0):
-    return box([0, -0.5, z - 0.05], [4, 4, 0.1])
+    return box([0, -0.5, z - 0.005], [4, 4, 0.01])
 
 
 def drawer(height=0.6, *, travel=0.35, error=0.0, seed=0, handle="bar"):
@@ -112,7 +108,7 @@ def drawer(height=0.6, *, travel=0.35, error=0.0, seed=0, handle="bar"):
     return twin_of(boxes + extra, joint, static, contact)
 
 
-def door(side="left", *, height=0.9, angle=np.deg2rad(72), width=0.4, error=0.0, seed=0):
+def door(side="left", *, height=0.9, angle=1.257, width=0.4, error=0.0, seed=0):
     """Door hinged on its left or right (seen from the room, which is at -y), bar handle at the free edge."""
     s = -1.0 if side == "left" else 1.0
     static = [floor(), *shell(width, 0.35, 0.6, [0, 0.2, height])]
@@ -124,7 +120,7 @@ def door(side="left", *, height=0.9, angle=np.deg2rad(72), width=0.4, error=0.0,
     return twin_of(boxes + extra, joint, static, contact, "door")
 
 
-def lid(height=0.5, *, angle=np.deg2rad(65), error=0.0, seed=0):
+def lid(height=0.5, *, angle=1.134, error=0.0, seed=0):
     """Chest lid with a horizontal axis at the back; its front rim overhangs and is held by the edge."""
     static = [floor(), *[b for b in shell(0.6, 0.4, height, [0, 0.2, height / 2]) if True][:3]]
     static.append(box([0, 0.0, height / 2 - 0.02], [0.6, 0.018, height - 0.06]))

@@ -127,8 +127,8 @@ def test_the_arm_holds_its_pose_and_the_gripper_closes_with_its_force(franka):
     data.ctrl[7] = -0.02
     for _ in range(500):
         mujoco.mj_step(model, data)
-    assert data.qpos[7:].max() < 1e-3
-    assert abs(data.actuator_force[7]) <= spec.force
+    assert np.abs(data.qpos[7:]).max() < 1.5e-3  # its stops hold the full force
+    assert abs(data.actuator_force[7]) == pytest.approx(spec.force)
 
 
 def test_example_robot_data_panda_agrees(franka):

@@ -1,0 +1,147 @@
+"""From waypoints to samples in time: quintic along each leg, rests between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from robots.config import PlanConfig
+from robots.spec import RobotSpec
+from twin import geometry as geo
+from twin.geometry import Array
+
+STEP = 0.02  # s between samples
+CLOSE, HOLD, OPEN = 1.0, 0.5, 0.8  # s; a finger travels its 40 mm in 0.7 s
+SHORTEST = 0.8  # s of a leg
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """Waypoints over a share 0..1: q (w, n), part state (w,), position error (w,) m, tool poses (w, 4, 4) in the
+    world."""
+
+    q: Array
+    state: Array
+    error: Array
+    tool: Array
+
+    @property
+    def length(self) -> float:
+        """Of the tool point's way in metres."""
+        return float(np.linalg.norm(np.diff(self.tool[:, :3, 3], axis=0), axis=1).sum())
+
+    def reversed(self) -> Leg:
+        """The leg walked the other way."""
+        return Leg(self.q[::-1], self.state[::-1], self.error[::-1], self.tool[::-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Columns of a RobotTrajectory, all of one length."""
+
+    times: Array
+    q: Array
+    qd: Array
+    gripper: Array
+    part_state: Array
+    T_world_tool: Array
+    position_error: Array
+    phases: tuple[str, ...]
+
+
+def timed(
+    approach: Leg, move: Leg, retreat: Leg, spec: RobotSpec, config: PlanConfig, release: bool
+) -> Samples:
+    """Samples of all phases; without `release` the hand keeps holding at the end."""
+    pieces = [
+        _travel("approach", approach, spec.stroke, spec, config),
+        _rest("close", move, 0, CLOSE, 0.0),
+        _travel("move", move, 0.0, spec, config),
+        _rest("hold", move, -1, HOLD, 0.0),
+    ]
+    if release:
+        pieces.append(_rest("open", move, -1, OPEN, spec.stroke))
+        pieces.append(_travel("retreat", retreat, spec.stroke, spec, config))
+    clock = 0.0
+    starts, first = [], True
+    for p in pieces:
+        starts.append((clock, slice(0 if first else 1, None)))
+        clock, first = clock + float(p.times[-1]), False
+
+    def column(name: str) -> Array:
+        return np.concatenate([getattr(p, name)[s] for p, (_, s) in zip(pieces, starts, strict=True)])
+
+    return Samples(
+        times=np.concatenate([p.times[s] + c for p, (c, s) in zip(pieces, starts, strict=True)]),
+        q=column("q"),
+        qd=column("qd"),
+        gripper=column("gripper"),
+        part_state=column("part_state"),
+        T_world_tool=column("T_world_tool"),
+        position_error=column("position_error"),
+        phases=tuple(name for p, (_, s) in zip(pieces, starts, strict=True) for name in p.phases[s]),
+    )
+
+
+def quintic(duration: float, step: float) -> tuple[Array, Array, Array]:
+    """Times (n,), share (n,) from 0 to 1 and its rate (n,) 1/s of the quintic with rest at both ends.
+
+    s = 10 u^3 - 15 u^4 + 6 u^5: peak rate 1.875 / duration, peak acceleration 5.774 / duration^2.
+    """
+    count = max(int(np.ceil(duration / step)), 2) + 1
+    times = np.linspace(0.0, duration, count)
+    u = times / duration
+    return times, u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / duration
+
+
+def _travel(name: str, leg: Leg, gripper: float, spec: RobotSpec, config: PlanConfig) -> Samples:
+    share = np.linspace(0.0, 1.0, len(leg.q))
+    spline = CubicSpline(share, leg.q, bc_type="natural")
+    times, s, rate = quintic(_duration(spline, leg, spec, config), STEP)
+    return Samples(
+        times=times,
+        q=spline(s),
+        qd=spline(s, 1) * rate[:, None],
+        gripper=np.full(len(s), gripper),
+        part_state=np.interp(s, share, leg.state),
+        T_world_tool=_between(leg.tool, s),
+        position_error=np.interp(s, share, leg.error),
+        phases=(name,) * len(s),
+    )
+
+
+def _rest(name: str, leg: Leg, at: int, seconds: float, gripper: float) -> Samples:
+    n = int(np.ceil(seconds / STEP)) + 1
+    return Samples(
+        times=np.linspace(0.0, seconds, n),
+        q=np.tile(leg.q[at], (n, 1)),
+        qd=np.zeros((n, leg.q.shape[1])),
+        gripper=np.full(n, gripper),
+        part_state=np.full(n, leg.state[at]),
+        T_world_tool=np.tile(leg.tool[at], (n, 1, 1)),
+        position_error=np.full(n, leg.error[at]),
+        phases=(name,) * n,
+    )
+
+
+def _duration(spline: CubicSpline, leg: Leg, spec: RobotSpec, config: PlanConfig) -> float:
+    """Shortest quintic time that keeps tool speed, joint velocity and joint acceleration within their shares."""
+    s = np.linspace(0.0, 1.0, 201)
+    first, second = np.abs(spline(s, 1)), np.abs(spline(s, 2))
+    by_speed = 1.875 * leg.length / config.tool_speed
+    by_velocity = 1.875 * (first / (config.velocity_share * spec.velocity)).max()
+    # |q''| <= |dq/ds| 5.774 / T^2 + |d2q/ds2| (1.875 / T)^2
+    by_acceleration = np.sqrt(
+        ((5.774 * first + 1.875**2 * second) / (config.acceleration_share * spec.acceleration)).max()
+    )
+    return float(max(by_speed, by_velocity, by_acceleration, SHORTEST))
+
+
+def _between(tool: Array, share: Array) -> Array:
+    """Tool poses interpolated over waypoints at equal shares."""
+    at = share * (len(tool) - 1)
+    k = np.clip(at.astype(int), 0, len(tool) - 2)
+    step = geo.log_se3(geo.invert_pose(tool[k]) @ tool[k + 1])
+    return tool[k] @ geo.exp_se3(step * (at - k)[:, None])
