@@ -88,9 +88,9 @@ def search(
     floor = floor_height(static)
     poses, choice = _sample(paths, floor, grasps, config)
     handle = float(paths[0, 1:-1, 2, 3].min()) - 0.05
-    supports = _supports(poses, floor, static, spec.footprint, handle)
+    supports = _supports(poses, floor, static, spec.footprint, handle, config)
     pedestals = poses[:, 2, 3] - supports
-    free = np.isfinite(supports) & (pedestals >= config.pedestal[0]) & (pedestals <= config.pedestal[1])
+    free = np.isfinite(supports)
     on_floor = np.abs(supports - floor) < 1e-9
     candidates = [
         _blocked(poses[k], poses[k, 2, 3] - floor, int(choice[k]))
@@ -102,8 +102,19 @@ def search(
         targets = geo.invert_pose(poses[keep])[:, None] @ paths[choice[keep]]
         q, error = _follow(chain, targets, grasps, choice[keep], spec)
         at = np.concatenate([[0.0], states, [goal]])
+        manipulability = chain.manipulability(q.reshape(-1, q.shape[2])).reshape(q.shape[:2]).min(axis=1)
+        margin = chain.limit_margin(q).min(axis=1)
         candidates += [
-            _rated(poses[k], pedestals[k], int(choice[k]), q[i], error[i], at, chain, grasps, penalty[k])
+            _rated(
+                _blocked(poses[k], pedestals[k], int(choice[k])),
+                q[i],
+                error[i],
+                at,
+                float(margin[i]),
+                float(manipulability[i]),
+                grasps[choice[k]],
+                float(penalty[k]),
+            )
             for i, k in enumerate(keep)
         ]
     return sorted(candidates, key=lambda b: (bool(b.reason), -b.score))
@@ -132,27 +143,31 @@ def _sample(paths: Array, floor: float, grasps: Sequence[Grasp], config: PlanCon
     return poses, np.searchsorted(share, u[:, 4] * share[-1]).clip(0, len(grasps) - 1)
 
 
-def _supports(poses: Array, floor: float, static: Mesh, footprint: float, handle: float) -> Array:
+def _supports(
+    poses: Array, floor: float, static: Mesh, footprint: float, handle: float, config: PlanConfig
+) -> Array:
     """Height (B,) of what a pedestal under each pose would stand on: the floor or a level surface; NaN where it can't.
 
     Nothing may be above the support within the footprint up to the shoulder, nor up to the handle: a base under a
-    table or inside a cupboard is shut in.
+    table or inside a cupboard is shut in. Poses after the wanted number of free ones are left out (NaN).
     """
     points, _ = sample_surface(static, _POINTS, np.random.default_rng(0))
-    out = np.full(len(poses), floor)
     if len(points) == 0:
-        return out
+        return np.full(len(poses), floor)
+    out, found = np.full(len(poses), np.nan), 0
     expected = _POINTS / static.area * np.pi * footprint**2
-    near = cKDTree(points[:, :2]).query_ball_point(poses[:, :2, 3], footprint + _ROOM)
-    for k, (pose, members) in enumerate(zip(poses, near, strict=True)):
-        z, base = points[members, 2], pose[2, 3]
+    tree, heights = cKDTree(points[:, :2]), points[:, 2]
+    for k, pose in enumerate(poses):
+        z, base = heights[tree.query_ball_point(pose[:2, 3], footprint + _ROOM)], pose[2, 3]
         z = z[z > floor + 0.05]
         if np.any((z > base) & (z < max(base + _SHOULDER, handle))):
-            out[k] = np.nan
-        elif np.any(z <= base):
-            top = z[z <= base].max()
-            level = np.count_nonzero(np.abs(z - top) < 0.015)
-            out[k] = top if level > 0.7 * expected else np.nan
+            continue
+        top = z[z <= base].max(initial=floor)
+        level = top == floor or np.count_nonzero(np.abs(z - top) < 0.015) > 0.7 * expected
+        if level and config.pedestal[0] <= base - top <= config.pedestal[1]:
+            out[k], found = top, found + 1
+            if found == config.candidates:
+                break
     return out
 
 
@@ -206,44 +221,43 @@ def _starts(target: Array, chain: Chain, spec: RobotSpec) -> list[Array]:
 
 
 def _rated(
-    pose: Array,
-    pedestal: float,
-    grasp: int,
+    base: Base,
     q: Array,
     error: Array,
     states: Array,
-    chain: Chain,
-    grasps: Sequence[Grasp],
+    margin: float,
+    manipulability: float,
+    grasp: Grasp,
     penalty: float,
 ) -> Base:
+    """The base with its rough path judged: a score, and a reason when it does not reach."""
     position = np.linalg.norm(error[:, :3], axis=1)
-    angle = np.abs(error[:, 3:] * (grasps[grasp].freedom >= 0.3)).max(axis=1)
-    free_angle = np.abs(error[:, 3:]).max()
-    margin = float(chain.limit_margin(q).min())
-    manipulability = float(chain.manipulability(q).min())
+    angle = np.abs(error[:, 3:] * (grasp.freedom >= 0.3)).max(axis=1)
+    free_angle = float(np.abs(error[:, 3:]).max())
     worst = int(np.argmax(position + 0.1 * angle))
+    jump = float(np.abs(np.diff(q, axis=0)).max())
     reason = ""
     if position.max() > 0.006 or angle.max() > 0.10 or free_angle > 0.5:
         reason = (
             f"out of reach at state {states[worst]:.2f}: {1000 * position[worst]:.0f} mm short, "
             f"{np.rad2deg(angle[worst]):.0f} deg off"
         )
-    jump = float(np.abs(np.diff(q, axis=0)).max())
-    if not reason and jump > 1.0:
+    elif jump > 1.0:
         reason = f"the arm would have to reconfigure on the way (one joint jumps by {jump:.1f} rad)"
     # Terms of about equal weight: a third of a radian from the limits and a manipulability of 0.06 count as plenty.
-    score = (
-        min(margin, 0.35) / 0.35
-        + min(manipulability, 0.06) / 0.06
-        - grasps[grasp].cost
-        - 0.15 * jump
-        - penalty
+    score = min(margin, 0.35) / 0.35 + min(manipulability, 0.06) / 0.06
+    score -= grasp.cost + 0.15 * jump + penalty + 20.0 * float(position.max()) + 0.5 * free_angle
+    return replace(
+        base,
+        q=q,
+        position_error=float(position.max()),
+        angle_error=float(angle.max()),
+        failed_at=float(states[worst]),
+        margin=margin,
+        manipulability=manipulability,
+        score=score,
+        reason=reason,
     )
-    score -= 20.0 * float(position.max()) + 0.5 * free_angle
-    return Base(
-        pose, float(pedestal), grasp, q, float(position.max()), float(angle.max()), float(states[worst]),
-        margin, manipulability, score, reason=reason,
-    )  # fmt: skip
 
 
 class CollisionCheck:
