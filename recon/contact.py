@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -23,6 +23,8 @@ from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
 from twin.scene import HAND_LABEL, ContactPath, Mesh, Trajectory
+
+_BEYOND_M = 0.15  # a hand farther from the part than this does not hold it
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,16 @@ def find_contact(
     """
     surface = sample(mesh)
     hand = _hand_points(recording, cameras, labels, part, surface, config)
-    touch = _steady(hand.chosen(hand.distance < config.near), config)
+    touch, seen_by = _steady(hand.chosen(hand.distance < config.near), config), "hand label"
+    if config.source == "keypoints":
+        tips = _fingertips(recording, cameras, labels, part, surface, config)
+        if len(tips.points):
+            touch, seen_by = tips, "fingertips"
+        else:
+            warnings.warn(
+                f"no fingertip was detected near part {part.id}: its contact comes from the hand label",
+                stacklevel=2,
+            )
     if not len(touch.points):
         warnings.warn(
             f"no hand is within {100 * config.near:.0f} cm of part {part.id} while it moves: it gets no contact; "
@@ -89,14 +100,16 @@ def find_contact(
     handle = find_handle(surface, touch.points, part.joint)
     if handle is None:
         handle = find_edge(surface, touch.points, part.joint)
+    elif handle.kind == "bar" and seen_by == "fingertips":
+        handle = handle.shifted(float(np.median(handle.along(touch.points))))
     elif handle.kind == "bar":
-        handle = _along_bar(handle, hand, config)
+        handle = handle.shifted(_middle_of_fingers(handle, hand, config))
     return ContactPath(
         handle.surface_point,
         handle.rotation,
         handle.width,
         tuple(range(int(touch.frame.min()), int(touch.frame.max()) + 1)),
-        f"geometry: hand label on the part's {handle.kind}",
+        f"{config.source if seen_by == 'fingertips' else 'geometry'}: {seen_by} on the part's {handle.kind}",
     )
 
 
@@ -108,35 +121,36 @@ def _hand_points(
     surface: Surface,
     config: ContactConfig,
 ) -> HandPoints:
-    """The hand's surface in the labelled frames in which the part moves, as far as it is some 15 cm from the part."""
-    k = recording.intrinsics
-    spans = part.motion.intervals or ((0, len(recording) - 1),)
+    """The hand's surface in the labelled frames in which the part moves, as far as it is near the part."""
     tree = cKDTree(surface.points)
+    step = config.stride
     found = []
-    for frame in sorted(labels):
-        pose, camera = part.pose(frame), cameras.pose(frame)
-        if pose is None or camera is None or not any(a <= frame <= b for a, b in spans):
-            continue
-        step = config.stride
+    for frame, T_part_cam in _T_part_cam(cameras, labels, part, recording).items():
         is_hand = labels[frame][::step, ::step] == HAND_LABEL
         if np.count_nonzero(is_hand) < config.min_points:
             continue
         depth = recording.frame(frame).depth[::step, ::step]
         y, x = np.nonzero(is_hand & (depth > 0))
         pixels = step * np.stack([x, y], axis=-1).astype(np.float64)
-        points = geo.transform(
-            geo.invert_pose(pose) @ camera, k.backproject(pixels, depth[y, x].astype(np.float64))
-        )
-        distance, _ = tree.query(points, distance_upper_bound=0.15)
+        points = recording.intrinsics.backproject(pixels, depth[y, x].astype(np.float64))
+        points = geo.transform(T_part_cam, points)
+        distance, _ = tree.query(points, distance_upper_bound=_BEYOND_M)
         close = np.isfinite(distance)
         found.append(HandPoints(points[close], np.full(int(close.sum()), frame), distance[close]))
-    if not found:
-        return HandPoints(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0))
-    return HandPoints(
-        np.concatenate([h.points for h in found]),
-        np.concatenate([h.frame for h in found]),
-        np.concatenate([h.distance for h in found]),
-    )
+    return _joined(found)
+
+
+def _T_part_cam(
+    cameras: Trajectory, labels: Mapping[int, NDArray[np.uint8]], part: MovingPart, recording: Recording
+) -> dict[int, Array]:
+    """Camera points to the part's frame at state 0, for the labelled frames in which the part moves."""
+    spans = part.motion.intervals or ((0, len(recording) - 1),)
+    out = {}
+    for frame in sorted(labels):
+        pose, camera = part.pose(frame), cameras.pose(frame)
+        if pose is not None and camera is not None and any(a <= frame <= b for a, b in spans):
+            out[frame] = geo.invert_pose(pose) @ camera
+    return out
 
 
 def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
@@ -150,20 +164,47 @@ def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
     return hand.chosen((frames >= 0.5 * frames.max())[cell])
 
 
-def _along_bar(handle: Handle, hand: HandPoints, config: ContactConfig) -> Handle:
-    """The bar's section in the middle of the fingers: the median over frames of the middle of their extent along it."""
+def _middle_of_fingers(handle: Handle, hand: HandPoints, config: ContactConfig) -> float:
+    """Coordinate along a bar: the median over frames of the middle of the fingers' extent along it."""
     close = handle.distance(hand.points) < handle.width / 2 + config.finger
     middles = []
     for frame in np.unique(hand.frame[close]):
         along = handle.along(hand.points[close & (hand.frame == frame)])
         if len(along) >= config.min_points:
             middles.append(float(np.mean(np.quantile(along, [0.05, 0.95]))))
-    if not middles:
-        return handle
-    shift = float(np.clip(np.median(middles), handle.low, handle.high))
-    return replace(
-        handle,
-        centre=handle.centre + shift * handle.rotation[:, 1],
-        low=handle.low - shift,
-        high=handle.high - shift,
+    return float(np.median(middles)) if middles else 0.0
+
+
+def _fingertips(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    part: MovingPart,
+    surface: Surface,
+    config: ContactConfig,
+) -> HandPoints:
+    """The fingertips that come near the part, in each frame no farther from it than `config.near` beyond the nearest."""
+    from recon.hands import FINGERTIPS, detect_hands
+
+    poses = _T_part_cam(cameras, labels, part, recording)
+    keypoints = detect_hands(recording, list(poses), labels)
+    tree = cKDTree(surface.points)
+    found = []
+    for frame, hand in zip(keypoints.frames.tolist(), keypoints.points_cam, strict=True):
+        tips = hand[list(FINGERTIPS)]
+        points = geo.transform(poses[frame], tips[np.isfinite(tips).all(axis=1)])
+        if len(points):
+            distance, _ = tree.query(points)
+            near = (distance < distance.min() + config.near) & (distance.min() < 2 * config.near)
+            found.append(HandPoints(points[near], np.full(int(near.sum()), frame), distance[near]))
+    return _joined(found)
+
+
+def _joined(parts: list[HandPoints]) -> HandPoints:
+    if not parts:
+        return HandPoints(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0))
+    return HandPoints(
+        np.concatenate([h.points for h in parts]),
+        np.concatenate([h.frame for h in parts]),
+        np.concatenate([h.distance for h in parts]),
     )

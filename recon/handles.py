@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -52,6 +52,12 @@ class Handle:
         local = (points - self.centre) @ self.rotation
         beyond = np.maximum(np.maximum(self.low - local[:, 1], local[:, 1] - self.high), 0.0)
         return np.asarray(np.linalg.norm(np.stack([local[:, 0], beyond, local[:, 2]]), axis=0))
+
+    def shifted(self, along: float) -> Handle:
+        """The section `along` m farther along the handle, no farther than its end."""
+        step = float(np.clip(along, self.low, self.high))
+        centre = self.centre + step * self.rotation[:, 1]
+        return replace(self, centre=centre, low=self.low - step, high=self.high - step)
 
     def along(self, points: Array) -> Array:
         """Coordinates (n,) of points (n, 3) along the handle, from the centre."""
