@@ -106,21 +106,22 @@ def _camera(
     """A view from the side of the base in which hand, handle and shoulder are least hidden."""
     hand = trajectory.T_world_tool[:: max(len(trajectory.times) // 6, 1), :3, 3]
     shoulder = trajectory.T_world_base[:3, 3] + [0, 0, 0.35]
-    look = 0.6 * hand.mean(axis=0) + 0.4 * shoulder
+    look = 0.65 * hand.mean(axis=0) + 0.35 * shoulder
     seen = np.vstack([hand, shoulder[None]])
-    distance = 1.15 + 1.5 * float(np.linalg.norm(seen - look, axis=1).max())
+    distance = max(1.1, 3.0 * float(np.linalg.norm(seen - look, axis=1).max()))
     facing = np.arctan2(*(hand.mean(axis=0) - shoulder)[1::-1])
     model = world.model
     poses = frames[:: max(len(frames) // 5, 1)]
     best, best_score = (0.0, 0.0), -np.inf
-    for turn in np.deg2rad([-50, 50, -80, 80, -25, 25, -110, 110, 140, -140]):
-        for lift in np.deg2rad([18, 35]):
+    for turn in np.deg2rad([-50, 50, -35, 35, -70, 70, -90, 90, -20, 20, -115, 115, 140, -140]):
+        for lift in np.deg2rad([20, 5, 35, 50]):
             azimuth = facing + turn
             forward = np.array(
                 [np.cos(lift) * np.cos(azimuth), np.cos(lift) * np.sin(azimuth), -np.sin(lift)]
             )
             eye = look - distance * forward
-            score = _visible(model, data, world, poses, eye, shoulder) - 0.1 * abs(abs(turn) - 0.9)
+            score = _visible(model, data, world, poses, eye, shoulder)
+            score -= 0.15 * abs(abs(turn) - 0.9) + 0.2 * abs(lift - 0.35)
             if score > best_score + 1e-9:
                 best, best_score = (azimuth, lift), score
     camera = mujoco.MjvCamera()
@@ -145,10 +146,10 @@ def _visible(
             ray = target - eye
             hit = np.array([-1], dtype=np.int32)
             share = mujoco.mj_ray(model, data, eye, ray, groups, 1, -1, hit)
-            near = share < 0 or (1 - share) * np.linalg.norm(ray) < 0.12
+            near = share < 0 or (1 - share) * np.linalg.norm(ray) < 0.09
             mine = hit[0] >= 0 and world.owner[hit[0]] == ROBOT and target is shoulder
             behind_wall = hit[0] >= 0 and world.owner[hit[0]] == STATIC and not near
-            free += weight * (1.0 if near or mine else 0.0 if behind_wall else 0.3)
+            free += weight * (1.0 if near or mine else 0.0 if behind_wall else 0.2)
     return free / len(poses)
 
 

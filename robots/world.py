@@ -87,6 +87,8 @@ def build_world(
     scene.option.impratio = 10.0
     scene.visual.headlight.ambient = [0.45, 0.45, 0.45]
     scene.visual.headlight.diffuse = [0.5, 0.5, 0.5]
+    if visual:
+        _add_sky(scene)
     _add_static(scene, twin, visual)
     bodies: dict[int, mujoco.MjsBody] = {}
     for part in _parents_first(twin):
@@ -98,6 +100,18 @@ def build_world(
     except ValueError as e:
         raise PlanningError(f"MuJoCo refuses the scene of twin {twin.name!r}: {e}", "run `twin check`") from e
     return _index(model, twin, spec)
+
+
+def _add_sky(scene: mujoco.MjSpec) -> None:
+    scene.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.86, 0.89, 0.93],
+        rgb2=[0.55, 0.58, 0.62],
+        width=256,
+        height=1536,
+    )
 
 
 def _parents_first(twin: Twin) -> list[Part]:
