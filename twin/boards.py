@@ -67,13 +67,11 @@ def _strongest_plane(
         cos = normal @ axes[:, k] / length
         facing = np.abs(cos) > _FACING
         where = triangles[facing].mean(axis=1) @ axes[:, k]
-        bins = np.floor(where / search.noise).astype(np.int64)
+        bins: NDArray[np.int64] = np.floor(where / search.noise).astype(np.int64)
         if not len(bins):
             continue
-        weight = np.bincount(bins - bins.min(), weights=length[facing] / 2)
-        weight = np.convolve(
-            weight, [1.0, 1.0, 1.0], "same"
-        )  # a plane on the border of two bins is one plane
+        held = np.bincount(bins - bins.min(), weights=length[facing] / 2)
+        weight = np.convolve(held, [1.0, 1.0, 1.0], "same")  # a plane between two bins is one plane
         for b in np.argsort(-weight, kind="stable")[:30]:
             if (k, int(b + bins.min())) not in skip:
                 if weight[b] > search.smallest and (best is None or weight[b] > best[0]):
