@@ -31,22 +31,26 @@ _BEYOND_M = 0.15  # a hand farther from the part than this does not hold it
 class ContactConfig:
     """Finding the contact; lengths in metres, chosen by us.
 
-    source: "geometry" needs no model, "keypoints" asks a hand detector (extra `hands`). stride: px between hand pixels that
-    are used. near: hand surface that close to the part may hold it: a finger's thickness and the sensor's noise. finger: a
-    hand's surface lies at most that far outside what it grips. min_points: hand pixels that a frame needs to count.
+    source: "geometry" needs no model, "keypoints" asks a hand detector (extra `hands`). width: hand pixels are taken from a
+    grid of about that many columns. hold_frames: the hand holds the part a little before it moves and after. near: a hand
+    whose surface comes that close to the part holds it. finger: the surface of the fingers is that much farther from what
+    they hold than its nearest point is. min_points: hand pixels that count as seen.
     """
 
     source: Literal["geometry", "keypoints"] = "geometry"
-    stride: int = 2
-    near: float = 0.04
-    finger: float = 0.035
-    min_points: int = 20
+    width: int = 320
+    hold_frames: int = 2
+    near: float = 0.05
+    finger: float = 0.025
+    min_points: int = 6
 
     def __post_init__(self) -> None:
         if self.source not in ("geometry", "keypoints"):
             raise ConfigError(f"contact source {self.source!r} is unknown", 'use "geometry" or "keypoints"')
-        if self.stride < 1 or not (0 < self.near < 0.2 and 0 < self.finger < 0.1) or self.min_points < 1:
-            raise ConfigError(f"contact settings must be positive and hand-sized, got {self}")
+        if self.width < 32 or self.hold_frames < 0 or self.min_points < 1:
+            raise ConfigError(f"contact needs width >= 32, hold_frames >= 0 and min_points >= 1, got {self}")
+        if not (0 < self.near < 0.2 and 0 < self.finger < 0.1):
+            raise ConfigError(f"contact distances must be positive and hand-sized, got {self}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,7 @@ def find_contact(
     """
     surface = sample(mesh)
     hand = _hand_points(recording, cameras, labels, part, surface, config)
-    touch, seen_by = _steady(hand.chosen(hand.distance < config.near), config), "hand label"
+    touch, seen_by = _steady(_close(hand, hand.distance, config), config), "hand label"
     if config.source == "keypoints":
         tips = _fingertips(recording, cameras, labels, part, surface, config)
         if len(tips.points):
@@ -123,9 +127,9 @@ def _hand_points(
 ) -> HandPoints:
     """The hand's surface in the labelled frames in which the part moves, as far as it is near the part."""
     tree = cKDTree(surface.points)
-    step = config.stride
+    step = max(1, round(recording.intrinsics.width / config.width))
     found = []
-    for frame, T_part_cam in _T_part_cam(cameras, labels, part, recording).items():
+    for frame, T_part_cam in _T_part_cam(recording, cameras, labels, part, config).items():
         is_hand = labels[frame][::step, ::step] == HAND_LABEL
         if np.count_nonzero(is_hand) < config.min_points:
             continue
@@ -141,14 +145,22 @@ def _hand_points(
 
 
 def _T_part_cam(
-    cameras: Trajectory, labels: Mapping[int, NDArray[np.uint8]], part: MovingPart, recording: Recording
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    part: MovingPart,
+    config: ContactConfig,
 ) -> dict[int, Array]:
-    """Camera points to the part's frame at state 0, for the labelled frames in which the part moves."""
+    """Camera points to the part's frame at state 0, for the labelled frames in which the hand may hold it."""
     spans = part.motion.intervals or ((0, len(recording) - 1),)
     out = {}
     for frame in sorted(labels):
         pose, camera = part.pose(frame), cameras.pose(frame)
-        if pose is not None and camera is not None and any(a <= frame <= b for a, b in spans):
+        if (
+            pose is not None
+            and camera is not None
+            and any(a - config.hold_frames <= frame <= b + config.hold_frames for a, b in spans)
+        ):
             out[frame] = geo.invert_pose(pose) @ camera
     return out
 
@@ -166,13 +178,34 @@ def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
 
 def _middle_of_fingers(handle: Handle, hand: HandPoints, config: ContactConfig) -> float:
     """Coordinate along a bar: the median over frames of the middle of the fingers' extent along it."""
-    close = handle.distance(hand.points) < handle.width / 2 + config.finger
+    fingers = _close(hand, handle.distance(hand.points), config, limit=np.inf)
     middles = []
-    for frame in np.unique(hand.frame[close]):
-        along = handle.along(hand.points[close & (hand.frame == frame)])
-        if len(along) >= config.min_points:
-            middles.append(float(np.mean(np.quantile(along, [0.05, 0.95]))))
+    for frame in np.unique(fingers.frame):
+        along = handle.along(fingers.points[fingers.frame == frame])
+        middles.append(float(np.mean(np.quantile(along, [0.05, 0.95]))))
     return float(np.median(middles)) if middles else 0.0
+
+
+def _close(
+    hand: HandPoints, distance: Array, config: ContactConfig, limit: float | None = None
+) -> HandPoints:
+    """In each frame the points whose distance (n,) exceeds the smallest one by less than `config.finger`.
+
+    Frames in which no point comes within `limit`, by default `config.near`, hold nothing.
+    """
+    keep = np.zeros(len(distance), dtype=bool)
+    for frame in np.unique(hand.frame):
+        of = hand.frame == frame
+        nearest = float(
+            np.quantile(distance[of], 0.02)
+        )  # single pixels of another surface may be labelled as hand
+        close = of & (distance < nearest + config.finger)
+        if (
+            nearest < (config.near if limit is None else limit)
+            and np.count_nonzero(close) >= config.min_points
+        ):
+            keep |= close
+    return hand.chosen(keep)
 
 
 def _fingertips(
@@ -186,7 +219,7 @@ def _fingertips(
     """The fingertips that come near the part, in each frame no farther from it than `config.near` beyond the nearest."""
     from recon.hands import FINGERTIPS, detect_hands
 
-    poses = _T_part_cam(cameras, labels, part, recording)
+    poses = _T_part_cam(recording, cameras, labels, part, config)
     keypoints = detect_hands(recording, list(poses), labels)
     tree = cKDTree(surface.points)
     found = []

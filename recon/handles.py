@@ -32,7 +32,7 @@ _ELONGATED = 1.6  # length over width from which a handle is a bar
 class Handle:
     """Something to hold. centre: (3,) m, middle of the held section. rotation: (3, 3), columns = closing direction, along
     the handle, out of the part. width: m along the closing direction. depth: m from the centre out to the surface.
-    low, high: m, ends along the handle relative to the centre."""
+    low, high: m, ends along the handle relative to the centre. shape: (n, 3), its surface."""
 
     kind: Literal["bar", "knob", "edge"]
     centre: Array
@@ -41,6 +41,7 @@ class Handle:
     depth: float
     low: float
     high: float
+    shape: Array
 
     @property
     def surface_point(self) -> Array:
@@ -53,15 +54,19 @@ class Handle:
         beyond = np.maximum(np.maximum(self.low - local[:, 1], local[:, 1] - self.high), 0.0)
         return np.asarray(np.linalg.norm(np.stack([local[:, 0], beyond, local[:, 2]]), axis=0))
 
-    def shifted(self, along: float) -> Handle:
-        """The section `along` m farther along the handle, no farther than its end."""
-        step = float(np.clip(along, self.low, self.high))
-        centre = self.centre + step * self.rotation[:, 1]
-        return replace(self, centre=centre, low=self.low - step, high=self.high - step)
-
     def along(self, points: Array) -> Array:
         """Coordinates (n,) of points (n, 3) along the handle, from the centre."""
         return np.asarray((points - self.centre) @ self.rotation[:, 1])
+
+    def shifted(self, along: float) -> Handle:
+        """A bar's or edge's section `along` m farther, no farther than its end; a knob has but one section."""
+        if self.kind == "knob":
+            return self
+        step = float(np.clip(along, self.low, self.high))
+        if self.kind == "bar":
+            return _section(self.shape, self.rotation, float(self.centre @ self.rotation[:, 1]) + step, "bar")
+        centre = self.centre + step * self.rotation[:, 1]
+        return replace(self, centre=centre, low=self.low - step, high=self.high - step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +170,10 @@ def find_handle(surface: Surface, touch: Array, joint: Joint) -> Handle | None:
     for face in faces_before(surface, hand):
         height = surface.points @ face.normal - face.offset
         off = (height > max(_STANDS_OFF_M, 3.0 * face.noise)) & (height < _TALLEST_M)
-        off &= np.linalg.norm(surface.points - hand, axis=1) < _AROUND_M
-        piece = _held_piece(surface.points[off], touch)
+        around = off & (np.linalg.norm(surface.points - hand, axis=1) < _AROUND_M)
+        piece = _held_piece(surface.points[around], touch)
         if piece is not None:
-            return _describe(piece, face, hand, joint)
+            return _describe(piece, surface.points[off], face, hand, joint)
     return None
 
 
@@ -185,31 +190,45 @@ def _held_piece(points: Array, touch: Array) -> Array | None:
     return piece if len(piece) >= 30 and touching else None
 
 
-def _describe(piece: Array, face: Face, hand: Array, joint: Joint) -> Handle:
-    """Directions and section of a handle from its outer half, which leaves the posts out."""
-    height = piece @ face.normal - face.offset
-    top = float(np.quantile(height, 0.97))
-    outer = piece[height > 0.5 * top]
-    flat = outer - np.outer(outer @ face.normal, face.normal)
+def _describe(piece: Array, off: Array, face: Face, hand: Array, joint: Joint) -> Handle:
+    """Direction, ends and section of a handle from its outer half, which leaves the posts out.
+
+    What lies on the line of a bar belongs to it, although the hand may have hidden what joins them. off: all points
+    (n, 3) that stand off the face.
+    """
+    normal = face.normal
+    top = float(np.quantile(piece @ normal - face.offset, 0.97))
+    shape = piece[piece @ normal - face.offset > 0.5 * top]
+    along, length, width = _long_side(shape, normal)
+    if length <= _ELONGATED * width:
+        along = upright(normal, joint)
+        rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+        return _section(shape, rotation, float(np.mean(np.quantile(shape @ along, [0.02, 0.98]))), "knob")
+    side = np.cross(along, normal)
+    aside = np.abs((off - np.median(shape, axis=0)) @ side) < 0.5 * width + 0.5 * _CELL_M
+    height = off @ normal - face.offset
+    shape = off[aside & (height > 0.5 * top) & (height < top + _CELL_M)]
+    along, _, _ = _long_side(shape, normal)
+    rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+    return _section(shape, rotation, float(hand @ along), "bar")
+
+
+def _long_side(points: Array, normal: Array) -> tuple[Array, float, float]:
+    """Direction (3,) across the normal in which points (n, 3) reach farthest, their length in it and their width."""
+    flat = points - np.outer(points @ normal, normal)
     _, vectors = np.linalg.eigh(np.cov(flat.T))
-    along = geo.unit(vectors[:, 2] - face.normal * (vectors[:, 2] @ face.normal))
-    across = np.cross(along, face.normal)
-    length, width = (float(np.ptp(np.quantile(outer @ d, [0.02, 0.98]))) for d in (along, across))
-    kind: Literal["bar", "knob"] = "bar" if length > _ELONGATED * width else "knob"
-    if kind == "knob":
-        along = upright(face.normal, joint)
-        across = np.cross(along, face.normal)
-    rotation = np.stack([across, along, face.normal], axis=1)
-    local = outer @ rotation
-    low, high = np.quantile(local[:, 1], [0.01, 0.99])
-    middle = float(np.clip(hand @ along, low, high)) if kind == "bar" else float(0.5 * (low + high))
-    return section(outer, rotation, middle, kind)
+    along = geo.unit(vectors[:, 2] - normal * (vectors[:, 2] @ normal))
+    length, width = (
+        float(np.ptp(np.quantile(points @ d, [0.02, 0.98]))) for d in (along, np.cross(along, normal))
+    )
+    return along, length, width
 
 
-def section(outer: Array, rotation: Array, at: float, kind: Literal["bar", "knob"]) -> Handle:
-    """The handle's section around the coordinate `at` along it."""
-    local = outer @ rotation
-    low, high = np.quantile(local[:, 1], [0.01, 0.99])
+def _section(shape: Array, rotation: Array, at: float, kind: Literal["bar", "knob"]) -> Handle:
+    """The section around the coordinate `at` along the handle, or at its end; where nothing was seen, as elsewhere."""
+    local = shape @ rotation
+    low, high = (float(q) for q in np.quantile(local[:, 1], [0.01, 0.99]))
+    at = float(np.clip(at, low, high))
     near = local[np.abs(local[:, 1] - at) < 0.03] if kind == "bar" else local
     if len(near) < 20:
         near = local
@@ -218,7 +237,7 @@ def section(outer: Array, rotation: Array, at: float, kind: Literal["bar", "knob
     # A scan sees the front of a bar better than its back, so its depth is taken from its width.
     depth = min(0.5 * float(c1 - c0), 0.02)
     centre = rotation @ np.array([0.5 * (c0 + c1), at, top - depth])
-    return Handle(kind, centre, rotation, float(c1 - c0), depth, float(low - at), float(high - at))
+    return Handle(kind, centre, rotation, float(c1 - c0), depth, low - at, high - at, shape)
 
 
 def upright(normal: Array, joint: Joint) -> Array:
@@ -258,4 +277,4 @@ def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
     rotation = np.stack([face.normal, along, out], axis=1)
     at = float(hand @ along)
     centre = rotation @ np.array([0.5 * (low + high), at, reach - 0.012])
-    return Handle("edge", centre, rotation, float(high - low), 0.012, -0.05, 0.05)
+    return Handle("edge", centre, rotation, float(high - low), 0.012, -0.05, 0.05, strip)
