@@ -1,0 +1,30 @@
+"""All settings of a reconstruction: one frozen dataclass per stage, read from TOML by `twin.settings.load_config`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from recon.cameras import CameraConfig
+from recon.closed_end import ClosedEndConfig
+from recon.contact import ContactConfig
+from recon.fusion import FusionConfig
+from recon.gravity import GravityConfig
+from recon.labels import LabelConfig
+from recon.motion import MotionConfig
+from recon.refine import RefineConfig
+from recon.tracks import TrackConfig
+
+
+@dataclass(frozen=True)
+class ReconConfig:
+    """Settings by stage; the defaults are meant for every recording."""
+
+    tracks: TrackConfig = field(default_factory=TrackConfig)
+    cameras: CameraConfig = field(default_factory=CameraConfig)
+    gravity: GravityConfig = field(default_factory=GravityConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    refine: RefineConfig = field(default_factory=RefineConfig)
+    labels: LabelConfig = field(default_factory=LabelConfig)
+    fusion: FusionConfig = field(default_factory=FusionConfig)
+    closed_end: ClosedEndConfig = field(default_factory=ClosedEndConfig)
+    contact: ContactConfig = field(default_factory=ContactConfig)

@@ -1,0 +1,201 @@
+"""The chain: one recording in, a twin out. Each stage is a function of typed inputs and its own settings."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.assemble import FinishedPart, assemble
+from recon.cameras import estimate_cameras
+from recon.closed_end import find_closed_end, rebase, rebase_mesh
+from recon.config import ReconConfig
+from recon.contact import find_contact
+from recon.fusion import FusedScene, fuse
+from recon.gravity import find_gravity
+from recon.labels import label_frames
+from recon.motion import FoundParts, find_parts
+from recon.parts import MovingPart
+from recon.recording import Recording
+from recon.refine import refine_parts
+from recon.tracks import Tracks, track_points
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.physics import with_physics
+from twin.scene import Trajectory, Twin
+from twin.settings import as_dict
+from twin.stages import Progress, Run, versions
+
+T = TypeVar("T")
+Labels = dict[int, NDArray[np.uint8]]
+
+
+def reconstruct(
+    recording: Recording,
+    config: ReconConfig | None = None,
+    *,
+    out: Path | None = None,
+    progress: Progress | None = None,
+) -> Twin:
+    """Reconstruct a twin.
+
+    Args:
+        config: settings by stage; None takes the defaults.
+        out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
+            there. None keeps everything in memory.
+        progress: told about every stage.
+
+    Raises InputError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
+    """
+    config = config or ReconConfig()
+    with Run(out, recording.fingerprint, progress) as run:
+        for note in recording.warnings:
+            run.warn(note)
+        twin = _run(run, recording, config)
+        if out is not None:
+            _write(twin, recording, out)
+    return twin
+
+
+def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
+    tracks = run.stage(
+        "tracks", 1, config.tracks, [], lambda: track_points(recording, config.tracks, _Bar(run, "tracks"))
+    )
+    cameras = run.stage(
+        "cameras", 1, config.cameras, [tracks], lambda: _cameras(run, recording, tracks.value, config)
+    )
+    upright = run.stage(
+        "gravity", 1, config.gravity, [cameras], lambda: _upright(recording, cameras.value, config)
+    )
+    found = run.stage(
+        "motion",
+        1,
+        config.motion,
+        [tracks, upright],
+        lambda: find_parts(recording, tracks.value, upright.value, config.motion),
+    )
+    refined = run.stage(
+        "refine",
+        1,
+        (config.refine, config.labels, config.motion.interval),
+        [upright, found],
+        lambda: _refined(run, recording, upright.value, found.value, config),
+    )
+    labels = run.stage(
+        "labels",
+        1,
+        config.labels,
+        [upright, refined],
+        lambda: label_frames(
+            recording, upright.value, refined.value, config.labels, progress=_Bar(run, "labels")
+        ),
+    )
+    fused = run.stage(
+        "fusion",
+        1,
+        config.fusion,
+        [upright, refined, labels],
+        lambda: fuse(
+            recording, upright.value, labels.value, refined.value, config.fusion, progress=_Bar(run, "fusion")
+        ),
+    )
+    finished = run.stage(
+        "contact",
+        1,
+        (config.closed_end, config.contact),
+        [upright, found, refined, labels, fused],
+        lambda: _finish(
+            recording, upright.value, found.value, refined.value, labels.value, fused.value, config
+        ),
+    )
+    provenance = {"versions": versions(), "config": as_dict(config)}
+    twin = assemble(recording, upright.value, fused.value.static, finished.value, labels.value, provenance)
+    return with_physics(twin)
+
+
+@dataclass(frozen=True)
+class _Bar:
+    """Tells a run how far a stage's loop is."""
+
+    run: Run
+    stage: str
+
+    def __call__(self, items: Iterable[T], what: str) -> Iterable[T]:
+        known = list(items)
+        for k, item in enumerate(known):
+            self.run.report(self.stage, k / max(len(known), 1), what)
+            yield item
+
+
+def _cameras(run: Run, recording: Recording, tracks: Tracks, config: ReconConfig) -> Trajectory:
+    if config.cameras.use_known_poses:
+        if recording.poses is None:
+            raise InputError(
+                f"{recording.source} holds no camera poses",
+                "leave cameras.use_known_poses off to estimate them",
+            )
+        return recording.poses
+    found = estimate_cameras(
+        tracks, recording.times, recording.intrinsics.fx, config.cameras, _Bar(run, "cameras")
+    )
+    lost = len(recording) - len(found.frames)
+    if lost:
+        warnings.warn(f"{lost} of {len(recording)} frames have no camera pose", stacklevel=2)
+    return found
+
+
+def _upright(recording: Recording, cameras: Trajectory, config: ReconConfig) -> Trajectory:
+    """Cameras in a world whose z axis points up."""
+    gravity = find_gravity(recording, cameras, config.gravity)
+    for note in gravity.warnings:
+        warnings.warn(note, stacklevel=2)
+    return cameras.transformed(geo.make_pose(gravity.R_world_start))
+
+
+def _refined(
+    run: Run, recording: Recording, cameras: Trajectory, found: FoundParts, config: ReconConfig
+) -> tuple[MovingPart, ...]:
+    """Coarse labels, then joints and states refined with every labelled pixel."""
+    parts = [p.part for p in found.parts]
+    coarse = replace(config.labels, every=2 * config.labels.every)
+    labels = label_frames(recording, cameras, parts, coarse, progress=_Bar(run, "refine"))
+    return refine_parts(recording, cameras, labels, found, config.refine, config.motion.interval)
+
+
+def _finish(
+    recording: Recording,
+    cameras: Trajectory,
+    found: FoundParts,
+    parts: Sequence[MovingPart],
+    labels: Labels,
+    fused: FusedScene,
+    config: ReconConfig,
+) -> tuple[FinishedPart, ...]:
+    """Count each part from its closed end and find where the hand held it."""
+    finished = []
+    for tracks, part in zip(found.parts, parts, strict=True):
+        mesh = fused.parts.get(part.id)
+        if mesh is None:
+            warnings.warn(
+                f"part {part.id} has no surface: too few of its pixels could be labelled", stacklevel=2
+            )
+            continue
+        closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels, config.closed_end)
+        based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
+        contact = find_contact(recording, cameras, labels, based, based_mesh, config.contact)
+        finished.append(FinishedPart(based, based_mesh, contact, tracks.type_source, closed.source))
+    return tuple(finished)
+
+
+def _write(twin: Twin, recording: Recording, out: Path) -> None:
+    from twin.report import pick_key_frames, save_key_frames
+    from twin.storage import save
+
+    save(twin, out / "twin")
+    chosen = pick_key_frames(twin)
+    save_key_frames(out, {f: recording.frame(f).color for f in chosen}, recording.intrinsics.matrix)
