@@ -409,12 +409,37 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
         assert list(formats) == ["urdf"]
         return Files(urdf=folder / "x.urdf")
 
-    stand_in(monkeypatch, complete=lambda _: bare, export=export)
+    stand_in(monkeypatch, complete=lambda *_: bare, export=export)
     assert cli.run(["export", str(run), "--format", "urdf"]) == 0
     assert load(run).name == "bare" != full.name
     out = capsys.readouterr().out
     assert "x.urdf" in out
     assert "warning: usd: friction loss is left out" in out
+
+
+def test_check_shows_the_worst_of_each_quantity_and_what_fails(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from twin.check import CheckReport, CheckRow
+
+    def row(program: str, field: str, difference: float) -> CheckRow:
+        return CheckRow("urdf", program, field, "door", "1", "2", difference, 1e-3)
+
+    def check(twin: Any, files: dict[str, Path]) -> CheckReport:
+        assert files == {"urdf": run / "export" / "urdf" / "cabinet.urdf"}
+        rows = (row("mujoco", "axis", 1e-6), row("mujoco", "axis", 2e-5), row("pinocchio", "axis", 0.0625))
+        return CheckReport(rows, ("urdf/mujoco: odd",))
+
+    assert cli.run(["check", str(run), "--format", "urdf"]) == 1
+    assert "run `twin export" in capsys.readouterr().err
+    (run / "export" / "urdf").mkdir(parents=True)
+    (run / "export" / "urdf" / "cabinet.urdf").write_text("<robot/>")
+    stand_in(monkeypatch, check=check)
+    assert cli.run(["check", str(run), "--format", "urdf"]) == 2
+    out = capsys.readouterr().out
+    for words in ("2e-05", "0.0625", "FAILED", "2 of 3 comparisons agree", "warning: urdf/mujoco: odd"):
+        assert words in out
+    assert "urdf/mujoco: odd" in (run / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_folder_without_twin_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
