@@ -12,7 +12,7 @@ class PlanConfig:
     """How `robots.plan` searches. Lengths m, angles rad, times s.
 
     candidates: base poses tried. finalists: how many of the best that are free of collision get the precise inverse
-    kinematics. pedestal: lowest and highest base above the floor (a free-standing column carries a fixed arm).
+    kinematics; rehearse: simulate these, best first, until one succeeds. pedestal: lowest and highest base above the floor (a free-standing column carries a fixed arm).
     over_insert: how much deeper than the middle of the handle the tool point goes when the handle was found on the
     mesh; over_insert_blind: when only the hand's contact is known. approach: length of the straight way in and out.
     turn: shares of a revolute joint's angle by which the hand may lag behind the handle. lean: turns of the hand about
@@ -22,13 +22,14 @@ class PlanConfig:
     would close it again. seed: of every random draw.
     """
 
-    candidates: int = 800
-    finalists: int = 3
+    candidates: int = 500
+    finalists: int = 4
+    rehearse: bool = True
     pedestal: tuple[float, float] = (0.0, 3.0)
     over_insert: float = 0.005
     over_insert_blind: float = 0.020
     approach: float = 0.10
-    turn: tuple[float, ...] = (0.0, 0.5)
+    turn: tuple[float, ...] = (0.0, 0.25, 0.5)
     lean: tuple[float, ...] = (0.0, 0.45, -0.45)
     clearance: float = 0.02
     tool_speed: float = 0.25

@@ -67,7 +67,7 @@ def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, r
             palm = spec.palm - hold.depth - spec.palm_width / 2 * np.tan(abs(lean))
             tool = tool @ geo.make_pose(translation=[0, 0, min(deepest, palm)])
             for turn in turns:
-                cost = abs(lean) / 0.45 * 0.3 + turn * 0.6 + 0.5 * rank + (hold.thickness / spec.stroke) ** 2
+                cost = abs(lean) / 0.45 * 0.3 + 1.2 * turn + 0.5 * rank + (hold.thickness / spec.stroke) ** 2
                 label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"
                 grasps.append(Grasp(hold, tool, along, turn, freedom, cost, label))
     return grasps

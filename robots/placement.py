@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
@@ -15,7 +14,6 @@ from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
 from robots.grasp import sample_surface
 from robots.spec import RobotSpec
-from robots.world import ROBOT, World
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Mesh
@@ -73,102 +71,128 @@ def floor_height(static: Mesh) -> float:
     return float(np.quantile(level[:, 2], 0.01) if len(level) > 200 else np.quantile(points[:, 2], 0.002))
 
 
-def search(
-    joint: Joint,
-    goal: float,
-    grasps: Sequence[Grasp],
-    chain: Chain,
-    spec: RobotSpec,
-    static: Mesh,
-    config: PlanConfig,
-) -> list[Base]:
-    """Base poses with their rough paths, best score first, rejected ones (with a reason) last."""
-    states = np.linspace(0.0, goal, _WAYPOINTS)
-    paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
-    floor = floor_height(static)
-    poses, choice = _sample(paths, floor, grasps, config)
-    handle = float(paths[0, 1:-1, 2, 3].min()) - 0.05
-    supports = _supports(poses, floor, static, spec.footprint, handle, config)
-    pedestals = poses[:, 2, 3] - supports
-    free = np.isfinite(supports)
-    on_floor = np.abs(supports - floor) < 1e-9
-    candidates = [
-        _blocked(poses[k], poses[k, 2, 3] - floor, int(choice[k]))
-        for k in np.flatnonzero(~free)[:_BLOCKED_KEPT]
-    ]
-    keep = np.flatnonzero(free)[: config.candidates]
-    penalty = np.where(on_floor, 0.0, _FURNITURE_COST)
-    if len(keep):
-        targets = geo.invert_pose(poses[keep])[:, None] @ paths[choice[keep]]
-        q, error = _follow(chain, targets, grasps, choice[keep], spec)
-        at = np.concatenate([[0.0], states, [goal]])
+class BaseSearch:
+    """Tries base poses for the tool paths of several grasps on one part."""
+
+    def __init__(
+        self,
+        joint: Joint,
+        goal: float,
+        grasps: Sequence[Grasp],
+        chain: Chain,
+        spec: RobotSpec,
+        static: Mesh,
+        config: PlanConfig,
+    ) -> None:
+        self._grasps, self._chain, self._spec, self._config = grasps, chain, spec, config
+        states = np.linspace(0.0, goal, _WAYPOINTS)
+        self._states = np.concatenate([[0.0], states, [goal]])
+        self._paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
+        self._ground = _Ground(static, spec.footprint)
+        self._handle = float(self._paths[0, 1:-1, 2, 3].min()) - 0.05
+        self._rng = np.random.default_rng(config.seed)
+        # natural grasps are tried more often
+        share = np.cumsum(np.exp(-2.0 * np.array([g.cost for g in grasps])))
+        self._share = share / share[-1]
+
+    def everywhere(self) -> list[Base]:
+        """Bases from all around the handle, best score first, rejected ones (with a reason) last."""
+        n = _OVERSAMPLED * self._config.candidates
+        u = qmc.Halton(5, seed=self._config.seed).random(n)
+        middle = self._paths[0, 1:-1, :3, 3].mean(axis=0)
+        angle, radius = 2 * np.pi * u[:, 0], _RADII[0] + (_RADII[1] - _RADII[0]) * u[:, 1]
+        z = middle[2] - (_BELOW[0] + (_BELOW[1] - _BELOW[0]) * u[:, 2])
+        xy = middle[:2] + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        yaw = angle + np.pi + (u[:, 3] - 0.5) * 2.0
+        return self._evaluated(xy, z, yaw, np.searchsorted(self._share, u[:, 4]))
+
+    def around(self, seeds: Sequence[Base]) -> list[Base]:
+        """Bases near others, in the same order."""
+        n = 2 * self._config.candidates
+        which = self._rng.integers(0, len(seeds), n)
+        position = np.stack([b.T_world_base[:3, 3] for b in seeds])[which] + self._rng.normal(0, 0.06, (n, 3))
+        yaw = np.array([b.yaw for b in seeds])[which] + self._rng.normal(0, 0.25, n)
+        same = np.array([b.grasp for b in seeds])[which]
+        other = np.searchsorted(self._share, self._rng.random(n))
+        choice = np.where(self._rng.random(n) < 0.6, same, other)
+        return self._evaluated(position[:, :2], position[:, 2], yaw, choice)
+
+    def _evaluated(self, xy: Array, z: Array, yaw: Array, choice: Array) -> list[Base]:
+        config, ground = self._config, self._ground
+        z = np.clip(z, ground.floor + config.pedestal[0], ground.floor + config.pedestal[1])
+        poses = np.tile(np.eye(4), (len(z), 1, 1))
+        poses[:, :3, :3] = geo.exp_so3(np.stack([np.zeros(len(z)), np.zeros(len(z)), yaw], axis=1))
+        poses[:, :2, 3], poses[:, 2, 3] = xy, z
+        supports = ground.supports(poses, self._handle, config)
+        blocked, keep = (
+            np.flatnonzero(np.isnan(supports))[:_BLOCKED_KEPT],
+            np.flatnonzero(np.isfinite(supports)),
+        )
+        bases = [_blocked(poses[k], z[k] - ground.floor, int(choice[k])) for k in blocked]
+        if len(keep):
+            bases += self._reached(poses[keep], z[keep] - supports[keep], choice[keep])
+        return sorted(bases, key=lambda b: (bool(b.reason), -b.score))
+
+    def _reached(self, poses: Array, pedestals: Array, choice: Array) -> list[Base]:
+        chain, grasps = self._chain, self._grasps
+        targets = geo.invert_pose(poses)[:, None] @ self._paths[choice]
+        q, error = _follow(chain, targets, grasps, choice, self._spec)
         manipulability = chain.manipulability(q.reshape(-1, q.shape[2])).reshape(q.shape[:2]).min(axis=1)
         margin = chain.limit_margin(q).min(axis=1)
-        candidates += [
+        on_floor = np.abs(poses[:, 2, 3] - pedestals - self._ground.floor) < 1e-6
+        penalty = np.where(on_floor, 0.0, _FURNITURE_COST)
+        return [
             _rated(
                 _blocked(poses[k], pedestals[k], int(choice[k])),
-                q[i],
-                error[i],
-                at,
-                float(margin[i]),
-                float(manipulability[i]),
+                q[k],
+                error[k],
+                self._states,
+                float(margin[k]),
+                float(manipulability[k]),
                 grasps[choice[k]],
                 float(penalty[k]),
             )
-            for i, k in enumerate(keep)
+            for k in range(len(poses))
         ]
-    return sorted(candidates, key=lambda b: (bool(b.reason), -b.score))
+
+
+class _Ground:
+    """What a pedestal can stand on."""
+
+    def __init__(self, static: Mesh, footprint: float) -> None:
+        points, _ = sample_surface(static, _POINTS, np.random.default_rng(0))
+        self.floor = floor_height(static)
+        self._tree = cKDTree(points[:, :2]) if len(points) else None
+        self._heights, self._footprint = points[:, 2], footprint
+        self._expected = _POINTS / max(static.area, 1e-9) * np.pi * footprint**2
+
+    def supports(self, poses: Array, handle: float, config: PlanConfig) -> Array:
+        """Height (B,) of what a pedestal under each pose would stand on: floor or level surface; NaN where it can't.
+
+        Nothing may be above the support within the footprint up to the shoulder, nor up to the handle: a base under a
+        table or inside a cupboard is shut in. Poses after the wanted number of free ones are left out (NaN).
+        """
+        if self._tree is None:
+            return np.full(len(poses), self.floor)
+        out, found = np.full(len(poses), np.nan), 0
+        for k, pose in enumerate(poses):
+            near = self._tree.query_ball_point(pose[:2, 3], self._footprint + _ROOM)
+            z, base = self._heights[near], pose[2, 3]
+            z = z[z > self.floor + 0.05]
+            if np.any((z > base) & (z < max(base + _SHOULDER, handle))):
+                continue
+            top = z[z <= base].max(initial=self.floor)
+            level = top == self.floor or np.count_nonzero(np.abs(z - top) < 0.015) > 0.7 * self._expected
+            if level and config.pedestal[0] <= base - top <= config.pedestal[1]:
+                out[k], found = top, found + 1
+                if found == config.candidates:
+                    break
+        return out
 
 
 def _tool_path(grasp: Grasp, joint: Joint, states: Array, approach: float) -> Array:
     path = grasp.path(joint, states)
     return np.stack([backed_off(path[0], approach), *path, backed_off(path[-1], approach)])
-
-
-def _sample(paths: Array, floor: float, grasps: Sequence[Grasp], config: PlanConfig) -> tuple[Array, Array]:
-    """Halton points over angle, radius, height, yaw and grasp; more than wanted, as many will be blocked."""
-    n = _OVERSAMPLED * config.candidates
-    u = qmc.Halton(5, seed=config.seed).random(n)
-    middle = paths[0, 1:-1, :3, 3].mean(axis=0)
-    angle, radius = 2 * np.pi * u[:, 0], _RADII[0] + (_RADII[1] - _RADII[0]) * u[:, 1]
-    low, high = floor + config.pedestal[0], floor + config.pedestal[1]
-    z = np.clip(middle[2] - (_BELOW[0] + (_BELOW[1] - _BELOW[0]) * u[:, 2]), low, high)
-    xyz = np.stack([middle[0] + radius * np.cos(angle), middle[1] + radius * np.sin(angle), z], axis=1)
-    yaw = angle + np.pi + (u[:, 3] - 0.5) * 2.0
-    poses = np.tile(np.eye(4), (n, 1, 1))
-    poses[:, :3, :3] = geo.exp_so3(np.stack([np.zeros(n), np.zeros(n), yaw], axis=1))
-    poses[:, :3, 3] = xyz
-    # natural grasps are tried more often
-    share = np.cumsum(np.exp(-2.0 * np.array([g.cost for g in grasps])))
-    return poses, np.searchsorted(share, u[:, 4] * share[-1]).clip(0, len(grasps) - 1)
-
-
-def _supports(
-    poses: Array, floor: float, static: Mesh, footprint: float, handle: float, config: PlanConfig
-) -> Array:
-    """Height (B,) of what a pedestal under each pose would stand on: the floor or a level surface; NaN where it can't.
-
-    Nothing may be above the support within the footprint up to the shoulder, nor up to the handle: a base under a
-    table or inside a cupboard is shut in. Poses after the wanted number of free ones are left out (NaN).
-    """
-    points, _ = sample_surface(static, _POINTS, np.random.default_rng(0))
-    if len(points) == 0:
-        return np.full(len(poses), floor)
-    out, found = np.full(len(poses), np.nan), 0
-    expected = _POINTS / static.area * np.pi * footprint**2
-    tree, heights = cKDTree(points[:, :2]), points[:, 2]
-    for k, pose in enumerate(poses):
-        z, base = heights[tree.query_ball_point(pose[:2, 3], footprint + _ROOM)], pose[2, 3]
-        z = z[z > floor + 0.05]
-        if np.any((z > base) & (z < max(base + _SHOULDER, handle))):
-            continue
-        top = z[z <= base].max(initial=floor)
-        level = top == floor or np.count_nonzero(np.abs(z - top) < 0.015) > 0.7 * expected
-        if level and config.pedestal[0] <= base - top <= config.pedestal[1]:
-            out[k], found = top, found + 1
-            if found == config.candidates:
-                break
-    return out
 
 
 def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:
@@ -258,54 +282,3 @@ def _rated(
         score=score,
         reason=reason,
     )
-
-
-class CollisionCheck:
-    """Distances of the robot from all it must not touch, in the replay's own scene."""
-
-    def __init__(self, world: World, part: int, reach: float) -> None:
-        self._world, self._part = world, part
-        self._data = mujoco.MjData(world.model)
-        world.model.geom_margin[world.owner == ROBOT] = reach
-        self._reach = reach
-
-    def clearance(self, q: Array, state: float, opening: float) -> tuple[float, str]:
-        """Least distance (m, at most the reach of the check) and the names of the two bodies that have it."""
-        w, d, m = self._world, self._data, self._world.model
-        d.qpos[w.arm_qpos] = q
-        d.qpos[w.gripper_qpos] = opening / len(w.gripper_qpos)
-        d.qpos[w.part_qpos[self._part]] = state
-        mujoco.mj_kinematics(m, d)
-        mujoco.mj_comPos(m, d)
-        mujoco.mj_collision(m, d)
-        least, names = self._reach, ""
-        for k in range(d.ncon):
-            g1, g2 = d.contact.geom[k]
-            if self._allowed(int(g1), int(g2)):
-                continue
-            distance = float(d.contact.dist[k])
-            if distance < least:
-                least = distance
-                names = " and ".join(m.body(m.geom_bodyid[g]).name.removeprefix("robot_") for g in (g1, g2))
-        return least, names
-
-    def _allowed(self, g1: int, g2: int) -> bool:
-        w = self._world
-        return bool(
-            (w.finger[g1] and w.geom_part[g2] == self._part)
-            or (w.finger[g2] and w.geom_part[g1] == self._part)
-        )
-
-
-def check_clearance(base: Base, states: Array, check: CollisionCheck, world: World, opening: float) -> Base:
-    """The base with its clearance, and a reason when the arm would touch something on the way."""
-    world.move_base(base.T_world_base)
-    least, where = np.inf, ""
-    for q, state in zip(base.q, states, strict=True):
-        distance, names = check.clearance(q, float(state), opening)
-        if distance < least:
-            least, where = distance, f"{names} at state {state:.2f}"
-        if least < -0.02:
-            break
-    reason = f"{where} would meet ({1000 * least:.0f} mm)" if least < 0.0 else ""
-    return replace(base, clearance=float(least), reason=reason)

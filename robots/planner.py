@@ -9,34 +9,27 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from robots import placement
 from robots.catalog import resolve
-from robots.chain import Chain, read_chain
+from robots.chain import read_chain
+from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
-from robots.contact_path import Grasp, backed_off, make_grasps
+from robots.contact_path import make_grasps
 from robots.grasp import find_holds
 from robots.ik import PathSolver
-from robots.placement import Base, CollisionCheck
+from robots.placement import Base, BaseSearch
+from robots.refine import refined
+from robots.replayer import replay
 from robots.spec import RobotSpec
-from robots.timing import Leg, timed
 from robots.trajectory import RejectedBase, RobotTrajectory
-from robots.world import build_world, frictionloss, mass_and_com
-from twin import geometry as geo
+from robots.world import with_collision
 from twin.errors import InputError, PlanningError
-from twin.geometry import Array
 from twin.scene import ContactPath, Part, Twin
 
 _LOG = logging.getLogger(__name__)
-_WAYPOINTS = 41
-_STRAIGHT_WAYPOINTS = 9
-_CHECKED = 200  # bases checked for collisions before giving up
 _REPORTED = 12  # rejected bases kept in the trajectory
-_PLAN_PEDESTAL = (
-    1.0  # m of column under the base while searching; doors sweep no deeper than that below the base
-)
-_GRAVITY = 9.81
+_SEEDS = 16
+_ALIKE = 0.08  # m
 
 
 def plan(
@@ -79,34 +72,35 @@ def plan(
     chain = read_chain(alone, spec)
     holds = find_holds(target.mesh, contact, spec, config.seed)
     grasps = [g for k, h in enumerate(holds) for g in make_grasps(h, target.joint, spec, config, k)]
-    bases = placement.search(target.joint, goal, grasps, chain, spec, twin.static.mesh, config)
-    accepted, rejected = _free_of_collision(twin, target, spec, goal, bases, config)
+    search = BaseSearch(target.joint, goal, grasps, chain, spec, twin.static.mesh, config)
+    check = ClearanceCheck(twin, target, spec, goal, config)
+    bases = search.everywhere()
+    accepted, rejected = check.sort(bases)
+    seeds = _seeds(accepted, rejected)
+    if seeds:
+        nearby = search.around(seeds)
+        better, worse = check.sort(nearby)
+        bases, rejected = bases + nearby, rejected + worse
+        accepted = sorted([*accepted, *better], key=lambda b: -b.score)
     solver = PathSolver(spec, alone)
-    best: RobotTrajectory | None = None
-    for base in accepted[: config.finalists]:
+    candidates: list[RobotTrajectory] = []
+    for base in _unlike(accepted, 2 * config.finalists):
         try:
-            candidate = _refined(twin, target, spec, chain, solver, base, grasps[base.grasp], goal, config)
+            candidates.append(
+                refined(twin, target, spec, chain, solver, base, grasps[base.grasp], goal, config)
+            )
         except PlanningError as e:
             rejected.append(replace(base, reason=e.problem))
-            continue
-        if best is None or candidate.score > best.score:
-            best = candidate
-    if best is None:
+        if len(candidates) == config.finalists:
+            break
+    if not candidates:
         raise PlanningError(
             _why(spec, target, bases, rejected), "clear the scene, lower the goal, or give another contact"
         )
+    best = _best(twin, candidates, config.rehearse)
     nearest = sorted(rejected, key=lambda b: -b.score)[:_REPORTED]
     _LOG.info("%s opens %s: %s, base score %.2f", spec.name, target.name, best.grasp, best.score)
     return replace(best, rejected=tuple(_reported(b) for b in nearest))
-
-
-def with_collision(twin: Twin) -> Twin:
-    """The twin with collision geometry for its static part and every part; made when missing."""
-    if twin.static.collision and all(p.collision for p in twin.parts):
-        return twin
-    from twin.collision import with_collision as make
-
-    return make(twin)
 
 
 def _checked_goal(part: Part, goal: float | None) -> float:
@@ -122,106 +116,45 @@ def _checked_goal(part: Part, goal: float | None) -> float:
     return float(goal)
 
 
-def _free_of_collision(
-    twin: Twin, part: Part, spec: RobotSpec, goal: float, bases: Sequence[Base], config: PlanConfig
-) -> tuple[list[Base], list[Base]]:
-    """Bases whose rough path touches nothing, best first, and all the others."""
-    world = build_world(twin, spec, np.eye(4), _PLAN_PEDESTAL)
-    check = CollisionCheck(world, part.id, config.clearance)
-    accepted: list[Base] = []
-    rejected = [b for b in bases if b.reason]
-    reachable = [b for b in bases if not b.reason]
-    for k, base in enumerate(reachable):
-        if k >= _CHECKED or len(accepted) >= 3 * config.finalists:
-            break
-        inner = np.linspace(0.0, goal, base.q.shape[0] - 2)
-        checked = placement.check_clearance(
-            base, np.concatenate([[0.0], inner, [goal]]), check, world, spec.stroke
-        )
-        checked = replace(checked, score=checked.score + checked.clearance / config.clearance)
-        (rejected if checked.reason else accepted).append(checked)
-    accepted.sort(key=lambda b: -b.score)
-    return accepted, rejected
-
-
-def _refined(
-    twin: Twin,
-    part: Part,
-    spec: RobotSpec,
-    chain: Chain,
-    solver: PathSolver,
-    base: Base,
-    grasp: Grasp,
-    goal: float,
-    config: PlanConfig,
-) -> RobotTrajectory:
-    """The precise path over a base, timed. Raises PlanningError when it misses the tolerances."""
-    states = np.linspace(0.0, goal, _WAYPOINTS)
-    tool = grasp.path(part.joint, states)
-    rough = CubicSpline(np.linspace(0.0, goal, len(base.q) - 2), base.q[1:-1])
-    back = np.linspace(0.0, config.approach, _STRAIGHT_WAYPOINTS)
-
-    def leg(poses: Array, at: Array, hint: Array) -> Leg:
-        return _leg(solver, base, poses, at, grasp, hint, config)
-
-    def straight(pose: Array, state: float, q: Array) -> Leg:
-        poses = np.stack([backed_off(pose, d) for d in back])
-        found = leg(poses, np.full(len(back), state), np.tile(q, (len(back), 1)))
-        found.q[0] = q
-        return found
-
-    move = leg(tool, states, rough(states))
-    approach = straight(tool[0], 0.0, move.q[0]).reversed()
-    retreat = straight(tool[-1], goal, move.q[-1])
-    margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
-    release = not falls_shut(part, goal) if config.release is None else config.release
-    samples = timed(approach, move, retreat, spec, config, release)
-    return RobotTrajectory(
-        robot=spec.name,
-        twin=twin.name,
-        part_id=part.id,
-        part=part.name,
-        joint_names=spec.arm_joints,
-        times=samples.times,
-        q=np.clip(samples.q, chain.lower, chain.upper),
-        qd=samples.qd,
-        gripper=samples.gripper,
-        phases=samples.phases,
-        part_state=samples.part_state,
-        T_world_tool=samples.T_world_tool,
-        position_error=samples.position_error,
-        T_world_base=base.T_world_base,
-        pedestal=base.pedestal,
-        limits=np.stack([chain.lower, chain.upper]),
-        velocity_limits=spec.velocity,
-        goal=goal,
-        grasp=f"{grasp.label}, {1000 * grasp.hold.thickness:.0f} mm thick",
-        score=base.score + min(margin, 0.35) - 50.0 * float(move.error.max()),
-        clearance=base.clearance,
+def _seeds(accepted: Sequence[Base], rejected: Sequence[Base]) -> list[Base]:
+    """Bases worth a closer look around: free ones, then those that nearly are, then those that nearly reach."""
+    touching = sorted((b for b in rejected if b.clearance < 0), key=lambda b: -b.clearance)
+    short = sorted(
+        (b for b in rejected if b.clearance == 0 and np.isfinite(b.position_error)),
+        key=lambda b: b.position_error + 0.1 * b.angle_error,
     )
+    return [*accepted[:_SEEDS], *touching[: _SEEDS // 2], *short[: _SEEDS // 2]][:_SEEDS]
 
 
-def _leg(
-    solver: PathSolver, base: Base, tool: Array, states: Array, grasp: Grasp, hint: Array, config: PlanConfig
-) -> Leg:
-    solution = solver.follow(geo.invert_pose(base.T_world_base) @ tool, grasp.freedom, hint)
-    worst = int(np.argmax(solution.position_error))
-    strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
-    if solution.position_error[worst] > config.position_tolerance or strict > config.angle_tolerance:
-        raise PlanningError(
-            f"out of reach at state {states[worst]:.2f}: {1000 * solution.position_error[worst]:.0f} mm short, "
-            f"{np.rad2deg(strict):.0f} deg off"
+def _unlike(accepted: Sequence[Base], count: int) -> list[Base]:
+    """The best bases that differ from one another in place or grasp."""
+    chosen: list[Base] = []
+    for base in accepted:
+        alike = any(
+            base.grasp == c.grasp
+            and np.linalg.norm(base.T_world_base[:3, 3] - c.T_world_base[:3, 3]) < _ALIKE
+            for c in chosen
         )
-    if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
-        raise PlanningError("the arm would have to reconfigure on the way")
-    return Leg(solution.q, states, solution.position_error, tool)
+        if not alike:
+            chosen.append(base)
+        if len(chosen) == count:
+            break
+    return chosen
 
 
-def falls_shut(part: Part, state: float) -> bool:
-    """True when the part's weight would close it again from `state`, so that the hand must keep holding it."""
-    mass, com = mass_and_com(part)
-    pull = mass * _GRAVITY * float(part.joint.velocity(state, com)[2])  # > 0: opening lifts the part
-    return pull > 0.8 * frictionloss(part)
+def _best(twin: Twin, candidates: list[RobotTrajectory], rehearse: bool) -> RobotTrajectory:
+    """The first that succeeds in a rehearsal, by score; else the one that opened furthest."""
+    candidates = sorted(candidates, key=lambda t: -t.score)
+    if not rehearse:
+        return candidates[0]
+    outcomes: list[tuple[float, float, int]] = []
+    for k, trajectory in enumerate(candidates):
+        report = replay(twin, trajectory, video=False)
+        if report.ok:
+            return trajectory
+        _LOG.info("rehearsal %d of %s: %s", k + 1, trajectory.part, report.reason)
+        outcomes.append((-round(report.opening_final, 2), report.slip_mm, k))
+    return candidates[min(outcomes)[2]]
 
 
 def _reported(base: Base) -> RejectedBase:

@@ -12,11 +12,10 @@ import numpy as np
 from robots.catalog import resolve
 from robots.config import ReplayConfig
 from robots.formats import native
-from robots.planner import with_collision
 from robots.report import Record, ReplayReport, measure
 from robots.spec import RobotSpec
 from robots.trajectory import PHASES, RobotTrajectory
-from robots.world import PART, ROBOT, World, build_world
+from robots.world import PART, ROBOT, World, build_world, with_collision
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array

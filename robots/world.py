@@ -65,6 +65,15 @@ class World:
         self.model.body_quat[self.mount] = geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
 
 
+def with_collision(twin: Twin) -> Twin:
+    """The twin with collision geometry for its static part and every part; made when missing."""
+    if twin.static.collision and all(p.collision for p in twin.parts):
+        return twin
+    from twin.collision import with_collision as make
+
+    return make(twin)
+
+
 def build_world(
     twin: Twin, spec: RobotSpec, T_world_base: Array, pedestal: float, *, visual: bool = False
 ) -> World:

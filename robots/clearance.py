@@ -1,0 +1,82 @@
+"""Distances of the arm from all it must not touch, in the replay's own scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from robots.config import PlanConfig
+from robots.placement import Base
+from robots.spec import RobotSpec
+from robots.world import ROBOT, build_world
+from twin.geometry import Array
+from twin.scene import Part, Twin
+
+_CHECKED = 200  # bases looked at in one call
+_ENOUGH = 25  # accepted ones after which a call stops
+_PEDESTAL = 1.0  # m of column under the base while searching; doors sweep no deeper than that below the base
+_HOPELESS = -0.02  # m of overlap at which a path is given up
+
+
+class ClearanceCheck:
+    """Sorts base poses into those whose rough path touches nothing and the others."""
+
+    def __init__(self, twin: Twin, part: Part, spec: RobotSpec, goal: float, config: PlanConfig) -> None:
+        self._world = build_world(twin, spec, np.eye(4), _PEDESTAL)
+        self._world.model.geom_margin[self._world.owner == ROBOT] = config.clearance
+        self._data = mujoco.MjData(self._world.model)
+        self._part, self._opening, self._reach, self._goal = part.id, spec.stroke, config.clearance, goal
+
+    def sort(self, bases: Sequence[Base]) -> tuple[list[Base], list[Base]]:
+        """Accepted bases, best first, and rejected ones with their reasons. `bases` come best first."""
+        rejected = [b for b in bases if b.reason]
+        accepted: list[Base] = []
+        for base in [b for b in bases if not b.reason][:_CHECKED]:
+            checked = self.checked(base)
+            (rejected if checked.reason else accepted).append(checked)
+            if len(accepted) == _ENOUGH:
+                break
+        return sorted(accepted, key=lambda b: -b.score), rejected
+
+    def checked(self, base: Base) -> Base:
+        """The base with its clearance in the score, and a reason when the arm would touch something."""
+        states = np.linspace(0.0, self._goal, len(base.q) - 2)
+        self._world.move_base(base.T_world_base)
+        least, where = np.inf, ""
+        for q, state in zip(base.q, [0.0, *states, self._goal], strict=True):
+            distance, names = self._nearest(q, float(state))
+            if distance < least:
+                least, where = distance, f"{names} would meet at state {state:.2f}"
+            if least < _HOPELESS:
+                break
+        if least < 0.0:
+            return replace(base, clearance=float(least), reason=f"{where} ({-1000 * least:.0f} mm deep)")
+        return replace(base, clearance=float(least), score=base.score + least / self._reach)
+
+    def _nearest(self, q: Array, state: float) -> tuple[float, str]:
+        """Least distance (m, at most the reach of the check) and the two bodies that have it."""
+        w, d, m = self._world, self._data, self._world.model
+        d.qpos[w.arm_qpos] = q
+        d.qpos[w.gripper_qpos] = self._opening / len(w.gripper_qpos)
+        d.qpos[w.part_qpos[self._part]] = state
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_collision(m, d)
+        least, names = self._reach, ""
+        for k in range(d.ncon):
+            g1, g2 = (int(g) for g in d.contact.geom[k])
+            if not self._allowed(g1, g2) and d.contact.dist[k] < least:
+                least = float(d.contact.dist[k])
+                names = " and ".join(m.body(m.geom_bodyid[g]).name.removeprefix("robot_") for g in (g1, g2))
+        return least, names
+
+    def _allowed(self, g1: int, g2: int) -> bool:
+        """Fingers may be near the part they are about to hold."""
+        w = self._world
+        return bool(
+            (w.finger[g1] and w.geom_part[g2] == self._part)
+            or (w.finger[g2] and w.geom_part[g1] == self._part)
+        )
