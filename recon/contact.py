@@ -34,7 +34,7 @@ class ContactConfig:
     source: "geometry" needs no model, "keypoints" asks a hand detector (extra `hands`). width: hand pixels are taken from a
     grid of about that many columns. hold_frames: the hand holds the part a little before it moves and after. near: a hand
     whose surface comes that close to the part holds it. finger: the surface of the fingers is that much farther from what
-    they hold than its nearest point is. min_points: hand pixels that count as seen.
+    they hold than its nearest point is. breadth: of a fist with its thumb, adults have some 9 to 10.5 cm. min_points: hand pixels that count as seen.
     """
 
     source: Literal["geometry", "keypoints"] = "geometry"
@@ -42,6 +42,7 @@ class ContactConfig:
     hold_frames: int = 2
     near: float = 0.05
     finger: float = 0.025
+    breadth: float = 0.10
     min_points: int = 6
 
     def __post_init__(self) -> None:
@@ -49,7 +50,7 @@ class ContactConfig:
             raise ConfigError(f"contact source {self.source!r} is unknown", 'use "geometry" or "keypoints"')
         if self.width < 32 or self.hold_frames < 0 or self.min_points < 1:
             raise ConfigError(f"contact needs width >= 32, hold_frames >= 0 and min_points >= 1, got {self}")
-        if not (0 < self.near < 0.2 and 0 < self.finger < 0.1):
+        if not (0 < self.near < 0.2 and 0 < self.finger < 0.1 and 0 <= self.breadth < 0.3):
             raise ConfigError(f"contact distances must be positive and hand-sized, got {self}")
 
 
@@ -83,10 +84,11 @@ def find_contact(
     Warns and returns None when no hand comes near the part while it moves.
     """
     surface = sample(mesh)
-    hand = _hand_points(recording, cameras, labels, part, surface, config)
+    T_part_cam = _T_part_cam(recording, cameras, labels, part, config)
+    hand = _hand_points(recording, labels, T_part_cam, surface, config)
     touch, seen_by = _steady(_close(hand, hand.distance, config), config), "hand label"
     if config.source == "keypoints":
-        tips = _fingertips(recording, cameras, labels, part, surface, config)
+        tips = _fingertips(recording, labels, T_part_cam, surface, config)
         if len(tips.points):
             touch, seen_by = tips, "fingertips"
         else:
@@ -107,7 +109,7 @@ def find_contact(
     elif handle.kind == "bar" and seen_by == "fingertips":
         handle = handle.shifted(float(np.median(handle.along(touch.points))))
     elif handle.kind == "bar":
-        handle = handle.shifted(_middle_of_fingers(handle, hand, config))
+        handle = handle.shifted(_middle_of_fingers(handle, hand, T_part_cam, config))
     return ContactPath(
         handle.surface_point,
         handle.rotation,
@@ -119,9 +121,8 @@ def find_contact(
 
 def _hand_points(
     recording: Recording,
-    cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
-    part: MovingPart,
+    T_part_cam: Mapping[int, Array],
     surface: Surface,
     config: ContactConfig,
 ) -> HandPoints:
@@ -129,7 +130,7 @@ def _hand_points(
     tree = cKDTree(surface.points)
     step = max(1, round(recording.intrinsics.width / config.width))
     found = []
-    for frame, T_part_cam in _T_part_cam(recording, cameras, labels, part, config).items():
+    for frame, pose in T_part_cam.items():
         is_hand = labels[frame][::step, ::step] == HAND_LABEL
         if np.count_nonzero(is_hand) < config.min_points:
             continue
@@ -137,7 +138,7 @@ def _hand_points(
         y, x = np.nonzero(is_hand & (depth > 0))
         pixels = step * np.stack([x, y], axis=-1).astype(np.float64)
         points = recording.intrinsics.backproject(pixels, depth[y, x].astype(np.float64))
-        points = geo.transform(T_part_cam, points)
+        points = geo.transform(pose, points)
         distance, _ = tree.query(points, distance_upper_bound=_BEYOND_M)
         close = np.isfinite(distance)
         found.append(HandPoints(points[close], np.full(int(close.sum()), frame), distance[close]))
@@ -176,13 +177,23 @@ def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
     return hand.chosen((frames >= 0.5 * frames.max())[cell])
 
 
-def _middle_of_fingers(handle: Handle, hand: HandPoints, config: ContactConfig) -> float:
-    """Coordinate along a bar: the median over frames of the middle of the fingers' extent along it."""
+def _middle_of_fingers(
+    handle: Handle, hand: HandPoints, T_part_cam: Mapping[int, Array], config: ContactConfig
+) -> float:
+    """Coordinate along a bar: the median over frames of the middle of the fist's extent along it.
+
+    A camera that looks along the bar sees one end of the fist and not the other. What is missing of a hand's breadth
+    lies at the far end.
+    """
     fingers = _close(hand, handle.distance(hand.points), config, limit=np.inf)
     middles = []
     for frame in np.unique(fingers.frame):
         along = handle.along(fingers.points[fingers.frame == frame])
-        middles.append(float(np.mean(np.quantile(along, [0.05, 0.95]))))
+        low, high = np.quantile(along, [0.02, 0.98])
+        to_eye = geo.unit(T_part_cam[int(frame)][:3, 3] - handle.centre)
+        one_sided = np.clip(2.0 * (to_eye @ handle.rotation[:, 1]), -1.0, 1.0)  # from 30 degrees on, wholly
+        hidden = max(0.0, config.breadth - (high - low))
+        middles.append(float(0.5 * (low + high) - 0.5 * hidden * one_sided))
     return float(np.median(middles)) if middles else 0.0
 
 
@@ -210,22 +221,20 @@ def _close(
 
 def _fingertips(
     recording: Recording,
-    cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
-    part: MovingPart,
+    T_part_cam: Mapping[int, Array],
     surface: Surface,
     config: ContactConfig,
 ) -> HandPoints:
     """The fingertips that come near the part, in each frame no farther from it than `config.near` beyond the nearest."""
     from recon.hands import FINGERTIPS, detect_hands
 
-    poses = _T_part_cam(recording, cameras, labels, part, config)
-    keypoints = detect_hands(recording, list(poses), labels)
+    keypoints = detect_hands(recording, list(T_part_cam), labels)
     tree = cKDTree(surface.points)
     found = []
     for frame, hand in zip(keypoints.frames.tolist(), keypoints.points_cam, strict=True):
         tips = hand[list(FINGERTIPS)]
-        points = geo.transform(poses[frame], tips[np.isfinite(tips).all(axis=1)])
+        points = geo.transform(T_part_cam[frame], tips[np.isfinite(tips).all(axis=1)])
         if len(points):
             distance, _ = tree.query(points)
             near = (distance < distance.min() + config.near) & (distance.min() < 2 * config.near)
