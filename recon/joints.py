@@ -53,19 +53,13 @@ def fit_motion(
     moving = movers(travel, noise, config)
     obs = everything.take(moving)
     fits = fit_kinds(obs, noise, config)
-    if not fits:
+    if fits:
+        evidence = compare_kinds(obs, fits, config)
+        kind, source = decide(evidence, config) if joint_type is None else (joint_type, "given")
+    if not fits or kind not in fits:
         raise ReconstructionError(
-            f"{len(moving)} tracks move but no slide or hinge carries {config.min_tracks} of them together",
+            f"{len(moving)} tracks move but no {joint_type or 'slide or hinge'} carries {config.min_tracks} of them together",
             "check that the interval holds one part's motion, or cluster the tracks first",
-        )
-    evidence = compare_kinds(obs, fits, config)
-    if joint_type is None:
-        kind, source = decide(evidence, config)
-    else:
-        kind, source = joint_type, "given"
-    if kind not in fits:
-        raise ReconstructionError(
-            f"no {kind} joint explains the moving tracks", "let the type be decided from the motion"
         )
     return _motion_fit(fits[kind], moving, everything, evidence, source, config)
 

@@ -13,7 +13,9 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import JointSigma, Prismatic, Revolute
 
-REST_SHARE = 0.02  # of the range: still the first rest pose (the interval definition's 2 %)
+REST_SHARE = (
+    0.02  # of the range: at most this far from the start is still the first rest pose (as for intervals)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +40,15 @@ def orient(model: Model, covariance: Array, frames: NDArray[np.int64], quantile:
     smooth = smoothed(raw)
     low, high = np.quantile(smooth, [quantile, 1.0 - quantile])
     span = float(high - low)
-    rest = first_rest(smooth, span)
+    n = len(covariance) - len(model.state)
+    spread = float(np.sqrt(np.median(np.diag(covariance)[n:][frames])))
+    rest = first_rest(smooth, min(REST_SHARE * span, 3.0 * spread))
     zero = float(raw[:rest].mean())
     net = float(np.median(smooth[-3:])) - zero
     if abs(net) < 0.25 * span:
         net = float(high - zero) if high - zero >= zero - low else float(low - zero)
     sign = -1.0 if net < 0 else 1.0
     state = sign * (raw - zero)
-    n = len(covariance) - len(model.state)
     pick = np.zeros((len(frames), len(model.state)))
     pick[np.arange(len(frames)), frames] = 1.0
     pick[:, frames[:rest]] -= 1.0 / rest
@@ -65,10 +68,10 @@ def smoothed(state: Array) -> Array:
     return np.asarray(median_filter(state, size=min(5, len(state)), mode="nearest"))
 
 
-def first_rest(smooth: Array, span: float) -> int:
-    """How many leading states belong to the first rest pose (at least one)."""
+def first_rest(smooth: Array, tolerance: float) -> int:
+    """How many leading states stay within `tolerance` of the first ones (at least one): the first rest pose."""
     start = float(np.median(smooth[:3]))
-    away = np.flatnonzero(np.abs(smooth - start) > REST_SHARE * span)
+    away = np.flatnonzero(np.abs(smooth - start) > tolerance)
     return max(int(away[0]) if len(away) else len(smooth), 1)
 
 

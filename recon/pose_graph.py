@@ -133,7 +133,7 @@ def closed_form_start(edges: PoseEdges, frames: int, kind: Kind, rounds: int = 1
         raise ReconstructionError("the part's poses do not turn", "fit a prismatic joint")
     xi = xi / norm
     distance = (x @ screw) * norm
-    state = _laplacian(edges, distance, weight, frames)
+    state = _laplacian(edges, distance, 1.0 / (1.0 + (away / (2.0 * middle)) ** 2), frames)
     axis = xi[:3] if kind == "prismatic" else xi[3:]
     pivot = np.zeros(3) if kind == "prismatic" else np.cross(axis, xi[:3])
     return PoseGraph(
@@ -142,11 +142,11 @@ def closed_form_start(edges: PoseEdges, frames: int, kind: Kind, rounds: int = 1
 
 
 def _laplacian(edges: PoseEdges, distance: Array, weight: Array, frames: int) -> Array:
-    """States (N,), first 0, with s_j - s_i = distance, reweighted against wild edges."""
+    """States (N,), first 0, with s_j - s_i = distance in the least-absolute-error sense: wrong edges do not pull."""
     i, j = edges.first, edges.second
-    w = weight.copy()
+    w, ridge = weight.copy(), np.arange(frames)
     state = np.zeros(frames)
-    for _ in range(5):
+    for _ in range(20):
         matrix, right = np.zeros((frames, frames)), np.zeros(frames)
         np.add.at(matrix, (i, i), w)
         np.add.at(matrix, (j, j), w)
@@ -154,12 +154,14 @@ def _laplacian(edges: PoseEdges, distance: Array, weight: Array, frames: int) ->
         np.add.at(matrix, (j, i), -w)
         np.add.at(right, j, w * distance)
         np.add.at(right, i, -w * distance)
-        matrix[0, 0] += matrix.trace() / frames
-        matrix[np.diag_indices(frames)] += 1e-12 * matrix.trace() / frames
+        size = matrix.trace() / frames
+        matrix[0, 0] += size
+        matrix[ridge, ridge] += 1e-12 * size
         state = solve_positive(matrix, right[:, None])[:, 0]
         state -= state[0]
         error = np.abs(state[j] - state[i] - distance)
-        w = weight / (1.0 + (error / max(2.0 * float(np.median(error)), 1e-12)) ** 2)
+        w = weight / np.maximum(error, max(0.1 * float(np.median(error)), 1e-9))  # least absolute errors
+        w /= w.max()
     return np.asarray(state)
 
 
