@@ -21,14 +21,17 @@ def load_config(cls: type[T], path: Path | str) -> T:
 
     Raises ConfigError naming file and key for unreadable files, unknown keys, wrong types and refused values.
     """
-    path = Path(path)
+    return from_dict(cls, read_toml(path), str(path))
+
+
+def read_toml(path: Path | str) -> dict[str, Any]:
+    """The content of a TOML file. Raises ConfigError naming the file."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError as e:
         raise ConfigError(f"{path} does not exist", "give the path of a TOML file") from e
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as e:
         raise ConfigError(f"{path} is not readable TOML: {e}", "see https://toml.io for the syntax") from e
-    return from_dict(cls, data, str(path))
 
 
 def from_dict(cls: type[T], data: Mapping[str, Any], where: str = "config") -> T:

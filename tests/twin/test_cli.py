@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin import cli, verbs
+from twin import cli, steps, verbs
 from twin.console import Console, Outcome, Table
 from twin.errors import ConfigError, InputError, PlanningError
 from twin.stages import Run
@@ -249,8 +249,8 @@ class Nested:
 
 @pytest.fixture
 def settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = verbs._named
-    monkeypatch.setattr(verbs, "_named", lambda name: {"s": Settings, "n": Nested}.get(name) or real(name))
+    real = steps.named
+    monkeypatch.setattr(steps, "named", lambda name: {"s": Settings, "n": Nested}.get(name) or real(name))
 
 
 @pytest.mark.usefixtures("settings")
@@ -314,8 +314,8 @@ def run(tmp_path: Path) -> Path:
 
 def stand_in(monkeypatch: pytest.MonkeyPatch, **functions: Any) -> None:
     """Replace what verbs import by name: keys are the names' last words."""
-    real = verbs._named
-    monkeypatch.setattr(verbs, "_named", lambda name: functions.get(name.partition(":")[2]) or real(name))
+    real = steps.named
+    monkeypatch.setattr(steps, "named", lambda name: functions.get(name.partition(":")[2]) or real(name))
 
 
 def test_replay_opens_every_part_and_keeps_the_result(
@@ -437,7 +437,14 @@ def test_check_shows_the_worst_of_each_quantity_and_what_fails(
     stand_in(monkeypatch, check=check)
     assert cli.run(["check", str(run), "--format", "urdf"]) == 2
     out = capsys.readouterr().out
-    for words in ("2e-05", "0.0625", "FAILED", "2 of 3 comparisons agree", "warning: urdf/mujoco: odd"):
+    for words in (
+        "2e-05",
+        "0.06",
+        "0.0625",
+        "FAILED",
+        "2 of 3 comparisons agree",
+        "warning: urdf/mujoco: odd",
+    ):
         assert words in out
     assert "urdf/mujoco: odd" in (run / "report.html").read_text(encoding="utf-8")
 

@@ -205,10 +205,10 @@ def _placed_parts(twin: Twin, share: float) -> list[tuple[Mesh, tuple[int, int, 
 
 
 def _swept(twin: Twin) -> Array:
-    """Corners of all parts' bounding boxes, closed and open."""
+    """Corners of the boxes around 98 % of each part's vertices, closed, half open and open."""
     meshes = [m for share in (0.0, 0.5, 1.0) for m, _, _ in _placed_parts(twin, share)]
     meshes = [m for m in meshes if len(m.vertices)] or [twin.static.mesh]
-    points = [np.stack([m.vertices.min(0), m.vertices.max(0)]) for m in meshes if len(m.vertices)]
+    points = [np.quantile(m.vertices, (0.01, 0.99), axis=0) for m in meshes if len(m.vertices)]
     if not points:
         return np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
     return np.concatenate(

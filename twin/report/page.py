@@ -37,7 +37,7 @@ def render(run: Path) -> Path:
         "name": twin.name if twin else run.resolve().name,
         "twin": twin,
         "cards": _cards(twin, manifest, sections),
-        "warnings": _warnings(manifest, sections),
+        "warnings": _warnings(manifest),
         "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
         "parts": [_part(p) for p in twin.parts] if twin else [],
         **(_pictures(twin) if twin else {}),
@@ -85,11 +85,10 @@ def _cards(
     return cards
 
 
-def _warnings(manifest: Mapping[str, Any], sections: Iterable[Section]) -> list[tuple[str, str]]:
-    """Where each warning comes from, and its text."""
+def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Where each warning of the reconstruction comes from, and its text; those of the verbs stand with their tables."""
     found = [("recording", w) for w in manifest.get("warnings", [])]
-    found += [(s["name"], w) for s in manifest.get("stages", []) for w in s["warnings"]]
-    return found + [(s.verb, w) for s in sections for w in s.warnings]
+    return found + [(s["name"], w) for s in manifest.get("stages", []) for w in s["warnings"]]
 
 
 def _pictures(twin: Twin) -> dict[str, Any]:

@@ -1,0 +1,228 @@
+"""The steps that the command line strings together: each does one thing to a run folder and keeps its tables there.
+
+`recon` and `robots` are named as strings and imported when a step needs them: the twin knows neither.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from twin.console import Outcome
+from twin.errors import InputError, PlanningError
+from twin.report.sections import Section, Table, save_section
+from twin.scene import Part, Twin
+from twin.stages import MANIFEST, Progress, read_json
+from twin.storage import load, save
+
+
+class Step:
+    """What one verb did, how long it took, and a line about it."""
+
+    def __init__(self, verb: str, outcome: Outcome, summary: str, started: float) -> None:
+        self.verb, self.outcome, self.summary = verb, outcome, summary
+        self.seconds = time.perf_counter() - started
+
+    def kept(self, run: Path) -> Step:
+        """Keep the tables for the page."""
+        o = self.outcome
+        save_section(run, Section(self.verb, o.ok, round(self.seconds, 2), o.tables, o.warnings, o.notes))
+        return self
+
+
+def reconstruct(progress: Progress, recording: Path, out: Path, layout: str | None, settings: Any) -> Step:
+    started = time.perf_counter()
+    opened = named("recon.recording:open_recording")(recording, layout)
+    twin = named("recon.pipeline:reconstruct")(opened, settings, out=out, progress=progress)
+    manifest = read_json(out / MANIFEST)
+    warnings = [
+        *manifest.get("warnings", []),
+        *(w for s in manifest.get("stages", []) for w in s["warnings"]),
+    ]
+    rows = [[p.name, *_part_row(p)] for p in twin.parts]
+    columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
+    stages = {s["name"]: s["seconds"] for s in manifest.get("stages", [])}
+    summary = "; ".join(f"{p.name}: {_joint_text(p)}" for p in twin.parts)
+    data = {"run": str(out), "parts": [p.name for p in twin.parts], "seconds": stages}
+    outcome = Outcome(data, [Table(f"{twin.name} → {out}", columns, rows)], [page_note(out)], warnings)
+    return Step("reconstruct", outcome, summary, started)
+
+
+def export(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
+    started = time.perf_counter()
+    twin = load(run)
+    folder = run_folder(run) / "export"
+    progress("collision", 0.0, "convex pieces")
+    complete = named("twin.export:complete")(twin, run_folder(run) / "stages" / "collision")
+    if complete is not twin:
+        save(complete, run_folder(run) / "twin")
+    progress("collision", 1.0, f"{sum(len(p.collision) for p in complete.parts)} pieces on moving parts")
+    progress("export", 0.0, "")
+    files = named("twin.export:export")(complete, folder, formats)
+    progress("export", 1.0, ", ".join(files))
+    rows = [[name, str(path)] for name, path in files.items()]
+    data = {"files": {name: str(path) for name, path in files.items()}}
+    outcome = Outcome(data, [Table("export", ["format", "file"], rows)], warnings=files.warnings)
+    return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
+
+
+def check(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
+    started = time.perf_counter()
+    twin, folder = load(run), run_folder(run) / "export"
+    files = {f: folder / f / f"{twin.name}{s}" for f, s in named("twin.check:SUFFIX").items() if f in formats}
+    missing = [f for f, path in files.items() if not path.is_file()]
+    if missing:
+        raise InputError(
+            f"{files[missing[0]]} does not exist", f"run `twin export {run} --format {' '.join(missing)}`"
+        )
+    progress("check", 0.0, "loading the files in other programs")
+    report = named("twin.check:check")(twin, files)
+    agree = sum(r.ok for r in report.rows)
+    summary = f"{agree} of {len(report.rows)} comparisons agree"
+    progress("check", 1.0, summary)
+    outcome = Outcome(report.to_dict(), _check_tables(report), [summary], report.warnings, report.ok)
+    return Step("check", outcome, summary, started).kept(run_folder(run))
+
+
+def _check_tables(report: Any) -> list[Table]:
+    """Largest difference of each quantity by program and format, and every comparison that does not agree."""
+    groups: dict[str, list[Any]] = {}
+    for r in report.rows:
+        groups.setdefault(f"{r.consumer} {r.format}", []).append(r)
+    rows = []
+    for quantity in dict.fromkeys(r.field for r in report.rows):
+        worst = [
+            max((r.difference for r in of if r.field == quantity), default=None) for of in groups.values()
+        ]
+        rows.append([quantity, *("" if w is None else f"{w:.1g}" for w in worst)])
+    rows.append(["agrees", *("ok" if all(r.ok for r in of) else "FAILED" for of in groups.values())])
+    tables = [Table("largest difference from the twin", ["quantity", *groups], rows)]
+    if report.failures:
+        columns = ["format", "program", "part", "quantity", "twin", "file", "difference", "allowed"]
+        failures = [
+            [
+                r.format,
+                r.consumer,
+                r.part,
+                r.field,
+                r.expected,
+                r.measured,
+                f"{r.difference:.3g}",
+                f"{r.tolerance:g}",
+            ]
+            for r in report.failures
+        ]
+        tables.append(Table("what does not agree", columns, failures))
+    return tables
+
+
+def replay(progress: Progress, run: Path, robot: str, names: Sequence[str]) -> Step:
+    started = time.perf_counter()
+    twin = load(run)
+    parts = [_partnamed(twin, n) for n in names] or list(twin.parts)
+    if not parts:
+        raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+    rows, reports, notes = [], {}, []
+    for part in parts:
+        row, report, note = _replay_part(progress, twin, part, robot, run_folder(run))
+        rows.append([part.name, *row])
+        reports[part.name] = report
+        notes += note
+    columns = ["part", "opened", "open at the end", "slip", "torque used", "grasp", "pedestal", "result"]
+    ok = all(r["ok"] for r in reports.values())
+    summary = "; ".join(f"{r[0]} opened {r[1]}" for r in rows)
+    outcome = Outcome({"parts": reports}, [Table(f"replay with {robot}", columns, rows)], notes, ok=ok)
+    return Step("replay", outcome, summary, started).kept(run_folder(run))
+
+
+def _replay_part(
+    progress: Progress, twin: Twin, part: Part, robot: str, run: Path
+) -> tuple[list[str], dict[str, Any], list[str]]:
+    """Table row, report and notes of one part; no way to open it is a missed goal, not a wrong input."""
+    progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
+    try:
+        trajectory = named("robots:plan")(twin, part.id, robot)
+    except PlanningError as e:
+        progress(f"plan {part.name}", 1.0, "found none")
+        row = ["0 %", "0 %", "", "", "", "", "FAILED"]
+        return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"]
+    progress(f"plan {part.name}", 1.0, trajectory.grasp)
+    progress(f"replay {part.name}", 0.0, "in MuJoCo")
+    folder = run / "replay" / Path(robot).stem / part.name
+    r = named("robots:replay")(twin, trajectory, folder, robot=robot)
+    progress(f"replay {part.name}", 1.0, f"{100 * r.opening_peak:.0f} % opened")
+    row = [
+        f"{100 * r.opening_peak:.0f} %",
+        f"{100 * r.opening_final:.0f} %",
+        f"{r.slip_mm:.1f} mm",
+        f"{100 * max(r.torque_share):.0f} %",
+        r.grasp,
+        f"{r.pedestal:.2f} m",
+        "ok" if r.ok else "FAILED",
+    ]
+    return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else []
+
+
+def evaluate(progress: Progress, run: Path, truth: Path) -> Step:
+    started = time.perf_counter()
+    twin = load(run)
+    progress("evaluate", 0.0, "")
+    evaluation = named("recon.evaluate:evaluate")(twin, truth)
+    progress("evaluate", 1.0, "")
+    goals = [r for r in evaluation.rows if r.ok is not None]
+    met = sum(bool(r.ok) for r in goals)
+    verdict = {None: "", True: "ok", False: "FAILED"}
+    rows = [
+        [
+            r.metric,
+            r.part,
+            f"{r.value:.4g} {r.unit}".strip(),
+            "-" if r.matched is None else f"{r.matched:.4g}",
+            str(r.bar or ""),
+            verdict[r.ok],
+        ]
+        for r in evaluation.rows
+    ]
+    columns = ["measure", "of", "value", "matched only", "goal", ""]
+    summary = f"{met} of {len(goals)} goals met"
+    outcome = Outcome(
+        evaluation.as_dict(), [Table(evaluation.name, columns, rows)], [summary], ok=evaluation.ok
+    )
+    return Step("evaluate", outcome, summary, started).kept(run_folder(run))
+
+
+def run_folder(path: Path) -> Path:
+    """The run folder of a path that is one, or that is its twin/."""
+    return path.parent if (path / "twin.json").is_file() and path.name == "twin" else path
+
+
+def _partnamed(twin: Twin, name: str) -> Part:
+    return twin.part(int(name) if name.isdecimal() else name)
+
+
+def _part_row(part: Part) -> list[str]:
+    from twin.report.page import part_facts
+
+    facts = {name: value for name, value, _ in part_facts(part)}
+    axis, pivot = (facts.get(k, "").partition(" ± ")[2] for k in ("axis", "pivot"))
+    return [part.joint.kind, facts["range"], axis, pivot, facts.get("mass", "")]
+
+
+def _joint_text(part: Part) -> str:
+    from twin.report.page import part_facts
+
+    facts = {name: value for name, value, _ in part_facts(part)}
+    return f"{part.joint.kind}, {facts['range']}"
+
+
+def named(name: str) -> Any:
+    """The object "module:attribute"."""
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def page_note(run: Path) -> str:
+    return f"report: {run / 'report.html'}"
