@@ -28,7 +28,7 @@ class JointConfig:
     search_tracks, search_frames: most tracks and frames on which hypotheses are compared (by us, for speed).
     prune_sigmas: a track whose median residual exceeds that of pure noise by this factor does not follow the joint.
     limit_quantile: limits are the quantiles q and 1 - q of the smoothed state, since min and max grow with the noise.
-    min_tracks, min_observations: fewest tracks of a part, fewest observations for a frame's state (by us).
+    min_tracks, min_share, min_observations: fewest tracks of a part, least share of what moves, fewest observations for a frame's state (by us).
     iterations: most Gauss-Newton steps a refinement takes (by us; it stops when the step is negligible).
     seed: of the random samples.
     """
@@ -50,6 +50,7 @@ class JointConfig:
     prune_sigmas: float = 3.0
     limit_quantile: float = 0.02
     min_tracks: int = 4
+    min_share: float = 0.05
     min_observations: int = 3
     iterations: int = 30
     seed: int = 0
@@ -74,6 +75,8 @@ class JointConfig:
             raise ConfigError(
                 f"joints: min_tracks must be at least 3, got {self.min_tracks}", "a rigid motion needs 3"
             )
+        if not 0 <= self.min_share < 1:
+            raise ConfigError(f"joints: min_share must be in 0..1, got {self.min_share}")
         if not 0 <= self.limit_quantile < 0.5:
             raise ConfigError(f"joints: limit_quantile must be in 0..0.5, got {self.limit_quantile}")
         if not self.pair_gaps or min(self.pair_gaps) < 1:

@@ -53,12 +53,14 @@ def fit_motion(
     moving = movers(travel, noise, config)
     obs = everything.take(moving)
     fits = fit_kinds(obs, noise, config)
+    least = max(config.min_tracks, int(config.min_share * len(moving)))
+    fits = {kind: fit for kind, fit in fits.items() if fit.members.sum() >= least}
     if fits:
         evidence = compare_kinds(obs, fits, config)
         kind, source = decide(evidence, config) if joint_type is None else (joint_type, "given")
     if not fits or kind not in fits:
         raise ReconstructionError(
-            f"{len(moving)} tracks move but no {joint_type or 'slide or hinge'} carries {config.min_tracks} of them together",
+            f"{len(moving)} tracks move but no {joint_type or 'slide or hinge'} carries {least} of them together",
             "check that the interval holds one part's motion, or cluster the tracks first",
         )
     return _motion_fit(fits[kind], moving, everything, evidence, source, config)
