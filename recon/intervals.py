@@ -69,12 +69,12 @@ def find_movers(
     points[~visible] = np.nan
     seconds = float(np.median(np.diff(recording.times)))
     rest = max(3, round(config.rest_seconds / seconds))
-    count = points.shape[1]
+    count = len(tracks)
     moving, rested = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-    extent = np.where(visible[..., None], points, -np.inf).max(0) - np.where(
-        visible[..., None], points, np.inf
-    ).min(0)
-    for k in np.flatnonzero(np.linalg.norm(np.maximum(extent, 0.0), axis=1) > config.min_displacement):
+    high = np.where(visible[..., None], points, -np.inf).max(axis=0)
+    low = np.where(visible[..., None], points, np.inf).min(axis=0)
+    extent = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
+    for k in np.flatnonzero(extent > config.min_displacement):
         frames = np.flatnonzero(visible[:, k])
         if len(frames) < 2 * rest:
             continue
