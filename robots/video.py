@@ -110,6 +110,7 @@ def _camera(
     seen = np.vstack([hand, shoulder[None]])
     distance = max(1.1, 3.0 * float(np.linalg.norm(seen - look, axis=1).max()))
     facing = np.arctan2(*(hand.mean(axis=0) - shoulder)[1::-1])
+    outward = -trajectory.T_world_tool[0, :3, 2]  # the part's front is worth seeing
     model = world.model
     poses = frames[:: max(len(frames) // 5, 1)]
     best, best_score = (0.0, 0.0), -np.inf
@@ -121,6 +122,7 @@ def _camera(
             )
             eye = look - distance * forward
             score = _visible(model, data, world, poses, eye, shoulder)
+            score += 0.6 * min(float(-forward @ outward), 0.7)
             score -= 0.15 * abs(abs(turn) - 0.9) + 0.2 * abs(lift - 0.35)
             if score > best_score + 1e-9:
                 best, best_score = (azimuth, lift), score

@@ -1,0 +1,241 @@
+"""Plan and replay on furniture with exact joints: what is opened, by what, within which limits."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import robots
+from robots.config import PlanConfig
+from robots.placement import floor_height
+from robots.refine import falls_shut
+from robots.world import build_world
+from tests.robots import furniture
+from twin import geometry as geo
+from twin.errors import InputError, PlanningError, SceneError
+from twin.scene import Twin
+
+FAST = PlanConfig(candidates=150, finalists=2)
+
+
+@pytest.fixture(scope="module")
+def drawer():
+    twin = furniture.drawer(error=0.02, seed=1)
+    return twin, robots.plan(twin, "part", config=FAST)
+
+
+@pytest.fixture(scope="module")
+def door():
+    twin = furniture.door("left")
+    return twin, robots.plan(twin, 2, config=FAST)
+
+
+def check(report):
+    assert report.ok, report.reason
+    assert report.opening_final >= 0.90
+    assert report.success_75
+    assert report.success_90
+    assert report.slip_mm <= 10
+    assert max(report.torque_share) < 1
+    assert report.limit_margin > 0
+    assert report.grip_force_max <= 70 + 1e-9
+    assert not report.unintended
+
+
+def test_a_drawer_opens_though_the_contact_is_off(drawer):
+    twin, trajectory = drawer
+    check(robots.replay(twin, trajectory, video=False))
+
+
+def test_a_door_opens(door):
+    twin, trajectory = door
+    check(robots.replay(twin, trajectory, video=False))
+
+
+def test_replay_is_deterministic_and_writes_its_files(drawer, tmp_path: Path):
+    twin, trajectory = drawer
+    reports = [robots.replay(twin, trajectory, tmp_path / name, video=False).to_json() for name in ("a", "b")]
+    assert reports[0] == reports[1]
+    assert (tmp_path / "a/report.json").read_bytes() == (tmp_path / "b/report.json").read_bytes()
+    assert (tmp_path / "a/trajectory.json").read_bytes() == (tmp_path / "b/trajectory.json").read_bytes()
+    written = json.loads((tmp_path / "a/report.json").read_text())
+    assert written["success_90"] is True
+    assert [row["phase"] for row in written["phases"]] == list(dict.fromkeys(trajectory.phases))
+    assert written["phases"][2]["state"] > 0.9 * trajectory.goal
+
+
+def test_planning_is_deterministic(drawer):
+    twin, trajectory = drawer
+    again = robots.plan(twin, "part", config=FAST)
+    assert np.array_equal(again.q, trajectory.q)
+    assert again.rejected == trajectory.rejected
+
+
+def test_nothing_but_the_hand_moves_the_part(drawer):
+    twin, trajectory = drawer
+    world = build_world(twin, robots.resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
+    m = world.model
+    assert m.neq == 1  # the coupling of the two fingers
+    assert m.eq_type[0] == mujoco.mjtEq.mjEQ_JOINT
+    driven = {int(m.actuator_trnid[a, 0]) for a in world.arm_ctrl}
+    assert m.joint("part_2").id not in driven
+    assert m.nu == 8
+    open_hand = replace(trajectory, gripper=np.full(len(trajectory.times), 0.08))
+    report = robots.replay(twin, open_hand, video=False)
+    assert not report.ok
+    assert "did not get hold" in report.reason
+
+
+def test_the_plan_is_inside_its_limits_and_on_its_path(door):
+    twin, trajectory = door
+    assert trajectory.position_error.max() <= PlanConfig().position_tolerance
+    assert np.all(np.abs(trajectory.qd) <= trajectory.velocity_limits)
+    part = twin.part(2)
+    moving = np.array([p == "move" for p in trajectory.phases])
+    in_part = (
+        geo.invert_pose(part.joint.poses(trajectory.part_state[moving])) @ trajectory.T_world_tool[moving]
+    )
+    assert np.ptp(in_part[:, :3, 3], axis=0).max() < 0.006
+    assert trajectory.part_state[-1] == pytest.approx(part.joint.upper)
+    assert trajectory.rejected
+    assert all(r.reason for r in trajectory.rejected)
+
+
+def test_the_pedestal_stands_on_the_ground_and_clear(door):
+    twin, trajectory = door
+    base = trajectory.T_world_base[:3, 3]
+    assert base[2] - trajectory.pedestal == pytest.approx(floor_height(twin.static.mesh), abs=0.02)
+    for shape in twin.static.collision[1:]:
+        nearest = np.clip(base[:2], shape.corners[:, :2].min(0), shape.corners[:, :2].max(0))
+        assert np.linalg.norm(nearest - base[:2]) > 0.12
+
+
+def test_a_partial_goal_is_reached_and_no_more(drawer):
+    twin, _ = drawer
+    trajectory = robots.plan(twin, 2, goal=0.15, config=FAST)
+    report = robots.replay(twin, trajectory, video=False)
+    assert report.state_final == pytest.approx(0.15, abs=0.01)
+    assert not report.success_90
+    assert report.reason.startswith("opened 0.4")
+
+
+def test_a_lid_is_held_because_it_would_fall_shut():
+    lid, drawer = furniture.lid().parts[0], furniture.drawer().parts[0]
+    assert falls_shut(lid, lid.joint.upper)
+    assert not falls_shut(drawer, drawer.joint.upper)
+    assert not falls_shut(furniture.door().parts[0], 1.0)
+
+
+def test_unknown_part_and_robot_and_missing_contact_are_named(drawer):
+    twin, _ = drawer
+    with pytest.raises(SceneError, match=r"its parts are: part \(id 2\)"):
+        robots.plan(twin, "fridge")
+    with pytest.raises(InputError, match="known robots: franka"):
+        robots.plan(twin, 2, "spoot")
+    bare = replace(twin, parts=(replace(twin.parts[0], contact=None),))
+    with pytest.raises(InputError, match="has no contact"):
+        robots.plan(bare, 2)
+    with pytest.raises(InputError, match=r"at most 0\.350 m"):
+        robots.plan(twin, 2, goal=0.5)
+
+
+def test_an_unreachable_part_says_at_which_state_and_by_how_much():
+    wide = furniture.door("left", width=2.4, angle=1.5)
+    with pytest.raises(PlanningError, match=r"at state \d\.\d\d: \d+ mm short"):
+        robots.plan(wide, 2, config=PlanConfig(candidates=60))
+
+
+def test_a_walled_in_part_says_what_is_in_the_way():
+    twin = furniture.drawer()
+    wall = [furniture.box([0, -0.15, 0.6], [4, 0.02, 3])]
+    static = (*twin.static.collision, *wall)
+    closed = Twin(
+        "closed",
+        replace(twin.static, mesh=furniture.mesh_of(list(static)), collision=static),
+        twin.parts,
+    )
+    with pytest.raises(PlanningError, match="static_cabinet"):
+        robots.plan(closed, 2, config=PlanConfig(candidates=60))
+
+
+def test_a_wrong_robot_for_a_trajectory_is_refused(drawer, tmp_path: Path):
+    twin, trajectory = drawer
+    six = replace(
+        trajectory,
+        joint_names=trajectory.joint_names[:6],
+        q=trajectory.q[:, :6],
+        qd=trajectory.qd[:, :6],
+        limits=trajectory.limits[:, :6],
+        velocity_limits=trajectory.velocity_limits[:6],
+    )
+    with pytest.raises(InputError, match="planned for"):
+        robots.replay(twin, six, video=False)
+
+
+def can_draw() -> bool:
+    from robots.video import _prefer_egl
+
+    try:
+        _prefer_egl()
+        mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 32, 32).close()
+    except Exception:
+        return False
+    return True
+
+
+def test_a_video_shows_the_motion(drawer, tmp_path: Path):
+    if not can_draw():
+        pytest.skip("no OpenGL without a screen on this machine")
+    import av
+
+    twin, trajectory = drawer
+    config = robots.ReplayConfig(video_size=(160, 120), video_frames=12)
+    report = robots.replay(twin, trajectory, tmp_path, config=config)
+    assert report.video == "replay.mp4"
+    with av.open(str(tmp_path / "replay.mp4")) as container:
+        frames = [f.to_ndarray(format="rgb24").astype(int) for f in container.decode(video=0)]
+        assert container.streams.video[0].codec_context.pix_fmt == "yuv420p"
+    assert len(frames) == 12
+    assert frames[0].shape == (120, 160, 3)
+    assert np.abs(frames[0] - frames[-1]).max() > 50
+    assert frames[0].std() > 10
+
+
+def test_without_opengl_the_replay_goes_on_with_one_warning(drawer, tmp_path: Path, monkeypatch, caplog):
+    def broken(*_args, **_kwargs):
+        raise RuntimeError("no display")
+
+    monkeypatch.setattr(mujoco, "Renderer", broken)
+    report = robots.replay(*drawer, tmp_path)
+    assert report.ok
+    assert report.video is None
+    assert not (tmp_path / "replay.mp4").exists()
+    warnings = [r for r in caplog.records if r.levelname == "WARNING"]
+    assert len(warnings) == 1
+    assert "no video" in warnings[0].message
+
+
+CASES = {
+    "high drawer": lambda: furniture.drawer(1.8),
+    "low drawer": lambda: furniture.drawer(0.3),
+    "knob": lambda: furniture.drawer(handle="knob"),
+    "right door": lambda: furniture.door("right", error=0.03, seed=1),
+    "wall door at 2.5 m": lambda: furniture.door("left", height=2.5, error=0.02, seed=2),
+    "microwave": lambda: furniture.door("left", height=1.2, width=0.5, angle=1.396),
+    "lid": lambda: furniture.lid(error=0.01, seed=1),
+    "sliding door": lambda: furniture.sliding_door(error=0.03, seed=3),
+    "noisy drawer": lambda: furniture.noisy(furniture.drawer(error=0.02, seed=4)),
+    "noisy door": lambda: furniture.noisy(furniture.door("right", error=0.02, seed=5), seed=1),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_furniture_of_every_kind_opens(case):
+    twin = CASES[case]()
+    check(robots.replay(twin, robots.plan(twin, 2), video=False))
