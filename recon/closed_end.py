@@ -19,6 +19,8 @@ from twin.errors import ConfigError
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Revolute, Trajectory
 
+_EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the thickness of a fridge door
+
 
 @dataclass(frozen=True)
 class ClosedEndConfig:
@@ -29,7 +31,7 @@ class ClosedEndConfig:
     that decides. frames: frames looked at for each end. quantile: of the smoothed state, an end of the travel.
     """
 
-    gap: float = 0.025
+    gap: float = 0.03
     deep: float = 0.08
     margin: float = 0.2
     frames: int = 8
@@ -157,19 +159,25 @@ def _flush_shares(
     static: Mesh,
     config: ClosedEndConfig,
 ) -> tuple[float, float]:
-    """Share of the front's rim beside which the part comes within `config.gap` of static surface, at each end."""
-    tree = cKDTree(sample(static, 200_000).points) if len(static.faces) else None
-    if tree is None:
+    """Share of the front's rim beside which the part comes within `config.gap` of static surface, at each end.
+
+    Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing.
+    """
+    if not len(static.faces):
         return 0.0, 0.0
-    around = cKDTree(face.rim).query(surface.points, distance_upper_bound=0.03)
-    beside = np.isfinite(around[0])
+    tree = cKDTree(sample(static, 200_000).points)
+    poses = [joint.pose(end) for end in ends]
+    moves = np.linalg.norm(geo.transform(poses[1], face.rim) - geo.transform(poses[0], face.rim), axis=1)
+    beside = np.isfinite(cKDTree(face.rim).query(surface.points, distance_upper_bound=_EDGE_M)[0])
+    edge = cKDTree(surface.points[beside])
     shares = []
-    for end in ends:
-        pose = joint.pose(end)
-        distance, _ = tree.query(geo.transform(pose, surface.points[beside]), distance_upper_bound=0.1)
-        nearest, _ = tree.query(geo.transform(pose, face.rim), distance_upper_bound=0.1)
-        np.minimum.at(nearest, around[1][beside], distance)
-        shares.append(float(np.mean(nearest < config.gap)))
+    for pose in poses:
+        distance, _ = tree.query(geo.transform(pose, surface.points[beside]), distance_upper_bound=0.2)
+        nearest, _ = tree.query(geo.transform(pose, face.rim), distance_upper_bound=0.2)
+        _, near = edge.query(face.rim, k=min(40, edge.n), distance_upper_bound=_EDGE_M)
+        padded = np.append(distance, np.inf)
+        nearest = np.minimum(nearest, padded[near.reshape(len(nearest), -1)].min(axis=1))
+        shares.append(float(moves @ (nearest < config.gap) / max(float(moves.sum()), 1e-9)))
     return shares[0], shares[1]
 
 

@@ -23,6 +23,7 @@ _LAYER_M = 0.005  # thickness of a layer, the voxel of a fused part
 _STANDS_OFF_M = 0.012  # what stands off less is noise or moulding; about half of a slim bar's clearance
 _TALLEST_M = 0.15  # no handle stands off more
 _AROUND_M = 0.12  # a fist is some 10 cm wide
+_HALF_FIST_M = 0.05
 _BESIDE_M = 0.04  # how far beside a face a hand may be that holds something on it
 _CELL_M = 0.012  # surface points closer than this are one piece
 _ELONGATED = 1.6  # length over width from which a handle is a bar
@@ -200,6 +201,13 @@ def _describe(piece: Array, off: Array, face: Face, hand: Array, joint: Joint) -
     top = float(np.quantile(piece @ normal - face.offset, 0.97))
     shape = piece[piece @ normal - face.offset > 0.5 * top]
     along, length, width = _long_side(shape, normal)
+    away = hand - shape.mean(axis=0)
+    away -= (away @ normal) * normal
+    if length < _HALF_FIST_M and np.linalg.norm(away) > 0.6 * _HALF_FIST_M:
+        # The fist is not about this piece: it is what the hand left to see of a bar that leads to the hand.
+        along = geo.unit(away)
+        rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+        return _section(shape, rotation, float(hand @ along), "bar")
     if length <= _ELONGATED * width:
         along = upright(normal, joint)
         rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
@@ -225,9 +233,13 @@ def _long_side(points: Array, normal: Array) -> tuple[Array, float, float]:
 
 
 def _section(shape: Array, rotation: Array, at: float, kind: Literal["bar", "knob"]) -> Handle:
-    """The section around the coordinate `at` along the handle, or at its end; where nothing was seen, as elsewhere."""
+    """The section around the coordinate `at` along the handle, or at its end; where nothing was seen, as elsewhere.
+
+    A bar may go on for half a fist beyond what was seen of it, in the hand.
+    """
     local = shape @ rotation
-    low, high = (float(q) for q in np.quantile(local[:, 1], [0.01, 0.99]))
+    beyond = _HALF_FIST_M if kind == "bar" else 0.0
+    low, high = (float(q) for q in np.quantile(local[:, 1], [0.01, 0.99]) + [-beyond, beyond])
     at = float(np.clip(at, low, high))
     near = local[np.abs(local[:, 1] - at) < 0.03] if kind == "bar" else local
     if len(near) < 20:
