@@ -32,7 +32,7 @@ class HandColorConfig:
     margin: float = 0.03  # metres in front of the reference surface, plus 4 sigma of depth
     max_frames: int = 12  # frames looked at on each side of the motion
     min_share: float = 0.003  # of the image; less is noise, not a hand
-    min_odds: float = 1.0  # mean log odds above which a track lies on the hand
+    min_odds: float = 0.0  # mean log odds above which a track lies on the hand: more likely than not
 
     def __post_init__(self) -> None:
         if self.width < 32 or self.bins < 4 or self.margin <= 0 or self.max_frames < 1:
