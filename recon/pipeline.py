@@ -53,7 +53,7 @@ def reconstruct(
     Raises InputError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
     """
     config = config or ReconConfig()
-    with Run(out, recording.fingerprint, progress) as run:
+    with Run(out, recording.fingerprint, progress, config) as run:
         for note in recording.warnings:
             run.warn(note)
         twin = _run(run, recording, config)
