@@ -21,7 +21,8 @@ def read(path: Path, fmt: str, parts: list[str], states: list[list[float]]) -> d
     for n, k in ids.items():
         if k >= model.njoints:
             raise ValueError(f"joint {n}_joint is missing")
-        jacobian = pin.computeJointJacobian(model, data, zero, k)  # in the joint's frame
+        # in the joint's frame; a model of one joint gives a plain column
+        jacobian = pin.computeJointJacobian(model, data, zero, k).reshape(6, -1)
         world = data.oMi[k].toActionMatrix() @ jacobian
         column = world[:, model.joints[k].idx_v]
         turning, moving = column[3:], column[:3]
