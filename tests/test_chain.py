@@ -1,0 +1,124 @@
+"""The whole chain on the shipped recording, as a user runs it: one reconstruction, then everything made from it."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from twin import cli
+from twin.stages import read_json
+from twin.storage import load
+from twin.verbs import RECORDINGS
+
+RECORDING = RECORDINGS / "cabinet_drawer"
+STAGES = ["tracks", "cameras", "gravity", "motion", "refine", "labels", "fusion", "contact"]
+
+
+def reconstruct(folder: Path, *more: str) -> int:
+    return cli.run(["reconstruct", str(RECORDING), "-o", str(folder), *more])
+
+
+def twin_bytes(folder: Path) -> dict[str, bytes]:
+    """Everything that makes up the twin."""
+    paths = [p for p in sorted((folder / "twin").rglob("*")) if p.is_file()]
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in paths}
+
+
+def computed(folder: Path) -> dict[str, str]:
+    """The stages that the last run computed, with the reason."""
+    return {s["name"]: s["reason"] for s in read_json(folder / "manifest.json")["stages"] if not s["cached"]}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("chain") / "run"
+    assert reconstruct(folder) == 0
+    return folder
+
+
+@pytest.fixture
+def run(finished: Path, tmp_path: Path) -> Path:
+    """A copy of the finished run that a test may change."""
+    shutil.copytree(finished, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_the_run_folder_is_complete(finished: Path) -> None:
+    assert [p.name[3:] for p in sorted((finished / "stages").glob("[0-9]*"))] == STAGES
+    assert list(computed(finished)) == STAGES
+    for name in ("config.toml", "manifest.json", "report.html", "twin/twin.json", "twin/cameras.txt"):
+        assert (finished / name).stat().st_size > 0
+    twin = load(finished)
+    assert [p.joint.kind for p in twin.parts] == ["prismatic"]
+    assert len(twin.labels) >= len(read_json(finished / "twin" / "twin.json")["cameras"]["frames"]) / 4
+
+
+def test_the_shipped_recording_meets_every_goal(run: Path) -> None:
+    assert cli.run(["evaluate", str(run), "--truth", str(RECORDING / "truth")]) == 0
+
+
+def test_a_second_run_computes_nothing_and_changes_nothing(run: Path) -> None:
+    before = twin_bytes(run)
+    assert reconstruct(run) == 0
+    assert computed(run) == {}
+    assert twin_bytes(run) == before
+
+
+def test_an_interrupted_run_ends_with_the_same_bytes(finished: Path, tmp_path: Path) -> None:
+    """What a killed process leaves: the first stages, and half of another in a temporary folder."""
+    resumed = tmp_path / "run"
+    for stage in sorted((finished / "stages").glob("[0-9]*"))[:5]:
+        shutil.copytree(stage, resumed / "stages" / stage.name)
+    half = resumed / "stages" / ".06_labels.tmp"
+    half.mkdir()
+    (half / "arrays.npz").write_bytes(b"PK")
+    assert reconstruct(resumed) == 0
+    assert list(computed(resumed)) == STAGES[5:]
+    assert twin_bytes(resumed) == twin_bytes(finished)
+
+
+def test_a_changed_setting_recomputes_what_depends_on_it(run: Path) -> None:
+    from recon.config import ReconConfig
+
+    near = ReconConfig().contact.near
+    assert reconstruct(run, "--set", f"contact.near={near * 1.01}") == 0
+    reasons = computed(run)
+    assert list(reasons) == ["contact"]
+    assert f"near changed from {near}" in reasons["contact"]
+
+
+def test_exports_agree_with_the_twin_in_every_program(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["export", str(run)]) == 0
+    assert cli.run(["check", str(run)]) == 0, capsys.readouterr().out
+
+
+def test_the_robot_opens_the_drawer(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["replay", str(run)]) == 0, capsys.readouterr().out
+    (report,) = (run / "replay").glob("franka/*/report.json")
+    assert read_json(report)["opening_final"] >= 0.9
+    assert (report.parent / "replay.mp4").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stage", STAGES)
+def test_killed_at_any_stage_it_resumes_to_the_same_bytes(stage: str, finished: Path, tmp_path: Path) -> None:
+    """SIGKILL as soon as the stage before has been written, that is within this one."""
+    folder, k = tmp_path / "run", STAGES.index(stage)
+    for done in sorted((finished / "stages").glob("[0-9]*"))[: max(0, k - 1)]:
+        shutil.copytree(done, folder / "stages" / done.name)
+    command = [sys.executable, "-m", "twin.cli", "reconstruct", str(RECORDING), "-o", str(folder)]
+    before = folder / "stages" / (f"{k:02d}_{STAGES[k - 1]}" if k else ".lock")
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+        while not before.exists() and process.poll() is None:
+            time.sleep(0.02)
+        time.sleep(0.2)
+        process.send_signal(signal.SIGKILL)
+    assert not (folder / "twin").exists()
+    assert reconstruct(folder) == 0
+    assert twin_bytes(folder) == twin_bytes(finished)
