@@ -122,7 +122,7 @@ def _camera(
             )
             eye = look - distance * forward
             score = _visible(model, data, world, poses, eye, shoulder)
-            score += 0.6 * min(float(-forward @ outward), 0.7)
+            score += 0.8 * min(float(-forward @ outward), 0.5)
             score -= 0.15 * abs(abs(turn) - 0.9) + 0.2 * abs(lift - 0.35)
             if score > best_score + 1e-9:
                 best, best_score = (azimuth, lift), score

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
@@ -33,6 +34,9 @@ _DEFAULT_FRICTION = 0.6
 _DEFAULT_DAMPING = {"prismatic": 5.0, "revolute": 0.5}  # N s/m, N m s/rad
 _DEFAULT_FRICTIONLOSS = {"prismatic": 4.0, "revolute": 0.8}  # N, N m
 _PANEL_MASS = 6.0  # kg per m^2 of surface: both faces of a 16 mm board of 750 kg/m^3
+
+
+_MADE: WeakKeyDictionary[Twin, Twin] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +70,17 @@ class World:
 
 
 def with_collision(twin: Twin) -> Twin:
-    """The twin with collision geometry for its static part and every part; made when missing."""
+    """The twin with collision geometry for its static part and every part; made, with masses, when missing.
+
+    Remembered as long as the twin lives, so that a plan and its replay make it once and get the same.
+    """
     if twin.static.collision and all(p.collision for p in twin.parts):
         return twin
-    from twin.collision import with_collision as make
+    if twin not in _MADE:
+        from twin.export import complete
 
-    return make(twin)
+        _MADE[twin] = complete(twin)
+    return _MADE[twin]
 
 
 def build_world(
