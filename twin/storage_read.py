@@ -92,11 +92,11 @@ class Node:
     def array(self, key: str, shape: tuple[int | None, ...], whole: bool = False) -> Any:
         value = self.list(key)
         try:
-            a = np.array(value, dtype=np.float64).reshape(
-                (0,) * len(shape) if value == [] else np.shape(value)
-            )
+            a = np.array(value, dtype=np.float64)
         except (TypeError, ValueError):
             raise self.error(f"must hold numbers only, is {value!r:.60}", key) from None
+        if not value and shape[0] is None:
+            a = np.zeros((0, *(s or 0 for s in shape[1:])))
         if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
             raise self.error(f"must have shape {shape}, has {a.shape}", key)
         if whole and np.any(a != np.floor(a)):

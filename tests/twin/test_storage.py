@@ -12,7 +12,7 @@ import pytest
 from tests.twin.scenes import boards_mesh, cabinet_twin, door_boards
 from twin.errors import InputError
 from twin.ply import ply_bytes, read_ply
-from twin.scene import JointSigma, Mesh, Part, Twin
+from twin.scene import JointSigma, Mesh, Motion, Part, Twin
 from twin.storage import load, save
 
 
@@ -72,6 +72,26 @@ def test_a_saved_twin_is_the_same_twin(tmp_path: Path) -> None:
     door = back.part("door").joint
     assert np.array_equal(door.covariance, twin.part("door").joint.covariance)
     assert door.sigma.axis == pytest.approx(0.0012, rel=1e-11)
+
+
+def test_a_twin_without_anything_optional_is_kept_too(tmp_path: Path) -> None:
+    full = cabinet_twin()
+    part = replace(
+        full.parts[0], motion=Motion([], [], []), inertial=None, physics=None, contact=None, collision=()
+    )  # fmt: skip
+    static = replace(full.static, collision=())
+    save(Twin("bare", static, (part,)), tmp_path / "t")
+    back = load(tmp_path / "t")
+    got = back.parts[0]
+    assert (back.cameras, back.recorded, dict(back.provenance), dict(back.labels)) == (None, None, {}, {})
+    assert (got.inertial, got.physics, got.contact, got.collision, got.motion.intervals) == (
+        None,
+        None,
+        None,
+        (),
+        (),
+    )
+    assert len(got.motion.state) == 0
 
 
 def test_equal_twins_give_equal_bytes_and_a_second_save_replaces_the_first(tmp_path: Path) -> None:
