@@ -63,18 +63,14 @@ def find_closed_end(
     """Decide by what surrounds and what lies behind the part at both ends of its travel.
 
     In this order: its face is flush with static surface there and not at the other end; it covers a cavity that is seen
-    when it is away; it covers more space; else the first rest pose. part_mesh: at the part's state 0.
+    when it is away; it covers more space; else the first rest pose. What slides in its own plane may be flush all along,
+    so there the cavity is asked first. part_mesh: at the part's state 0.
     """
     ends = travel_ends(part.motion.state, config.quantile)
     surface = sample(part_mesh)
-    choices: tuple[Literal[1, -1], Literal[1, -1]] = (1, -1)
     if len(surface.points):
-        eyes = cameras.T_world_cam[:, :3, 3]
-        face = _front(surface, part, eyes)
+        face = _front(surface, part, cameras.T_world_cam[:, :3, 3])
         flush = _flush_shares(surface, face, part.joint, ends, static, config)
-        if abs(flush[0] - flush[1]) > config.margin:
-            k = int(flush[1] > flush[0])
-            return ClosedEnd(ends[k], choices[k], f"flush with its surroundings ({_shares(flush, k)})")
         depth = [
             _depth_behind(
                 part, face, ends[k], _far_frames(part, labels, ends, k, config), recording, cameras, labels
@@ -82,20 +78,23 @@ def find_closed_end(
             for k in (0, 1)
         ]
         cavity = [float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth]
-        if abs(cavity[0] - cavity[1]) > config.margin:
-            k = int(cavity[1] > cavity[0])
-            return ClosedEnd(ends[k], choices[k], f"covers a cavity ({_shares(cavity, k)})")
+        cues = [(flush, "flush with its surroundings"), (cavity, "covers a cavity")]
+        if isinstance(part.joint, Prismatic) and abs(face.normal @ part.joint.axis) < 0.5:
+            cues.reverse()
+        for shares, what in cues:
+            k = int(shares[1] > shares[0])
+            if shares[k] - shares[1 - k] > config.margin:
+                of = f"{100 * shares[k]:.0f} %, at the other end {100 * shares[1 - k]:.0f} %"
+                return _end(ends, k, f"{what} ({of})")
         space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
         if abs(space[0] - space[1]) > config.margin * max(space):
-            k = int(space[1] > space[0])
-            return ClosedEnd(ends[k], choices[k], "its rest pose shows less uncovered space")
+            return _end(ends, int(space[1] > space[0]), "its rest pose shows less uncovered space")
     first = float(np.median(part.motion.state[:5]))
-    k = int(abs(first - ends[1]) < abs(first - ends[0]))
-    return ClosedEnd(ends[k], choices[k], "first rest pose")
+    return _end(ends, int(abs(first - ends[1]) < abs(first - ends[0])), "first rest pose")
 
 
-def _shares(values: tuple[float, float] | list[float], k: int) -> str:
-    return f"{100 * values[k]:.0f} % of its face, at the other end {100 * values[1 - k]:.0f} %"
+def _end(ends: tuple[float, float], k: int, source: str) -> ClosedEnd:
+    return ClosedEnd(ends[k], -1 if k else 1, source)
 
 
 def smoothed(state: Array) -> Array:
@@ -158,13 +157,13 @@ def _flush_shares(
     ends: tuple[float, float],
     static: Mesh,
     config: ClosedEndConfig,
-) -> tuple[float, float]:
+) -> list[float]:
     """Share of the front's rim beside which the part comes within `config.gap` of static surface, at each end.
 
     Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing.
     """
     if not len(static.faces):
-        return 0.0, 0.0
+        return [0.0, 0.0]
     tree = cKDTree(sample(static, 200_000).points)
     poses = [joint.pose(end) for end in ends]
     moves = np.linalg.norm(geo.transform(poses[1], face.rim) - geo.transform(poses[0], face.rim), axis=1)
@@ -178,7 +177,7 @@ def _flush_shares(
         padded = np.append(distance, np.inf)
         nearest = np.minimum(nearest, padded[near.reshape(len(nearest), -1)].min(axis=1))
         shares.append(float(moves @ (nearest < config.gap) / max(float(moves.sum()), 1e-9)))
-    return shares[0], shares[1]
+    return shares
 
 
 def _far_frames(

@@ -146,7 +146,7 @@ def _outermost(flat: Array, normal: Array) -> Face:
     edges = np.arange(height.min() - _LAYER_M, height.max() + 2 * _LAYER_M, _LAYER_M)
     filled = np.convolve(np.histogram(height, edges)[0], np.ones(3), mode="same")
     k = int(np.flatnonzero(filled >= _FILLED * filled.max())[-1])
-    peak = max(range(max(k - 3, 0), k + 1), key=lambda i: filled[i])
+    peak = max(range(max(k - 1, 0), k + 1), key=lambda i: filled[i])
     offset = float(edges[peak] + 0.5 * _LAYER_M)
     for _ in range(3):
         near = np.abs(flat @ normal - offset) < 2 * _LAYER_M
@@ -203,7 +203,7 @@ def _describe(piece: Array, off: Array, face: Face, hand: Array, joint: Joint) -
     along, length, width = _long_side(shape, normal)
     away = hand - shape.mean(axis=0)
     away -= (away @ normal) * normal
-    if length < _HALF_FIST_M and np.linalg.norm(away) > 0.6 * _HALF_FIST_M:
+    if length < _HALF_FIST_M and np.linalg.norm(away) > _HALF_FIST_M:
         # The fist is not about this piece: it is what the hand left to see of a bar that leads to the hand.
         along = geo.unit(away)
         rotation = np.stack([np.cross(along, normal), along, normal], axis=1)

@@ -1,0 +1,162 @@
+"""The closed end: decided by the furniture around the part, whichever way the recording runs and the axis points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recon.closed_end import (
+    ClosedEnd,
+    ClosedEndConfig,
+    find_closed_end,
+    rebase,
+    rebase_mesh,
+    travel_ends,
+)
+from recon.parts import MovingPart
+from recon.recording import open_recording
+from recon.truth import load_truth
+from tests.recon.cabinets import TRAVEL, Clip, Kind, make_clip
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute, Trajectory
+
+NOTHING = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+
+
+def closed_of(clip: Clip) -> ClosedEnd:
+    return find_closed_end(clip.part, clip.mesh, clip.static, clip.recording, clip.cameras, clip.labels)
+
+
+@pytest.mark.parametrize("axis_sign", [1, -1])
+@pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])
+@pytest.mark.parametrize("kind", ["door", "drawer", "slide"])
+def test_closed_end_is_found(kind: Kind, backwards: bool, axis_sign: int) -> None:
+    clip = make_clip(kind, backwards=backwards, axis_sign=axis_sign)
+    found = closed_of(clip)
+    assert found.source.startswith("covers a cavity" if kind == "slide" else "flush")
+    part = rebase(clip.part, found)
+    tolerance = 0.01 * TRAVEL[kind]
+    np.testing.assert_allclose(part.motion.state, clip.opening, atol=tolerance)
+    assert part.joint.lower == 0.0
+    assert part.joint.upper == pytest.approx(TRAVEL[kind], abs=tolerance)
+    np.testing.assert_allclose(part.joint.axis, clip.true_joint.axis, atol=1e-12)
+    closed = rebase_mesh(clip.mesh, clip.part, found)
+    true = make_clip(kind).mesh  # its first frame is closed
+    np.testing.assert_allclose(closed.vertices, true.vertices, atol=0.01)
+
+
+def test_a_door_that_never_closes_is_counted_from_its_most_closed_state() -> None:
+    clip = make_clip("door", backwards=True)
+    keep = clip.opening > 0.2  # the recording ends before the door is closed
+    m = clip.part.motion
+    motion = Motion(m.frames[keep], m.times[keep], m.state[keep])
+    found = find_closed_end(
+        replace(clip.part, motion=motion), clip.mesh, clip.static, clip.recording, clip.cameras, clip.labels
+    )
+    assert found.opening_sign == 1
+    assert found.state == pytest.approx(float(m.state[keep].min()), abs=0.03)
+
+
+def test_less_uncovered_space_decides_when_nothing_is_flush_or_deep() -> None:
+    clip = make_clip("slide", backwards=True)
+    blind = ClosedEndConfig(deep=5.0)  # no cavity is that deep
+    found = find_closed_end(clip.part, clip.mesh, NOTHING, clip.recording, clip.cameras, clip.labels, blind)
+    assert "uncovered space" in found.source
+    assert rebase(clip.part, found).joint.axis @ clip.true_joint.axis > 0
+
+
+@pytest.mark.parametrize("axis_sign", [1, -1])
+def test_without_any_cue_the_first_rest_pose_is_closed(axis_sign: int) -> None:
+    clip = make_clip("door", axis_sign=axis_sign)
+    found = find_closed_end(clip.part, NOTHING, NOTHING, clip.recording, clip.cameras, clip.labels)
+    assert found.source == "first rest pose"
+    assert found.state == pytest.approx(0.0, abs=0.01)
+    assert found.opening_sign == axis_sign
+
+
+JOINTS: list[Joint] = [
+    Prismatic(geo.unit([0.3, -0.8, 0.2]), covariance=np.array([[4e-6, 1e-6], [1e-6, 9e-6]])),
+    Revolute(
+        geo.unit([0.1, 0.2, -0.9]),
+        covariance=np.diag([1e-6, 4e-6, 9e-6, 1.6e-5]) + 5e-7,
+        pivot=np.array([0.4, -0.2, 1.0]),
+    ),
+]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("joint", JOINTS, ids=["prismatic", "revolute"])
+def test_counting_anew_moves_no_point(joint: Joint, sign: int) -> None:
+    rng = np.random.default_rng(5)
+    state = sign * np.concatenate([np.zeros(10), np.linspace(0, 0.5, 20), np.full(10, 0.5)]) + 0.07
+    frames = np.arange(40)
+    part = MovingPart(2, joint, Motion(frames, frames / 15.0, state))
+    mesh = Mesh(rng.normal(size=(9, 3)), np.arange(9).reshape(3, 3))
+    closed = ClosedEnd(float(state[0]), 1 if sign > 0 else -1, "test")
+    new, new_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
+    for frame in (0, 17, 39):
+        before, after = part.pose(frame), new.pose(frame)
+        assert before is not None
+        assert after is not None
+        np.testing.assert_allclose(
+            geo.transform(after, new_mesh.vertices), geo.transform(before, mesh.vertices), atol=1e-12
+        )
+    assert new.motion.state[0] == pytest.approx(0.0, abs=1e-12)
+    assert new.joint.upper == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("joint", JOINTS, ids=["prismatic", "revolute"])
+def test_turning_the_axis_keeps_its_uncertainty_in_the_world(joint: Joint) -> None:
+    frames = np.arange(20)
+    part = MovingPart(2, joint, Motion(frames, frames / 15.0, -np.linspace(0, 0.5, 20)))
+    new = rebase(part, ClosedEnd(0.0, -1, "test")).joint
+    np.testing.assert_allclose(new.axis, -joint.axis)
+
+    def in_world(j: Joint) -> np.ndarray:
+        assert j.covariance is not None
+        spread = np.kron(np.eye(len(j.covariance) // 2), geo.orthogonal_basis(j.axis)[:, :2])
+        return spread @ j.covariance @ spread.T
+
+    np.testing.assert_allclose(in_world(new), in_world(joint), atol=1e-18)
+
+
+def test_ends_of_travel_do_not_grow_with_noise_or_frames() -> None:
+    rng = np.random.default_rng(0)
+    for frames in (60, 600):
+        true = np.concatenate([np.zeros(frames // 3), np.linspace(0, 1, frames // 3), np.ones(frames // 3)])
+        noisy = true + rng.normal(0, 0.01, len(true))
+        noisy[rng.choice(len(true), 2, replace=False)] = [-3.0, 4.0]  # single frames gone wrong
+        low, high = travel_ends(noisy, 0.02)
+        assert low == pytest.approx(0.0, abs=0.015)
+        assert high == pytest.approx(1.0, abs=0.015)
+
+
+def test_settings_are_checked() -> None:
+    for wrong in ({"gap": 0.0}, {"margin": -1.0}, {"frames": 0}, {"quantile": 0.5}):
+        with pytest.raises(ConfigError, match="closed-end"):
+            ClosedEndConfig(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])
+@pytest.mark.parametrize("name", ["kitchen_hinge", "kitchen_microwave", "kitchen_slide"])
+def test_closed_end_of_recordings_with_true_labels(funtwin_data: Path, name: str, backwards: bool) -> None:
+    folder = funtwin_data / "recordings" / name
+    recording, truth = open_recording(folder), load_truth(folder)
+    true, n = truth.parts[0], len(recording)
+    order = np.arange(n)[::-1] if backwards else np.arange(n)
+    read = recording.read_frame
+    clip = replace(recording, read_frame=lambda i: read(int(order[i])))
+    frames = np.arange(n)
+    start = float(true.states[order[0]])
+    part = MovingPart(2, true.joint, Motion(frames, clip.times, true.states[order] - start))
+    cameras = Trajectory(frames, clip.times, truth.cameras.T_world_cam[order])
+    labels = {int(f): truth.labels[int(order[f])] for f in frames[::8]}
+    mesh = true.mesh.transformed(true.joint.pose(start))
+    found = find_closed_end(part, mesh, truth.static, clip, cameras, labels)
+    assert found.opening_sign == 1
+    assert found.state + start == pytest.approx(true.closed, abs=0.01)
+    assert rebase(part, found).joint.upper == pytest.approx(true.travel, abs=0.01)
