@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import subprocess
+import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -69,6 +71,48 @@ def test_no_file_of_this_machine_is_named() -> None:
         and (match := pattern.search(path.read_text(encoding="utf-8", errors="replace")))
     ]
     assert found == []
+
+
+@pytest.mark.parametrize("page", ["README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))])
+def test_links_lead_somewhere(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    targets = [
+        t.split("#")[0]
+        for t in re.findall(r"\]\(([^)]+)\)", text)
+        if "://" not in t and not t.startswith("#")
+    ]
+    assert [t for t in targets if not ((ROOT / page).parent / t).exists()] == []
+
+
+def readme_example() -> str:
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    return str(code)
+
+
+def test_readme_names_what_exists() -> None:
+    """Every `package.name` of the example is there; the slow test below runs it."""
+    for package, name in re.findall(r"\b(recon|robots|twin)\.([a-z_]+)", readme_example()):
+        assert hasattr(import_module(package), name), f"{package}.{name}"
+
+
+def test_readme_shows_every_verb() -> None:
+    from twin.cli import VERBS
+
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert [
+        v for v in VERBS if v != "demo" and f"\ntwin {v} " not in text and f"\ntwin {v}\n" not in text
+    ] == []
+    assert "make demo" in text
+
+
+@pytest.mark.slow
+def test_readme_example_runs(tmp_path: Path) -> None:
+    (tmp_path / "assets").symlink_to(ROOT / "assets")
+    done = subprocess.run(
+        [sys.executable, "-c", readme_example()], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "opened" in done.stdout
 
 
 def test_python_versions_agree() -> None:

@@ -33,12 +33,12 @@ def demo(
         done.append(steps.check(progress, out, ("urdf", "mjcf", "usd")))
         done.append(steps.replay(progress, out, robot, ()))
     rows = [[s.verb, s.summary, f"{s.seconds:.1f} s", "ok" if s.outcome.ok else "FAILED"] for s in done]
-    failed = [t for s in done if not s.outcome.ok for t in s.outcome.tables]
+    shown = [t for s in done if not s.outcome.ok or s.verb == "evaluate" for t in s.outcome.tables]
     return Outcome(
         data={"run": str(out), "steps": {s.verb: {"ok": s.outcome.ok, **s.outcome.data} for s in done}},
-        tables=[*failed, Table(f"{recording.name} → {out}", ["step", "result", "time", ""], rows)],
+        tables=[*shown, Table(f"{recording.name} → {out}", ["step", "result", "time", ""], rows)],
         notes=[steps.page_note(out)],
-        warnings=[w for s in done for w in s.outcome.warnings],
+        warnings=[w for s in done if s.verb != "export" for w in s.outcome.warnings],  # the page has them all
         ok=all(s.outcome.ok for s in done),
     )
 
