@@ -23,6 +23,8 @@ class JointConfig:
         have; the user can name the type.
     search_sigma: m, least noise while searching; 3 of it are about the paper's eps_f = 0.01 m. The refinement measures
         the noise itself.
+    far_share: hypotheses come from tracks that travel this share of the farthest (95th percentile): on real recordings
+        half of what moves a little is background that slips at an edge, and at any moment most of it rests (by us).
     pair_gaps, pairs, samples: frame distances, number of frame pairs and triples a pair of the motion search (by us).
     candidates: hypotheses of each type that are refined (by us).
     search_tracks, search_frames: most tracks and frames on which hypotheses are compared (by us, for speed).
@@ -41,6 +43,7 @@ class JointConfig:
     min_range: float = float(np.radians(3.0))
     max_radius: float = 3.0
     search_sigma: float = 0.003
+    far_share: float = 0.3
     pair_gaps: tuple[int, ...] = (8, 12, 16, 24, 32, 48, 64)
     pairs: int = 48
     samples: int = 96
@@ -75,8 +78,9 @@ class JointConfig:
             raise ConfigError(
                 f"joints: min_tracks must be at least 3, got {self.min_tracks}", "a rigid motion needs 3"
             )
-        if not 0 <= self.min_share < 1:
-            raise ConfigError(f"joints: min_share must be in 0..1, got {self.min_share}")
+        for name in ("min_share", "far_share"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ConfigError(f"joints: {name} must be in 0..1, got {getattr(self, name)!r}")
         if not 0 <= self.limit_quantile < 0.5:
             raise ConfigError(f"joints: limit_quantile must be in 0..0.5, got {self.limit_quantile}")
         if not self.pair_gaps or min(self.pair_gaps) < 1:

@@ -26,7 +26,9 @@ CAUCHY = (
     3.0 * 2.385**2
 )  # 2.385: 95 % efficiency in one dimension (Holland and Welsch 1977); length^2 adds three
 SIGMA_MIN = 1e-5  # m; keeps weights finite on exact data
-_NEGLIGIBLE = 1e-4  # change of chi-square that ends a refinement: a hundredth of a standard deviation
+_NEGLIGIBLE = (
+    1e-8  # change of chi-square that ends a refinement; far below noise, for the sake of exact input
+)
 
 
 @dataclass(frozen=True, eq=False)

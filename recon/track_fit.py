@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recon.joint_config import JointConfig
 from recon.joint_type import TypeEvidence, delta_bic, truncated_chi2
 from recon.track_bundle import Bundle, Kind, Model, Observations, refine, residuals
-from recon.track_start import Hypothesis, follows, pair_hypotheses, states_of, track_support
+from recon.track_start import Hypothesis, follows, pair_hypotheses, states_of, track_support, travel_and_noise
 from twin.errors import ReconstructionError
 from twin.geometry import Array
 
@@ -55,7 +55,9 @@ def fit_kinds(obs: Observations, noise: float, config: JointConfig) -> dict[Kind
 def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Kind, Model]:
     """The joint of each kind that most tracks follow over the whole motion, refined on a part of the tracks."""
     rng = np.random.default_rng(config.seed)
-    tracks, frames = np.arange(len(obs.points)), np.arange(obs.weight.shape[1])
+    travel, _ = travel_and_noise(obs)
+    tracks = np.flatnonzero(travel >= config.far_share * np.quantile(travel, 0.95))
+    frames = np.arange(obs.weight.shape[1])
     if len(tracks) > config.search_tracks:
         tracks = np.sort(rng.choice(tracks, config.search_tracks, replace=False))
     if len(frames) > config.search_frames:

@@ -7,14 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from recon.joint_config import JointConfig
-from recon.track_bundle import CHI3_MEDIAN, SIGMA_MIN, Kind, Model, Observations, pull_back, residuals
+from recon.track_bundle import (
+    CHI3_MEDIAN,
+    SIGMA_MIN,
+    Kind,
+    Model,
+    Observations,
+    median_landmarks,
+    pull_back,
+    residuals,
+    squared_residuals,
+)
 from twin import geometry as geo
 from twin.geometry import Array
 
 _WINDOW = 5  # observations in the running median that measures travel (by us)
-_PAIR_ROUNDS = 2  # rigid motions sought in one frame pair: the part, and what else moves with it (the hand)
+_PAIR_ROUNDS = (
+    3  # rigid motions sought in one frame pair: the part, the hand that moves with it, what is at rest
+)
 _LEVER = 0.3  # m; tracks farther from an axis have no more say in its states (by us)
 _NOISE_MIN = 1e-4  # m; thresholds never get finer than this
 
@@ -166,7 +179,9 @@ def frame_pairs(obs: Observations, config: JointConfig, least: float) -> NDArray
             both = seen[:, i] & seen[:, i + gap]
             if both.sum() < 3:
                 continue
-            moved = float(np.median(np.linalg.norm(obs.points[both, i + gap] - obs.points[both, i], axis=1)))
+            # a quarter that moves will do: background that moves at another time is at rest now
+            way = np.linalg.norm(obs.points[both, i + gap] - obs.points[both, i], axis=1)
+            moved = float(np.quantile(way, 0.75))
             if moved > least:
                 rows.append((i, i + gap))
                 worth.append(moved * float(both.sum()))
@@ -187,7 +202,8 @@ def pair_hypotheses(
     tau2 = (3.0 * np.sqrt(2.0) * sigma) ** 2 * 1.5
     seen = obs.weight > 0
     found: list[Hypothesis] = []
-    for i, j in frame_pairs(obs, config, max(config.min_travel, config.mover_sigmas * sigma)):
+    least = max(config.min_travel, config.mover_sigmas * sigma)
+    for i, j in frame_pairs(obs, config, least):
         both = np.flatnonzero(seen[:, i] & seen[:, j])
         for _ in range(_PAIR_ROUNDS):
             if len(both) < max(config.min_tracks, 4):
@@ -196,7 +212,10 @@ def pair_hypotheses(
             inlier = best_rigid_inliers(a, b, config.samples, tau2, rng)
             if inlier.sum() < config.min_tracks:
                 break
-            found += joints_of_motion(geo.fit_rigid(a[inlier], b[inlier]), a[inlier], b[inlier])
+            if (
+                np.median(np.linalg.norm(b[inlier] - a[inlier], axis=1)) > least
+            ):  # else it is at rest between the two
+                found += joints_of_motion(geo.fit_rigid(a[inlier], b[inlier]), a[inlier], b[inlier])
             both = both[~inlier]
     return found
 
@@ -310,26 +329,31 @@ def states_of(obs: Observations, joint: Hypothesis, sigma: float, rounds: int = 
 
 
 def track_support(obs: Observations, model: Model, sigma: float, config: JointConfig) -> Array:
-    """How far each track (K,) follows a model over everything it was seen, 0..1.
+    """How much better each track (K,) follows a model, over everything it was seen, than standing still: 0..1.
 
-    Mean over its observations of 1 - r^2 / tau^2 (not below 0), squared so that following half the motion counts
-    little; 0 for tracks which the model itself hardly moves, since standing still is no evidence for a joint.
+    Following is the mean over its observations of 1 - r^2 / tau^2 (not below 0). Standing still is judged alike, and taken
+    off: else a model that hardly moves wins by all the tracks that rest most of the time.
     """
     square, _, marks = residuals(obs, model, sigma, rounds=2)
     seen = obs.weight > 0
     count = np.maximum(seen.sum(axis=1), 1)
     tau2 = (config.prune_sigmas * CHI3_MEDIAN * sigma) ** 2
-    follow = (np.clip(1.0 - square / tau2, 0.0, 1.0) * seen).sum(axis=1) / count
-    return np.asarray(
-        np.where(predicted_travel(obs, model, marks) > config.mover_sigmas * sigma, follow**2, 0.0)
+    still = squared_residuals(obs.points, obs.weight, median_landmarks(obs.points, obs.weight))
+    moving, resting = (
+        (np.clip(1.0 - q / tau2, 0.0, 1.0) * seen).sum(axis=1) / count for q in (square, still)
     )
+    gain = np.maximum(moving**2 - resting**2, 0.0)
+    return np.asarray(np.where(predicted_travel(obs, model, marks) > config.mover_sigmas * sigma, gain, 0.0))
 
 
 def predicted_travel(obs: Observations, model: Model, landmarks: Array) -> Array:
     """Path extent (K,) m that the model gives each track over the frames in which it is seen."""
     seen = obs.weight > 0
-    high = np.where(seen, model.state, -np.inf).max(axis=1)
-    low = np.where(seen, model.state, np.inf).min(axis=1)
+    state = median_filter(
+        model.state, size=min(5, len(model.state)), mode="nearest"
+    )  # single frames may jump
+    high = np.where(seen, state, -np.inf).max(axis=1)
+    low = np.where(seen, state, np.inf).min(axis=1)
     span = np.where(seen.any(axis=1), high - low, 0.0)
     if model.kind == "prismatic":
         return np.asarray(span)

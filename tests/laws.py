@@ -8,7 +8,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Prismatic, Revolute
 
-EXACT = 1e-7  # m or rad: what exact input may miss after an iterative fit
+EXACT = 3e-6  # m or rad: what exact input may miss after an iterative fit (3 micrometres)
 EXACT_DEG = float(np.degrees(EXACT))
 
 

@@ -149,7 +149,7 @@ def test_moving_the_scene_moves_the_joint(part: str, noise: float) -> None:
     here, there = fit(scene), fit(moved_scene(scene, T_new_old))
     expected = here.joint.transformed(T_new_old)
     # with noise the random triples see other neighbours in a tie; both answers lie far inside the uncertainty
-    slack = 1.0 if noise == 0 else 2e5
+    slack = 1.0 if noise == 0 else 1e3
     assert axis_error_deg(there.joint, expected) < slack * EXACT_DEG
     np.testing.assert_allclose(there.state, here.state, atol=slack * EXACT)
     assert there.joint.axis @ expected.axis > 0
@@ -190,7 +190,10 @@ def test_near_zero_motion_says_so() -> None:
 def test_tracks_that_share_no_joint_are_refused() -> None:
     rng = np.random.default_rng(1)
     ways = geo.unit(rng.normal(size=(200, 3)))
-    points = rng.uniform(-1, 1, (200, 3)) + 0.3 * minimum_jerk(40)[:, None, None] * ways
+    share = np.stack(
+        [minimum_jerk(40, f, f + 6) for f in rng.integers(2, 30, 200)], axis=1
+    )  # each at its own time
+    points = rng.uniform(-1, 1, (200, 3)) + 0.3 * share[:, :, None] * ways
     with pytest.raises(ReconstructionError, match="no slide or hinge"):
         fit_motion(points, np.ones((40, 200), dtype=bool))
 
