@@ -6,6 +6,7 @@ import hashlib
 import json
 import tomllib
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -45,6 +46,12 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tiny recording of a door without depth noise."""
     out = tmp_path_factory.mktemp("simulated") / "door"
     return simulate(SCENES / "base_cabinet.xml", "door_left_hinged", out, SMALL)
+
+
+@cache
+def stage_of(scene: str, joint: str) -> Stage:
+    """A stage at full length; only looked at, so tests may share it."""
+    return Stage(SCENES / scene, joint, replace(SMALL, frames=None))
 
 
 def read_truth(folder: Path) -> dict[str, object]:
@@ -167,7 +174,7 @@ def _geom_pose(model: mujoco.MjModel, data: mujoco.MjData, geom: int, joint: int
 
 @pytest.mark.parametrize(("scene", "joint", "kind"), CASES)
 def test_the_grip_is_on_the_bar(scene: str, joint: str, kind: str) -> None:
-    stage = Stage(SCENES / scene, joint, SMALL)
+    stage = stage_of(scene, joint)
     bar = next(
         s
         for s in stage.scene.part
@@ -185,7 +192,7 @@ def test_the_grip_is_on_the_bar(scene: str, joint: str, kind: str) -> None:
 
 @pytest.mark.parametrize(("scene", "joint", "kind"), CASES)
 def test_the_camera_moves_like_a_head_and_sees_the_part(scene: str, joint: str, kind: str) -> None:
-    stage = Stage(SCENES / scene, joint, replace(SMALL, frames=None))
+    stage = stage_of(scene, joint)
     steps = np.linalg.norm(np.diff(stage.cameras[:, :3, 3], axis=0), axis=1)
     turns = rotation_angle(invert_pose(stage.cameras[:-1])[:, :3, :3] @ stage.cameras[1:, :3, :3])
     assert 0.001 < steps.mean() < 0.02
