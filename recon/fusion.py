@@ -29,7 +29,8 @@ class FusionConfig:
     """How meshes are made; all values chosen by us.
 
     part_voxel, static_voxel: m. part_faces, static_faces: face budgets for simulation. max_depth: m, readings beyond
-    it are left out. min_share: connected pieces smaller than this share of the largest one are noise. static_min_share:
+    it are left out. min_share: connected pieces smaller than this share of the largest one are noise. max_gap: m, pieces of
+    a part farther than this from the rest of it are not its own. static_min_share:
     the same for the static scene, whose true pieces differ more. smoothing: Taubin rounds. min_views: evidence that a
     surface needs, in frames seen straight on.
     """
@@ -40,6 +41,7 @@ class FusionConfig:
     static_faces: int = 60_000
     max_depth: float = 5.0
     min_share: float = 0.05
+    max_gap: float = 0.2
     static_min_share: float = 0.002
     smoothing: int = 3
     min_views: float = 0.25
@@ -149,7 +151,8 @@ def _fuse_body(
         integrate(field, o, truncation, 0.5)
     vertices, faces = surface(field, config.min_views * 1e-5 / sigma**2)
     share = config.static_min_share if part is None else config.min_share
-    vertices, faces = keep_large_pieces(vertices, faces, share)
+    gap = np.inf if part is None else config.max_gap
+    vertices, faces = keep_large_pieces(vertices, faces, share, gap)
     if not len(faces):
         return None
     vertices = smooth(vertices, faces, config.smoothing)

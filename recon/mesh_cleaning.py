@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from twin.geometry import Array
 
@@ -18,16 +19,33 @@ def face_areas(vertices: Array, faces: Faces) -> Array:
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
-def keep_large_pieces(vertices: Array, faces: Faces, min_share: float) -> tuple[Array, Faces]:
-    """The connected pieces whose area is at least `min_share` of the largest piece's; unused vertices go."""
+def keep_large_pieces(
+    vertices: Array, faces: Faces, min_share: float, max_gap: float = np.inf
+) -> tuple[Array, Faces]:
+    """The connected pieces that belong to one body; unused vertices go.
+
+    A piece stays when its area is at least `min_share` of the largest piece's and it lies within `max_gap` metres of the
+    largest piece, or of another one that stays.
+    """
     if not len(faces):
         return vertices[:0], faces
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
     n = len(vertices)
     graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), shape=(n, n))
     _, piece = connected_components(graph, directed=False)
-    area = np.bincount(piece[faces[:, 0]], weights=face_areas(vertices, faces))
-    return compact(vertices, faces[area[piece[faces[:, 0]]] >= min_share * area.max()])
+    area = np.bincount(piece[faces[:, 0]], weights=face_areas(vertices, faces), minlength=piece.max() + 1)
+    waiting = [int(k) for k in np.argsort(-area) if area[k] >= min_share * area.max()]
+    kept = [waiting.pop(0)]
+    fringe = list(kept)
+    while fringe and waiting:
+        tree = cKDTree(vertices[piece == fringe.pop(0)])
+        near = [
+            k for k in waiting if np.isinf(max_gap) or tree.query(vertices[piece == k])[0].min() <= max_gap
+        ]
+        kept += near
+        fringe += near
+        waiting = [k for k in waiting if k not in near]
+    return compact(vertices, faces[np.isin(piece[faces[:, 0]], kept)])
 
 
 def compact(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
