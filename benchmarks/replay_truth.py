@@ -1,4 +1,4 @@
-"""Franka on the true geometry of the recordings in $FUNTWIN_DATA: what planning and replay reach without reconstruction.
+"""Franka on the true geometry of the shipped recording and those in $FUNTWIN_DATA: planning and replay by themselves.
 
     FUNTWIN_DATA=... python benchmarks/replay_truth.py [--video FOLDER] [--errors]
 
@@ -87,14 +87,16 @@ def main() -> None:
     parser.add_argument("--errors", action="store_true")
     parser.add_argument("--only", default="")
     args = parser.parse_args()
-    root = Path(os.environ["FUNTWIN_DATA"]) / "recordings"
+    folders = sorted((Path(__file__).parent.parent / "assets" / "recordings").glob("*/truth/part_2.ply"))
+    if "FUNTWIN_DATA" in os.environ:
+        folders += [
+            Path(os.environ["FUNTWIN_DATA"]) / "recordings" / n / "truth" / "part_2.ply" for n in NAMES
+        ]
     print(
         f"{'recording':18s} {'contact':14s} {'plan s':>6s} {'wall s':>6s} {'x real':>6s} peak final slip track torque margin ok"
     )
-    for name in NAMES:
-        if args.only not in name:
-            continue
-        twin = truth_twin(root / name)
+    for folder in [f.parent.parent for f in folders if args.only in f.parent.parent.name]:
+        name, twin = folder.name, truth_twin(folder)
         for label, contact in contacts(twin, args.errors):
             started = time.perf_counter()
             try:
