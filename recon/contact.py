@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from recon.handles import Handle, Surface, find_edge, find_handle, sample
+from recon.faces import Surface, sample
+from recon.handles import Handle, around_edge, find_edge, find_handle, unseen_handle
 from recon.parts import MovingPart
 from recon.recording import Recording
 from recon.voxels import voxel_keys
@@ -106,6 +107,9 @@ def find_contact(
     handle = find_handle(surface, touch.points, part.joint)
     if handle is None:
         handle = find_edge(surface, touch.points, part.joint)
+        if not around_edge(handle, touch.points):
+            eye = np.mean([T_part_cam[int(f)][:3, 3] for f in np.unique(touch.frame)], axis=0)
+            handle = unseen_handle(handle, touch.points, eye, part.joint)
     elif handle.kind == "bar" and seen_by == "fingertips":
         handle = handle.shifted(float(np.median(handle.along(touch.points))))
     elif handle.kind == "bar":

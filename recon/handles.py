@@ -8,23 +8,20 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
+from recon.faces import Face, Surface, faces_before, outermost_face
 from recon.voxels import largest_piece, voxel_keys
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import Joint, Mesh, Revolute
+from twin.scene import Joint, Revolute
 
-SAMPLES = 40_000  # points on the mesh: some hundred on a bar that has one percent of a front's surface
-_CONE = np.cos(np.radians(20.0))  # normals of one flat face, noise included
-_LEAST_FACE = 0.04  # of the surface: smaller flat regions are no face
-_FILLED = (
     0.3  # share of the fullest layer that makes the outermost layer a face: doubled fronts and inner walls
 )
-_LAYER_M = 0.005  # thickness of a layer, the voxel of a fused part
 _STANDS_OFF_M = 0.012  # what stands off less is noise or moulding; about half of a slim bar's clearance
-_TALLEST_M = 0.15  # no handle stands off more
+_TALLEST_M = 0.13  # no handle stands off more; less than a hand reaches around it
 _AROUND_M = 0.12  # a fist is some 10 cm wide
 _HALF_FIST_M = 0.05
-_BESIDE_M = 0.04  # how far beside a face a hand may be that holds something on it
+_INTO_FIST_M = 0.02  # a finger's thickness
+_GUESSED_WIDTH_M = 0.02
 _CELL_M = 0.012  # surface points closer than this are one piece
 _ELONGATED = 1.6  # length over width from which a handle is a bar
 
@@ -35,7 +32,7 @@ class Handle:
     the handle, out of the part. width: m along the closing direction. depth: m from the centre out to the surface.
     low, high: m, ends along the handle relative to the centre. shape: (n, 3), its surface."""
 
-    kind: Literal["bar", "knob", "edge"]
+    kind: Literal["bar", "knob", "edge", "unseen handle"]
     centre: Array
     rotation: Array
     width: float
@@ -60,105 +57,14 @@ class Handle:
         return np.asarray((points - self.centre) @ self.rotation[:, 1])
 
     def shifted(self, along: float) -> Handle:
-        """A bar's or edge's section `along` m farther, no farther than its end; a knob has but one section."""
-        if self.kind == "knob":
+        """The section of a bar or an edge `along` m farther, no farther than its end; others have but one."""
+        if self.kind in ("knob", "unseen handle"):
             return self
         step = float(np.clip(along, self.low, self.high))
         if self.kind == "bar":
             return _section(self.shape, self.rotation, float(self.centre @ self.rotation[:, 1]) + step, "bar")
         centre = self.centre + step * self.rotation[:, 1]
         return replace(self, centre=centre, low=self.low - step, high=self.high - step)
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """Evenly sampled surface: points (n, 3) and unit normals (n, 3) whose sign means nothing."""
-
-    points: Array
-    normals: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Face:
-    """A flat face: normal (3,) towards the hand, normal @ x == offset on it, its points (n, 3), spread in m."""
-
-    normal: Array
-    offset: float
-    points: Array
-    noise: float
-
-
-def sample(mesh: Mesh, count: int = SAMPLES) -> Surface:
-    """Sample a mesh evenly by area; the same for the same mesh."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    area = np.linalg.norm(cross, axis=1)
-    if not len(area) or area.sum() <= 0:
-        return Surface(np.zeros((0, 3)), np.zeros((0, 3)))
-    rng = np.random.default_rng(0)
-    face = rng.choice(len(area), count, p=area / area.sum())
-    r, s = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    points = (1 - r) * a[face] + r * (1 - s) * b[face] + r * s * c[face]
-    return Surface(points, cross[face] / area[face, None])
-
-
-def outer_faces(surface: Surface) -> list[Face]:
-    """The outermost flat face to either side of every direction in which much of the surface lies, largest first."""
-    found = []
-    for direction in _directions(surface.normals):
-        flat = surface.points[np.abs(surface.normals @ direction) > _CONE]
-        found += [_outermost(flat, direction), _outermost(flat, -direction)]
-    return sorted(found, key=lambda f: -len(f.points))
-
-
-def faces_before(surface: Surface, hand: Array) -> list[Face]:
-    """Flat faces that have the hand's centre (3,) in front of them, the largest first."""
-    found = []
-    for face in outer_faces(surface):
-        height = float(hand @ face.normal - face.offset)
-        if height > -_STANDS_OFF_M:
-            beside, _ = cKDTree(face.points).query(hand - height * face.normal)
-            if beside < _BESIDE_M:
-                found.append(face)
-    return found
-
-
-def _directions(normals: Array) -> list[Array]:
-    """Directions (3,) that large shares of the normals have in common, up to their sign."""
-    left = normals
-    rng = np.random.default_rng(0)
-    found: list[Array] = []
-    while len(left) >= _LEAST_FACE * len(normals) and len(found) < 6:
-        tries = left[rng.choice(len(left), min(100, len(left)), replace=False)]
-        seed = tries[int(np.argmax((np.abs(tries @ left.T) > _CONE).sum(axis=1)))]
-        close = np.abs(left @ seed) > _CONE
-        if close.sum() < _LEAST_FACE * len(normals):
-            break
-        signed = left[close] * np.sign(left[close] @ seed)[:, None]
-        found.append(geo.unit(signed.mean(axis=0)))
-        left = left[~close]
-    return found
-
-
-def _outermost(flat: Array, normal: Array) -> Face:
-    """The outermost well-filled layer of points (n, 3) along a normal, its plane fitted."""
-    height = flat @ normal
-    edges = np.arange(height.min() - _LAYER_M, height.max() + 2 * _LAYER_M, _LAYER_M)
-    filled = np.convolve(np.histogram(height, edges)[0], np.ones(3), mode="same")
-    k = int(np.flatnonzero(filled >= _FILLED * filled.max())[-1])
-    peak = max(range(max(k - 1, 0), k + 1), key=lambda i: filled[i])
-    offset = float(edges[peak] + 0.5 * _LAYER_M)
-    for _ in range(3):
-        near = np.abs(flat @ normal - offset) < 2 * _LAYER_M
-        centre = flat[near].mean(axis=0)
-        _, vectors = np.linalg.eigh(np.cov((flat[near] - centre).T))
-        fitted = vectors[:, 0] * np.sign(vectors[:, 0] @ normal)
-        if fitted @ normal > _CONE:
-            normal = fitted
-        offset = float(np.median(flat[near] @ normal))
-    height = flat @ normal - offset
-    near = np.abs(height) < 2 * _LAYER_M
-    return Face(normal, offset, flat[near], float(1.4826 * np.median(np.abs(height[near]))))
 
 
 def find_handle(surface: Surface, touch: Array, joint: Joint) -> Handle | None:
@@ -170,10 +76,11 @@ def find_handle(surface: Surface, touch: Array, joint: Joint) -> Handle | None:
     hand = np.median(touch, axis=0)
     for face in faces_before(surface, hand):
         height = surface.points @ face.normal - face.offset
-        off = (height > max(_STANDS_OFF_M, 3.0 * face.noise)) & (height < _TALLEST_M)
+        off = height > max(_STANDS_OFF_M, 3.0 * face.noise)
         around = off & (np.linalg.norm(surface.points - hand, axis=1) < _AROUND_M)
         piece = _held_piece(surface.points[around], touch)
-        if piece is not None:
+        # What rises farther is the part itself, seen from a narrow face such as a door's edge.
+        if piece is not None and (piece @ face.normal - face.offset).max() < _TALLEST_M:
             return _describe(piece, surface.points[off], face, hand, joint)
     return None
 
@@ -270,7 +177,7 @@ def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
     hand = np.median(touch, axis=0)
     faces = faces_before(surface, hand)
     if not faces:
-        faces = [_outermost(surface.points, geo.orthogonal_basis(joint.axis)[:, 0])]
+        faces = [outermost_face(surface.points, geo.orthogonal_basis(joint.axis)[:, 0])]
     face = faces[0]
     flat = face.points
     nearest = flat[int(np.argmin(np.linalg.norm(flat - hand, axis=1)))]
@@ -290,3 +197,24 @@ def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
     at = float(hand @ along)
     centre = rotation @ np.array([0.5 * (low + high), at, reach - 0.012])
     return Handle("edge", centre, rotation, float(high - low), 0.012, -0.05, 0.05, strip)
+
+
+def around_edge(edge: Handle, touch: Array) -> bool:
+    """Whether the hand's surface (n, 3) reaches over the edge or lies on the panel, and not clear in front of it."""
+    local = (touch - edge.centre) @ edge.rotation
+    over = np.mean(local[:, 2] > edge.depth)
+    return bool(over > 0.25 or np.median(local[:, 0]) < 0.5 * edge.width + _STANDS_OFF_M)
+
+
+def unseen_handle(edge: Handle, touch: Array, eye: Array, joint: Joint) -> Handle:
+    """A handle that is missing from the mesh, in the fist: a little behind the surface that the eye (3,) sees of it.
+
+    Its thickness is a guess; it stands upright, or as the hinge does.
+    """
+    normal = edge.rotation[:, 0]
+    hand = np.median(touch, axis=0)
+    along = upright(normal, joint)
+    rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+    centre = hand + _INTO_FIST_M * geo.unit(hand - eye)
+    half = _HALF_FIST_M
+    return Handle("unseen handle", centre, rotation, _GUESSED_WIDTH_M, 0.0, -half, half, touch)

@@ -11,7 +11,8 @@ import pytest
 
 from recon import hands
 from recon.contact import ContactConfig, find_contact
-from recon.handles import find_edge, find_handle, sample
+from recon.faces import sample
+from recon.handles import find_edge, find_handle
 from recon.parts import MovingPart
 from recon.recording import open_recording
 from recon.truth import load_truth
@@ -107,6 +108,16 @@ def test_a_bar_whose_middle_was_never_seen_is_still_held_there() -> None:
     found = contact_of(replace(clip, mesh=Mesh(v, f[~middle])))
     assert "bar" in found.source
     assert error(clip, found) < BAR_M
+
+
+@pytest.mark.parametrize("kind", ["door", "slide"])
+def test_a_handle_that_the_mesh_lacks_is_in_the_fist(kind: Kind) -> None:
+    clip = make_clip(kind)
+    panel = clip.mesh.faces[:12]  # the first box
+    found = contact_of(replace(clip, mesh=Mesh(clip.mesh.vertices, panel)))
+    assert "unseen handle" in found.source
+    assert error(clip, found) < 0.04
+    assert geo.angle_between(found.rotation[:, 2], [0, -1.0, 0]) < np.radians(5)
 
 
 def fine(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
