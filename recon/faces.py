@@ -14,7 +14,7 @@ from twin.scene import Mesh
 SAMPLES = 40_000  # points on the mesh: some hundred on a bar that has one percent of a front's surface
 _CONE = np.cos(np.radians(20.0))  # normals of one flat face, noise included
 _LEAST_FACE = 0.04  # of the surface: smaller flat regions are no face
-_FILLED = (
+_FILLED = 0.3  # share of the fullest layer that makes the outermost one a face: doubled fronts, inner walls
 _LAYER_M = 0.005  # thickness of a layer, the voxel of a fused part
 _BESIDE_M = 0.04  # how far beside a face a hand may be that holds something on it
 _BEHIND_M = 0.012  # how far behind a face a hand around its edge may be

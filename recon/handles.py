@@ -14,8 +14,6 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
-    0.3  # share of the fullest layer that makes the outermost layer a face: doubled fronts and inner walls
-)
 _STANDS_OFF_M = 0.012  # what stands off less is noise or moulding; about half of a slim bar's clearance
 _TALLEST_M = 0.13  # no handle stands off more; less than a hand reaches around it
 _AROUND_M = 0.12  # a fist is some 10 cm wide
