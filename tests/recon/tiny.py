@@ -87,10 +87,11 @@ def write_recording(
     frames: int = FRAMES,
     scale: int = 1,
     still: bool = False,
+    pattern: float = 15.0,
 ) -> Path:
     """Write a recording in the native layout with truth/ in it; the parts move one after the other.
 
-    scale: 2 is 192x144. still: nothing moves but the camera.
+    scale: 2 is 192x144. still: nothing moves but the camera. pattern: cells of the grey pattern per metre.
     """
     for name in ("color", "depth", "truth/labels"):
         (folder / name).mkdir(parents=True)
@@ -99,8 +100,8 @@ def write_recording(
     segments = {p: (k * slot + slot // 4, k * slot + (3 * slot) // 4) for k, p in enumerate(parts)}
     states = {p: (0.0 if still else TRAVEL[p]) * smooth(frames, *segments[p]) for p in parts}
     for i in range(frames):
-        meshes = _meshes({p: states[p][i] for p in parts}, () if still else _holding(i, segments))
-        _write_frame(folder, i, T_world_cam[i], meshes, scale)
+        bodies = _bodies({p: states[p][i] for p in parts}, () if still else _holding(i, segments))
+        _write_frame(folder, i, T_world_cam[i], bodies, scale, pattern)
     times = 5.0 + np.arange(frames) / 15.0
     (folder / "timestamps.txt").write_text("".join(f"{t:.6f}\n" for t in times))
     write_intrinsics(folder / "intrinsic.json", scale * WIDTH, scale * HEIGHT, scale * FOCAL)
@@ -139,24 +140,30 @@ def _holding(index: int, segments: dict[str, tuple[int, int]]) -> tuple[str, ...
     return tuple(p for p, (a, b) in segments.items() if a - 2 <= index <= b + 2)
 
 
-def _meshes(states: dict[str, float], held: tuple[str, ...]) -> list[tuple[int, Mesh]]:
-    """Label and mesh of everything in one frame."""
-    meshes = [(STATIC_LABEL, STATIC)]
+def _bodies(states: dict[str, float], held: tuple[str, ...]) -> list[tuple[int, Mesh, Array]]:
+    """Label, mesh at state 0 and pose of everything in one frame."""
+    bodies = [(STATIC_LABEL, STATIC, np.eye(4))]
     for k, (p, state) in enumerate(states.items()):
         joint, mesh, grip = JOINTS[p]
-        meshes.append((k + 2, mesh.transformed(joint.pose(state))))
+        bodies.append((k + 2, mesh, joint.pose(state)))
         if p in held:
-            meshes.append((HAND_LABEL, _hand_mesh(grip).transformed(joint.pose(state))))
-    return meshes
+            bodies.append((HAND_LABEL, _hand_mesh(grip), joint.pose(state)))
+    return bodies
 
 
 def _write_frame(
-    folder: Path, index: int, T_world_cam: Array, meshes: list[tuple[int, Mesh]], scale: int
+    folder: Path,
+    index: int,
+    T_world_cam: Array,
+    bodies: list[tuple[int, Mesh, Array]],
+    scale: int,
+    pattern: float,
 ) -> None:
     width, height, focal = scale * WIDTH, scale * HEIGHT, scale * FOCAL
     scene = o3d.t.geometry.RaycastingScene()
     label_of = []
-    for label, mesh in meshes:
+    for label, rest, T in bodies:
+        mesh = rest.transformed(T)
         scene.add_triangles(
             o3d.core.Tensor.from_numpy(mesh.vertices.astype(np.float32)),
             o3d.core.Tensor.from_numpy(mesh.faces.astype(np.uint32)),
@@ -174,7 +181,9 @@ def _write_frame(
     seen = np.isfinite(depth)
     labels = np.where(seen, np.array([*label_of, 0])[np.where(seen, ids, len(label_of))], 0).astype(np.uint8)
     points = origin + directions * np.where(seen, depth, 0.0)[..., None]
-    cell = np.floor(points * 15 + 0.37).astype(np.int64)  # no face lies on a border of the pattern
+    for k, (_, _, T) in enumerate(bodies):  # the pattern moves with its body
+        points[ids == k] = geo.transform(geo.invert_pose(T), points[ids == k])
+    cell = np.floor(points * pattern + 0.37).astype(np.int64)  # no face lies on a border of the pattern
     checks = ((cell @ [73856093, 19349663, 83492791]) % 101)[..., None]
     color = (np.array([40, 90, 150])[labels % 3][..., None] + checks + np.zeros(3)).astype(np.uint8)
     millimetres = np.where(seen, np.rint(depth * 1000), 0).astype(np.uint16)
