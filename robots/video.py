@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from robots.config import ReplayConfig
 from robots.trajectory import RobotTrajectory
-from robots.world import ROBOT, STATIC, World
+from robots.world import STATIC, World
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array
 from twin.scene import Part, Revolute
 
 _LOG = logging.getLogger(__name__)
 _AXIS_COLOUR = np.array([0.95, 0.25, 0.1, 1.0], dtype=np.float32)
+# points on the fingers and on the handle to both sides of them, in tool axes (m)
+_GRIP = np.array(
+    [[0, 0.03, 0], [0, -0.03, 0], [0.05, 0, 0], [-0.05, 0, 0], [0, 0.02, -0.03], [0, -0.02, -0.03]]
+)
 _GROUPS = (1, 0, 1, 1, 0, 0)  # 2 visual meshes, 3 the robot; collision shapes of the twin (5) stay hidden
 
 
@@ -115,15 +119,15 @@ def _camera(
     poses = frames[:: max(len(frames) // 5, 1)]
     best, best_score = (0.0, 0.0), -np.inf
     for turn in np.deg2rad([-50, 50, -35, 35, -70, 70, -90, 90, -20, 20, -115, 115, 140, -140]):
-        for lift in np.deg2rad([20, 5, 35, 50]):
+        for lift in np.deg2rad([20, 5, 35, 50, 65]):
             azimuth = facing + turn
             forward = np.array(
                 [np.cos(lift) * np.cos(azimuth), np.cos(lift) * np.sin(azimuth), -np.sin(lift)]
             )
             eye = look - distance * forward
             score = _visible(model, data, world, poses, eye, shoulder)
-            score += 0.8 * min(float(-forward @ outward), 0.5)
-            score -= 0.15 * abs(abs(turn) - 0.9) + 0.2 * abs(lift - 0.35)
+            score += 1.3 * min(float(-forward @ outward), 0.5)
+            score -= 0.15 * abs(abs(turn) - 0.9) + 0.5 * abs(lift - 0.35)
             if score > best_score + 1e-9:
                 best, best_score = (azimuth, lift), score
     camera = mujoco.MjvCamera()
@@ -137,26 +141,30 @@ def _camera(
 def _visible(
     model: mujoco.MjModel, data: mujoco.MjData, world: World, poses: Array, eye: Array, shoulder: Array
 ) -> float:
-    """Share of rays from the eye to hand and shoulder that nothing but the hand itself cuts, 0..2."""
+    """How much of the grip is seen from the eye, 0..2, and whether a wall hides the shoulder, 0..0.5."""
     groups = np.array([0, 0, 0, 1, 0, 1], dtype=np.uint8)
-    free = 0.0
+    hit = np.array([-1], dtype=np.int32)
+
+    def gap(target: Array) -> float:
+        """Distance in metres between the target and the first thing that the ray to it meets."""
+        ray = target - eye
+        share = mujoco.mj_ray(model, data, eye, ray, groups, 1, -1, hit)
+        return 0.0 if share < 0 or share > 1 else float((1 - share) * np.linalg.norm(ray))
+
+    seen = 0.0
     for qpos in poses:
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        hand = np.array(data.site_xpos[world.tool])
-        for target, weight in ((hand, 1.5), (shoulder, 0.5)):
-            ray = target - eye
-            hit = np.array([-1], dtype=np.int32)
-            share = mujoco.mj_ray(model, data, eye, ray, groups, 1, -1, hit)
-            near = share < 0 or (1 - share) * np.linalg.norm(ray) < 0.09
-            mine = hit[0] >= 0 and world.owner[hit[0]] == ROBOT and target is shoulder
-            behind_wall = hit[0] >= 0 and world.owner[hit[0]] == STATIC and not near
-            free += weight * (1.0 if near or mine else 0.0 if behind_wall else 0.2)
-    return free / len(poses)
+        tool, axes = data.site_xpos[world.tool], data.site_xmat[world.tool].reshape(3, 3)
+        grip = [tool + axes @ offset for offset in _GRIP]
+        seen += 2.0 * float(np.mean([gap(g) < 0.035 for g in grip]))
+        hidden = gap(shoulder) > 0.1 and hit[0] >= 0 and world.owner[hit[0]] == STATIC
+        seen += 0.0 if hidden else 0.5
+    return seen / len(poses)
 
 
 def _draw_axis(scene: mujoco.MjvScene, part: Part) -> None:
-    """The joint axis as an arrow: at the pivot of a hinge, from the contact of a slider."""
+    """The joint axis as an arrow: through the pivot of a hinge, above a slider at state 0."""
     joint = part.joint
     middle = part.mesh.area_centroid
     if isinstance(joint, Revolute):
@@ -164,7 +172,8 @@ def _draw_axis(scene: mujoco.MjvScene, part: Part) -> None:
         start = joint.pivot + joint.axis * (along.min() - 0.08)
         end = joint.pivot + joint.axis * (along.max() + 0.08)
     else:
-        start = part.contact.point if part.contact else middle
+        front = part.contact.point if part.contact else middle
+        start = np.array([front[0], front[1], part.mesh.vertices[:, 2].max() + 0.04])
         end = start + joint.axis * max(joint.upper, 0.1)
     if scene.ngeom >= scene.maxgeom:
         return
