@@ -17,7 +17,7 @@ from twin.convex import Hull, clip, hull_of
 from twin.geometry import Array
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 
-_ROUNDS = 16
+_ROUNDS = 60  # a round takes about 0.1 s; each splits or cuts every shape in the way once
 _KEEP = 0.4  # a clip may not take more than this share of a large shape: the shape is split instead
 _LARGE = 0.12  # m
 _REACH = 0.05  # m to each side of a contact: the piece that is split off

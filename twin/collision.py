@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twin.boards import BoardSearch, beyond, find_boards
 from twin.clearance import make_clear, sweep_states
-from twin.convex import cut, decompose, main_axes, merge, thick_hull, triangles_of
+from twin.convex import cut, decompose, main_axes, merge, outline_axes, thick_hull, triangles_of
 from twin.geometry import Array
 from twin.scene import Box, Collision, Mesh, Twin
 
@@ -128,7 +128,7 @@ def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Col
 def _cover(
     triangles: Array, search: BoardSearch, tolerance: float, most: int, thickness: float, tidy: bool
 ) -> list[Collision]:
-    boxes, rest = find_boards(triangles, main_axes(triangles), search)
+    boxes, rest = find_boards(triangles, outline_axes(triangles) if tidy else main_axes(triangles), search)
     rest = beyond(rest, boxes, 2.5 * search.noise)
     pieces: list[Array] = []
     if len(rest):

@@ -125,9 +125,18 @@ def sample(triangles: Array, spacing: float) -> Array:
 def bulge(hull: Hull, triangles: Array, tolerance: float) -> float:
     """Greatest distance (m) of the hull's surface from the triangles it covers, good to about half the tolerance."""
     shell = hull.vertices[hull.faces]
-    spacing = max(tolerance / 2, float(np.sqrt(areas(shell).sum() / 3000.0)))
-    near, _ = cKDTree(sample(triangles, spacing)).query(sample(shell, spacing))
+    spacing = max(tolerance / 2, float(np.sqrt(areas(shell).sum() / 2000.0)))
+    tree = cKDTree(
+        _thinned(sample(triangles, spacing), spacing / 4), balanced_tree=False, compact_nodes=False
+    )
+    near, _ = tree.query(_thinned(sample(shell, spacing), spacing / 4))
     return max(0.0, float(near.max()) - spacing / 2)
+
+
+def _thinned(points: Array, cell: float) -> Array:
+    """One point (m, 3) of each grid cell; many equal points would make nearest-neighbour search slow."""
+    key = np.floor((points - points.min(axis=0)) / cell).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
+    return points[np.unique(key, return_index=True)[1]]
 
 
 def main_axes(triangles: Array) -> Array:
@@ -146,14 +155,33 @@ def main_axes(triangles: Array) -> Array:
     return np.stack([first, second, np.cross(first, second)], axis=1)
 
 
+def outline_axes(triangles: Array) -> Array:
+    """Main axes (3, 3) of one part, the last two turned by up to 5 degrees so that its outline fits the smallest rectangle.
+
+    The narrow edges of a board face poorly known directions in a scan; its outline is long and says it better.
+    """
+    axes = main_axes(triangles)
+    points = triangles.reshape(-1, 3) @ axes
+
+    def size(angle: float) -> float:
+        c, s = np.cos(angle), np.sin(angle)
+        return float(
+            np.ptp(points[:, 1] * c + points[:, 2] * s) * np.ptp(points[:, 2] * c - points[:, 1] * s)
+        )
+
+    angles = np.deg2rad(np.linspace(-5.0, 5.0, 81))
+    best = float(angles[int(np.argmin([size(float(a)) for a in angles]))])
+    return np.asarray(axes @ geo.exp_so3([best, 0.0, 0.0]))
+
+
 def _mode(directions: Array, weight: Array) -> Array:
     """The line direction with the most weight within 15 degrees, refined as their principal axis."""
     order = np.argsort(-weight, kind="stable")[:200]
     near = np.abs(directions[order] @ directions.T) > np.cos(np.deg2rad(15.0))
     best = order[int(np.argmax(near @ weight))]
     axis = directions[best]
-    for _ in range(3):
-        inside = np.abs(directions @ axis) > np.cos(np.deg2rad(15.0))
+    for _ in range(12):  # mean shift: single faces of a scan are 10 degrees off
+        inside = np.abs(directions @ axis) > np.cos(np.deg2rad(25.0))
         d = directions[inside]
         axis = np.linalg.eigh((d * weight[inside, None]).T @ d)[1][:, 2]
     return np.asarray(axis * (1.0 if axis[np.argmax(np.abs(axis))] > 0 else -1.0))
@@ -197,6 +225,7 @@ def decompose(
 def merge(pieces: list[Array], tolerance: Callable[[Array], float], thickness: float) -> list[Array]:
     """Join neighbouring pieces wherever the joint hull still keeps within the tolerance, small pieces first."""
     pieces = sorted(pieces, key=lambda p: float(areas(p).sum()))
+    hulls = [thick_hull(p, thickness) for p in pieces]
     k = 0
     while k < len(pieces):
         low, high = pieces[k].min(axis=(0, 1)) - thickness, pieces[k].max(axis=(0, 1)) + thickness
@@ -204,15 +233,26 @@ def merge(pieces: list[Array], tolerance: Callable[[Array], float], thickness: f
             if np.any(pieces[other].min(axis=(0, 1)) > high) or np.any(pieces[other].max(axis=(0, 1)) < low):
                 continue
             both = np.concatenate([pieces[k], pieces[other]])
-            hull = thick_hull(both, thickness)
-            allowed = tolerance(both)
-            if hull is None or bulge(hull, both, allowed) <= allowed:
-                pieces[other] = both
-                del pieces[k]
+            joint = thick_hull(both, thickness)
+            if _keeps_close(joint, both, (hulls[k], hulls[other]), tolerance(both)):
+                pieces[other], hulls[other] = both, joint
+                del pieces[k], hulls[k]
                 k -= 1
                 break
         k += 1
     return pieces
+
+
+def _keeps_close(
+    joint: Hull | None, triangles: Array, parts: tuple[Hull | None, Hull | None], allowed: float
+) -> bool:  # fmt: skip
+    """Whether a joint hull stays within `allowed` of its triangles; the cheap test by volume comes first."""
+    if joint is None:
+        return True
+    apart = sum(h.volume for h in parts if h is not None)
+    if joint.volume > apart + allowed * float(areas(joint.vertices[joint.faces]).sum()):
+        return False
+    return bulge(joint, triangles, allowed) <= allowed
 
 
 def _best_split(piece: Array, axes: Array, thickness: float) -> tuple[Array, Array] | None:
@@ -264,6 +304,7 @@ def _rough_volume(triangles: Array) -> float:
     """Hull volume from the extreme points in 60 directions (from below), plus that of a skin as thick as half a board,
     which keeps the two sides of a board together."""
     points = triangles.reshape(-1, 3)
+    points = points[:: max(1, len(points) // 1500)]
     if len(points) > 200:
         points = points[np.unique(np.argmax(points @ _DIRECTIONS.T, axis=0))]
     hull = hull_of(points)
