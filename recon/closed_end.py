@@ -162,10 +162,11 @@ def _flush_shares(
 
     Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing.
     """
-    if not len(static.faces):
-        return [0.0, 0.0]
-    tree = cKDTree(sample(static, 200_000).points)
     poses = [joint.pose(end) for end in ends]
+    near_part = _cropped(static, np.concatenate([geo.transform(p, face.rim) for p in poses]), 2 * _EDGE_M)
+    if not len(near_part.faces):
+        return [0.0, 0.0]
+    tree = cKDTree(sample(near_part, 100_000).points)
     moves = np.linalg.norm(geo.transform(poses[1], face.rim) - geo.transform(poses[0], face.rim), axis=1)
     beside = np.isfinite(cKDTree(face.rim).query(surface.points, distance_upper_bound=_EDGE_M)[0])
     edge = cKDTree(surface.points[beside])
@@ -178,6 +179,14 @@ def _flush_shares(
         nearest = np.minimum(nearest, padded[near.reshape(len(nearest), -1)].min(axis=1))
         shares.append(float(moves @ (nearest < config.gap) / max(float(moves.sum()), 1e-9)))
     return shares
+
+
+def _cropped(mesh: Mesh, points: Array, margin: float) -> Mesh:
+    """The faces whose bounding boxes come within `margin` m of the points' bounding box."""
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    corners = mesh.vertices[mesh.faces]
+    keep = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+    return Mesh(mesh.vertices, mesh.faces[keep])
 
 
 def _far_frames(

@@ -95,7 +95,7 @@ def test_counting_anew_moves_no_point(joint: Joint, sign: int) -> None:
     state = sign * np.concatenate([np.zeros(10), np.linspace(0, 0.5, 20), np.full(10, 0.5)]) + 0.07
     frames = np.arange(40)
     part = MovingPart(2, joint, Motion(frames, frames / 15.0, state))
-    mesh = Mesh(rng.normal(size=(9, 3)), np.arange(9).reshape(3, 3))
+    mesh = Mesh(rng.normal(size=(9, 3)), np.arange(9, dtype=np.int32).reshape(3, 3))
     closed = ClosedEnd(float(state[0]), 1 if sign > 0 else -1, "test")
     new, new_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
     for frame in (0, 17, 39):
@@ -138,7 +138,7 @@ def test_ends_of_travel_do_not_grow_with_noise_or_frames() -> None:
 def test_settings_are_checked() -> None:
     for wrong in ({"gap": 0.0}, {"margin": -1.0}, {"frames": 0}, {"quantile": 0.5}):
         with pytest.raises(ConfigError, match="closed-end"):
-            ClosedEndConfig(**wrong)  # type: ignore[arg-type]
+            ClosedEndConfig(**wrong)
 
 
 @pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])

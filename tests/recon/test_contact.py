@@ -154,9 +154,8 @@ def test_noise_and_moulding_are_no_handle() -> None:
     assert edge.centre[0] == pytest.approx(0.29, abs=0.01)
 
 
-def keypoints_at(clip: Clip, at: np.ndarray) -> hands.HandKeypoints:
-    """One hand in every labelled frame whose fingertips are at a point of the part."""
-    frames = sorted(clip.labels)
+def keypoints_at(clip: Clip, at: np.ndarray, frames: list[int]) -> hands.HandKeypoints:
+    """One hand in each frame, its fingertips at a point of the part."""
     points = np.full((len(frames), hands.KEYPOINTS, 3), np.nan)
     for row, frame in zip(points, frames, strict=True):
         pose, camera = clip.part.pose(frame), clip.cameras.pose(frame)
@@ -169,12 +168,7 @@ def keypoints_at(clip: Clip, at: np.ndarray) -> hands.HandKeypoints:
 def test_fingertips_can_tell_the_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     clip = make_clip("door")
     told = clip.grip + [0, -0.01, 0.05]  # 5 cm up the bar from where the labels say
-    only = {8, 10, 12}
-    found_by = keypoints_at(clip, told)
-    keep = np.isin(found_by.frames, list(only))
-    found_by = hands.HandKeypoints(
-        *(a[keep] for a in (found_by.frames, found_by.pixels, found_by.points_cam, found_by.score))
-    )
+    found_by = keypoints_at(clip, told, [8, 10, 12])
     monkeypatch.setattr(hands, "detect_hands", lambda *_: found_by)
     found = contact_of(clip, ContactConfig(source="keypoints"))
     assert found.source.startswith("keypoints")

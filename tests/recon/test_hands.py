@@ -64,7 +64,7 @@ def test_keypoints_are_lifted_by_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     found = detect_hands(spot_recording(), [6, 2])
     assert found.frames.tolist() == [2, 6]
     np.testing.assert_allclose(found.pixels, np.broadcast_to(SPOT, (2, KEYPOINTS, 2)), atol=1e-9)
-    expected = CAMERA.backproject(SPOT, np.float64(0.8))
+    expected = CAMERA.backproject(SPOT, np.array(0.8))
     np.testing.assert_allclose(found.points_cam, np.broadcast_to(expected, (2, KEYPOINTS, 3)), atol=1e-6)
     assert found.score.tolist() == [0.9, 0.9]
 
@@ -115,7 +115,7 @@ def video(path: Path) -> Recording:
     reader = cv2.VideoCapture(str(path))
     frames = []
     while (got := reader.read())[0]:
-        frames.append(cv2.cvtColor(got[1], cv2.COLOR_BGR2RGB))
+        frames.append(cv2.cvtColor(got[1], cv2.COLOR_BGR2RGB).astype(np.uint8))
     height, width = frames[0].shape[:2]
     camera = Intrinsics(width, height, 525.0, 525.0, width / 2, height / 2)
     blank = np.zeros((height, width), np.float32)
