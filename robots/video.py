@@ -115,6 +115,9 @@ def _camera(
     distance = max(1.1, 3.0 * float(np.linalg.norm(seen - look, axis=1).max()))
     facing = np.arctan2(*(hand.mean(axis=0) - shoulder)[1::-1])
     outward = -trajectory.T_world_tool[0, :3, 2]  # the part's front is worth seeing
+    moving = np.array([p == "move" for p in trajectory.phases])
+    way = np.diff(trajectory.T_world_tool[moving, :3, 3][[0, -1]], axis=0)[0]
+    way = way / max(float(np.linalg.norm(way)), 1e-9)
     model = world.model
     poses = frames[:: max(len(frames) // 5, 1)]
     best, best_score = (0.0, 0.0), -np.inf
@@ -127,6 +130,9 @@ def _camera(
             eye = look - distance * forward
             score = _visible(model, data, world, poses, eye, shoulder)
             score += 1.3 * min(float(-forward @ outward), 0.5)
+            score -= 2.0 * max(
+                abs(float(forward @ way)) - 0.6, 0.0
+            )  # a motion towards the eye is hard to see
             score -= 0.15 * abs(abs(turn) - 0.9) + 0.5 * abs(lift - 0.35)
             if score > best_score + 1e-9:
                 best, best_score = (azimuth, lift), score
