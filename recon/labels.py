@@ -19,6 +19,7 @@ from recon.parts import MovingPart
 from recon.progress import Progress, silent
 from recon.recording import Recording
 from recon.references import (
+    COLOR_SIGMAS,
     References,
     View,
     camera_vector,
@@ -28,7 +29,7 @@ from recon.references import (
     relative_moves,
     view,
 )
-from recon.regions import agree, upsample_labels
+from recon.regions import agree, upsample_labels, walk
 from recon.voxels import largest_piece, mean_evidence, near_piece, voxel_keys
 from recon.warping import F32, depth_sigma
 from twin import geometry as geo
@@ -50,7 +51,7 @@ class LabelConfig:
     working_width: int = 320
     pose_error: float = 0.003
     references: int = 6
-    witnesses: int = 6
+    witnesses: int = 8
 
     def __post_init__(self) -> None:
         if self.every < 1 or self.working_width < 32 or self.references < 1 or self.witnesses < 0:
@@ -63,6 +64,8 @@ _SUPPORT, _VIOLATION = 1.5, 4.0
 _PRIOR_PART, _HAND = -0.5, -0.7
 _VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
 _BOX_MARGIN_M = 0.1
+_MOVED_SHARE = 0.15
+_SURE, _SURFACE_GAIN, _REACH_PX = 1.0, 3.0, 60.0
 _MIN_HAND = 0.001
 
 
@@ -104,12 +107,19 @@ def label_frames(
     wrap = progress or silent
     camera = camera_vector(recording.intrinsics, factor)
     boxes = [_part_box(refs, cameras, p, camera, config.pose_error) for p in parts]
-    views, scores = [], []
+    views, scores, stays = [], [], []
     for f in wrap(chosen, "labels"):
         seen = view(recording, f, factor)
         views.append(seen)
-        scores.append(_first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error))
+        score, staying = _first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error)
+        scores.append(score)
+        stays.append(staying)
     _pool_voxels(views, scores, cameras, parts, camera)
+    for seen, score, staying in zip(views, scores, stays, strict=True):
+        _spread_along_surfaces(score, staying, seen, COLOR_SIGMAS * refs.color_sigma)
+    _pool_voxels(views, scores, cameras, parts, camera)
+    for score in scores:
+        score[1:-1] += _PRIOR_PART
     _pool_color(views, scores)
     ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
     out = {}
@@ -146,14 +156,15 @@ def _part_box(
         small = replace(refs, depth=refs.depth[:, ::2, ::2].copy(), color=refs.color[:, ::2, ::2].copy())
         moves = relative_moves(cameras, (), frame, refs.frames)[0]
         moves[k] = np.nan
-        _, violation = gather(seen, small, moves, camera / 2, slack)
+        violation = gather(seen, small, moves, camera / 2, slack)[1]
         moved = replace(seen, depth=np.where(violation > 1.5, seen.depth, np.float32(0)))
         found.append(geo.transform(geo.invert_pose(pose), _points(moved, camera / 2, cameras.pose(frame))))
     points = np.concatenate(found) if found else np.zeros((0, 3))
     if len(points) < 50:
         return None
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
-    return low - _BOX_MARGIN_M, high + _BOX_MARGIN_M
+    margin = _BOX_MARGIN_M + 0.5 * float((high - low).max())
+    return low - margin, high + margin
 
 
 def _first_scores(
@@ -164,11 +175,13 @@ def _first_scores(
     boxes: Sequence[tuple[Array, Array] | None],
     camera: Array,
     slack: float,
-) -> F32:
-    """Log scores (1 + P + 1, h, w) of static, parts, hand from the reference frames alone."""
+) -> tuple[F32, NDArray[np.bool_]]:
+    """Log scores (1 + P + 1, h, w) of static, parts, hand from the reference frames alone; the masks
+    (1 + P, h, w) of what surely moved and, for each part, of what surely stays (see `_stays`)."""
     moves = relative_moves(cameras, parts, seen.frame, refs.frames)
     moves[:, [f == seen.frame for f in refs.frames]] = np.nan
-    planes = [_score(*gather(seen, refs, moves[0], camera, slack))]
+    planes = [_score(gather(seen, refs, moves[0], camera, slack))]
+    stays = []
     known = seen.depth > 0
     world = _points(seen, camera, cameras.pose(seen.frame))
     for part, box, move in zip(parts, boxes, moves[1:], strict=True):
@@ -176,16 +189,42 @@ def _first_scores(
         if box is not None and pose is not None:
             at_rest = geo.transform(geo.invert_pose(pose), world)
             inside[known] = ((at_rest > box[0]) & (at_rest < box[1])).all(axis=1)
-        score = _score(*gather(seen, refs, move, camera, slack, inside))
+        side = _side(part, seen.frame, refs)
+        still = gather(seen, refs, moves[0], camera, slack, inside, side)
+        planes[0][inside] = _score(still)[inside]
+        stays.append(_stays(still, side))
+        score = _score(gather(seen, refs, move, camera, slack, inside, side))
         score[known & ~inside] = -_VIOLATION
         planes.append(score)
     planes.append(np.full(known.shape, _HAND, np.float32))
-    return np.stack(planes).astype(np.float32)
+    return np.stack(planes).astype(np.float32), np.array([planes[0] < -_SURE, *stays])
 
 
-def _score(support: F32, violation: F32) -> F32:
-    seen_through = np.clip((0.85 * violation - 0.3 * support) / 1.5, 0.0, 1.0)
-    return _SUPPORT * np.minimum(support, 2.0) / 2.0 - _VIOLATION * seen_through
+def _side(part: MovingPart, frame: int, refs: References) -> NDArray[np.int8]:
+    """-1 for references at rest that show the part at a clearly lower state than this frame, 1 at a higher one."""
+    span = float(np.ptp(part.motion.state)) if len(part.motion.state) else 0.0
+    now, then = part.state(frame), [part.state(f) for f in refs.frames]
+    if now is None or span == 0:
+        return np.zeros(len(then), np.int8)
+    share = np.array([0.0 if s is None else (s - now) / span for s in then])
+    return np.asarray(np.sign(share) * (np.abs(share) > _MOVED_SHARE) * refs.trusted, dtype=np.int8)
+
+
+def _stays(evidence: F32, side: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Pixels that are seen at their place both while the part is at lower and while it is at higher states.
+
+    They are static even if so flat that they could have moved along themselves, like the table a door sweeps over.
+    """
+    counts = [int((side == sign).sum()) for sign in (-1, 1)]
+    sides = [evidence[2 + k] > 0.4 * n for k, n in enumerate(counts) if n]
+    return np.logical_and.reduce(sides) if sides else np.ones(evidence.shape[1:], bool)
+
+
+def _score(evidence: F32) -> F32:
+    support, violation, lower, higher = evidence
+    seen_through = np.clip((0.85 * violation - 0.3 * (lower + higher)) / 1.5, 0.0, 1.0)
+    score: F32 = (_SUPPORT * np.minimum(support, 2.0) / 2.0 - _VIOLATION * seen_through).astype(np.float32)
+    return score
 
 
 def _points(seen: View, camera: Array, T: Array | None) -> F32:
@@ -199,9 +238,9 @@ def _points(seen: View, camera: Array, T: Array | None) -> F32:
 
 
 def _lead(score: F32, k: int) -> F32:
-    """How far hypothesis k leads the best other one, clipped."""
+    """How far hypothesis k leads the best other one."""
     others = np.delete(score, k, axis=0).max(axis=0)
-    return np.asarray(np.clip(score[k] - others, -_CLIP, _CLIP))
+    return np.asarray(score[k] - others)
 
 
 def _pool_voxels(
@@ -220,15 +259,16 @@ def _pool_voxels(
             inv = np.eye(4) if pose is None else geo.invert_pose(pose)
             points.append((worlds[v] @ inv[:3, :3].T + inv[:3, 3]).astype(np.float32))
         keys, inverse = np.unique(voxel_keys(np.concatenate(points), size), return_inverse=True)
-        lead = np.concatenate([_lead(scores[v], k)[views[v].depth > 0] for v in rows])
+        ahead = np.concatenate([_lead(scores[v], k)[views[v].depth > 0] for v in rows])
+        lead = np.clip(ahead, -_CLIP, _CLIP)
         mean, n = mean_evidence(inverse, lead, len(keys), _VOXEL_PRIOR)
         if k > 0:
-            strong = np.flatnonzero((mean > 0.1) & (n >= 2))
+            strong = np.flatnonzero((mean > 0.4) & (n >= 2))
             piece = keys[strong[largest_piece(keys[strong], (mean * n)[strong])]]
             lost = ~near_piece(keys, piece)[inverse]
         gain = _VOXEL_GAIN * mean[inverse]
         if k > 0:
-            gain[lost] = np.minimum(gain[lost], -np.maximum(lead[lost], 0))
+            gain[lost] = np.minimum(gain[lost], -np.maximum(ahead[lost], 0))
         cuts = np.cumsum([len(p) for p in points])[:-1]
         per_view: list[F32] = [np.zeros(0, np.float32)] * len(views)
         for v, g in zip(rows, np.split(gain, cuts), strict=True):
@@ -238,8 +278,6 @@ def _pool_voxels(
         for v, g in enumerate(per_view):
             if len(g):
                 scores[v][k][views[v].depth > 0] += g
-    for s in scores:
-        s[1:-1] += _PRIOR_PART
 
 
 _BINS = 16
@@ -270,7 +308,7 @@ def _final(
     recording: Recording, seen: View, score: F32, factor: int, ids: NDArray[np.uint8], color_sigma: float
 ) -> NDArray[np.uint8]:
     """Neighbours agree, then the full grid follows colour and depth."""
-    scale = 3.0 * color_sigma
+    scale = COLOR_SIGMAS * color_sigma
     belief = agree(score, seen.color, seen.depth, scale, 3, 6, 3.0)
     _drop_crumbs(belief)
     color, depth = recording.frame(seen.frame)
@@ -280,6 +318,41 @@ def _final(
     if not (depth > 0).any():
         labels[:] = UNKNOWN_LABEL
     return labels
+
+
+def _filled(depth: F32) -> F32:
+    """Depth with unknown pixels taking the nearest known one, so that a gap along a depth edge is no bridge over it."""
+    if not (depth > 0).any():
+        return depth
+    _, nearest = cv2.distanceTransformWithLabels(
+        (depth <= 0).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    known = depth > 0
+    value = np.zeros(int(nearest.max()) + 1, np.float32)
+    value[nearest[known]] = depth[known]
+    return value[nearest]
+
+
+def _spread_along_surfaces(score: F32, sure: NDArray[np.bool_], seen: View, scale: float) -> None:
+    """Where nothing tells part from static scene, what is nearer along the surface counts.
+
+    A drawer's bottom slides along itself and looks the same whether it moves or not; but its sides, which it adjoins
+    without a depth edge, do move.
+    """
+    depth = _filled(seen.depth)
+    for k in range(1, len(score) - 1):
+        lead = score[k] - score[0]
+        open_question = (
+            ~sure[k] & (np.abs(lead) < _SURE) & (np.maximum(score[0], score[k]) >= score.max(axis=0))
+        )
+        if not open_question.any():
+            continue
+        top = score.max(axis=0)
+        moving = (lead > _SURE) & (score[k] == top) & sure[0]
+        to_part = walk(moving, seen.color, depth, scale, 3)
+        to_static = walk((lead < -_SURE) & (score[0] == top), seen.color, depth, scale, 3)
+        nearer = (to_static - to_part) / (to_static + to_part + 1.0) * np.exp(-to_part / _REACH_PX)
+        score[k][open_question] += _SURFACE_GAIN * nearer[open_question]
 
 
 def _drop_crumbs(belief: F32) -> None:

@@ -19,6 +19,7 @@ from twin.scene import Trajectory
 # Chosen by us: lightness changes with shading when a part turns, hue and chroma hardly do.
 _LIGHTNESS_WEIGHT = 0.5
 _MIN_COLOR_SIGMA = 2.0
+COLOR_SIGMAS = 3.0  # a surface that moves changes its shading: three times the noise is still alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class References:
 
     frames: (R,). depth: (R, h, w). color: (R, h, w, 3). trusted: (R,) bool, at rest and (nearly) without hand, so their surfaces support a hypothesis; the
     others show only what is empty. rest_without_hand: for each rest phase whether it has a frame without hand.
-    color_sigma: colour difference of one surface seen from two frames.
+    color_sigma: colour difference of one resting surface seen from two frames.
     """
 
     frames: tuple[int, ...]
@@ -107,9 +108,12 @@ def gather(
     camera: Array,
     slack: float,
     wanted: NDArray[np.bool_] | None = None,
-) -> tuple[F32, F32]:
-    """Support and violation (h, w) of one motion of a view by the references (see `warping.compare`)."""
-    support, violation = np.zeros_like(seen.depth), np.zeros_like(seen.depth)
+    side: NDArray[np.int8] | None = None,
+) -> F32:
+    """Evidence (4, h, w) for one motion of a view by the references: support, violation, support from lower and from
+    higher states (see `warping.compare`)."""
+    out = np.zeros((4, *seen.depth.shape), np.float32)
+    none = np.zeros(len(refs.frames), np.int8)
     everywhere = np.ones(seen.depth.shape, bool) if wanted is None else wanted
     compare(
         seen.depth,
@@ -120,12 +124,12 @@ def gather(
         refs.depth,
         refs.color,
         refs.trusted,
-        refs.color_sigma,
+        none if side is None else side,
+        COLOR_SIGMAS * refs.color_sigma,
         slack,
-        support,
-        violation,
+        out,
     )
-    return support, violation
+    return out
 
 
 def rest_phases(parts: Sequence[MovingPart], frames: NDArray[np.int64]) -> list[NDArray[np.int64]]:
@@ -199,7 +203,7 @@ def find_references(
     factor: int,
     slack: float,
     per_phase: int = 6,
-    witnesses: int = 6,
+    witnesses: int = 8,
     hand_share: float = 0.003,
 ) -> References:
     """Choose reference frames: for every rest phase the frames with the least that nothing explains (a hand).
@@ -209,11 +213,12 @@ def find_references(
 
     Args:
         factor: shrinking of the working grid. slack: m, depth error that poses may cause. per_phase: reference frames
-            for each rest phase. witnesses: frames from the whole recording that may only violate.
+            for each rest phase. witnesses: frames of the motion, and half as many of the whole recording, that may only violate.
         hand_share: share of unexplained pixels up to which a frame counts as without hand (chosen by us: a third of
             the smallest hand worth a label, well above the share that noise leaves).
     """
-    pools = [_spread(phase, 2 * per_phase) for phase in rest_phases(parts, cameras.frames)]
+    phases = rest_phases(parts, cameras.frames)
+    pools = [_spread(phase, 2 * per_phase) for phase in phases]
     candidates = [view(recording, int(f), factor) for pool in pools for f in pool]
     camera = camera_vector(recording.intrinsics, factor)
     sigma = _estimate_color_sigma(candidates, pools, cameras, camera)
@@ -229,7 +234,9 @@ def find_references(
         best = inside[np.argsort(share[inside], kind="stable")][: max(per_phase // 2, 1)]
         chosen.extend(_spread(free if len(free) else np.sort(best), per_phase).tolist())
     views = [_without(candidates[k], masks[k]) for k in chosen]
-    frames = _spread(np.setdiff1d(cameras.frames, [v.frame for v in views]), witnesses)
+    others = np.setdiff1d(cameras.frames, [v.frame for v in views])
+    moving = np.setdiff1d(others, np.concatenate(phases))
+    frames = np.union1d(_spread(moving, witnesses), _spread(others, witnesses // 2))
     views += [view(recording, int(f), factor) for f in frames]
     refs = as_references(views, np.arange(len(views)) < len(chosen), sigma)
     return replace(refs, rest_without_hand=tuple(clean))

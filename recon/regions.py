@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from recon.warping import F32
 
+_EDGE_COST = 50.0  # px
+
 
 @numba.njit(cache=True, inline="always")
 def _softmax(scores: F32, y: int, x: int, belief: F32) -> None:
@@ -151,3 +153,47 @@ def upsample_labels(
                             vote[k] += g * belief[k, b, a]
             out[y, x] = ids[np.argmax(vote)]
     return out
+
+
+@numba.njit(cache=True)
+def walk(seeds: NDArray[np.bool_], color: F32, depth: F32, color_scale: float, sweeps: int) -> F32:
+    """Length (h, w) of the shortest way along surfaces from the nearest seed pixel; px, edges count for many.
+
+    A step costs 1, more where colour changes, and a step over a depth edge as much as `_EDGE_COST`. Raster sweeps in
+    both directions (Toivanen 1996), `sweeps` times; unreached pixels hold a large number.
+    """
+    h, w = depth.shape
+    out = np.where(seeds, np.float32(0), np.float32(1e4))
+    inv_c = np.float32(1.0 / (color_scale * color_scale))
+    for _ in range(sweeps):
+        for turn in range(2):
+            step = 1 if turn == 0 else -1
+            first_y, first_x = (0, 0) if turn == 0 else (h - 1, w - 1)
+            for i in range(h):
+                y = first_y + step * i
+                for j in range(w):
+                    x = first_x + step * j
+                    best = out[y, x]
+                    for k in range(4):
+                        b = y - step if k < 3 else y
+                        a = x + (k - 1) if k < 3 else x - step
+                        if b < 0 or a < 0 or b >= h or a >= w or out[b, a] + 1 >= best:
+                            continue
+                        best = min(best, out[b, a] + _step_cost(color, depth, y, x, b, a, inv_c))
+                    out[y, x] = best
+    return out
+
+
+@numba.njit(cache=True, inline="always")
+def _step_cost(color: F32, depth: F32, y: int, x: int, b: int, a: int, inv_c: Any) -> Any:
+    cost = np.float32(1.0) if b == y or a == x else np.float32(1.4)
+    z, zn = depth[y, x], depth[b, a]
+    if z > 0 and zn > 0:
+        jump = abs(z - zn) / (np.float32(0.01) + np.float32(0.01) * z) - np.float32(1)
+        cost += min(max(jump, np.float32(0)) * np.float32(5), np.float32(_EDGE_COST))
+    else:
+        cost += np.float32(2)
+    d0 = color[y, x, 0] - color[b, a, 0]
+    d1 = color[y, x, 1] - color[b, a, 1]
+    d2 = color[y, x, 2] - color[b, a, 2]
+    return cost + min((d0 * d0 + d1 * d1 + d2 * d2) * inv_c, np.float32(10))

@@ -225,9 +225,9 @@ def surface(field: Field, min_weight: float) -> tuple[Array, NDArray[np.int32]]:
     places = np.unique(field.blocks // chunk, axis=0)
     for place in places:
         dense, valid = _dense(field, place * chunk, chunk + 1, min_weight)
-        dense, valid = (
-            a[: chunk * BLOCK + 1, : chunk * BLOCK + 1, : chunk * BLOCK + 1] for a in (dense, valid)
-        )
+        edge = slice(0, chunk * BLOCK + 1)
+        dense = dense[edge, edge, edge]
+        valid = valid[edge, edge, edge]
         cells = valid[:-1, :-1, :-1].copy()
         for i, j, k in np.ndindex(2, 2, 2):
             n = chunk * BLOCK

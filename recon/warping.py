@@ -65,10 +65,10 @@ def compare(
     ref_depth: F32,
     ref_color: F32,
     can_support: NDArray[np.bool_],
+    side: NDArray[np.int8],
     color_sigma: float,
     slack: float,
-    support: F32,
-    violation: F32,
+    out: F32,
 ) -> None:
     """Sum over reference frames how far each supports and violates one rigid motion at each pixel.
 
@@ -80,8 +80,10 @@ def compare(
         depth: (h, w) m, 0 unknown. color: (h, w, 3). wanted: (h, w) pixels to look at.
         camera: (fx, fy, cx, cy) of this grid. moves: (R, 3, 4) frame camera to reference camera; NaN rows are skipped.
         ref_depth: (R, h, w). ref_color: (R, h, w, 3). can_support: (R,) false for frames which may only violate.
+        side: (R,) -1 for frames that show the part at a clearly lower state, 1 for a higher one, else 0: only the sides
+        tell a part from static scene.
         color_sigma: one standard deviation of colour. slack: m, depth error that poses may cause.
-        support: (h, w) result, sum of weights 0..1. violation: (h, w) result, likewise.
+        out: (4, h, w) result, sums of weights 0..1: support, violation, support by frames at lower and at higher states.
     """
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
@@ -111,7 +113,7 @@ def compare(
                 ui, vi = int(u + np.float32(0.5)), int(v + np.float32(0.5))
                 s2 = pixel_sigma(qz)
                 inv_var = one / (var + s2 * s2)
-                nearest, best, known = np.float32(1e9), np.float32(0.0), 0
+                nearest, best, known = np.float32(1e9), np.float32(0), 0
                 for b in range(vi - 1, vi + 2):
                     for a in range(ui - 1, ui + 2):
                         zr = ref_depth[r, b, a]
@@ -130,7 +132,9 @@ def compare(
                             like = (d0 * d0 + d1 * d1 + d2 * d2) * inv_color
                             best = max(best, one / ((one + np.float32(0.15) * t2) * (one + like)))
                 if can_support[r]:
-                    support[y, x] += best
+                    out[0, y, x] += best
+                if side[r] != 0:
+                    out[2 if side[r] < 0 else 3, y, x] += best
                 if known >= 6 and nearest > 0:
                     t = nearest * np.sqrt(inv_var)
-                    violation[y, x] += min(max((t - one) / np.float32(1.5), np.float32(0)), one)
+                    out[1, y, x] += min(max((t - one) / np.float32(1.5), np.float32(0)), one)
