@@ -81,7 +81,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     refined = run.stage(
         "refine",
-        1,
+        2,
         (config.refine, config.labels, config.motion.interval),
         [upright, found],
         lambda: _refined(run, recording, upright.value, found.value, config),
@@ -97,7 +97,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     fused = run.stage(
         "fusion",
-        1,
+        2,
         config.fusion,
         [upright, refined, labels],
         lambda: fuse(

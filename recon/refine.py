@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.board_prior import face_step
 from recon.depth import depth_normals, depth_sigma, shrink_depth
 from recon.intervals import IntervalConfig, Movers, state_intervals
 from recon.motion import FoundParts, PartTracks
@@ -148,6 +149,7 @@ def _refine_one(
         )
         for _ in range(config.steps):
             joint, state = _step(joint, state, part.motion.state, terms)
+        state = _with_parallel_faces(joint, state, surfels, terms)
     # States are counted from the first frame, whose pose is the part's frame.
     state = state - state[0]
     return _with_uncertainty(joint, state, part.motion.state, terms)
@@ -336,6 +338,25 @@ def _with_uncertainty(joint: Joint, state: Array, start: Array, terms: _Terms) -
     shift = float(np.sqrt(np.trace(covariance[2:, 2:]) / 2)) if d == 4 else None
     sigma = JointSigma(tilt, shift, float(np.hypot(noise, drift)))
     return _Refined(joint, state, 0.5 * (covariance + covariance.T), sigma, rms, noise)
+
+
+def _with_parallel_faces(joint: Joint, state: Array, surfels: tuple[Array, Array], terms: _Terms) -> Array:
+    """Take the step between the frames that see a board's one face and those that see the other out of the state."""
+    found = face_step(joint, *surfels)
+    if found is None:
+        return state
+    step, near, far = found
+    of_surfels = terms.term < len(near)
+    term, frame = terms.term[of_surfels], terms.frame[of_surfels]
+    sees_near = np.bincount(frame, near[term], len(state))
+    sees_far = np.bincount(frame, far[term], len(state))
+    known = sees_near + sees_far > 0
+    if not known.any():
+        return state
+    share = sees_far[known] / (sees_near + sees_far)[known]
+    every = np.interp(np.arange(len(state)), np.flatnonzero(known), share)
+    # Seen in the part's frame, a state that is too large turns what is seen backwards by as much.
+    return np.asarray(state + step * every)
 
 
 def _linearise(joint: Joint, state: Array, terms: _Terms) -> tuple[Array, Array]:
