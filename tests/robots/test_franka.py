@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,7 @@ import pytest
 from robots.catalog import names, resolve
 from robots.chain import read_chain
 from robots.spec import load_spec
+from twin import geometry as geo
 from twin.errors import InputError
 
 pin = pytest.importorskip("pinocchio")
@@ -132,18 +134,24 @@ def test_the_arm_holds_its_pose_and_the_gripper_closes_with_its_force(franka):
 
 
 def test_example_robot_data_panda_agrees(franka):
-    pytest.importorskip("example_robot_data")
-    import example_robot_data
-
+    try:
+        wheel = distribution("example-robot-data")
+    except PackageNotFoundError:
+        pytest.skip("example-robot-data is not installed")
+    urdf = next(f for f in wheel.files or [] if f.name == "panda.urdf")
+    panda = pin.buildModelFromUrdf(str(wheel.locate_file(urdf)))
+    data, hand = panda.createData(), panda.getFrameId("panda_hand")
     _, _, chain = franka
-    panda = example_robot_data.load("panda")
     for q in samples(chain, 10):
-        full = pin.neutral(panda.model)
+        full = pin.neutral(panda)
         full[:7] = q
-        pin.framesForwardKinematics(panda.model, panda.data, full)
-        hand = panda.data.oMf[panda.model.getFrameId("panda_hand")].homogeneous
-        tool = hand @ np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.1034], [0, 0, 0, 1.0]])
+        pin.framesForwardKinematics(panda, data, full)
+        tool = data.oMf[hand].homogeneous @ geo.make_pose(translation=[0, 0, 0.1034])
         assert np.abs(chain.forward(q[None])[0][0] - tool).max() < 1e-6
+    names = [f"panda_joint{k}" for k in range(1, 8)]
+    at = [panda.joints[panda.getJointId(n)].idx_q for n in names]
+    assert np.allclose(panda.lowerPositionLimit[at], chain.lower)
+    assert np.allclose(panda.upperPositionLimit[at], chain.upper)
 
 
 def test_unknown_robot_lists_what_exists():
