@@ -1,0 +1,195 @@
+"""Labels against exact truth, and the laws of the evidence they rest on."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from recon.labels import LabelConfig, label_frames
+from recon.parts import MovingPart
+from recon.recording import Recording, open_recording
+from recon.references import find_references
+from recon.regions import agree, upsample_labels, walk
+from recon.truth import Truth, load_truth
+from recon.voxels import largest_piece, near_piece, voxel_keys
+from recon.warping import compare, depth_sigma, shrink_depth
+from tests.recon.tiny import write_recording
+from twin.errors import ConfigError, ReconstructionError
+from twin.geometry import Array
+from twin.scene import HAND_LABEL, Motion, Trajectory
+
+Scene = tuple[Recording, Truth, tuple[MovingPart, ...]]
+
+
+def true_parts(truth: Truth, times: Array) -> tuple[MovingPart, ...]:
+    """The parts as the motion stages would hand them over, without error and with state 0 at the first frame."""
+    return tuple(
+        MovingPart(p.id, p.joint, Motion(np.arange(truth.frames), times, p.states, p.spans))
+        for p in truth.parts
+    )
+
+
+def scene(folder: Path, *parts: str) -> Scene:
+    """A tiny recording (192x144) of these parts with its truth."""
+    write_recording(folder, parts, frames=30 * len(parts), scale=2)
+    recording, truth = open_recording(folder), load_truth(folder)
+    return recording, truth, true_parts(truth, recording.times)
+
+
+@pytest.fixture(scope="module", params=["door", "drawer"])
+def single(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return scene(tmp_path_factory.mktemp("single") / "r", request.param)
+
+
+def mean_iou(labels: dict[int, NDArray[np.uint8]], truth: Truth, label: int) -> float:
+    values = []
+    for frame, found in labels.items():
+        true = truth.labels[frame] == label
+        if true.mean() >= 0.004:
+            values.append((true & (found == label)).sum() / (true | (found == label)).sum())
+    return float(np.mean(values))
+
+
+def backwards(recording: Recording, cameras: Trajectory, parts: tuple[MovingPart, ...]) -> Scene:
+    n = len(recording)
+    back = replace(recording, read_frame=lambda i: recording.read_frame(n - 1 - i))
+    turned = Trajectory(cameras.frames, cameras.times, cameras.T_world_cam[::-1])
+    moved = []
+    for p in parts:
+        spans = tuple((n - 1 - b, n - 1 - a) for a, b in p.motion.intervals[::-1])
+        moved.append(replace(p, motion=replace(p.motion, state=p.motion.state[::-1], intervals=spans)))
+    return back, turned, tuple(moved)  # type: ignore[return-value]
+
+
+def test_part_and_hand_are_found(single: Scene) -> None:
+    recording, truth, parts = single
+    labels = label_frames(recording, truth.cameras, parts, LabelConfig(every=3))
+    assert sorted(labels) == list(range(0, 30, 3))
+    assert mean_iou(labels, truth, 2) >= 0.85
+    assert mean_iou(labels, truth, HAND_LABEL) >= 0.75
+    for frame, found in labels.items():
+        assert found.shape == truth.labels[frame].shape
+        assert found.dtype == np.uint8
+        if not (truth.labels[frame] == HAND_LABEL).any():
+            assert (found == HAND_LABEL).mean() <= 0.01
+
+
+def test_closing_is_labelled_as_well_as_opening(single: Scene) -> None:
+    recording, truth, parts = single
+    back, cameras, moved = backwards(recording, truth.cameras, parts)
+    labels = label_frames(back, cameras, moved, frames=range(0, 30, 3))  # type: ignore[arg-type]
+    forward = {29 - f: image for f, image in labels.items()}
+    assert mean_iou(forward, truth, 2) >= 0.85
+    assert mean_iou(forward, truth, HAND_LABEL) >= 0.75
+
+
+def test_two_parts_are_told_apart(tmp_path: Path) -> None:
+    recording, truth, parts = scene(tmp_path / "r", "door", "drawer")
+    labels = label_frames(recording, truth.cameras, parts, LabelConfig(every=5))
+    assert mean_iou(labels, truth, 2) >= 0.85
+    assert mean_iou(labels, truth, 3) >= 0.85
+
+
+def test_frames_without_a_camera_are_left_out(single: Scene) -> None:
+    recording, truth, parts = single
+    keep = np.setdiff1d(np.arange(30), [3, 4])
+    cameras = Trajectory(keep, truth.cameras.times[keep], truth.cameras.T_world_cam[keep])
+    assert sorted(label_frames(recording, cameras, parts, frames=[2, 3, 4, 5])) == [2, 5]
+    with pytest.raises(ReconstructionError, match="camera pose"):
+        label_frames(recording, cameras, parts, frames=[3, 4])
+    with pytest.raises(ConfigError, match="positive"):
+        LabelConfig(every=0)
+
+
+def test_a_hand_in_the_first_frames_warns_and_still_gives_labels(tmp_path: Path) -> None:
+    recording, truth, parts = scene(tmp_path / "r", "door")
+    start = next(f for f in range(30) if (truth.labels[f] == HAND_LABEL).any())
+    cameras = Trajectory(
+        truth.cameras.frames[start:], truth.cameras.times[start:], truth.cameras.T_world_cam[start:]
+    )
+    with pytest.warns(UserWarning, match="before the first motion is free of the hand"):
+        labels = label_frames(recording, cameras, parts, frames=range(start, 30, 4))
+    assert mean_iou(labels, truth, 2) >= 0.7
+
+
+def test_references_at_rest_show_no_hand(single: Scene) -> None:
+    recording, truth, parts = single
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        refs = find_references(recording, truth.cameras, parts, factor=1, slack=0.003)
+    assert refs.rest_without_hand == (True, True)
+    trusted = [f for f, t in zip(refs.frames, refs.trusted, strict=True) if t]
+    assert all(not (truth.labels[f] == HAND_LABEL).any() for f in trusted)
+
+
+@pytest.mark.parametrize(
+    ("wall", "support", "violation"), [(1.0, 1.0, 0.0), (1.2, 0.0, 1.0), (0.8, 0.0, 0.0)]
+)
+def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float, violation: float) -> None:
+    shape = (9, 9)
+    color = np.zeros((*shape, 3), np.float32)
+    out = np.zeros((4, *shape), np.float32)
+    compare(
+        np.full(shape, 1.0, np.float32),
+        color,
+        np.ones(shape, bool),
+        np.array([10, 10, 4, 4], np.float32),
+        np.eye(4, dtype=np.float32)[None, :3],
+        np.full((1, *shape), wall, np.float32),
+        color[None],
+        np.array([True]),
+        np.array([1], np.int8),
+        5.0,
+        0.003,
+        out,
+    )
+    assert out[:, 4, 4] == pytest.approx([support, violation, 0.0, support])
+
+
+def test_shrunk_depth_holds_readings_only() -> None:
+    depth = np.array([[1.0, 2.0, 0, 0], [0, 2.1, 0, 0]], np.float32)
+    assert shrink_depth(depth, 2).tolist() == [[2.0, 0.0]]
+    assert depth_sigma([0.4, 1.4]) == pytest.approx([0.002, 0.005])
+
+
+def test_pieces_of_voxels_are_joined_by_faces_edges_and_corners() -> None:
+    points = np.array([[0, 0, 0], [1, 1, 1], [2, 2, 1], [5, 5, 5]], np.float32) * 0.01 + 0.005
+    keys = np.sort(voxel_keys(points, 0.01))
+    piece = largest_piece(keys, np.array([1, 1, 1, 2.5], np.float32))
+    assert piece.tolist() == [True, True, True, False]
+    assert near_piece(keys, keys[:2]).tolist() == [True, True, True, False]
+
+
+def test_a_way_along_surfaces_goes_round_a_depth_edge() -> None:
+    depth = np.ones((5, 21), np.float32)
+    depth[:4, 10] = 2.0  # a slot that leaves one row open
+    seeds = np.zeros(depth.shape, bool)
+    seeds[0, 9] = True
+    color = np.zeros((*depth.shape, 3), np.float32)
+    length = walk(seeds, color, depth, 5.0, 3)
+    assert length[0, 8] == pytest.approx(1.0)
+    assert 7.0 < length[0, 11] < 15.0
+    depth[4, 10] = 2.0
+    assert walk(seeds, color, depth, 5.0, 3)[0, 11] > 50.0
+
+
+def test_neighbours_settle_an_open_pixel_but_not_across_a_colour_edge() -> None:
+    scores = np.zeros((2, 12, 12), np.float32)
+    scores[0, :, :6], scores[1, :, 6:] = 4.0, 4.0
+    scores[:, 5, 4] = 0.0
+    scores[:, 5, 7] = 0.0
+    color = np.zeros((12, 12, 3), np.float32)
+    color[:, 6:] = 50.0
+    depth = np.ones((12, 12), np.float32)
+    belief = agree(scores, color, depth, 5.0, 3, 4, 3.0)
+    assert belief[0, 5, 4] > 0.9
+    assert belief[1, 5, 7] > 0.9
+    large = np.repeat(np.repeat(color, 2, axis=0), 2, axis=1)
+    ids = np.array([1, 255], np.uint8)
+    full = upsample_labels(belief, color, depth, large, np.ones((24, 24), np.float32), 2, 5.0, ids)
+    assert np.array_equal(full, np.where(large[..., 0] > 0, 255, 1))
