@@ -172,8 +172,8 @@ def _flush_shares(
     edge = cKDTree(surface.points[beside])
     shares = []
     for pose in poses:
-        distance, _ = tree.query(geo.transform(pose, surface.points[beside]), distance_upper_bound=0.2)
-        nearest, _ = tree.query(geo.transform(pose, face.rim), distance_upper_bound=0.2)
+        distance, _ = tree.query(geo.transform(pose, surface.points[beside]), distance_upper_bound=config.gap)
+        nearest, _ = tree.query(geo.transform(pose, face.rim), distance_upper_bound=config.gap)
         _, near = edge.query(face.rim, k=min(40, edge.n), distance_upper_bound=_EDGE_M)
         padded = np.append(distance, np.inf)
         nearest = np.minimum(nearest, padded[near.reshape(len(nearest), -1)].min(axis=1))
