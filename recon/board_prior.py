@@ -16,7 +16,7 @@ from twin.scene import Joint, Revolute
 
 # Chosen by us: a face is at least this many surfels, this flat (m, robust RMS) and this long across the axis (m); normals
 # within MAX_TURN of opposite belong to it, by median within MAX_SPREAD (a round body's are not), and larger steps than MAX_STEP are no edge-on crossing but another shape.
-MIN_SURFELS, MAX_RMS, MIN_LENGTH = 60, 0.006, 0.10
+MIN_SURFELS, MAX_RMS, MIN_LENGTH = 40, 0.006, 0.10
 MAX_TURN, MAX_STEP, MAX_SPREAD = np.radians(25.0), np.radians(10.0), np.radians(10.0)
 
 

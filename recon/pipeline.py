@@ -81,7 +81,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     refined = run.stage(
         "refine",
-        2,
+        3,
         (config.refine, config.labels, config.motion.interval),
         [upright, found],
         lambda: _refined(run, recording, upright.value, found.value, config),
@@ -160,10 +160,11 @@ def _upright(recording: Recording, cameras: Trajectory, config: ReconConfig) -> 
 def _refined(
     run: Run, recording: Recording, cameras: Trajectory, found: FoundParts, config: ReconConfig
 ) -> tuple[MovingPart, ...]:
-    """Coarse labels, then joints and states refined with every labelled pixel."""
+    """Labels with the joints found so far, then joints and states refined with every labelled pixel."""
     parts = [p.part for p in found.parts]
-    coarse = replace(config.labels, every=2 * config.labels.every)
-    labels = label_frames(recording, cameras, parts, coarse, progress=_Bar(run, "refine"))
+    # As dense as the final ones: a door's far face is in few frames. Denser adds time and no accuracy.
+    first = replace(config.labels, every=max(config.labels.every, 4))
+    labels = label_frames(recording, cameras, parts, first, progress=_Bar(run, "refine"))
     return refine_parts(recording, cameras, labels, found, config.refine, config.motion.interval)
 
 
