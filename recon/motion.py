@@ -95,6 +95,7 @@ def find_parts(
     hand = np.zeros(len(tracks), dtype=bool)
     free = movers.moving.copy()
     found: list[PartTracks] = []
+    fits: list[MotionFit] = []
     while len(found) < config.max_parts:
         try:
             fit, members, hand = _fit_one(recording, tracks, cameras, movers, travel, free, hand, config)
@@ -102,15 +103,18 @@ def find_parts(
             if not found:
                 raise
             break
-        twin_of = _same_part(members, movers, found, config)
-        if twin_of is not None:
-            found[twin_of] = replace(found[twin_of], members=found[twin_of].members | members)
-            free &= ~members & ~hand
-            continue
-        if found and not _is_another_part(fit, members, movers, found[0].members, config):
+        known = _same_part(members, movers, found, config)
+        if known is not None:
+            both = found[known].members | members
+            fits[known] = _fit_of_both(fits[known], both, movers, config)
+            part = _moving_part(found[known].part.id, fits[known], recording, cameras, config)
+            found[known] = replace(found[known], part=part, members=both)
+        elif found and not _is_another_part(fit, members, movers, found[0].members, config):
             break
-        part = _moving_part(FIRST_PART_ID + len(found), fit, recording, cameras, config)
-        found.append(PartTracks(part, members, fit.type_source))
+        else:
+            part = _moving_part(FIRST_PART_ID + len(found), fit, recording, cameras, config)
+            found.append(PartTracks(part, members, fit.type_source))
+            fits.append(fit)
         free &= ~members & ~hand
     return FoundParts(movers, hand, tuple(found))
 
@@ -210,6 +214,22 @@ def _same_part(
         if rigid > 0.5 * int(members.sum()):
             return number
     return None
+
+
+def _fit_of_both(
+    fit: MotionFit, members: NDArray[np.bool_], movers: Movers, config: MotionConfig
+) -> MotionFit:
+    """The fit to all tracks of a part that was found in two pieces, when it knows the state of more frames.
+
+    A door that crosses edge-on loses the tracks on its front before those on its inside begin.
+    """
+    points, visible = movers.points_world[:, members], movers.visible[:, members]
+    try:
+        both = fit_motion(points, visible, config=config.joint, joint_type=fit.joint.kind)
+    except ReconstructionError:
+        return fit
+    better = len(both.frames) > len(fit.frames) and both.residual <= config.max_residual
+    return both if better else fit
 
 
 def _is_another_part(
