@@ -95,22 +95,34 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
             recording, upright.value, refined.value, config.labels, progress=_Bar(run, "labels")
         ),
     )
+    polished = run.stage(
+        "polish",
+        1,
+        (config.refine, config.motion.interval),
+        [upright, found, refined, labels],
+        lambda: _polished(recording, upright.value, found.value, refined.value, labels.value, config),
+    )
     fused = run.stage(
         "fusion",
         2,
         config.fusion,
-        [upright, refined, labels],
+        [upright, polished, labels],
         lambda: fuse(
-            recording, upright.value, labels.value, refined.value, config.fusion, progress=_Bar(run, "fusion")
+            recording,
+            upright.value,
+            labels.value,
+            polished.value,
+            config.fusion,
+            progress=_Bar(run, "fusion"),
         ),
     )
     finished = run.stage(
         "contact",
         1,
         (config.closed_end, config.contact),
-        [upright, found, refined, labels, fused],
+        [upright, found, polished, labels, fused],
         lambda: _finish(
-            recording, upright.value, found.value, refined.value, labels.value, fused.value, config
+            recording, upright.value, found.value, polished.value, labels.value, fused.value, config
         ),
     )
     provenance = {"versions": versions(), "config": as_dict(config)}
@@ -166,6 +178,22 @@ def _refined(
     first = replace(config.labels, every=max(config.labels.every, 4))
     labels = label_frames(recording, cameras, parts, first, progress=_Bar(run, "refine"))
     return refine_parts(recording, cameras, labels, found, config.refine, config.motion.interval)
+
+
+def _polished(
+    recording: Recording,
+    cameras: Trajectory,
+    found: FoundParts,
+    refined: Sequence[MovingPart],
+    labels: Labels,
+    config: ReconConfig,
+) -> tuple[MovingPart, ...]:
+    """Refined once more with the final labels, which show what the first ones missed, by the last, tight gates."""
+    tracks = tuple(replace(t, part=p) for t, p in zip(found.parts, refined, strict=True))
+    tight = replace(config.refine, gates=config.refine.gates[-3:])
+    return refine_parts(
+        recording, cameras, labels, replace(found, parts=tracks), tight, config.motion.interval
+    )
 
 
 def _finish(

@@ -17,7 +17,7 @@ from twin.storage import load
 from twin.verbs import RECORDINGS
 
 RECORDING = RECORDINGS / "cabinet_drawer"
-STAGES = ["tracks", "cameras", "gravity", "motion", "refine", "labels", "fusion", "contact"]
+STAGES = ["tracks", "cameras", "gravity", "motion", "refine", "labels", "polish", "fusion", "contact"]
 
 
 def reconstruct(folder: Path, *more: str) -> int:
