@@ -33,16 +33,18 @@ class MotionConfig:
     far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
     second fit. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
     further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
-    max_residual: m, RMS that its fit may leave.
+    max_residual: m, RMS that its fit may leave. max_moving_share: of the
+    frames that see it, those in which it moves.
     """
 
     far_share: float = 0.3
     rest_tolerance: float = 0.012
     max_parts: int = 8
-    min_tracks: int = 25
-    min_share: float = 0.25
+    min_tracks: int = 15
+    min_share: float = 0.1
     min_travel: float = 0.04
     max_residual: float = 0.008
+    max_moving_share: float = 0.8
     joint: JointConfig = field(default_factory=JointConfig)
     interval: IntervalConfig = field(default_factory=IntervalConfig)
     hand: HandColorConfig = field(default_factory=HandColorConfig)
@@ -235,15 +237,18 @@ def _fit_of_both(
 def _is_another_part(
     fit: MotionFit, members: NDArray[np.bool_], movers: Movers, first: NDArray[np.bool_], config: MotionConfig
 ) -> bool:
-    """A further part must be as well seen as a part is: many tracks, seen at rest, far travel, a tight fit."""
-    rested = int((members & movers.rested).sum())
-    needed = max(config.min_tracks, config.min_share * int((first & movers.rested).sum()))
+    """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
+
+    Points that slip along edges while the camera sways also follow some joint, but loosely and without ever resting.
+    """
+    enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(first.sum()))
     lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))
-    return (
-        rested >= needed
-        and float(fit.joint.upper * lever) >= config.min_travel
-        and fit.residual <= config.max_residual
-    )
+    far = float(fit.joint.upper * lever) >= config.min_travel
+    noise = fit.joint.sigma.state if fit.joint.sigma else 0.0
+    spans = state_intervals(fit.frames, fit.state, noise, replace(config.interval, rest_share=0.05))
+    moving = sum(i.last - i.first + 1 for i in spans)
+    rests = 0 < moving <= config.max_moving_share * len(fit.frames) and bool(np.any(members & movers.rested))
+    return enough and far and rests and fit.residual <= config.max_residual
 
 
 def _moving_part(
