@@ -23,7 +23,9 @@ from recon.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
-from twin.scene import FIRST_PART_ID, Motion, Trajectory
+from twin.scene import FIRST_PART_ID, Motion, Revolute, Trajectory
+
+_REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,9 @@ class MotionConfig:
     far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
     second fit. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
     further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
-    max_residual: m, RMS that its fit may leave. max_moving_share: of the
-    frames that see it, those in which it moves.
+    max_residual: m, RMS that its fit may leave. max_moving_share: of the frames that see it, those in which it moves.
+    max_axis_sigma: rad, uncertainty of its axis. same_axis, same_pivot: rad and m, two fits nearer than this that move
+    at the same time are two faces of one part.
     """
 
     far_share: float = 0.3
@@ -45,6 +48,9 @@ class MotionConfig:
     min_travel: float = 0.04
     max_residual: float = 0.008
     max_moving_share: float = 0.8
+    max_axis_sigma: float = float(np.radians(2.0))
+    same_axis: float = float(np.radians(10.0))
+    same_pivot: float = 0.06
     joint: JointConfig = field(default_factory=JointConfig)
     interval: IntervalConfig = field(default_factory=IntervalConfig)
     hand: HandColorConfig = field(default_factory=HandColorConfig)
@@ -105,7 +111,7 @@ def find_parts(
             if not found:
                 raise
             break
-        known = _same_part(members, movers, found, config)
+        known = _same_part(fit, members, movers, found, config)
         if known is not None:
             both = found[known].members | members
             fits[known] = _fit_of_both(fits[known], both, movers, config)
@@ -172,17 +178,12 @@ def _fit(movers: Movers, chosen: NDArray[np.bool_], config: MotionConfig) -> Mot
 
 def _rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
     """Spans of frames in which the fitted part rests, a few frames away from its motion."""
-    # Each frame's own uncertainty would call slow starts rest; 5 % of the range is well above both.
-    careful = replace(config.interval, rest_share=0.05)
-    moving = state_intervals(
-        fit.frames, fit.state, fit.joint.sigma.state if fit.joint.sigma else 0.0, careful
-    )
     spans, start = [], 0
-    for interval in (*moving, Interval(frames + 1, frames + 2)):
-        first, last = start, min(interval.first - 3, frames - 1)
-        if last - first >= 3:
+    for interval in (*_spans(fit, config), Interval(frames + 1, frames + 2)):
+        first, last = start, min(interval.first - _REST_MARGIN, frames - 1)
+        if last - first >= _REST_MARGIN:
             spans.append((first, last))
-        start = interval.last + 3
+        start = interval.last + _REST_MARGIN
     return spans
 
 
@@ -201,9 +202,14 @@ def _restless(
 
 
 def _same_part(
-    members: NDArray[np.bool_], movers: Movers, found: Sequence[PartTracks], config: MotionConfig
+    fit: MotionFit,
+    members: NDArray[np.bool_],
+    movers: Movers,
+    found: Sequence[PartTracks],
+    config: MotionConfig,
 ) -> int | None:
-    """Index of the found part whose joint and states carry most of the new members too, if there is one."""
+    """Index of the found part that the new tracks belong to, if there is one: its joint and states carry most of them,
+    or the new fit found its joint again at the same time (from the tracks on its other face)."""
     for number, other in enumerate(found):
         T_part_world = geo.invert_pose(other.part.joint.poses(other.part.motion.state))
         frames = other.part.motion.frames
@@ -213,9 +219,36 @@ def _same_part(
             back = geo.transform(T_part_world[seen], movers.points_world[frames[seen], k][:, None])[:, 0]
             spread = np.linalg.norm(back - np.median(back, axis=0), axis=1)
             rigid += bool(np.median(spread) < 2.0 * config.rest_tolerance)
-        if rigid > 0.5 * int(members.sum()):
+        if rigid > 0.5 * int(members.sum()) or _same_joint(fit, other, config):
             return number
     return None
+
+
+def _same_joint(fit: MotionFit, other: PartTracks, config: MotionConfig) -> bool:
+    """Whether a fit has the joint of a found part and moves together with it, or right before or after it."""
+    joint, known = fit.joint, other.part.joint
+    if joint.kind != known.kind or geo.line_angle(joint.axis, known.axis) > config.same_axis:
+        return False
+    if isinstance(joint, Revolute) and isinstance(known, Revolute):
+        centre = np.nanmedian(fit.landmarks, axis=0)
+        feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, known)]
+        if np.linalg.norm(feet[0] - feet[1]) > config.same_pivot:
+            return False
+    gap = 2 * _REST_MARGIN
+    spans = _spans(fit, config)
+    return any(
+        i.first <= last + gap and first <= i.last + gap
+        for i in spans
+        for first, last in other.part.motion.intervals
+    )
+
+
+def _spans(fit: MotionFit, config: MotionConfig) -> tuple[Interval, ...]:
+    """When the fitted part surely moves: its slow starts and ends count as rest."""
+    # Each frame's own uncertainty would call slow starts rest; 5 % of the range is well above both.
+    careful = replace(config.interval, rest_share=0.05)
+    noise = fit.joint.sigma.state if fit.joint.sigma else 0.0
+    return state_intervals(fit.frames, fit.state, noise, careful)
 
 
 def _fit_of_both(
@@ -244,11 +277,10 @@ def _is_another_part(
     enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(first.sum()))
     lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))
     far = float(fit.joint.upper * lever) >= config.min_travel
-    noise = fit.joint.sigma.state if fit.joint.sigma else 0.0
-    spans = state_intervals(fit.frames, fit.state, noise, replace(config.interval, rest_share=0.05))
-    moving = sum(i.last - i.first + 1 for i in spans)
+    moving = sum(i.last - i.first + 1 for i in _spans(fit, config))
     rests = 0 < moving <= config.max_moving_share * len(fit.frames) and bool(np.any(members & movers.rested))
-    return enough and far and rests and fit.residual <= config.max_residual
+    sure = fit.joint.sigma is not None and fit.joint.sigma.axis <= config.max_axis_sigma
+    return enough and far and rests and sure and fit.residual <= config.max_residual
 
 
 def _moving_part(
