@@ -1,11 +1,13 @@
 """Makes collision shapes give way where a moving part would touch them.
 
-MuJoCo's own collision detection finds the contacts over each part's range. The shape that has to give way loses what lies
-beyond the contact plane; a large shape is split first, so that only its piece at the contact gives way.
+MuJoCo's own collision detection finds the contacts over each part's range, also between the sampled states. The shape that
+has to give way loses what lies beyond the contact plane; a large shape is split first, so that only its piece at the
+contact gives way.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -38,13 +40,16 @@ class Touch:
 def sweep_states(part: Part, step: float) -> Array:
     """States (n,) from lower to upper, no point of the part's mesh moving further than `step` between two."""
     j = part.joint
-    radius = 1.0
-    if isinstance(j, Revolute) and len(part.mesh.vertices):
-        away = part.mesh.vertices - j.pivot
-        radius = float(np.linalg.norm(away - np.outer(away @ j.axis, j.axis), axis=1).max())
+    radius = _radius(j, part.mesh.vertices) if isinstance(j, Revolute) and len(part.mesh.vertices) else 1.0
     return np.linspace(
         j.lower, j.upper, int(np.clip(np.ceil((j.upper - j.lower) * radius / step), 2, 100)) + 1
     )
+
+
+def _radius(joint: Revolute, points: Array) -> float:
+    """Greatest distance (m) of points (n, 3) from the axis."""
+    away = points - joint.pivot
+    return float(np.linalg.norm(away - np.outer(away @ joint.axis, joint.axis), axis=1).max())
 
 
 def make_clear(
@@ -71,7 +76,7 @@ def make_clear(
 def _give_way(shapes: list[list[Collision]], touches: list[Touch], clearance: float) -> None:
     for t in sorted(touches, key=lambda t: (t.owner, t.index), reverse=True):
         piece = shapes[t.owner][t.index]
-        hull = hull_of(piece.corners if isinstance(piece, Box) else piece.vertices)
+        hull = hull_of(points_of(piece))
         left = None if hull is None else clip(hull, -t.normal, -t.offset + 1e-5)
         new: list[Collision] = []
         if hull is not None and (left is None or left.volume < (1 - _KEEP) * hull.volume):
@@ -109,55 +114,102 @@ def _split_around(hull: Hull, point: Array) -> list[Hull]:
 
 
 def find_touches(twin: Twin, shapes: list[list[Collision]], clearance: float, step: float) -> list[Touch]:
-    """The deepest touch of every shape that comes nearer than `clearance`, one part opened at a time."""
+    """The deepest touch of every shape that comes nearer than `clearance`, one part opened at a time.
+
+    Between two states of the sweep a thin edge could slip past unseen, so what moves is tested as the hull of each shape at
+    both ends of the step: it holds the shape in every state between them (of a turning one all but the rise of its arcs
+    above their chords, which is added to the clearance).
+    """
+    worst: dict[tuple[int, int], Touch] = {}
+    for part in twin.parts:
+        for t in _touches_of(twin, shapes, part, clearance, step):
+            key = (t.owner, t.index)
+            if key not in worst or t.depth < worst[key].depth:
+                worst[key] = t
+    return [worst[k] for k in sorted(worst)]
+
+
+def _touches_of(
+    twin: Twin, shapes: list[list[Collision]], part: Part, clearance: float, step: float
+) -> Iterator[Touch]:  # fmt: skip
+    """What comes too near while one part opens; several touches of one shape are possible."""
     import mujoco
 
-    model = _model(twin, shapes, clearance)
+    states = sweep_states(part, step)
+    moving = _carried(twin, part)
+    delta = part.joint.pose(float(states[1] - states[0]))
+    swept = [[_swept(s, delta) for s in own] if i in moving else own for i, own in enumerate(shapes)]
+    margin = clearance
+    if isinstance(part.joint, Revolute):
+        rise = 1.0 - np.cos((states[1] - states[0]) / 2)
+        margin += float(
+            rise * max((_radius(part.joint, points_of(s)) for i in moving for s in shapes[i]), default=0.0)
+        )
+    model = _model(twin, swept, moving, margin)
     data = mujoco.MjData(model)
     names = [model.geom(g).name.split("_") for g in range(model.ngeom)]
     owner = np.array([int(n[1]) for n in names])
     index = np.array([int(n[2]) for n in names])
-    worst: dict[tuple[int, int], Touch] = {}
-    for part in twin.parts:
-        address = int(model.joint(f"joint_{part.id}").qposadr[0])
-        for state in sweep_states(part, step):
-            data.qpos[:] = 0.0
-            data.qpos[address] = state
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_collision(model, data)
-            for c in data.contact:
-                a, b = c.geom
-                if owner[a] > owner[b]:  # a is the one that stays, unless it is static
-                    a, b, sign = b, a, -1.0
-                else:
-                    sign = 1.0
-                gives = a if owner[a] == 0 else b
-                toward = (
-                    sign * c.frame[:3] * (1.0 if gives == a else -1.0)
-                )  # from the one that gives to the other
-                key = (int(owner[gives]), int(index[gives]))
-                if c.dist < clearance - 1e-5 and (key not in worst or c.dist < worst[key].depth):
-                    surface = c.pos + toward * c.dist / 2  # the other's surface
-                    worst[key] = _touch(
-                        twin, key, float(c.dist), surface, toward, clearance, part, float(state)
-                    )
-    return [worst[k] for k in sorted(worst)]
+    address = int(model.joint(f"joint_{part.id}").qposadr[0])
+    for state in states[:-1]:
+        data.qpos[address] = state
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        for c in data.contact:
+            if c.dist >= margin - 1e-5:
+                continue
+            a, b = c.geom
+            toward = c.frame[:3]  # from a to b
+            gives, sign = (a, 1.0) if owner[a] == 0 or owner[a] > owner[b] > 0 else (b, -1.0)
+            surface = c.pos + sign * toward * c.dist / 2  # of the one that stays
+            key = (int(owner[gives]), int(index[gives]))
+            piece = shapes[key[0]][key[1]]
+            yield _touch(
+                twin, key, piece, float(c.dist), surface, sign * toward, margin, part, states, float(state)
+            )
 
 
 def _touch(
-    twin: Twin, key: tuple[int, int], depth: float, surface: Array, toward: Array, clearance: float, part: Part, state: float
+    twin: Twin, key: tuple[int, int], piece: Collision, depth: float, surface: Array, toward: Array, margin: float,
+    part: Part, states: Array, state: float,
 ) -> Touch:  # fmt: skip
-    """The touch in the coordinates of state 0 of the shape that gives way."""
-    back = np.eye(4)
-    if key[0] > 0:
-        back = geo.invert_pose(twin.part_pose(twin.parts[key[0] - 1].id, {part.id: state}))
-    point = geo.transform(back, surface[None])[0]
-    normal = geo.rotate(back, toward)
-    return Touch(key[0], key[1], depth, point, normal, float(normal @ point) - clearance)
+    """The touch in the coordinates of state 0 of the shape that gives way, at that end of the step where it reaches further."""
+    if key[0] not in _carried(twin, part):
+        return Touch(key[0], key[1], depth, surface, toward, float(toward @ surface) - margin)
+    delta = part.joint.pose(float(states[1] - states[0]))
+    at = part.joint.pose(state)
+    ends = (at, at @ delta)
+    reach = [float((geo.transform(e, points_of(piece)) @ toward).max()) for e in ends]
+    back = geo.invert_pose(ends[int(np.argmax(reach))])
+    point, normal = geo.transform(back, surface[None])[0], geo.rotate(back, toward)
+    return Touch(key[0], key[1], depth, point, normal, float(normal @ point) - margin)
 
 
-def _model(twin: Twin, shapes: list[list[Collision]], margin: float) -> Any:
-    """A model of the bare shapes; body frames are the world at state 0, geoms are called geom_<owner>_<index>."""
+def _carried(twin: Twin, part: Part) -> set[int]:
+    """Owners of the shapes that move with a part: itself and the parts on it."""
+    ids = {part.id}
+    for _ in twin.parts:
+        ids |= {p.id for p in twin.parts if p.parent in ids}
+    return {i + 1 for i, p in enumerate(twin.parts) if p.id in ids}
+
+
+def _swept(piece: Collision, delta: Array) -> Collision:
+    """The hull of a shape before and after it moves by delta (4, 4)."""
+    points = points_of(piece)
+    hull = hull_of(np.concatenate([points, geo.transform(delta, points)]))
+    return piece if hull is None else hull.mesh
+
+
+def points_of(piece: Collision) -> Array:
+    """Corners (n, 3) of a shape in the world at state 0."""
+    return piece.corners if isinstance(piece, Box) else piece.vertices
+
+
+def _model(twin: Twin, shapes: list[list[Collision]], moving: set[int], margin: float) -> Any:
+    """A model of the bare shapes in which only what moves meets what stays.
+
+    Body frames are the world at state 0, geoms are called geom_<owner>_<index>.
+    """
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -180,19 +232,20 @@ def _model(twin: Twin, shapes: list[list[Collision]], margin: float) -> Any:
         body.add_joint(name=f"joint_{part.id}", type=kind, axis=part.joint.axis, pos=pivot)
     for i, owner in enumerate(shapes):
         body = bodies[None if i == 0 else twin.parts[i - 1].id]
+        groups = {"contype": 1, "conaffinity": 2} if i in moving else {"contype": 2, "conaffinity": 1}
         for k, piece in enumerate(owner):
-            _add_geom(spec, body, f"geom_{i}_{k}", piece, margin)
+            _add_geom(spec, body, f"geom_{i}_{k}", piece, margin=margin, **groups)
     return spec.compile()
 
 
-def _add_geom(spec: Any, body: Any, name: str, piece: Collision, margin: float) -> None:
+def _add_geom(spec: Any, body: Any, name: str, piece: Collision, **options: Any) -> None:
     import mujoco
 
     if isinstance(piece, Mesh):
         spec.add_mesh(name=name, uservert=piece.vertices.ravel(), userface=piece.faces.ravel())
-        body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, margin=margin)
+        body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
     else:
         body.add_geom(
             name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=piece.size / 2, pos=piece.T_world_box[:3, 3],
-            quat=geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3]), margin=margin,
+            quat=geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3]), **options,
         )  # fmt: skip

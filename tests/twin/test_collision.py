@@ -22,7 +22,7 @@ from tests.twin.scenes import (
     world_from_cabinet,
 )
 from twin import geometry as geo
-from twin.clearance import find_touches, sweep_states
+from twin.clearance import find_touches, make_clear, points_of, sweep_states
 from twin.collision import CollisionConfig, part_shapes, with_collision
 from twin.convex import (
     areas,
@@ -36,6 +36,7 @@ from twin.convex import (
     thick_hull,
     triangles_of,
 )
+from twin.export import export
 from twin.scene import Box, Collision, Mesh, Revolute, Twin
 
 CONFIG = CollisionConfig()
@@ -126,6 +127,54 @@ def test_nothing_touches_while_a_part_opens(bare: Twin, shaped: Twin) -> None:
     shapes = [list(shaped.static.collision), *(list(p.collision) for p in shaped.parts)]
     assert find_touches(bare, shapes, 0.0015, 0.01) == []
     assert volume(shaped.static.collision) > 0.5 * sum(float(np.prod(b.size)) for b in carcass_boards())
+
+
+@pytest.mark.parametrize("name", ["drawer", "door"])
+def test_a_thin_edge_between_two_sampled_states_is_not_missed(name: str) -> None:
+    """A blade of 2 mm on the part passes a static one of 2 mm; both sampled states have it well to one side."""
+    twin = cabinet_twin(T)
+    part = twin.part(name)
+    states = sweep_states(part, CONFIG.step)
+    away = part.joint.pose(float(states[4] + states[5]) / 2)
+    middle = part.mesh.vertices.mean(axis=0)
+    blade_pose = geo.make_pose(T[:3, :3], middle)
+    fast = T[:3, :3].T @ (part.joint.pose(1e-6) @ [*middle, 1.0] - [*middle, 1.0])[:3]
+    size = np.where(np.arange(3) == np.argmax(np.abs(fast)), 0.002, 0.05)
+    own: list[Collision] = [Box(blade_pose, size)]
+    shapes = [[Box(away @ blade_pose, size)], *([*own] if p is part else [] for p in twin.parts)]
+    touches = find_touches(twin, shapes, 0.002, CONFIG.step)
+    assert [(t.owner, t.index) for t in touches] == [(0, 0)]
+    for state in states:
+        moved = geo.transform(part.joint.pose(float(state)), own[0].corners)
+        assert hull_distance(hull_of(moved), points_of(shapes[0][0])).max() > 0.004, (
+            "apart in the sampled states"
+        )
+    left = make_clear(twin, [list(x) for x in shapes], 0.002, CONFIG.step)
+    assert left[1:] == shapes[1:], "the part keeps its shape"
+    assert find_touches(twin, left, 0.0019, 0.001) == []
+
+
+def test_the_exported_shapes_keep_apart_in_the_engine_in_between_too(shaped: Twin, tmp_path: Path) -> None:
+    """MuJoCo's distance of all pairs in the URDF, which has no exclusions, in states of no relation to the sweep's."""
+    import mujoco
+
+    export(shaped, tmp_path, ("urdf",))
+    model = mujoco.MjSpec.from_file(str(tmp_path / "urdf" / f"{shaped.name}.urdf")).compile()
+    data = mujoco.MjData(model)
+    solid = np.flatnonzero(model.geom_contype)
+    for part in shaped.parts:
+        joint = model.joint(f"{part.name}_joint")
+        own = solid[model.geom_bodyid[solid] == model.body(part.name).id]
+        others = np.setdiff1d(solid, own)
+        for state in np.linspace(part.joint.lower, part.joint.upper, 13):
+            data.qpos[:] = 0.0
+            data.qpos[joint.qposadr[0]] = state
+            mujoco.mj_kinematics(model, data)
+            for g in own:
+                apart = np.linalg.norm(data.geom_xpos[others] - data.geom_xpos[g], axis=1)
+                for h in others[apart < model.geom_rbound[others] + model.geom_rbound[g] + 0.002]:
+                    found = mujoco.mj_geomDistance(model, data, int(g), int(h), 0.01, None)
+                    assert found >= 0.0015, (part.name, state, model.geom(g).name, model.geom(h).name)
 
 
 def test_a_static_ghost_of_the_door_gives_way(bare: Twin) -> None:
