@@ -81,7 +81,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     refined = run.stage(
         "refine",
-        4,
+        3,
         (config.refine, config.labels, config.motion.interval),
         [upright, found],
         lambda: _refined(run, recording, upright.value, found.value, config),
@@ -174,22 +174,10 @@ def _refined(
 ) -> tuple[MovingPart, ...]:
     """Labels with the joints found so far, then joints and states refined with every labelled pixel."""
     parts = [p.part for p in found.parts]
-    frames = _telling_frames(parts, len(recording), max(config.labels.every, 4))
-    labels = label_frames(
-        recording, cameras, parts, config.labels, frames=frames, progress=_Bar(run, "refine")
-    )
+    # As dense as the final ones: a door's far face is in few frames. Denser adds time and no accuracy.
+    first = replace(config.labels, every=max(config.labels.every, 4))
+    labels = label_frames(recording, cameras, parts, first, progress=_Bar(run, "refine"))
     return refine_parts(recording, cameras, labels, found, config.refine, config.motion.interval)
-
-
-def _telling_frames(parts: Sequence[MovingPart], count: int, every: int) -> list[int]:
-    """Every `every`-th frame while something moves, for a door's far face is in few of them, and few of the rest."""
-    moving = [span for p in parts for span in p.motion.intervals]
-    near = every  # frames before and after a motion
-    return [
-        f
-        for f in range(0, count, every)
-        if f % (4 * every) == 0 or any(first - near <= f <= last + near for first, last in moving)
-    ]
 
 
 def _polished(
