@@ -81,7 +81,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     refined = run.stage(
         "refine",
-        3,
+        5,
         (config.refine, config.labels, config.motion.interval),
         [upright, found],
         lambda: _refined(run, recording, upright.value, found.value, config),
