@@ -30,7 +30,7 @@ from recon.references import (
     view,
 )
 from recon.regions import agree, upsample_labels, walk
-from recon.voxels import largest_piece, mean_evidence, near_piece, voxel_keys
+from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys
 from recon.warping import F32, depth_sigma
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
@@ -114,9 +114,10 @@ def label_frames(
         score, staying = _first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error)
         scores.append(score)
         stays.append(staying)
+    enclosed = _enclosed(views, scores, stays, cameras, parts, camera)
     _pool_voxels(views, scores, cameras, parts, camera)
-    for seen, score, staying in zip(views, scores, stays, strict=True):
-        _spread_along_surfaces(score, staying, seen, COLOR_SIGMAS * refs.color_sigma)
+    for seen, score, sure, held in zip(views, scores, stays, enclosed, strict=True):
+        _spread_along_surfaces(score, sure, held, seen, COLOR_SIGMAS * refs.color_sigma)
     _pool_voxels(views, scores, cameras, parts, camera)
     for score in scores:
         score[1:-1] += _PRIOR_PART
@@ -243,12 +244,17 @@ def _lead(score: F32, k: int) -> F32:
     return np.asarray(score[k] - others)
 
 
+def _voxel_size(views: list[View]) -> float:
+    """m; two standard deviations of typical depth."""
+    typical = float(np.median(np.concatenate([v.depth[v.depth > 0][::97] for v in views])))
+    return float(np.clip(2.0 * depth_sigma(typical), 0.006, 0.02))
+
+
 def _pool_voxels(
     views: list[View], scores: list[F32], cameras: Trajectory, parts: Sequence[MovingPart], camera: Array
 ) -> None:
     """Add to each score what all frames say about the pixel's voxel, in the world and in each part's own frame."""
-    typical = float(np.median(np.concatenate([v.depth[v.depth > 0][::97] for v in views])))
-    size = float(np.clip(2.0 * depth_sigma(typical), 0.006, 0.02))
+    size = _voxel_size(views)
     worlds = [_points(v, camera, cameras.pose(v.frame)) for v in views]
     gains: list[list[F32]] = []
     for k in range(1 + len(parts)):
@@ -278,6 +284,38 @@ def _pool_voxels(
         for v, g in enumerate(per_view):
             if len(g):
                 scores[v][k][views[v].depth > 0] += g
+
+
+def _enclosed(
+    views: list[View],
+    scores: list[F32],
+    sure: list[NDArray[np.bool_]],
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    camera: Array,
+) -> list[NDArray[np.bool_]]:
+    """Masks (P, h, w) of what lies inside the convex hull, in a part's own frame, of what surely is that part.
+
+    Between the walls of a drawer that slides there is no room for anything static. Sure is what references at rest see
+    through where it is now and see again where it was; scores are those of the references alone, before any pooling.
+    """
+    size = _voxel_size(views)
+    out = [np.zeros((len(parts), *v.depth.shape), bool) for v in views]
+    for k, part in enumerate(parts):
+        points: dict[int, F32] = {}
+        certain: list[F32] = []
+        for v, (seen, score, moved) in enumerate(zip(views, scores, sure, strict=True)):
+            pose = part.pose(seen.frame)
+            if pose is None:
+                continue
+            inv = geo.invert_pose(pose)
+            points[v] = geo.transform(inv, _points(seen, camera, cameras.pose(seen.frame))).astype(np.float32)
+            mine = (_lead(score, k + 1) > _SURE) & moved[0]
+            certain.append(points[v][mine[seen.depth > 0]])
+        shell = solid_core(certain, size)
+        for v, p in points.items():
+            out[v][k][views[v].depth > 0] = in_hull(p, shell)
+    return out
 
 
 _BINS = 16
@@ -333,26 +371,31 @@ def _filled(depth: F32) -> F32:
     return value[nearest]
 
 
-def _spread_along_surfaces(score: F32, sure: NDArray[np.bool_], seen: View, scale: float) -> None:
-    """Where nothing tells part from static scene, what is nearer along the surface counts.
+def _spread_along_surfaces(
+    score: F32, sure: NDArray[np.bool_], enclosed: NDArray[np.bool_], seen: View, scale: float
+) -> None:
+    """Where nothing tells part from static scene, what a part encloses is its own; else what is nearer along the surface.
 
     A drawer's bottom slides along itself and looks the same whether it moves or not; but its sides, which it adjoins
-    without a depth edge, do move.
+    without a depth edge, do move. Static surface is only sure where it stays or where the part can't be: support alone
+    proves nothing, for what slides along itself supports both.
     """
     depth = _filled(seen.depth)
     for k in range(1, len(score) - 1):
         lead = score[k] - score[0]
-        open_question = (
-            ~sure[k] & (np.abs(lead) < _SURE) & (np.maximum(score[0], score[k]) >= score.max(axis=0))
-        )
-        if not open_question.any():
-            continue
         top = score.max(axis=0)
-        moving = (lead > _SURE) & (score[k] == top) & sure[0]
+        possible = (score[0] > -_SURE) & (score[k] > -_SURE) & (np.maximum(score[0], score[k]) >= top)
+        held = enclosed[k - 1] & possible & ~sure[0]
+        open_question = ~sure[k] & ~held & possible & (lead < _SURE)
+        if not (held | open_question).any():
+            continue
+        moving = held | ((lead > _SURE) & (score[k] == top) & sure[0])
+        resting = ~held & (lead < -_SURE) & (score[0] == top) & (sure[k] | (score[k] < -_SURE))
         to_part = walk(moving, seen.color, depth, scale, 3)
-        to_static = walk((lead < -_SURE) & (score[0] == top), seen.color, depth, scale, 3)
+        to_static = walk(resting, seen.color, depth, scale, 3)
         nearer = (to_static - to_part) / (to_static + to_part + 1.0) * np.exp(-to_part / _REACH_PX)
         score[k][open_question] += _SURFACE_GAIN * nearer[open_question]
+        score[k][held] += _SURFACE_GAIN
 
 
 def _drop_crumbs(belief: F32) -> None:

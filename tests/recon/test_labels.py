@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.labels import LabelConfig, label_frames
+from recon.labels import LabelConfig, _spread_along_surfaces, label_frames
 from recon.parts import MovingPart
 from recon.recording import Recording, open_recording
-from recon.references import find_references
+from recon.references import View, find_references
 from recon.regions import agree, upsample_labels, walk
 from recon.truth import Truth, load_truth
-from recon.voxels import largest_piece, near_piece, voxel_keys
+from recon.voxels import in_hull, largest_piece, near_piece, solid_core, voxel_centres, voxel_keys
 from recon.warping import compare, depth_sigma, shrink_depth
 from tests.recon.tiny import write_recording
 from twin.errors import ConfigError, ReconstructionError
@@ -163,6 +163,49 @@ def test_pieces_of_voxels_are_joined_by_faces_edges_and_corners() -> None:
     piece = largest_piece(keys, np.array([1, 1, 1, 2.5], np.float32))
     assert piece.tolist() == [True, True, True, False]
     assert near_piece(keys, keys[:2]).tolist() == [True, True, True, False]
+
+
+def test_a_core_is_what_several_views_agree_on() -> None:
+    size = 0.01
+    solid = np.array([[0, 0, 0], [1, 0, 0], [-1, 1, 0]], np.float32) * size + 0.004
+    once, alone = np.array([[2, 0, 0]], np.float32) * size, np.array([[9, 9, 9]], np.float32) * size + 0.004
+    views = [np.concatenate([solid, alone])] * 3 + [once.astype(np.float32)] * 2
+    core = solid_core(views, size)
+    assert core == pytest.approx(np.array([[-0.005, 0.015, 0.005], [0.005] * 3, [0.015, 0.005, 0.005]]))
+    assert np.array_equal(
+        voxel_keys(core, size), voxel_keys(voxel_centres(voxel_keys(core, size), size), size)
+    )
+    assert solid_core([], size).shape == (0, 3)
+    assert solid_core([solid, solid], size).shape == (0, 3)
+
+
+def test_a_hull_holds_what_walls_enclose_and_a_flat_one_nothing() -> None:
+    front = np.array([[x, 0, z] for x in (0, 4) for z in (0, 2)], np.float32)
+    back = front + np.array([0, 4, 0], np.float32)
+    inside = np.array([[2, 2, 1], [2, 2, 2.1], [2, 4.5, 1], [-1, 2, 1]], np.float32)
+    assert in_hull(inside, np.concatenate([front, back])).tolist() == [True, False, False, False]
+    assert not in_hull(front, front).any()
+    assert not in_hull(front, front[:0]).any()
+
+
+@pytest.mark.parametrize("enclosed", [True, False])
+def test_what_slides_along_itself_is_static_unless_the_part_encloses_it(enclosed: bool) -> None:
+    shape = (20, 30)
+    score = np.zeros((3, *shape), np.float32)
+    score[0], score[2] = (
+        1.5,
+        -0.7,
+    )  # static is supported everywhere; the part, somewhat less, only to the left
+    score[1, :, :15], score[1, :, 15:] = 0.2, -4.0
+    sure = np.zeros((2, *shape), bool)
+    held = np.zeros((1, *shape), bool)
+    held[0, 5:15, :8] = enclosed
+    depth = np.where(np.arange(30) < 15, 1.0, 2.0).astype(np.float32) * np.ones(shape, np.float32)
+    _spread_along_surfaces(score, sure, held, View(0, depth, np.zeros((*shape, 3), np.float32)), 5.0)
+    part = score.argmax(axis=0) == 1
+    assert part[:, :12].all() == enclosed
+    assert part.any() == enclosed
+    assert not part[:, 15:].any()
 
 
 def test_a_way_along_surfaces_goes_round_a_depth_edge() -> None:
