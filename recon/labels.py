@@ -294,13 +294,14 @@ def _enclosed(
     parts: Sequence[MovingPart],
     camera: Array,
 ) -> list[NDArray[np.bool_]]:
-    """Masks (P, h, w) of what lies inside the convex hull, in a part's own frame, of what surely is that part.
+    """Masks (2, P, h, w) of what lies inside the convex hull, and inside the box, of what surely is a part, in its frame.
 
     Between the walls of a drawer that slides there is no room for anything static. Sure is what references at rest see
     through where it is now and see again where it was; scores are those of the references alone, before any pooling.
     """
     size = _voxel_size(views)
     out = [np.zeros((len(parts), *v.depth.shape), bool) for v in views]
+    near = [np.zeros_like(o) for o in out]
     for k, part in enumerate(parts):
         points: dict[int, F32] = {}
         certain: list[F32] = []
@@ -315,7 +316,10 @@ def _enclosed(
         shell = solid_core(certain, size)
         for v, p in points.items():
             out[v][k][views[v].depth > 0] = in_hull(p, shell)
-    return out
+            if len(shell):
+                box = (p >= shell.min(axis=0) - size) & (p <= shell.max(axis=0) + size)
+                near[v][k][views[v].depth > 0] = box.all(axis=1)
+    return [np.stack(pair) for pair in zip(out, near, strict=True)]
 
 
 _BINS = 16
@@ -385,8 +389,8 @@ def _spread_along_surfaces(
         lead = score[k] - score[0]
         top = score.max(axis=0)
         possible = (score[0] > -_SURE) & (score[k] > -_SURE) & (np.maximum(score[0], score[k]) >= top)
-        held = enclosed[k - 1] & possible & ~sure[0]
-        open_question = ~sure[k] & ~held & possible & (lead < _SURE)
+        held = enclosed[0, k - 1] & possible & ~sure[0]
+        open_question = enclosed[1, k - 1] & ~sure[k] & ~held & possible & (lead < _SURE)
         if not (held | open_question).any():
             continue
         moving = held | ((lead > _SURE) & (score[k] == top) & sure[0])

@@ -198,8 +198,9 @@ def test_what_slides_along_itself_is_static_unless_the_part_encloses_it(enclosed
     )  # static is supported everywhere; the part, somewhat less, only to the left
     score[1, :, :15], score[1, :, 15:] = 0.2, -4.0
     sure = np.zeros((2, *shape), bool)
-    held = np.zeros((1, *shape), bool)
-    held[0, 5:15, :8] = enclosed
+    held = np.zeros((2, 1, *shape), bool)
+    held[1] = True
+    held[0, 0, 5:15, :8] = enclosed
     depth = np.where(np.arange(30) < 15, 1.0, 2.0).astype(np.float32) * np.ones(shape, np.float32)
     _spread_along_surfaces(score, sure, held, View(0, depth, np.zeros((*shape, 3), np.float32)), 5.0)
     part = score.argmax(axis=0) == 1
