@@ -81,14 +81,14 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     refined = run.stage(
         "refine",
-        5,
+        6,
         (config.refine, config.labels, config.motion.interval),
         [upright, found],
         lambda: _refined(run, recording, upright.value, found.value, config),
     )
     labels = run.stage(
         "labels",
-        1,
+        2,
         config.labels,
         [upright, refined],
         lambda: label_frames(
