@@ -9,13 +9,17 @@ from numpy.typing import NDArray
 from recon.recording import Intrinsics
 from twin.geometry import Array
 
+# Axial noise of structured-light sensors, Nguyen, Izadi and Lovell 2012 (there 1.2 mm + 1.9 mm (z - 0.4)^2 for a
+# Kinect at small angles); widened by us to cover grazing angles and time-of-flight sensors.
+DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M = 0.002, 0.003, 0.4
+
 
 def depth_sigma(z: Array) -> Array:
     """Axial standard deviation in metres of a consumer depth camera at depth z: 2 mm + 3 mm (z - 0.4)^2.
 
     The form is that of Nguyen, Izadi and Lovell 2012; the constants are chosen by us for today's ToF and structured light.
     """
-    return np.asarray(0.002 + 0.003 * (z - 0.4) ** 2)
+    return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (z - NEAR_M) ** 2)
 
 
 def shrink_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:

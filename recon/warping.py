@@ -8,13 +8,9 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-F32 = NDArray[np.float32]
+from recon.depth import DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M
 
-# Axial noise of structured-light sensors, Nguyen, Izadi and Lovell 2012 (there 1.2 mm + 1.9 mm (z - 0.4)^2 for a
-# Kinect at small angles); widened by us to cover grazing angles and time-of-flight sensors.
-DEPTH_SIGMA_M = 0.002
-DEPTH_SIGMA_SLOPE = 0.003
-NEAR_M = 0.4
+F32 = NDArray[np.float32]
 
 
 def depth_sigma(depth: ArrayLike) -> F32:
