@@ -1,8 +1,9 @@
 """Which parts move, by which joints: tracks in, one `PartTracks` per part out.
 
-The first fit looks at the tracks that travel far. It tells when the part is at rest, and with that which tracks lie on the
-hand (they are in view and move while the part rests, or have the hand's colour) and which merely slip along edges. The
-second fit uses what remains. Parts are found one after the other among the tracks that no earlier part explains.
+The first fit looks at the tracks that travel far, the hand's among them. It tells roughly when the part is at rest, and with
+that which tracks lie on the hand (they are in view and move while the part rests, or have the hand's colour). The next one
+looks at the far ones of the others, and tells which tracks merely slip along edges: they move while the part rests. The
+last ones use all that remain, near or far. Parts are found one after the other among the tracks that no earlier part explains.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ from twin.geometry import Array
 from twin.scene import FIRST_PART_ID, Motion, Revolute, Trajectory
 
 _REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
+_CALM_ROUNDS = (
+    2  # of telling restless tracks by the fit and fitting the others; more change nothing we measured
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class MotionConfig:
     """Finding parts among tracks. Chosen by us unless the comment says otherwise.
 
     far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
-    second fit. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
+    last fits. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
     further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
     max_residual: m, RMS that its fit may leave. max_moving_share: of the frames that see it, those in which it moves.
     max_axis_sigma: rad, uncertainty of its axis. same_axis, same_pivot: rad and m, two fits nearer than this that move
@@ -137,21 +141,26 @@ def _fit_one(
     hand: NDArray[np.bool_],
     config: MotionConfig,
 ) -> tuple[MotionFit, NDArray[np.bool_], NDArray[np.bool_]]:
-    """First and second fit of one part; returns the fit, its members (K,) and the tracks on the hand (K,)."""
-    far = _far(free & ~hand, travel, config)
-    fit = _fit(movers, far, config)
-    rests = _rests(fit, len(recording), config)
-    hand = hand | hand_tracks(recording, cameras, tracks, rests, config.hand)
-    calm = far & ~hand & ~_restless(movers, far, rests, config)
-    if calm.sum() >= config.joint.min_tracks:
-        try:
-            fit, far = _fit(movers, calm, config), calm
-        except ReconstructionError as e:
+    """One part: the fit, its members (K,) and the tracks on the hand (K,)."""
+    first = bool((free == movers.moving).all())
+    chosen = _far(free & ~hand, travel, config)
+    fit = _fit(movers, chosen, config)
+    hand = hand | hand_tracks(recording, cameras, tracks, _rests(fit, len(recording), config), config.hand)
+    free = free & ~hand
+    try:
+        far = _far(free, travel, config)
+        fit, chosen = _fit(movers, far, config), far
+        for _ in range(_CALM_ROUNDS):
+            calm = free & ~_restless(movers, free, _known_rests(fit, len(recording), config), config)
+            fit, chosen = _fit(movers, calm, config), calm
+    except ReconstructionError as e:
+        if first:
             warnings.warn(
-                f"the joint rests on all moving tracks, the hand's included ({e.problem})", stacklevel=2
+                f"the joint rests on tracks that may lie on the hand or slip along edges ({e.problem})",
+                stacklevel=3,
             )
     members = np.zeros_like(free)
-    members[np.flatnonzero(far)[fit.track_inliers]] = True
+    members[np.flatnonzero(chosen)[fit.track_inliers]] = True
     return fit, members, hand
 
 
@@ -184,6 +193,16 @@ def _rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int,
         if last - first >= _REST_MARGIN:
             spans.append((first, last))
         start = interval.last + _REST_MARGIN
+    return spans
+
+
+def _known_rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
+    """Spans of rest cut to the frames whose state is known: past the last of these the part may well move on."""
+    spans = []
+    for first, last in _rests(fit, frames, config):
+        known = fit.frames[(fit.frames >= first) & (fit.frames <= last)]
+        if len(known) and known[-1] - known[0] >= _REST_MARGIN:
+            spans.append((int(known[0]), int(known[-1])))
     return spans
 
 

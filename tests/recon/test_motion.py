@@ -10,11 +10,11 @@ import pytest
 from recon.cameras import estimate_cameras
 from recon.motion import FoundParts, MotionConfig, find_parts
 from recon.recording import Recording, open_recording
-from recon.tracks import track_points
+from recon.tracks import Tracks, track_points
 from tests.recon import tiny
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
-from twin.scene import Revolute
+from twin.scene import Revolute, Trajectory
 
 FRAMES = 120
 
@@ -50,6 +50,33 @@ def test_nothing_moves(tmp_path: Path) -> None:
     )
     with pytest.raises(ReconstructionError, match="moves"):
         _found(folder)
+
+
+def test_what_travels_far_does_not_outvote_a_part_that_travels_little(tmp_path: Path) -> None:
+    """A door seen near its hinge moves by centimetres; points that slip along edges travel a metre, each its own way."""
+    recording = open_recording(
+        tiny.write_recording(tmp_path / "still", ("door",), frames=FRAMES, scale=2, still=True)
+    )
+    rng = np.random.default_rng(3)
+    state = np.interp(np.arange(FRAMES), [30, 60], [0.0, 1.0])
+    joint = Revolute(geo.unit(np.array([0.1, 1.0, 0.05])), 0.0, 1.0, pivot=np.array([0.2, 0.0, 1.5]))
+    door = joint.pivot + np.array([0.15, 0.4, 0.04]) * rng.uniform(-1.0, 1.0, (60, 3))
+    door = geo.transform(joint.poses(state), door)
+    slips = (
+        np.cumsum(rng.normal(0.0, 0.012, (FRAMES, 25, 3)), axis=0)
+        + rng.uniform(-0.5, 0.5, (25, 3))
+        + [0, 0, 2]
+    )
+    points = np.concatenate([door, slips], axis=1) + rng.normal(0.0, 0.001, (FRAMES, 85, 3))
+    seen = np.ones(points.shape[:2], bool)
+    tracks = Tracks(points, np.zeros((*seen.shape, 2)), seen, np.ones(seen.shape))
+    still = Trajectory(np.arange(FRAMES), recording.times, np.tile(np.eye(4), (FRAMES, 1, 1)))
+    found = find_parts(recording, tracks, still)
+    (part,) = found.parts
+    assert part.members[:60].mean() > 0.9
+    assert not part.members[60:].any()
+    assert np.degrees(geo.line_angle(part.part.joint.axis, joint.axis)) < 0.5
+    assert part.part.motion.state[-1] == pytest.approx(1.0, abs=0.01)
 
 
 def test_settings_are_checked() -> None:
