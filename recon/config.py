@@ -11,7 +11,7 @@ from recon.fusion import FusionConfig
 from recon.gravity import GravityConfig
 from recon.labels import LabelConfig
 from recon.motion import MotionConfig
-from recon.refine import RefineConfig
+from recon.refine_terms import RefineConfig
 from recon.tracks import TrackConfig
 
 

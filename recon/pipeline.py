@@ -81,7 +81,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     refined = run.stage(
         "refine",
-        6,
+        7,
         (config.refine, config.labels, config.motion.interval),
         [upright, found],
         lambda: _refined(run, recording, upright.value, found.value, config),
@@ -97,7 +97,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     polished = run.stage(
         "polish",
-        1,
+        2,
         (config.refine, config.motion.interval),
         [upright, found, refined, labels],
         lambda: _polished(recording, upright.value, found.value, refined.value, labels.value, config),

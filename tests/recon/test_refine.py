@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recon import refine
 from recon.intervals import Movers
 from recon.motion import FoundParts, PartTracks
 from recon.parts import MovingPart
 from recon.recording import open_recording
-from recon.refine import RefineConfig, refine_parts
+from recon.refine import refine_parts
+from recon.refine_terms import RefineConfig
 from tests.recon import tiny
 from twin import geometry as geo
 from twin.scene import Motion, Revolute, Trajectory
@@ -59,3 +61,30 @@ def test_a_wrong_start_comes_back_to_the_truth_and_says_how_sure_it_is(door: Pat
     (interval,) = found.motion.intervals
     true_first = int(np.argmax(state > 0.02 * state.max()))
     assert abs(interval[0] - true_first) <= 1
+
+
+def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(
+    door: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such a drift leaves no residual: only the stated size of it can tell that the joint is off by as much."""
+    recording = open_recording(door)
+    n = len(recording)
+    joint, _, _ = tiny.JOINTS["door"]
+    labels = {i: tiny.read_image(door / "truth" / "labels" / f"{i:06d}.png") for i in range(0, n, 2)}
+    state = tiny.TRAVEL["door"] * tiny.smooth(n, n // 4, 3 * n // 4)
+    part = MovingPart(2, joint, Motion(np.arange(n), recording.times, state))
+    size, config = 0.002, RefineConfig(width=96, voxel=0.02)
+    monkeypatch.setattr(refine, "_DRIFT_RAD", 0.0)
+    drifting = tiny.cameras(n).copy()
+    drifting[:, 1, 3] += size * np.sqrt(2.0) * np.cos(np.pi * (np.arange(n) + 0.5) / n)
+    cameras = Trajectory(np.arange(n), recording.times, drifting)
+    sigma = {}
+    for said in (0.0, size):
+        monkeypatch.setattr(refine, "_DRIFT_M", said)
+        (found,) = refine_parts(recording, cameras, labels, _found(part, n), config)
+        assert isinstance(found.joint, Revolute)
+        assert found.joint.sigma is not None
+        sigma[said] = found.joint.sigma.pivot
+        error = geo.line_distance(found.joint.pivot, found.joint.axis, joint.pivot, joint.axis)
+    assert sigma[0.0] < 0.3 * sigma[size]
+    assert 0.2 * sigma[size] < error < 4.0 * sigma[size]

@@ -1,0 +1,141 @@
+"""Gauss-Newton over a joint and all its states; what each term's plane lies at is eliminated exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+
+from recon.refine_terms import Terms
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Joint, Revolute
+
+
+def step(joint: Joint, state: Array, start: Array, terms: Terms) -> tuple[Joint, Array]:
+    """One robust Gauss-Newton step over the joint's tangent and all states."""
+    value, jac = linearise(joint, state, terms)
+    weight, _ = robust_weights(value, terms)
+    h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
+    d = jac.shape[1] - 1
+    h, g = add_priors(h, g, d, state, start)
+    delta = -np.linalg.solve(h, g)
+    basis = geo.orthogonal_basis(joint.axis)
+    axis = geo.unit(geo.exp_so3(basis[:, :2] @ delta[:2]) @ joint.axis)
+    new = replace(joint, axis=axis, covariance=None)
+    if isinstance(new, Revolute):
+        new = replace(new, pivot=new.pivot + basis[:, :2] @ delta[2:4])
+    return new, state + delta[d:]
+
+
+def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
+    """Values n.y (n,) and their derivatives (n, d + 1) by the joint's tangent and by the frame's own state.
+
+    y = T(s)^-1 q is the observed point in the part frame.
+    """
+    n = terms.normals[terms.term]
+    s = state[terms.frame]
+    basis = geo.orthogonal_basis(joint.axis)[:, :2]
+    if isinstance(joint, Revolute):
+        back = geo.exp_so3(-joint.axis * state[:, None])[terms.frame]
+        v = terms.q - joint.pivot
+        rv = np.einsum("nij,nj->ni", back, v)
+        dy = [np.cross(b, rv) - np.einsum("nij,nj->ni", back, np.cross(b, v)) for b in basis.T]
+        dy += [b - back @ b for b in basis.T]
+        dy.append(-np.cross(joint.axis, rv))
+        y = rv + joint.pivot
+    else:
+        y = terms.q - s[:, None] * joint.axis
+        dy = [-s[:, None] * np.cross(b, joint.axis) for b in basis.T]
+        dy.append(np.broadcast_to(-joint.axis, y.shape))
+    return (n * y).sum(axis=1), np.stack([(n * d).sum(axis=1) for d in dy], axis=-1)
+
+
+def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:
+    """Geman-McClure weights (n,) about each term's weighted mean (K,); the scale comes from the data."""
+    weight = 1.0 / terms.sigma**2
+    robust = np.ones_like(weight)
+    count = len(terms.normals)
+    for _ in range(3):
+        total = np.bincount(terms.term, weight * robust, count)
+        mean = np.bincount(terms.term, weight * robust * value, count) / np.maximum(total, 1e-12)
+        chi2 = ((value - mean[terms.term]) / terms.sigma) ** 2
+        scale2 = max(float(np.median(chi2)) / 0.455, 0.05) * 9.0  # 0.455 is the median of chi2 with one dof
+        robust = 1.0 / (1.0 + chi2 / scale2) ** 2
+    return np.asarray(weight * robust / max(scale2 / 9.0, 1e-12)), np.asarray(mean)
+
+
+def add_priors(h: Array, g: Array, d: int, state: Array, start: Array) -> tuple[Array, Array]:
+    """Fix the zero of the state (gauge); where the data say little, ask for small second differences, and for states
+    within a fifth of the range from where they started, so that unseen frames at the ends don't run away."""
+    n = len(state)
+    second = np.diff(state, 2)
+    noise = 1.4826 * float(np.median(np.abs(second)))
+    spread = float(np.quantile(np.abs(second), 0.95)) if n > 2 else 0.0
+    sigma = max(noise, spread, 1e-5)
+    rows = np.zeros((n - 2, n))
+    k = np.arange(n - 2)
+    rows[k, k], rows[k, k + 1], rows[k, k + 2] = 1.0, -2.0, 1.0
+    h[d:, d:] += rows.T @ rows / sigma**2
+    g[d:] += rows.T @ second / sigma**2
+    anchor = max(0.2 * float(np.ptp(start)), 1e-3)
+    every = d + np.arange(n)
+    h[every, every] += 1.0 / anchor**2
+    g[every] += (state - state[0] - start + start[0]) / anchor**2
+    h[d, d] += 1e8 * max(1.0, float(np.abs(np.diag(h)).max()) * 1e-6)
+    scale = float(np.diag(h).mean())
+    h[np.diag_indices_from(h)] += 1e-9 * scale
+    return h, g
+
+
+@njit(cache=True)
+def reduced(term, frame, weight, value, jac, n_states):  # type: ignore[no-untyped-def]
+    """Normal equations of joint and states after eliminating every term's offset. Observations are sorted by term."""
+    d = jac.shape[1] - 1
+    size = d + n_states
+    h = np.zeros((size, size))
+    g = np.zeros(size)
+    a = np.zeros(size)
+    used = np.empty(size, np.int64)
+    start = 0
+    while start < len(term):
+        stop = start
+        while stop < len(term) and term[stop] == term[start]:
+            stop += 1
+        if stop - start > 1:
+            total, mean = 0.0, 0.0
+            for o in range(start, stop):
+                total += weight[o]
+                mean += weight[o] * value[o]
+            mean /= total
+            for i in range(d):
+                a[i] = 0.0
+                used[i] = i
+            count = d
+            for o in range(start, stop):
+                r = value[o] - mean
+                s = d + frame[o]
+                a[s] = 0.0
+            for o in range(start, stop):
+                r = value[o] - mean
+                s = d + frame[o]
+                w = weight[o]
+                for i in range(d):
+                    ji = jac[o, i]
+                    g[i] += w * ji * r
+                    a[i] += w * ji
+                    h[i, s] += w * ji * jac[o, d]
+                    h[s, i] += w * ji * jac[o, d]
+                    for k in range(d):
+                        h[i, k] += w * ji * jac[o, k]
+                g[s] += w * jac[o, d] * r
+                h[s, s] += w * jac[o, d] * jac[o, d]
+                a[s] += w * jac[o, d]
+                used[count] = s
+                count += 1
+            for i in range(count):
+                for k in range(count):
+                    h[used[i], used[k]] -= a[used[i]] * a[used[k]] / total
+        start = stop
+    return h, g

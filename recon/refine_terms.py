@@ -1,0 +1,204 @@
+"""What refinement observes: scalar distances of surfels to depth images, and of tracked points to planes through them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.depth import depth_normals, depth_sigma, shrink_depth
+from recon.intervals import Movers
+from recon.parts import MovingPart
+from recon.recording import Intrinsics, Recording
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.geometry import Array
+from twin.scene import Joint, Trajectory
+
+
+@dataclass(frozen=True)
+class RefineConfig:
+    """Lengths in metres. Chosen by us unless the comment says otherwise."""
+
+    width: int = 320
+    voxel: float = 0.010
+    max_surfels: int = 2500
+    gates: tuple[float, ...] = (0.03, 0.015, 0.015, 0.01, 0.01, 0.01)  # one association round each
+    steps: int = 2  # Gauss-Newton steps a round
+    grazing: float = 0.25  # least cosine between surfel normal and viewing ray
+    min_views: int = 2
+    pixel_sigma: float = 0.6  # px at the recording's width, of a track
+
+    def __post_init__(self) -> None:
+        if self.width < 64 or self.voxel <= 0 or not self.gates or min(self.gates) <= 0 or self.steps < 1:
+            raise ConfigError(f"refine: width >= 64, positive voxel, gates and steps are needed, got {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Shrunken depth images of all posed frames."""
+
+    camera: Intrinsics
+    depth: NDArray[np.float32]  # (N, h, w) m
+    T_world_cam: Array  # (N, 4, 4)
+    row: dict[int, int]  # recording frame -> row
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Scalar observations: distance of a world point q to the plane of term k in the part's frame."""
+
+    term: NDArray[np.int64]
+    frame: NDArray[np.int64]  # row
+    q: Array
+    sigma: Array
+    normals: Array  # (K, 3) of the terms
+
+
+def load_views(recording: Recording, cameras: Trajectory, config: RefineConfig) -> Views:
+    """Read every posed frame's depth once, at the working width."""
+    width = min(config.width, recording.intrinsics.width)
+    size = (width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width)))
+    depth = np.stack([shrink_depth(recording.frame(int(f)).depth, size) for f in cameras.frames])
+    rows = {int(f): k for k, f in enumerate(cameras.frames)}
+    return Views(recording.intrinsics.scaled(*size), depth, cameras.T_world_cam, rows)
+
+
+def _part_points(views: Views, joint: Joint, state: Array, rows: NDArray[np.int64]) -> Array:
+    """T_part_cam (n, 4, 4) of the part's frames."""
+    return geo.invert_pose(joint.poses(state)) @ views.T_world_cam[rows]
+
+
+def build_surfels(
+    views: Views,
+    labels: Mapping[int, NDArray[np.uint8]],
+    part: MovingPart,
+    joint: Joint,
+    state: Array,
+    config: RefineConfig,
+) -> tuple[Array, Array]:
+    """Mean points and normals (K, 3) in the part frame per voxel and normal direction, seen in several frames."""
+    h, w = views.depth.shape[1:]
+    v, u = np.mgrid[0:h, 0:w]
+    pixels = np.stack([u, v], axis=-1).astype(float)
+    keys, points, normals, seen_in = [], [], [], []
+    index = {int(f): k for k, f in enumerate(part.motion.frames)}
+    for frame, label in labels.items():
+        if frame not in index:
+            continue
+        mask = cv2.resize((label == part.id).astype(np.uint8), (w, h), interpolation=cv2.INTER_NEAREST)
+        mask = cv2.erode(mask, np.ones((3, 3), np.uint8))
+        depth = views.depth[views.row[frame]]
+        n = depth_normals(cv2.GaussianBlur(depth, (5, 5), 1.2), views.camera, 6.0)
+        ok = (mask > 0) & (depth > 0) & np.isfinite(n).all(axis=-1)
+        T = geo.invert_pose(joint.pose(float(state[index[frame]]))) @ views.T_world_cam[views.row[frame]]
+        x = geo.transform(T, views.camera.backproject(pixels[ok], depth[ok].astype(float)))
+        m = n[ok] @ T[:3, :3].T
+        cell = np.floor(x / config.voxel).astype(np.int64) + 2**19
+        octant = (
+            np.abs(m).argmax(axis=1) * 2 + (np.take_along_axis(m, np.abs(m).argmax(1)[:, None], 1)[:, 0] > 0)
+        ).astype(np.int64)
+        keys.append(((cell[:, 0] * 2**20 + cell[:, 1]) * 2**20 + cell[:, 2]) * 6 + octant)
+        points.append(x)
+        normals.append(m)
+        seen_in.append(np.full(len(x), frame))
+    if not keys:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    key, where = np.unique(np.concatenate(keys), return_inverse=True)
+    pairs = np.unique(np.stack([where, np.concatenate(seen_in)]), axis=1)
+    views_of = np.bincount(pairs[0], minlength=len(key))
+    count = np.bincount(where, minlength=len(key))
+    mean = np.stack([np.bincount(where, c, len(key)) / count for c in np.concatenate(points).T], axis=-1)
+    normal = np.stack([np.bincount(where, c, len(key)) / count for c in np.concatenate(normals).T], axis=-1)
+    length = np.linalg.norm(normal, axis=1)
+    keep = np.flatnonzero((views_of >= config.min_views) & (length > 0.8))
+    if len(keep) > config.max_surfels:
+        keep = keep[np.linspace(0, len(keep) - 1, config.max_surfels).astype(int)]
+    return mean[keep], normal[keep] / length[keep][:, None]
+
+
+def surfel_terms(
+    views: Views,
+    surfels: tuple[Array, Array],
+    rows: NDArray[np.int64],
+    joint: Joint,
+    state: Array,
+    gate: float,
+    config: RefineConfig,
+) -> Terms:
+    """Look every surfel up in every frame's depth."""
+    points, normals = surfels
+    h, w = views.depth.shape[1:]
+    term, frame, q, sigma = [], [], [], []
+    T_part_cam = _part_points(views, joint, state, rows)
+    T_cam_part = geo.invert_pose(T_part_cam)
+    for i, row in enumerate(rows):
+        x = geo.transform(T_cam_part[i], points)
+        n = normals @ T_cam_part[i, :3, :3].T
+        cosine = -(x * n).sum(axis=1) / np.linalg.norm(x, axis=1)
+        ok = (x[:, 2] > 0.1) & (cosine > config.grazing)
+        pixel = np.rint(views.camera.project(np.where(ok[:, None], x, [0.0, 0.0, 1.0]))).astype(int)
+        ok &= (pixel >= 0).all(axis=1) & (pixel[:, 0] < w) & (pixel[:, 1] < h)
+        pixel[~ok] = 0
+        z = views.depth[row][pixel[:, 1], pixel[:, 0]].astype(float)
+        seen = views.camera.backproject(pixel.astype(float), z)
+        distance = (n * (seen - x)).sum(axis=1)
+        ok &= (z > 0) & (np.abs(distance) < gate)
+        k = np.flatnonzero(ok)
+        term.append(k)
+        frame.append(np.full(len(k), i))
+        q.append(geo.transform(views.T_world_cam[row], seen[k]))
+        # a plane seen at an angle: axial noise counts by its cosine, half a pixel of offset by the sine
+        half = 0.5 * z[k] / views.camera.fx
+        sigma.append(np.sqrt((depth_sigma(z[k]) * cosine[k]) ** 2 + half**2 * (1 - cosine[k] ** 2)))
+    return Terms(
+        np.concatenate(term), np.concatenate(frame), np.concatenate(q), np.concatenate(sigma), normals
+    )
+
+
+def track_terms(
+    views: Views,
+    movers: Movers,
+    members: NDArray[np.bool_],
+    part: MovingPart,
+    rows: NDArray[np.int64],
+    joint: Joint,
+    state: Array,
+    focal: float,
+    config: RefineConfig,
+) -> Terms:
+    """Three scalar terms per track, along directions square and parallel to its mean viewing ray."""
+    ids = np.flatnonzero(members)
+    frames = np.asarray(part.motion.frames)
+    seen = movers.visible[frames][:, ids]
+    i, k = np.nonzero(seen)
+    q = movers.points_world[frames[i], ids[k]]
+    T_part_world = geo.invert_pose(joint.poses(state))
+    ray = q - views.T_world_cam[rows[i], :3, 3]
+    depth = np.linalg.norm(ray, axis=1)
+    ray_part = np.einsum("nij,nj->ni", T_part_world[i][:, :3, :3], ray / depth[:, None])
+    mean_ray = np.stack([np.bincount(k, c, len(ids)) for c in ray_part.T], axis=-1)
+    mean_ray[np.linalg.norm(mean_ray, axis=1) < 1e-9] = [0.0, 0.0, 1.0]
+    basis = np.stack([geo.orthogonal_basis(d) for d in mean_ray]) if len(ids) else np.zeros((0, 3, 3))
+    normals = np.swapaxes(basis, 1, 2).reshape(-1, 3)
+    term = (3 * k[:, None] + np.arange(3)).ravel()
+    cosine2 = (normals[term].reshape(-1, 3, 3) @ ray_part[:, :, None])[..., 0] ** 2
+    lateral = config.pixel_sigma * depth / focal
+    sigma = np.sqrt(cosine2 * depth_sigma(depth)[:, None] ** 2 + (1 - cosine2) * lateral[:, None] ** 2)
+    return Terms(term, np.repeat(i, 3), np.repeat(q, 3, axis=0), sigma.ravel(), normals)
+
+
+def join(a: Terms, b: Terms) -> Terms:
+    """Both sets, sorted by term, terms of `b` numbered after those of `a`."""
+    term = np.concatenate([a.term, b.term + len(a.normals)])
+    order = np.argsort(term, kind="stable")
+    return Terms(
+        term[order],
+        np.concatenate([a.frame, b.frame])[order],
+        np.concatenate([a.q, b.q])[order],
+        np.concatenate([a.sigma, b.sigma])[order],
+        np.concatenate([a.normals, b.normals]),
+    )
