@@ -20,6 +20,8 @@ from recon.intervals import Interval, IntervalConfig, Movers, find_movers, state
 from recon.joints import JointConfig, MotionFit, fit_motion
 from recon.parts import MovingPart
 from recon.recording import Recording
+from recon.track_bundle import Model, Observations
+from recon.track_start import track_support
 from recon.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
@@ -27,6 +29,7 @@ from twin.geometry import Array
 from twin.scene import FIRST_PART_ID, Motion, Revolute, Trajectory
 
 _REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
+_AS_WELL = 0.9  # a fit to more tracks is kept when the tracks follow it nearly as well; wrong ones have a quarter or less
 _CALM_ROUNDS = (
     2  # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 )
@@ -39,7 +42,8 @@ class MotionConfig:
     far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
     last fits. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
     further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
-    max_residual: m, RMS that its fit may leave. max_moving_share: of the frames that see it, those in which it moves.
+    max_residual: m, RMS that its fit may leave. max_looseness: most times the RMS of the first part, which the same camera
+    sees. max_moving_share: of the frames that see it, those in which it moves.
     max_axis_sigma: rad, uncertainty of its axis. same_axis, same_pivot: rad and m, two fits nearer than this that move
     at the same time are two faces of one part.
     """
@@ -51,6 +55,7 @@ class MotionConfig:
     min_share: float = 0.1
     min_travel: float = 0.04
     max_residual: float = 0.008
+    max_looseness: float = 2.5
     max_moving_share: float = 0.8
     max_axis_sigma: float = float(np.radians(2.0))
     same_axis: float = float(np.radians(10.0))
@@ -121,7 +126,7 @@ def find_parts(
             fits[known] = _fit_of_both(fits[known], both, movers, config)
             part = _moving_part(found[known].part.id, fits[known], recording, cameras, config)
             found[known] = replace(found[known], part=part, members=both)
-        elif found and not _is_another_part(fit, members, movers, found[0].members, config):
+        elif found and not _is_another_part(fit, members, movers, fits[0], found[0].members, config):
             break
         else:
             part = _moving_part(FIRST_PART_ID + len(found), fit, recording, cameras, config)
@@ -142,17 +147,19 @@ def _fit_one(
     config: MotionConfig,
 ) -> tuple[MotionFit, NDArray[np.bool_], NDArray[np.bool_]]:
     """One part: the fit, its members (K,) and the tracks on the hand (K,)."""
-    first = bool((free == movers.moving).all())
-    chosen = _far(free & ~hand, travel, config)
-    fit = _fit(movers, chosen, config)
-    hand = hand | hand_tracks(recording, cameras, tracks, _rests(fit, len(recording), config), config.hand)
+    first, frames = bool((free == movers.moving).all()), len(recording)
+    free = free & ~hand
+    best = _fit_first((_far(free, travel, config), free), free, movers, config)
+    hand = hand | hand_tracks(recording, cameras, tracks, _rests(best.fit, frames, config), config.hand)
     free = free & ~hand
     try:
-        far = _far(free, travel, config)
-        fit, chosen = _fit(movers, far, config), far
+        best = _fit_first((_far(free, travel, config), free), free, movers, config)
         for _ in range(_CALM_ROUNDS):
-            calm = free & ~_restless(movers, free, _known_rests(fit, len(recording), config), config)
-            fit, chosen = _fit(movers, calm, config), calm
+            calm = free & ~_restless(movers, free, _known_rests(best.fit, frames, config), config)
+            every = _fit_first((calm,), free, movers, config)
+            if every.support < _AS_WELL * best.support:  # led astray by what slips along edges
+                break
+            best = every
     except ReconstructionError as e:
         if first:
             warnings.warn(
@@ -160,8 +167,44 @@ def _fit_one(
                 stacklevel=3,
             )
     members = np.zeros_like(free)
-    members[np.flatnonzero(chosen)[fit.track_inliers]] = True
-    return fit, members, hand
+    members[np.flatnonzero(best.chosen)[best.fit.track_inliers]] = True
+    return best.fit, members, hand
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A fit to the chosen tracks (K,) and how many free ones follow it, each counted by how well."""
+
+    fit: MotionFit
+    chosen: NDArray[np.bool_]
+    support: float
+
+
+def _fit_first(
+    choices: Sequence[NDArray[np.bool_]], free: NDArray[np.bool_], movers: Movers, config: MotionConfig
+) -> _Candidate:
+    """The fit to the first choice of tracks that has one.
+
+    Raises ReconstructionError when none has.
+    """
+    failed: list[ReconstructionError] = []
+    for chosen in choices:
+        try:
+            fit = fit_motion(movers.points_world[:, chosen], movers.visible[:, chosen], config=config.joint)
+        except ReconstructionError as e:
+            failed.append(e)
+        else:
+            return _Candidate(fit, chosen, _support(fit, free, movers, config))
+    raise failed[0]
+
+
+def _support(fit: MotionFit, free: NDArray[np.bool_], movers: Movers, config: MotionConfig) -> float:
+    """Support of a fit by the free tracks; past its known frames the part is held still."""
+    obs = Observations.of(movers.points_world[:, free], movers.visible[:, free])
+    state = np.interp(np.arange(len(movers.visible)), fit.frames, fit.state)
+    pivot = fit.joint.pivot if isinstance(fit.joint, Revolute) else np.zeros(3)
+    model = Model(fit.joint.kind, fit.joint.axis, pivot, state)
+    return float(track_support(obs, model, config.joint.search_sigma, config.joint).sum())
 
 
 def _travel(movers: Movers) -> Array:
@@ -179,10 +222,6 @@ def _far(free: NDArray[np.bool_], travel: Array, config: MotionConfig) -> NDArra
         raise ReconstructionError("no moving tracks are left")
     reach = float(np.quantile(travel[free], 0.95))
     return free & (travel > max(config.interval.min_displacement, config.far_share * reach))
-
-
-def _fit(movers: Movers, chosen: NDArray[np.bool_], config: MotionConfig) -> MotionFit:
-    return fit_motion(movers.points_world[:, chosen], movers.visible[:, chosen], config=config.joint)
 
 
 def _rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
@@ -287,19 +326,25 @@ def _fit_of_both(
 
 
 def _is_another_part(
-    fit: MotionFit, members: NDArray[np.bool_], movers: Movers, first: NDArray[np.bool_], config: MotionConfig
+    fit: MotionFit,
+    members: NDArray[np.bool_],
+    movers: Movers,
+    first: MotionFit,
+    of_first: NDArray[np.bool_],
+    config: MotionConfig,
 ) -> bool:
     """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
 
     Points that slip along edges while the camera sways also follow some joint, but loosely and without ever resting.
     """
-    enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(first.sum()))
+    enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(of_first.sum()))
     lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))
     far = float(fit.joint.upper * lever) >= config.min_travel
     moving = sum(i.last - i.first + 1 for i in _spans(fit, config))
     rests = 0 < moving <= config.max_moving_share * len(fit.frames) and bool(np.any(members & movers.rested))
     sure = fit.joint.sigma is not None and fit.joint.sigma.axis <= config.max_axis_sigma
-    return enough and far and rests and sure and fit.residual <= config.max_residual
+    loose = fit.residual > min(config.max_residual, config.max_looseness * first.residual)
+    return enough and far and rests and sure and not loose
 
 
 def _moving_part(
