@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from recon.recording import Intrinsics
 from twin.geometry import Array
@@ -14,15 +14,15 @@ from twin.geometry import Array
 DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M = 0.002, 0.003, 0.4
 
 
-def depth_sigma(z: Array) -> Array:
+def depth_sigma(z: ArrayLike) -> Array:
     """Axial standard deviation in metres of a consumer depth camera at depth z: 2 mm + 3 mm (z - 0.4)^2.
 
     The form is that of Nguyen, Izadi and Lovell 2012; the constants are chosen by us for today's ToF and structured light.
     """
-    return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (z - NEAR_M) ** 2)
+    return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (np.asarray(z) - NEAR_M) ** 2)
 
 
-def shrink_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+def mean_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
     """Area mean (h, w) of depth over cells that are known almost everywhere, else 0; `size` is (width, height)."""
     known = cv2.resize((depth > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     total = cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_AREA)

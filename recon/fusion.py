@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.depth import depth_sigma
 from recon.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.parts import MovingPart
 from recon.progress import Progress, silent
 from recon.recording import Recording
 from recon.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
-from recon.warping import F32, depth_sigma
+from recon.warping import F32
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array

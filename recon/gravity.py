@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.depth import depth_normals, shrink_depth
+from recon.depth import depth_normals, mean_depth
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError
@@ -106,6 +106,6 @@ def _normals(recording: Recording, cameras: Trajectory, config: GravityConfig) -
     out = []
     for k in picks:
         depth = recording.frame(int(cameras.frames[k])).depth
-        normals = depth_normals(shrink_depth(depth, size), camera, config.max_depth)
+        normals = depth_normals(mean_depth(depth, size), camera, config.max_depth)
         out.append(normals[np.isfinite(normals).all(axis=-1)] @ cameras.T_world_cam[k, :3, :3].T)
     return np.concatenate(out)

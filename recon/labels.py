@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.label_pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
 from recon.parts import MovingPart
 from recon.progress import Progress, silent
 from recon.recording import Recording
@@ -30,8 +31,7 @@ from recon.references import (
     view,
 )
 from recon.regions import agree, upsample_labels, walk
-from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys
-from recon.warping import F32, depth_sigma
+from recon.warping import F32
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
@@ -62,10 +62,9 @@ class LabelConfig:
 # through by 1.5 of them 4. Without any evidence a pixel is static; a moving one without more is part or hand alike.
 _SUPPORT, _VIOLATION = 1.5, 4.0
 _PRIOR_PART, _HAND = -0.5, -0.7
-_VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
 _BOX_MARGIN_M = 0.1
 _MOVED_SHARE = 0.15
-_SURE, _SURFACE_GAIN, _REACH_PX = 1.0, 3.0, 60.0
+_SURFACE_GAIN, _REACH_PX = 3.0, 60.0
 _MIN_HAND = 0.001
 
 
@@ -114,14 +113,14 @@ def label_frames(
         score, staying = _first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error)
         scores.append(score)
         stays.append(staying)
-    enclosed = _enclosed(views, scores, stays, cameras, parts, camera)
-    _pool_voxels(views, scores, cameras, parts, camera)
+    enclosed = enclosed_by_parts(views, scores, stays, cameras, parts, camera)
+    pool_voxels(views, scores, cameras, parts, camera)
     for seen, score, sure, held in zip(views, scores, stays, enclosed, strict=True):
         _spread_along_surfaces(score, sure, held, seen, COLOR_SIGMAS * refs.color_sigma)
-    _pool_voxels(views, scores, cameras, parts, camera)
+    pool_voxels(views, scores, cameras, parts, camera)
     for score in scores:
         score[1:-1] += _PRIOR_PART
-    _pool_color(views, scores)
+    pool_color(views, scores)
     ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
     out = {}
     for seen, score in zip(views, scores, strict=True):
@@ -159,7 +158,9 @@ def _part_box(
         moves[k] = np.nan
         violation = gather(seen, small, moves, camera / 2, slack)[1]
         moved = replace(seen, depth=np.where(violation > 1.5, seen.depth, np.float32(0)))
-        found.append(geo.transform(geo.invert_pose(pose), _points(moved, camera / 2, cameras.pose(frame))))
+        found.append(
+            geo.transform(geo.invert_pose(pose), world_points(moved, camera / 2, cameras.pose(frame)))
+        )
     points = np.concatenate(found) if found else np.zeros((0, 3))
     if len(points) < 50:
         return None
@@ -184,7 +185,7 @@ def _first_scores(
     planes = [_score(gather(seen, refs, moves[0], camera, slack))]
     stays = []
     known = seen.depth > 0
-    world = _points(seen, camera, cameras.pose(seen.frame))
+    world = world_points(seen, camera, cameras.pose(seen.frame))
     for part, box, move in zip(parts, boxes, moves[1:], strict=True):
         pose, inside = part.pose(seen.frame), known.copy()
         if box is not None and pose is not None:
@@ -198,7 +199,7 @@ def _first_scores(
         score[known & ~inside] = -_VIOLATION
         planes.append(score)
     planes.append(np.full(known.shape, _HAND, np.float32))
-    return np.stack(planes).astype(np.float32), np.array([planes[0] < -_SURE, *stays])
+    return np.stack(planes).astype(np.float32), np.array([planes[0] < -SURE, *stays])
 
 
 def _side(part: MovingPart, frame: int, refs: References) -> NDArray[np.int8]:
@@ -226,124 +227,6 @@ def _score(evidence: F32) -> F32:
     seen_through = np.clip((0.85 * violation - 0.3 * (lower + higher)) / 1.5, 0.0, 1.0)
     score: F32 = (_SUPPORT * np.minimum(support, 2.0) / 2.0 - _VIOLATION * seen_through).astype(np.float32)
     return score
-
-
-def _points(seen: View, camera: Array, T: Array | None) -> F32:
-    """World points (n, 3) of the pixels with known depth, in row order."""
-    pose = np.eye(4) if T is None else T
-    y, x = np.nonzero(seen.depth > 0)
-    z = seen.depth[y, x].astype(np.float64)
-    p = np.stack([(x - camera[2]) / camera[0] * z, (y - camera[3]) / camera[1] * z, z], axis=1)
-    out: F32 = (p @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
-    return out
-
-
-def _lead(score: F32, k: int) -> F32:
-    """How far hypothesis k leads the best other one."""
-    others = np.delete(score, k, axis=0).max(axis=0)
-    return np.asarray(score[k] - others)
-
-
-def _voxel_size(views: list[View]) -> float:
-    """m; two standard deviations of typical depth."""
-    typical = float(np.median(np.concatenate([v.depth[v.depth > 0][::97] for v in views])))
-    return float(np.clip(2.0 * depth_sigma(typical), 0.006, 0.02))
-
-
-def _pool_voxels(
-    views: list[View], scores: list[F32], cameras: Trajectory, parts: Sequence[MovingPart], camera: Array
-) -> None:
-    """Add to each score what all frames say about the pixel's voxel, in the world and in each part's own frame."""
-    size = _voxel_size(views)
-    worlds = [_points(v, camera, cameras.pose(v.frame)) for v in views]
-    gains: list[list[F32]] = []
-    for k in range(1 + len(parts)):
-        rows = [v for v in range(len(views)) if k == 0 or parts[k - 1].pose(views[v].frame) is not None]
-        points = []
-        for v in rows:
-            pose = None if k == 0 else parts[k - 1].pose(views[v].frame)
-            inv = np.eye(4) if pose is None else geo.invert_pose(pose)
-            points.append((worlds[v] @ inv[:3, :3].T + inv[:3, 3]).astype(np.float32))
-        keys, inverse = np.unique(voxel_keys(np.concatenate(points), size), return_inverse=True)
-        ahead = np.concatenate([_lead(scores[v], k)[views[v].depth > 0] for v in rows])
-        lead = np.clip(ahead, -_CLIP, _CLIP)
-        mean, n = mean_evidence(inverse, lead, len(keys), _VOXEL_PRIOR)
-        if k > 0:
-            strong = np.flatnonzero((mean > 0.4) & (n >= 2))
-            piece = keys[strong[largest_piece(keys[strong], (mean * n)[strong])]]
-            lost = ~near_piece(keys, piece)[inverse]
-        gain = _VOXEL_GAIN * mean[inverse]
-        if k > 0:
-            gain[lost] = np.minimum(gain[lost], -np.maximum(ahead[lost], 0))
-        cuts = np.cumsum([len(p) for p in points])[:-1]
-        per_view: list[F32] = [np.zeros(0, np.float32)] * len(views)
-        for v, g in zip(rows, np.split(gain, cuts), strict=True):
-            per_view[v] = g
-        gains.append(per_view)
-    for k, per_view in enumerate(gains):
-        for v, g in enumerate(per_view):
-            if len(g):
-                scores[v][k][views[v].depth > 0] += g
-
-
-def _enclosed(
-    views: list[View],
-    scores: list[F32],
-    sure: list[NDArray[np.bool_]],
-    cameras: Trajectory,
-    parts: Sequence[MovingPart],
-    camera: Array,
-) -> list[NDArray[np.bool_]]:
-    """Masks (2, P, h, w) of what lies inside the convex hull, and inside the box, of what surely is a part, in its frame.
-
-    Between the walls of a drawer that slides there is no room for anything static. Sure is what references at rest see
-    through where it is now and see again where it was; scores are those of the references alone, before any pooling.
-    """
-    size = _voxel_size(views)
-    out = [np.zeros((len(parts), *v.depth.shape), bool) for v in views]
-    near = [np.zeros_like(o) for o in out]
-    for k, part in enumerate(parts):
-        points: dict[int, F32] = {}
-        certain: list[F32] = []
-        for v, (seen, score, moved) in enumerate(zip(views, scores, sure, strict=True)):
-            pose = part.pose(seen.frame)
-            if pose is None:
-                continue
-            inv = geo.invert_pose(pose)
-            points[v] = geo.transform(inv, _points(seen, camera, cameras.pose(seen.frame))).astype(np.float32)
-            mine = (_lead(score, k + 1) > _SURE) & moved[0]
-            certain.append(points[v][mine[seen.depth > 0]])
-        shell = solid_core(certain, size)
-        for v, p in points.items():
-            out[v][k][views[v].depth > 0] = in_hull(p, shell)
-            if len(shell):
-                box = (p >= shell.min(axis=0) - size) & (p <= shell.max(axis=0) + size)
-                near[v][k][views[v].depth > 0] = box.all(axis=1)
-    return [np.stack(pair) for pair in zip(out, near, strict=True)]
-
-
-_BINS = 16
-
-
-def _color_bins(color: F32) -> NDArray[np.intp]:
-    low, high = np.array([0.0, -60.0, -60.0]), np.array([50.0, 60.0, 60.0])
-    b = np.clip((color - low) / (high - low) * _BINS, 0, _BINS - 1).astype(np.intp)
-    return np.asarray((b[..., 0] * _BINS + b[..., 1]) * _BINS + b[..., 2])
-
-
-def _pool_color(views: list[View], scores: list[F32]) -> None:
-    """Colours seen mostly on the sure hand speak for the hand, and the other way round; a weak voice."""
-    hand, rest = np.zeros(_BINS**3), np.zeros(_BINS**3)
-    bins = [_color_bins(v.color) for v in views]
-    for b, s in zip(bins, scores, strict=True):
-        lead = s[-1] - s[:-1].max(axis=0)
-        hand += np.bincount(b[lead > 1.0], minlength=_BINS**3)
-        rest += np.bincount(b[lead < -1.0], minlength=_BINS**3)
-    if hand.sum() < 100 or rest.sum() < 100:
-        return
-    ratio = np.log((hand / hand.sum() + 1e-4) / (rest / rest.sum() + 1e-4))
-    for b, s in zip(bins, scores, strict=True):
-        s[-1] += np.clip(0.5 * ratio, -1.0, 1.0)[b].astype(np.float32)
 
 
 def _final(
@@ -388,13 +271,13 @@ def _spread_along_surfaces(
     for k in range(1, len(score) - 1):
         lead = score[k] - score[0]
         top = score.max(axis=0)
-        possible = (score[0] > -_SURE) & (score[k] > -_SURE) & (np.maximum(score[0], score[k]) >= top)
+        possible = (score[0] > -SURE) & (score[k] > -SURE) & (np.maximum(score[0], score[k]) >= top)
         held = enclosed[0, k - 1] & possible & ~sure[0]
-        open_question = enclosed[1, k - 1] & ~sure[k] & ~held & possible & (lead < _SURE)
+        open_question = enclosed[1, k - 1] & ~sure[k] & ~held & possible & (lead < SURE)
         if not (held | open_question).any():
             continue
-        moving = held | ((lead > _SURE) & (score[k] == top) & sure[0])
-        resting = ~held & (lead < -_SURE) & (score[0] == top) & (sure[k] | (score[k] < -_SURE))
+        moving = held | ((lead > SURE) & (score[k] == top) & sure[0])
+        resting = ~held & (lead < -SURE) & (score[0] == top) & (sure[k] | (score[k] < -SURE))
         to_part = walk(moving, seen.color, depth, scale, 3)
         to_static = walk(resting, seen.color, depth, scale, 3)
         nearer = (to_static - to_part) / (to_static + to_part + 1.0) * np.exp(-to_part / _REACH_PX)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recon.parts import MovingPart
 from recon.recording import Intrinsics, Recording
-from recon.warping import F32, compare, shrink_depth
+from recon.warping import F32, compare, median_depth
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Trajectory
@@ -63,7 +63,7 @@ def lab(color: NDArray[np.uint8]) -> F32:
 def view(recording: Recording, frame: int, factor: int) -> View:
     """The frame on a grid that is `factor` times smaller."""
     color, depth = recording.frame(frame)
-    z = shrink_depth(np.ascontiguousarray(depth, dtype=np.float32), factor)
+    z = median_depth(np.ascontiguousarray(depth, dtype=np.float32), factor)
     h, w = z.shape
     small = cv2.resize(color[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
     return View(frame, z, lab(np.asarray(small, np.uint8)))

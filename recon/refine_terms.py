@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_normals, depth_sigma, shrink_depth
+from recon.depth import depth_normals, depth_sigma, mean_depth
 from recon.intervals import Movers
 from recon.parts import MovingPart
 from recon.recording import Intrinsics, Recording
@@ -62,7 +62,7 @@ def load_views(recording: Recording, cameras: Trajectory, config: RefineConfig) 
     """Read every posed frame's depth once, at the working width."""
     width = min(config.width, recording.intrinsics.width)
     size = (width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width)))
-    depth = np.stack([shrink_depth(recording.frame(int(f)).depth, size) for f in cameras.frames])
+    depth = np.stack([mean_depth(recording.frame(int(f)).depth, size) for f in cameras.frames])
     rows = {int(f): k for k, f in enumerate(cameras.frames)}
     return Views(recording.intrinsics.scaled(*size), depth, cameras.T_world_cam, rows)
 

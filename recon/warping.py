@@ -6,16 +6,11 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from recon.depth import DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M
 
 F32 = NDArray[np.float32]
-
-
-def depth_sigma(depth: ArrayLike) -> F32:
-    """One standard deviation (m) of depth readings (m)."""
-    return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (np.asarray(depth) - NEAR_M) ** 2, dtype=np.float32)
 
 
 @numba.njit(cache=True, inline="always")
@@ -25,7 +20,7 @@ def pixel_sigma(z: float) -> Any:
 
 
 @numba.njit(cache=True)
-def shrink_depth(depth: F32, factor: int) -> F32:
+def median_depth(depth: F32, factor: int) -> F32:
     """Depth (h // factor, w // factor): the lower median of the known readings of each block, 0 where none is known.
 
     A median of actual readings never invents a surface between two others.

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from recon.depth import depth_sigma
 from recon.labels import LabelConfig, _spread_along_surfaces, label_frames
 from recon.parts import MovingPart
 from recon.recording import Recording, open_recording
@@ -17,7 +18,7 @@ from recon.references import View, find_references
 from recon.regions import agree, upsample_labels, walk
 from recon.truth import Truth, load_truth
 from recon.voxels import in_hull, largest_piece, near_piece, solid_core, voxel_centres, voxel_keys
-from recon.warping import compare, depth_sigma, shrink_depth
+from recon.warping import compare, median_depth
 from tests.recon.tiny import write_recording
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
@@ -153,7 +154,7 @@ def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float,
 
 def test_shrunk_depth_holds_readings_only() -> None:
     depth = np.array([[1.0, 2.0, 0, 0], [0, 2.1, 0, 0]], np.float32)
-    assert shrink_depth(depth, 2).tolist() == [[2.0, 0.0]]
+    assert median_depth(depth, 2).tolist() == [[2.0, 0.0]]
     assert depth_sigma([0.4, 1.4]) == pytest.approx([0.002, 0.005])
 
 
