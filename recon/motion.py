@@ -28,7 +28,7 @@ from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
 from twin.scene import FIRST_PART_ID, Motion, Revolute, Trajectory
 
-_REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
+REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
 _AS_WELL = 0.9  # a fit to more tracks is kept when the tracks follow it nearly as well; wrong ones have a quarter or less
 _CALM_ROUNDS = (
     2  # of telling restless tracks by the fit and fitting the others; more change nothing we measured
@@ -129,6 +129,9 @@ def find_parts(
         elif found and not _is_another_part(fit, members, movers, fits[0], found[0].members, config):
             break
         else:
+            circling = members | (free & ~hand & _on_course(fit, movers, config))
+            fit = _fit_of_both(fit, circling, movers, config)
+            members = circling & (_support(fit, circling, movers, config) > 0)
             part = _moving_part(FIRST_PART_ID + len(found), fit, recording, cameras, config)
             found.append(PartTracks(part, members, fit.type_source))
             fits.append(fit)
@@ -194,17 +197,22 @@ def _fit_first(
         except ReconstructionError as e:
             failed.append(e)
         else:
-            return _Candidate(fit, chosen, _support(fit, free, movers, config))
+            return _Candidate(fit, chosen, float(_support(fit, free, movers, config).sum()))
     raise failed[0]
 
 
-def _support(fit: MotionFit, free: NDArray[np.bool_], movers: Movers, config: MotionConfig) -> float:
-    """Support of a fit by the free tracks; past its known frames the part is held still."""
-    obs = Observations.of(movers.points_world[:, free], movers.visible[:, free])
+def _support(fit: MotionFit, asked: NDArray[np.bool_], movers: Movers, config: MotionConfig) -> Array:
+    """How much better each track (K,) follows a fit than standing still, 0..1; 0 for those not asked for.
+
+    Past its known frames the part is held still.
+    """
+    obs = Observations.of(movers.points_world[:, asked], movers.visible[:, asked])
     state = np.interp(np.arange(len(movers.visible)), fit.frames, fit.state)
     pivot = fit.joint.pivot if isinstance(fit.joint, Revolute) else np.zeros(3)
     model = Model(fit.joint.kind, fit.joint.axis, pivot, state)
-    return float(track_support(obs, model, config.joint.search_sigma, config.joint).sum())
+    out = np.zeros(len(asked))
+    out[asked] = track_support(obs, model, config.joint.search_sigma, config.joint)
+    return out
 
 
 def _travel(movers: Movers) -> Array:
@@ -228,10 +236,10 @@ def _rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int,
     """Spans of frames in which the fitted part rests, a few frames away from its motion."""
     spans, start = [], 0
     for interval in (*_spans(fit, config), Interval(frames + 1, frames + 2)):
-        first, last = start, min(interval.first - _REST_MARGIN, frames - 1)
-        if last - first >= _REST_MARGIN:
+        first, last = start, min(interval.first - REST_MARGIN, frames - 1)
+        if last - first >= REST_MARGIN:
             spans.append((first, last))
-        start = interval.last + _REST_MARGIN
+        start = interval.last + REST_MARGIN
     return spans
 
 
@@ -240,7 +248,7 @@ def _known_rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tupl
     spans = []
     for first, last in _rests(fit, frames, config):
         known = fit.frames[(fit.frames >= first) & (fit.frames <= last)]
-        if len(known) and known[-1] - known[0] >= _REST_MARGIN:
+        if len(known) and known[-1] - known[0] >= REST_MARGIN:
             spans.append((int(known[0]), int(known[-1])))
     return spans
 
@@ -292,7 +300,7 @@ def _same_joint(fit: MotionFit, other: PartTracks, config: MotionConfig) -> bool
         feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, known)]
         if np.linalg.norm(feet[0] - feet[1]) > config.same_pivot:
             return False
-    gap = 2 * _REST_MARGIN
+    gap = 2 * REST_MARGIN
     spans = _spans(fit, config)
     return any(
         i.first <= last + gap and first <= i.last + gap
@@ -307,6 +315,25 @@ def _spans(fit: MotionFit, config: MotionConfig) -> tuple[Interval, ...]:
     careful = replace(config.interval, rest_share=0.05)
     noise = fit.joint.sigma.state if fit.joint.sigma else 0.0
     return state_intervals(fit.frames, fit.state, noise, careful)
+
+
+def _on_course(fit: MotionFit, movers: Movers, config: MotionConfig) -> NDArray[np.bool_]:
+    """Tracks (K,) that keep their distance from the fitted joint's axis and their place along it, or move along the slide.
+
+    That needs no state, so it finds the part's points in frames of which the fit knows none.
+    """
+    joint, out = fit.joint, np.zeros(movers.moving.shape, bool)
+    basis = geo.orthogonal_basis(joint.axis)
+    for k in np.flatnonzero(movers.moving):
+        p = movers.points_world[movers.visible[:, k], k]
+        if isinstance(joint, Revolute):
+            q = (p - joint.pivot) @ basis
+            course = np.stack([np.hypot(q[:, 0], q[:, 1]), q[:, 2]], axis=1)
+        else:
+            course = p @ basis[:, :2]
+        off = np.linalg.norm(course - np.median(course, axis=0), axis=1)
+        out[k] = np.quantile(off, 0.9) < config.rest_tolerance
+    return out
 
 
 def _fit_of_both(

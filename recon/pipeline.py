@@ -74,14 +74,14 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     found = run.stage(
         "motion",
-        6,
+        7,
         config.motion,
         [tracks, upright],
         lambda: find_parts(recording, tracks.value, upright.value, config.motion),
     )
     refined = run.stage(
         "refine",
-        7,
+        8,
         (config.refine, config.labels, config.motion.interval),
         [upright, found],
         lambda: _refined(run, recording, upright.value, found.value, config),
@@ -97,7 +97,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     polished = run.stage(
         "polish",
-        2,
+        3,
         (config.refine, config.motion.interval),
         [upright, found, refined, labels],
         lambda: _polished(recording, upright.value, found.value, refined.value, labels.value, config),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from recon.board_prior import face_step
 from recon.intervals import IntervalConfig, Movers, state_intervals
-from recon.motion import FoundParts, PartTracks
+from recon.motion import REST_MARGIN, FoundParts, PartTracks
 from recon.parts import MovingPart
 from recon.recording import Recording
 from recon.refine_solver import add_priors, linearise, reduced, robust_weights, step
@@ -31,7 +31,7 @@ from recon.refine_terms import (
 )
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import Joint, JointSigma, Revolute, Trajectory
+from twin.scene import Joint, JointSigma, Motion, Revolute, Trajectory
 
 _DEFAULT = RefineConfig()
 _BLOCK = 8  # frames whose errors count as one; about half a second, the time scale of head sway
@@ -94,6 +94,7 @@ def _refine_one(
     part = tracks.part
     rows = np.array([views.row[int(f)] for f in part.motion.frames])
     state = np.array(part.motion.state)
+    rests = _rests(part.motion)
     joint: Joint = replace(part.joint, covariance=None, sigma=None)
     for gate in config.gates:
         surfels = build_surfels(views, labels, part, joint, state, config)
@@ -102,14 +103,24 @@ def _refine_one(
             track_terms(views, movers, tracks.members, part, rows, joint, state, focal, config),
         )
         for _ in range(config.steps):
-            joint, state = step(joint, state, part.motion.state, terms)
+            joint, state = step(joint, state, part.motion.state, rests, terms)
         state = _with_parallel_faces(joint, state, surfels, terms)
     # States are counted from the first frame, whose pose is the part's frame.
     state = state - state[0]
-    return _with_uncertainty(joint, state, part.motion.state, terms)
+    return _with_uncertainty(joint, state, part.motion.state, rests, terms)
 
 
-def _with_uncertainty(joint: Joint, state: Array, start: Array, terms: Terms) -> _Refined:
+def _rests(motion: Motion) -> NDArray[np.bool_]:
+    """Frames (n,) well outside the intervals in which the part moves."""
+    out = np.ones(len(motion.frames), bool)
+    for first, last in motion.intervals:
+        out &= (motion.frames < first - REST_MARGIN) | (motion.frames > last + REST_MARGIN)
+    return out
+
+
+def _with_uncertainty(
+    joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms
+) -> _Refined:
     """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
 
     Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all pixels of a few
@@ -120,7 +131,7 @@ def _with_uncertainty(joint: Joint, state: Array, start: Array, terms: Terms) ->
     weight, mean = robust_weights(value, terms)
     d = jac.shape[1] - 1
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
-    h, _ = add_priors(h, g, d, state, start)
+    h, _ = add_priors(h, g, d, state, start, rests)
     score = weight * (value - mean[terms.term])
     blocks = terms.frame // _BLOCK
     scores = np.zeros((int(blocks.max(initial=0)) + 1, len(h)))

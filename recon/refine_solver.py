@@ -6,20 +6,26 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from recon.refine_terms import Terms
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
+# Share of the range by which a part at rest may seem to move in a frame; chosen by us, ten times what good data leave.
+_REST_SHARE = 0.002
 
-def step(joint: Joint, state: Array, start: Array, terms: Terms) -> tuple[Joint, Array]:
+
+def step(
+    joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms
+) -> tuple[Joint, Array]:
     """One robust Gauss-Newton step over the joint's tangent and all states."""
     value, jac = linearise(joint, state, terms)
     weight, _ = robust_weights(value, terms)
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
     d = jac.shape[1] - 1
-    h, g = add_priors(h, g, d, state, start)
+    h, g = add_priors(h, g, d, state, start, rests)
     delta = -np.linalg.solve(h, g)
     basis = geo.orthogonal_basis(joint.axis)
     axis = geo.unit(geo.exp_so3(basis[:, :2] @ delta[:2]) @ joint.axis)
@@ -66,7 +72,9 @@ def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:
     return np.asarray(weight * robust / max(scale2 / 9.0, 1e-12)), np.asarray(mean)
 
 
-def add_priors(h: Array, g: Array, d: int, state: Array, start: Array) -> tuple[Array, Array]:
+def add_priors(
+    h: Array, g: Array, d: int, state: Array, start: Array, rests: NDArray[np.bool_]
+) -> tuple[Array, Array]:
     """Fix the zero of the state (gauge); where the data say little, ask for small second differences, and for states
     within a fifth of the range from where they started, so that unseen frames at the ends don't run away."""
     n = len(state)
@@ -80,6 +88,12 @@ def add_priors(h: Array, g: Array, d: int, state: Array, start: Array) -> tuple[
     h[d:, d:] += rows.T @ rows / sigma**2
     g[d:] += rows.T @ second / sigma**2
     anchor = max(0.2 * float(np.ptp(start)), 1e-3)
+    k = np.flatnonzero(rests[:-1] & rests[1:])
+    rows = np.zeros((len(k), n))
+    rows[np.arange(len(k)), k], rows[np.arange(len(k)), k + 1] = -1.0, 1.0
+    still = max(_REST_SHARE * float(np.ptp(start)), 1e-5)
+    h[d:, d:] += rows.T @ rows / still**2
+    g[d:] += rows.T @ np.diff(state)[k] / still**2
     every = d + np.arange(n)
     h[every, every] += 1.0 / anchor**2
     g[every] += (state - state[0] - start + start[0]) / anchor**2
