@@ -111,8 +111,8 @@ def _refine_one(
 
 
 def _rests(motion: Motion) -> NDArray[np.bool_]:
-    """Frames (n,) well outside the intervals in which the part moves."""
-    out = np.ones(len(motion.frames), bool)
+    """Frames (n,) well outside the intervals in which the part moves; none when these are not known."""
+    out = np.full(len(motion.frames), bool(motion.intervals))
     for first, last in motion.intervals:
         out &= (motion.frames < first - REST_MARGIN) | (motion.frames > last + REST_MARGIN)
     return out

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon import refine
+from recon import refine, refine_solver
 from recon.intervals import Movers
 from recon.motion import FoundParts, PartTracks
 from recon.parts import MovingPart
@@ -88,3 +88,26 @@ def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(
         error = geo.line_distance(found.joint.pivot, found.joint.axis, joint.pivot, joint.axis)
     assert sigma[0.0] < 0.3 * sigma[size]
     assert 0.2 * sigma[size] < error < 4.0 * sigma[size]
+
+
+def test_a_part_at_rest_does_not_creep_where_nothing_of_it_is_seen(
+    door: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = open_recording(door)
+    n = len(recording)
+    cameras = Trajectory(np.arange(n), recording.times, tiny.cameras(n))
+    labels = {i: tiny.read_image(door / "truth" / "labels" / f"{i:06d}.png") for i in range(0, n, 2)}
+    joint, _, _ = tiny.JOINTS["door"]
+    first, last = n // 4, 3 * n // 4
+    state = tiny.TRAVEL["door"] * tiny.smooth(n, first, last)
+    creeping = state + np.clip(np.arange(n) - last, 0, None) * np.radians(2.0)
+    part = MovingPart(2, joint, Motion(np.arange(n), recording.times, creeping, ((first, last),)))
+    crept = {}
+    for share in (refine_solver._REST_SHARE, 1e3):
+        monkeypatch.setattr(refine_solver, "_REST_SHARE", share)
+        (found,) = refine_parts(
+            recording, cameras, labels, _found(part, n), RefineConfig(width=96, voxel=0.02)
+        )
+        crept[share] = float(np.ptp(found.motion.state[last + 4 :]))
+    with_rest, without = crept.values()
+    assert with_rest < 0.5 * without
