@@ -349,7 +349,8 @@ def _fit_of_both(
     except ReconstructionError:
         return fit
     better = len(both.frames) > len(fit.frames) and both.residual <= config.max_residual
-    return both if better else fit
+    before, after = (float(_support(f, members, movers, config).sum()) for f in (fit, both))
+    return both if better and after >= _AS_WELL * before else fit
 
 
 def _is_another_part(

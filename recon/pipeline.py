@@ -74,7 +74,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     )
     found = run.stage(
         "motion",
-        7,
+        8,
         config.motion,
         [tracks, upright],
         lambda: find_parts(recording, tracks.value, upright.value, config.motion),
