@@ -95,9 +95,10 @@ def _renderer(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.Renderer:
 def _prefer_egl() -> None:
     """Without a screen, and where nothing else was asked for, draw through EGL.
 
-    MuJoCo reads MUJOCO_GL once, when it is first imported, which is too late for us to set it.
+    MuJoCo reads MUJOCO_GL once, when it is first imported; whoever sets it later, our command line included, is not heard.
     """
-    if platform.system() == "Linux" and not os.environ.get("MUJOCO_GL") and not os.environ.get("DISPLAY"):
+    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if platform.system() == "Linux" and (asked == "egl" or not (asked or os.environ.get("DISPLAY"))):
         from mujoco.egl import GLContext
         from mujoco.rendering.classic import gl_context
 

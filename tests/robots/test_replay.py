@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -239,3 +242,15 @@ CASES = {
 def test_furniture_of_every_kind_opens(case):
     twin = CASES[case]()
     check(robots.replay(twin, robots.plan(twin, 2), video=False))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's way to draw without a screen")
+def test_a_driver_named_after_mujoco_was_imported_is_heard() -> None:
+    """The command line sets MUJOCO_GL; in a process that had imported MuJoCo before, that alone has no effect."""
+    program = (
+        "import mujoco, os; os.environ['MUJOCO_GL'] = 'egl'; from robots.video import _renderer; "
+        "_renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), (64, 48)).close()"
+    )
+    environment = {k: v for k, v in os.environ.items() if k not in ("MUJOCO_GL", "DISPLAY")}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
