@@ -66,6 +66,7 @@ _BOX_MARGIN_M = 0.1
 _MOVED_SHARE = 0.15
 _SURFACE_GAIN, _REACH_PX = 3.0, 60.0
 _MIN_HAND = 0.001
+_HAND_AT_END = 0.003  # share of the picture, as for references
 
 
 def label_frames(
@@ -125,6 +126,8 @@ def label_frames(
     out = {}
     for seen, score in zip(views, scores, strict=True):
         out[seen.frame] = _final(recording, seen, score, factor, ids, refs.color_sigma)
+    if frames is None:
+        _warn_of_ends(out)
     return out
 
 
@@ -135,6 +138,18 @@ def _warn(refs: References) -> None:
             warnings.warn(
                 f"no frame {where.get(k, 'between two motions')} is free of the hand: part and hand labels will be "
                 "less exact there; record a second of rest without the hand",
+                stacklevel=3,
+            )
+
+
+def _warn_of_ends(labels: dict[int, NDArray[np.uint8]]) -> None:
+    """Warn when the recording starts or ends with the hand in the picture."""
+    for when, frame in (("starts", min(labels)), ("ends", max(labels))):
+        share = float(np.mean(labels[frame] == HAND_LABEL))
+        if share > _HAND_AT_END:
+            warnings.warn(
+                f"the recording {when} with the hand in the picture (frame {frame}, {share:.1%} of it): what it hides "
+                "there is less sure; record a second of rest without the hand",
                 stacklevel=3,
             )
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
-from recon.labels import LabelConfig, _spread_along_surfaces, label_frames
+from recon.labels import LabelConfig, _spread_along_surfaces, _warn_of_ends, label_frames
 from recon.parts import MovingPart
 from recon.recording import Recording, open_recording
 from recon.references import View, find_references
@@ -238,3 +238,15 @@ def test_neighbours_settle_an_open_pixel_but_not_across_a_colour_edge() -> None:
     ids = np.array([1, 255], np.uint8)
     full = upsample_labels(belief, color, depth, large, np.ones((24, 24), np.float32), 2, 5.0, ids)
     assert np.array_equal(full, np.where(large[..., 0] > 0, 255, 1))
+
+
+def test_a_hand_at_either_end_is_named() -> None:
+    without, with_hand = np.ones((40, 50), np.uint8), np.ones((40, 50), np.uint8)
+    with_hand[:5, :4] = HAND_LABEL
+    with pytest.warns(UserWarning, match=r"starts with the hand in the picture \(frame 0, 1.0%"):
+        _warn_of_ends({0: with_hand, 4: with_hand, 8: without})
+    with pytest.warns(UserWarning, match=r"ends with the hand in the picture \(frame 8"):
+        _warn_of_ends({0: without, 4: without, 8: with_hand})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _warn_of_ends({0: without, 4: with_hand, 8: without})
