@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from recon.cameras import estimate_cameras
-from recon.motion import FoundParts, MotionConfig, find_parts
+from recon.intervals import Movers
+from recon.joints import fit_motion
+from recon.motion import FoundParts, MotionConfig, _on_course, find_parts
 from recon.recording import Recording, open_recording
 from recon.tracks import Tracks, track_points
 from tests.recon import tiny
@@ -82,3 +84,19 @@ def test_what_travels_far_does_not_outvote_a_part_that_travels_little(tmp_path: 
 def test_settings_are_checked() -> None:
     with pytest.raises(ConfigError):
         MotionConfig(far_share=1.5)
+
+
+def test_a_track_that_circles_the_axis_is_on_course_whatever_its_state() -> None:
+    joint = Revolute(geo.unit(np.array([0.1, 1.0, 0.05])), 0.0, 1.0, pivot=np.array([0.2, 0.0, 1.5]))
+    state = np.linspace(0.0, 1.2, 30)
+    on_door = geo.transform(joint.poses(state), joint.pivot + np.array([[0.3, 0.2, 0.0], [0.0, -0.3, 0.25]]))
+    straight = joint.pivot + np.linspace([0.3, 0.0, 0.0], [0.3, 0.1, 0.3], 30)
+    still = np.tile(joint.pivot + [0.1, 0.1, 0.1], (30, 1))
+    points = np.concatenate([on_door, straight[:, None], still[:, None]], axis=1)
+    moving = np.array([True, True, True, False])
+    movers = Movers(points, np.ones(points.shape[:2], bool), moving, moving)
+    fit = fit_motion(
+        geo.transform(joint.poses(state), joint.pivot + np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3))),
+        np.ones((30, 20), bool),
+    )
+    assert _on_course(fit, movers, MotionConfig()).tolist() == [True, True, False, False]
