@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint install clean
+.PHONY: help demo test lint install engines clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
@@ -31,6 +31,9 @@ lint: install ## style, types and the rules between the packages
 	$(VENV)/bin/lint-imports
 
 install: $(VENV)/.installed ## set up system libraries, .venv and packages
+
+engines: install ## set up the programs that `twin check --engines all` asks, each in an environment of its own (about 3 GB)
+	$(VENV)/bin/twin engines --install all
 
 clean: ## remove what make and twin wrote here (not .venv)
 	rm -rf out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -29,6 +29,10 @@ VERBS = {
     "replay": ("twin.verbs:replay", "let a robot open the twin's parts in simulation"),
     "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
     "doctor": ("twin.verbs:doctor", "say what this machine lacks, and how to get it"),
+    "engines": (
+        "twin.verbs:engines",
+        "list or install the programs that judge exports in environments of their own",
+    ),
 }
 # Causes outside of the program, which a traceback would not explain better.
 _ENVIRONMENT = {
@@ -175,6 +179,8 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
         add("--robot", default="franka", help="name of a robot [franka]")
     if verb == "replay":
         add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to open [all]")
+    if verb == "engines":
+        add("--install", metavar="NAME", nargs="+", default=[], help="environments to make, or all")
     if verb == "evaluate":
         add("--truth", metavar="FOLDER", type=Path, required=True, help="truth/ of a simulated recording")
     return parser

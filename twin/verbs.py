@@ -116,6 +116,25 @@ def doctor(console: Console) -> Outcome:
     )
 
 
+def engines(console: Console, install: Sequence[str]) -> Outcome:
+    """The environments of the programs that judge exports; makes those that are named."""
+    from twin.engines import ENGINES, engine
+    from twin.engines import install as make
+
+    chosen = list(ENGINES) if "all" in install else [engine(n).name for n in install]
+    with console.progress() as progress:
+        for k, name in enumerate(chosen):
+            progress("engines", k / len(chosen), f"installing {name}")
+            make([name])
+        if chosen:
+            progress("engines", 1.0, ", ".join(chosen))
+    rows = [[e.name, e.purpose, str(e.folder) if e.installed else "not installed"] for e in ENGINES.values()]
+    data = {"engines": {e.name: str(e.folder) if e.installed else None for e in ENGINES.values()}}
+    missing = [e.name for e in ENGINES.values() if not e.installed]
+    notes = [f"install with: twin engines --install {' '.join(missing)}"] if missing else []
+    return Outcome(data, [Table("engines", ["name", "what for", "where"], rows)], notes)
+
+
 @contextmanager
 def _page(run: Path) -> Iterator[None]:
     """Render the page when the verb is done, also when it failed for a reason the user can mend."""
