@@ -14,6 +14,7 @@ from twin._module_call import call_as
 from twin.errors import InputError
 from twin.export.tree import build_tree
 from twin.scene import Twin
+from twin.soundness import require_sound
 
 Format = Literal["urdf", "mjcf", "usd"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -83,7 +84,11 @@ def export(
 
 
 def complete(twin: Twin, cache_dir: Path | None = None) -> Twin:
-    """The twin with mass, friction and collision shapes wherever they were missing."""
+    """The twin with mass, friction and collision shapes wherever they were missing.
+
+    Raises SceneError for a part whose mesh is empty or passes through itself.
+    """
+    require_sound(twin)
     if any(p.inertial is None or p.physics is None for p in twin.parts):
         from twin.physics import with_physics
 
