@@ -81,9 +81,20 @@ def check(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
     progress("check", 0.0, "loading the files in other programs")
     report = named("twin.check:check")(twin, files)
     agree = sum(r.ok for r in report.rows)
-    summary = f"{agree} of {len(report.rows)} comparisons agree"
-    progress("check", 1.0, summary)
-    outcome = Outcome(report.to_dict(), _check_tables(report), [summary], report.warnings, report.ok)
+    told = [f"{agree} of {len(report.rows)} comparisons agree"]
+    progress("check", 1.0, told[0])
+    progress("behaviour", 0.0, "moving the parts in MuJoCo")
+    moved = named("twin.behaviour:behave")(twin, files)
+    told.append(f"{sum(r.ok for r in moved.rows)} of {len(moved.rows)} demands on behaviour met")
+    progress("behaviour", 1.0, told[1])
+    summary = "; ".join(told)
+    outcome = Outcome(
+        {**report.to_dict(), "ok": report.ok and moved.ok, "behaviour": moved.to_dict()},
+        [*_check_tables(report), *_behaviour_tables(moved)],
+        told,
+        (*report.warnings, *moved.warnings),
+        report.ok and moved.ok,
+    )
     return Step("check", outcome, summary, started).kept(run_folder(run))
 
 
@@ -116,6 +127,29 @@ def _check_tables(report: Any) -> list[Table]:
             for r in report.failures
         ]
         tables.append(Table("what does not agree", columns, failures))
+    return tables
+
+
+def _behaviour_tables(report: Any) -> list[Table]:
+    """What each part does in each format, and every demand that is not met."""
+    formats = list(dict.fromkeys(r.format for r in report.rows))
+    found = {(r.part, r.quantity, r.format): r for r in report.rows}
+    rows = []
+    for part, quantity in dict.fromkeys((r.part, r.quantity) for r in report.rows):
+        those = [found.get((part, quantity, f)) for f in formats]
+        first = next(r for r in those if r is not None)
+        values = ["" if r is None else f"{r.measured:.2g}" for r in those]
+        verdict = "ok" if all(r is None or r.ok for r in those) else "FAILED"
+        rows.append([part, quantity, *values, f"{first.limit:.2g}", first.explanation, verdict])
+    columns = ["part", "demand", *formats, "allowed", f"in {formats[0]}" if formats else "", ""]
+    tables = [Table("behaviour in MuJoCo", columns, rows)]
+    if report.failures:
+        failures = [
+            [r.format, r.part, r.quantity, f"{r.measured:.3g}", f"{r.limit:.3g}", r.explanation]
+            for r in report.failures
+        ]
+        columns = ["format", "part", "demand", "measured", "allowed", "about it"]
+        tables.append(Table("demands that are not met", columns, failures))
     return tables
 
 

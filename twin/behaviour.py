@@ -1,0 +1,253 @@
+"""Proof that exported parts behave: MuJoCo moves them, from every format, as the recording and common sense say they move.
+
+What is asked of every part, one part at a time while the others stay where the recording had them:
+
+- rest: closed, it stays within 1 mm for 10 s. `rest_half_open`: so it does half open, where its joint neither lifts nor lowers
+  it (a hinge within 2 degrees of upright, a slide within 2 degrees of level).
+- open, close: a steady 10 N or 2 N m takes it from one limit to the other within 10 s, up to 1 % of its range. Weights are
+  left out, so that friction and obstacles are asked for and not the weight of a lid.
+- sweep: over its range it meets nothing deeper than 1 mm, also what the file says it must not touch.
+- energy: pushed half open and let go, it never has more energy than at the start, up to 1 % of what is at play.
+- demonstration: a servo no stronger than a hand takes it along the recorded states, and it passes the recorded poses within
+  the error that the reconstruction states of itself.
+
+The files are simulated with the time step and the integrator they ask for: ours ask for none, so it is MuJoCo's default, 2 ms
+and semi-implicit Euler, which is what whoever loads them gets.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.scene import Part, Revolute, Twin
+
+PULL = {"revolute": 2.0, "prismatic": 10.0}  # N m, N: no furniture in a home should ask for more
+PUSH = {
+    "revolute": 1.0,
+    "prismatic": 0.3,
+}  # rad/s, m/s: chosen by us, a door or drawer let go in a brisk motion
+HAND = 50.0  # N; chosen by us: a brisk pull of one hand, twice what the catch of a kitchen cabinet takes (benchmarks/door_forces.md)
+HAND_MASS = 1.0  # kg; chosen by us: what of an arm moves with its hand
+REST = 1e-3  # m
+DEPTH = 1e-3  # m
+SHORT = 0.01  # share of the range
+GAIN = 0.01  # share of the energy at play
+FLOOR = 1e-3  # m: no reconstruction is asked to be better than this
+_LEVEL = math.radians(2.0)  # chosen by us: more than a carpenter's error and a reconstructed axis'
+_SIGMAS = 3.0
+_SECONDS = 300  # a probe that takes longer hangs
+
+
+@dataclass(frozen=True)
+class BehaviourRow:
+    """One demand. measured and limit are in metres at the part's farthest point (rest, sweep, demonstration) or shares of
+    the range (open, close) or of the energy at play (energy); infinite where the simulation broke down."""
+
+    format: str
+    part: str
+    quantity: str
+    measured: float
+    limit: float
+    explanation: str
+
+    @property
+    def ok(self) -> bool:
+        return self.measured <= self.limit
+
+
+@dataclass(frozen=True)
+class BehaviourReport:
+    """Rows, and what could not be simulated, as "format: text"."""
+
+    rows: tuple[BehaviourRow, ...]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """True when every demand is met in every format."""
+        return not self.warnings and all(r.ok for r in self.rows)
+
+    @property
+    def failures(self) -> tuple[BehaviourRow, ...]:
+        return tuple(r for r in self.rows if not r.ok)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON types; null for what is infinite."""
+        rows = [{**asdict(r), "ok": r.ok} for r in self.rows]
+        for r in rows:
+            r["measured"] = r["measured"] if math.isfinite(r["measured"]) else None
+        return {"ok": self.ok, "warnings": list(self.warnings), "rows": rows}
+
+
+def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
+    """Move the parts of exported files in MuJoCo and judge how they behave.
+
+    Args:
+        twin: what was exported.
+        files: format (urdf, mjcf, usd) -> file.
+    Returns:
+        for every format and part the rows that the module describes.
+    Raises:
+        InputError: no file was named, or one is missing.
+    """
+    if not files:
+        raise InputError("no exported file was named", "run twin export first")
+    for path in files.values():
+        if not Path(path).is_file():
+            raise InputError(f"{path} does not exist", "run twin export again")
+    asked = [_asked(twin, p) for p in twin.parts]
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        answers = list(pool.map(lambda f: _ask(f, Path(files[f]).resolve(), asked), files))
+    rows: list[BehaviourRow] = []
+    warnings: list[str] = []
+    for fmt, answer in zip(files, answers, strict=True):
+        if answer["error"]:
+            warnings.append(f"{fmt}: can't be simulated: {answer['error']}")
+            continue
+        for part in twin.parts:
+            rows += _judge(fmt, twin, part, answer["parts"][part.name])
+    return BehaviourReport(tuple(rows), tuple(warnings))
+
+
+def _asked(twin: Twin, part: Part) -> dict[str, Any]:
+    """What the probe has to know of a part."""
+    kind, motion, lever = part.joint.kind, part.motion, _hand_lever(part)
+    return {
+        "name": part.name,
+        "held": {p.name: s for p in twin.parts if p is not part and (s := _state_beside(part, p))},
+        "force": PULL[kind],
+        "hand": HAND * lever,
+        "hand_inertia": HAND_MASS * lever**2,
+        "speed": PUSH[kind],
+        "times": motion.times.tolist(),
+        "states": motion.state.tolist(),
+    }
+
+
+def _state_beside(part: Part, other: Part) -> float:
+    """Where `other` was when the recording first moved `part`: a drawer behind a door comes out only once that is open."""
+    if not (part.motion.intervals and len(other.motion.frames)):
+        return 0.0
+    state = float(np.interp(part.motion.intervals[0][0], other.motion.frames, other.motion.state))
+    return float(np.clip(state, other.joint.lower, other.joint.upper))
+
+
+def _lever(part: Part) -> float:
+    """Distance (m) of the part's farthest point from its hinge; 1 for a slide, whose points all move alike."""
+    if not isinstance(part.joint, Revolute):
+        return 1.0
+    return float(
+        np.linalg.norm(np.cross(part.mesh.vertices - part.joint.pivot, part.joint.axis), axis=1).max()
+    )
+
+
+def _hand_lever(part: Part) -> float:
+    """Distance (m) of the hand from the hinge: of the contact, else of the farthest point; 1 for a slide."""
+    if not isinstance(part.joint, Revolute) or part.contact is None:
+        return _lever(part)
+    return float(geo.point_line_distance(part.contact.point, part.joint.pivot, part.joint.axis))
+
+
+def _ask(fmt: str, path: Path, parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Run the probe in a process of its own, in an empty folder (MuJoCo leaves a log where it runs)."""
+    with tempfile.TemporaryDirectory() as folder:
+        request, answer = Path(folder) / "request.json", Path(folder) / "answer.json"
+        request.write_text(json.dumps({"files": {fmt: str(path)}, "parts": parts}), encoding="utf-8")
+        environment = {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]),
+        }
+        try:
+            done = subprocess.run(  # noqa: S603  (this interpreter, this package, no shell)
+                [sys.executable, "-m", "twin.probes.behaviour", str(request), str(answer)],
+                cwd=folder, env=environment, capture_output=True, text=True, timeout=_SECONDS, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return {"parts": {}, "error": f"no answer within {_SECONDS} s"}
+        if not answer.exists():
+            last = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
+            return {"parts": {}, "error": last[0]}
+        told: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))[fmt]
+        return told
+
+
+def _judge(fmt: str, twin: Twin, part: Part, got: Mapping[str, Any]) -> list[BehaviourRow]:
+    """The rows of one part in one format."""
+    rows: list[BehaviourRow] = []
+    lever = _lever(part)
+
+    def add(quantity: str, measured: float | None, limit: float, explanation: str) -> None:
+        broken = measured is None or not math.isfinite(measured)
+        value = math.inf if measured is None or broken else float(measured)
+        text = "the simulation broke down" if broken else explanation
+        rows.append(BehaviourRow(fmt, part.name, quantity, value, float(limit), text))
+
+    unit = "N m" if part.joint.kind == "revolute" else "N"
+    rest, half = got["rest"], got["rest_half_open"]
+    add("rest_m", None if rest is None else rest * lever, REST, "closed, left alone for 10 s")
+    if _is_level(part):
+        told = (
+            "" if half is None else f"half open, left alone for 10 s; gravity pulls {half['pull']:.2g} {unit}"
+        )
+        add("rest_half_open_m", None if half is None else half["drift"] * lever, REST, told)
+    for quantity, word in (("open", "opened"), ("close", "closed")):
+        end = got[quantity]
+        told = "" if end is None else f"{word} by {PULL[part.joint.kind]:g} {unit}, {end['seconds']:.1f} s"
+        add(quantity, None if end is None else end["left"], SHORT, told)
+    add("sweep_m", got["sweep"], DEPTH, "deepest contact over the range")
+    energy = got["energy"]
+    told = "" if energy is None else f"gain after a push; {energy['scale']:.2g} J at play"
+    add("energy", None if energy is None else energy["gain"] / energy["scale"], GAIN, told)
+    shown = got["demonstration"]
+    if shown is None or shown["motion"]:
+        off = None if shown is None else float(_deviations(twin, part, np.array(shown["motion"])).max())
+        told = (
+            ""
+            if shown is None
+            else f"largest distance from the recorded poses; at most {shown['force']:.2g} {unit}"
+        )
+        add("demonstration_m", off, _reconstruction_error(part, lever), told)
+    return rows
+
+
+def _is_level(part: Part) -> bool:
+    """Whether the joint neither lifts nor lowers the part."""
+    tilt = geo.angle_between(np.array(part.joint.axis), np.array([0.0, 0.0, 1.0]))
+    off = min(tilt, math.pi - tilt) if part.joint.kind == "revolute" else abs(tilt - math.pi / 2)
+    return bool(off <= _LEVEL)
+
+
+def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
+    """Largest distance (n,) m of any corner of the part's bounding box from where the recording has it."""
+    held = {p.id: _state_beside(part, p) for p in twin.parts if p is not part}
+    want = [twin.part_pose(part.id, held | {part.id: float(s)}) for s in part.motion.state]
+    zero = np.linalg.inv(twin.part_pose(part.id, held))
+    low, high = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
+    corners = np.array([[x[k], y[j], z[i]] for x in [(low[0], high[0])] for y in [(low[1], high[1])]
+                        for z in [(low[2], high[2])] for k in (0, 1) for j in (0, 1) for i in (0, 1)])  # fmt: skip
+    homogeneous = np.concatenate([geo.transform(np.linalg.inv(zero), corners), np.ones((8, 1))], axis=1)
+    difference = motion - np.stack(want) @ zero
+    return np.asarray(
+        np.linalg.norm((homogeneous @ difference.transpose(0, 2, 1))[..., :3], axis=2).max(axis=1)
+    )
+
+
+def _reconstruction_error(part: Part, lever: float) -> float:
+    """Three standard deviations (m) of the part's farthest point: of the state, and the residual of the fit."""
+    state = 0.0 if part.joint.sigma is None else part.joint.sigma.state * lever
+    return max(FLOOR, _SIGMAS * math.hypot(state, part.motion.residual))

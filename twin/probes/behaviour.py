@@ -1,0 +1,314 @@
+"""MuJoCo moves the parts of exported files: python -m twin.probes.behaviour REQUEST ANSWER.
+
+The request is JSON: files {format: path} and parts, each with name, held {other part: state}, force (N or N m, of a steady
+pull), hand (N or N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
+demonstration. The answer is JSON: format -> {"parts": {name: measured}, "warnings": [...], "error": text or null}; what is
+measured is said at each function. A number that a simulation could not give, because it broke down, is null.
+
+The files are simulated as they are, with the step and the integrator that they ask for. One thing is changed, in memory: in
+`_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight of a lid; in `_sweep` bodies that
+the file keeps apart may touch; in `_demonstration` the hand's mass goes with the part.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from twin.probes.__main__ import captured
+
+REST_SECONDS = 10.0
+REACH_SECONDS = 10.0
+SWING_SECONDS = 5.0
+SWEEP_STATES = 41
+_LOOK = 5  # steps between two looks at a simulation
+_STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
+_BROKEN = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+
+class _BrokenDown(Exception):
+    """The simulation diverged."""
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """One part of a model: its body, degree of freedom, place in qpos, range, and where the other parts are held."""
+
+    model: Any
+    body: int
+    dof: int
+    at: int
+    lower: float
+    upper: float
+    home: Any
+
+    def data(self, state: float) -> Any:
+        """A fresh simulation with the part at `state` and the others where they are held."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.home
+        data.qpos[self.at] = state
+        mujoco.mj_forward(self.model, data)
+        return data
+
+    def hold_others(self, data: Any) -> None:
+        state, speed = data.qpos[self.at], data.qvel[self.dof]
+        data.qpos[:], data.qvel[:] = self.home, 0.0
+        data.qpos[self.at], data.qvel[self.dof] = state, speed
+
+
+def read(path: Path, fmt: str, parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Move every part of the model in `path`."""
+    if fmt == "usd":
+        import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
+    spec = mujoco.MjSpec.from_file(str(path))
+    model = spec.compile()
+    # a simulation that diverges is not started again from zero but stays as it is, to be found
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    weightless, touching = copy(model), _touching(spec)
+    weightless.opt.gravity[:] = 0.0
+    rest = _guarded(_rest, model, parts)
+    out: dict[str, Any] = {}
+    for part in parts:
+        free = _moved(weightless, part)
+        weighed = _moved(model, part)
+        out[part["name"]] = {
+            "rest": None if rest is None else rest[part["name"]],
+            "rest_half_open": _guarded(_half_open, weighed),
+            "open": _guarded(_reach, free, free.lower, part["force"]),
+            "close": _guarded(_reach, free, free.upper, -part["force"]),
+            "sweep": _sweep(_moved(touching, part)),
+            "energy": _guarded(_energy, weighed, part["speed"]),
+            "demonstration": _guarded(_demonstration, weighed, part),
+            "step": float(model.opt.timestep),
+            "integrator": mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_").lower(),
+        }
+    return out
+
+
+def _touching(spec: Any) -> Any:
+    """The model with every pair of bodies allowed to touch, also those the file keeps apart."""
+    for pair in list(spec.excludes):
+        spec.delete(pair)
+    model = spec.compile()
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    return model
+
+
+def _moved(model: Any, part: Mapping[str, Any]) -> _Moved:
+    joints = {model.joint(j).name.split("/")[-1]: j for j in range(model.njnt)}
+    home = np.zeros(model.nq)
+    for name, state in part["held"].items():
+        home[model.jnt_qposadr[joints[f"{name}_joint"]]] = state
+    j = joints[f"{part['name']}_joint"]
+    lower, upper = map(float, model.jnt_range[j])
+    return _Moved(
+        model,
+        int(model.jnt_bodyid[j]),
+        int(model.jnt_dofadr[j]),
+        int(model.jnt_qposadr[j]),
+        lower,
+        upper,
+        home,
+    )
+
+
+def _guarded(run: Callable[..., Any], *arguments: Any) -> Any:
+    """What `run` measures, None where its simulation broke down."""
+    try:
+        return run(*arguments)
+    except _BrokenDown:
+        return None
+
+
+def _steps(model: Any, data: Any, seconds: float, look: Callable[[], bool]) -> None:
+    """Simulate up to `seconds`, until a look says that it is done."""
+    while data.time < seconds:
+        mujoco.mj_step(model, data, _LOOK)
+        _insist(data)
+        if look():
+            return
+
+
+def _insist(data: Any) -> None:
+    """Raise _BrokenDown when the simulation has diverged."""
+    if any(data.warning[w].number for w in _BROKEN) or not np.isfinite(data.qvel).all():
+        raise _BrokenDown
+
+
+def _rest(model: Any, parts: list[dict[str, Any]]) -> dict[str, float]:
+    """Greatest change of state (m or rad) of every part in 10 s, all closed at the start."""
+    data = mujoco.MjData(model)
+    at = {p["name"]: _moved(model, p).at for p in parts}
+    data.qpos[:] = 0.0
+    most = np.zeros(model.nq)
+
+    def look() -> bool:
+        np.maximum(most, np.abs(data.qpos), out=most)
+        return False
+
+    _steps(model, data, REST_SECONDS, look)
+    return {name: float(most[k]) for name, k in at.items()}
+
+
+def _half_open(part: _Moved) -> dict[str, float]:
+    """Greatest change of state in 10 s when left half open, and the greatest pull of gravity (N or N m) on the way."""
+    data = part.data((part.lower + part.upper) / 2)
+    begin, most = float(data.qpos[part.at]), 0.0
+
+    def look() -> bool:
+        nonlocal most
+        most = max(most, abs(float(data.qpos[part.at]) - begin))
+        return False
+
+    pull = abs(float(data.qfrc_bias[part.dof]))
+    _steps(part.model, data, REST_SECONDS, look)
+    return {"drift": most, "pull": pull}
+
+
+def _reach(part: _Moved, start: float, force: float) -> dict[str, float]:
+    """Pull from `start` with a steady generalised force: the share of the range that is left, and the time it took."""
+    goal = part.upper if force > 0 else part.lower
+    span = part.upper - part.lower
+    data = part.data(start)
+    data.qfrc_applied[part.dof] = force
+    left = 1.0
+
+    def look() -> bool:
+        nonlocal left
+        part.hold_others(data)
+        left = min(left, max(0.0, np.sign(force) * (goal - float(data.qpos[part.at])) / span))
+        return left == 0.0
+
+    _steps(part.model, data, REACH_SECONDS, look)
+    return {"left": float(left), "seconds": float(data.time)}
+
+
+def _sweep(part: _Moved) -> float:
+    """Greatest depth (m) at which the part, opened alone, or what it carries, meets anything."""
+    model, data, deepest = part.model, mujoco.MjData(part.model), 0.0
+    carried = _below(model, part.body)
+    for state in np.linspace(part.lower, part.upper, SWEEP_STATES):
+        data.qpos[:] = part.home
+        data.qpos[part.at] = state
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        for c in data.contact:
+            a, b = (int(model.geom_bodyid[g]) for g in c.geom)
+            if (a in carried) or (b in carried):
+                deepest = max(deepest, -float(c.dist))
+    return deepest
+
+
+def _below(model: Any, body: int) -> set[int]:
+    found = {body}
+    for b in range(body + 1, model.nbody):  # parents come before their children
+        if int(model.body_parentid[b]) in found:
+            found.add(b)
+    return found
+
+
+def _energy(part: _Moved, speed: float) -> dict[str, float]:
+    """Push the half open part and let go: the greatest total energy (J) above that at the start, and the scale to judge it
+    by: the push's kinetic energy and what the part's weight can give on its way."""
+    model = part.model
+    flags = int(model.opt.enableflags)
+    model.opt.enableflags = flags | int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    try:
+        heights = [float(part.data(s).energy[0]) for s in np.linspace(part.lower, part.upper, 11)]
+        data = part.data((part.lower + part.upper) / 2)
+        data.qvel[part.dof] = speed
+        mujoco.mj_forward(model, data)
+        begin, most = float(data.energy.sum()), 0.0
+        scale = float(data.energy[1]) + max(heights) - min(heights)
+
+        def look() -> bool:
+            nonlocal most
+            most = max(most, float(data.energy.sum()) - begin)
+            return False
+
+        _steps(model, data, SWING_SECONDS, look)
+    finally:
+        model.opt.enableflags = flags
+    return {"gain": most, "scale": scale}
+
+
+def _demonstration(part: _Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Lead the part along its recorded states by a servo as heavy as a hand and no stronger: its motion (n, 4, 4) from where
+    it is with the others held and its own state 0, at the recorded times, and the greatest force used. The servo does not
+    press against a stop: where a recorded state lies beyond one, it leads to the stop."""
+    times, states = np.array(asked["times"]), np.clip(asked["states"], part.lower, part.upper)
+    if len(times) < 2:
+        return {"motion": [], "force": 0.0}
+    model, times = copy(part.model), times - times[0]
+    model.dof_armature[part.dof] += asked["hand_inertia"]
+    part = replace(part, model=model)
+    rest = np.linalg.inv(_pose(part.data(0.0), part.body))
+    path = PchipInterpolator(times, states)
+    speed, push = path.derivative(), path.derivative(2)
+    data, shown = part.data(float(states[0])), mujoco.MjData(model)
+    unit, column = np.zeros(model.nv), np.zeros(model.nv)
+    unit[part.dof] = 1.0
+    mujoco.mj_mulM(model, data, column, unit)
+    inertia, damping = float(column[part.dof]), float(model.dof_damping[part.dof])
+    motion, most = [], 0.0
+    for t in times:
+        while data.time < t:
+            now = data.time
+            off, lag = path(now) - data.qpos[part.at], speed(now) - data.qvel[part.dof]
+            pull = inertia * (push(now) + _STIFF**2 * off + 2 * _STIFF * lag)
+            pull += float(data.qfrc_bias[part.dof]) + damping * speed(now)
+            data.qfrc_applied[part.dof] = np.clip(pull, -asked["hand"], asked["hand"])
+            most = max(most, abs(float(data.qfrc_applied[part.dof])))
+            mujoco.mj_step(model, data)
+            part.hold_others(data)
+        _insist(data)
+        shown.qpos[:] = data.qpos
+        shown.qpos[part.at] -= data.qvel[part.dof] * (data.time - t)  # the last step went a little past t
+        mujoco.mj_kinematics(model, shown)
+        motion.append((_pose(shown, part.body) @ rest).tolist())
+    return {"motion": motion, "force": most}
+
+
+def _pose(data: Any, body: int) -> Any:
+    t = np.eye(4)
+    t[:3, :3], t[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+    return t
+
+
+def main(request_path: str, answer_path: str) -> None:
+    """Answer one request."""
+    request = json.loads(Path(request_path).read_text(encoding="utf-8"))
+    answer: dict[str, Any] = {}
+    for fmt, path in request["files"].items():
+        said: list[str] = []
+        parts, error = {}, None
+        with captured(said), warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore"
+            )  # what a loader says of the file is told by the check of equivalence
+            try:
+                parts = read(Path(path), fmt, request["parts"])
+            except Exception as e:  # a reader may fail in any way; the report names it
+                error = f"{type(e).__name__}: {e}"
+        answer[fmt] = {"parts": parts, "warnings": [], "error": error}
+    Path(answer_path).write_text(json.dumps(answer), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2])
