@@ -99,7 +99,7 @@ def test_with_physics_fills_what_is_missing_and_names_its_sources() -> None:
         assert p.inertial.mass.value == pytest.approx(truth.inertial.mass.value, rel=0.25)
         assert "furniture_board" in p.inertial.mass.source
         assert "furniture_board" in p.physics.density.source
-        assert p.physics.frictionloss.source.startswith("chosen by us")
+        assert p.physics.frictionloss == read_materials().joints[p.joint.kind]["frictionloss"]
     assert with_physics(twin).part("door").inertial is twin.part("door").inertial
     glass = with_physics(twin, {"door": "glass"}, renew=True)
     assert glass.part("door").physics.density.value == 2500.0
