@@ -18,6 +18,7 @@ from the arm's joint torques and `f_ati` from a sensor in the wrist. Method:
 from __future__ import annotations
 
 import argparse
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -134,12 +135,12 @@ def table(logs: list[DoorLog]) -> str:
         "",
         f"Friction torque of a cabinet door: **{value:.2f} N m, {low:.0f} to {high:.1f}**. Medians along the path, joint torques / wrist, N:",
         "",
-        "| log | " + " | ".join(f"{a:g}–{b:g} rad" for a, b in zip(BINS, BINS[1:], strict=False)) + " |",
+        "| log | " + " | ".join(f"{a:g}–{b:g} rad" for a, b in itertools.pairwise(BINS)) + " |",
         "|---" * len(BINS) + "|",
     ]
     for log in logs:
         cells = []
-        for a, b in zip(BINS, BINS[1:], strict=False):
+        for a, b in itertools.pairwise(BINS):
             there = (log.angle >= a) & (log.angle < b)
             cells.append(f"{np.median(log.joints[there]):.1f} / {np.median(log.wrist[there]):.1f}")
         lines.append(f"| {log.name} | " + " | ".join(cells) + " |")
