@@ -6,7 +6,8 @@ What is asked of every part, one part at a time while the others stay where the 
   it (a hinge within 2 degrees of upright, a slide within 2 degrees of level).
 - open, close: a steady 10 N or 2 N m takes it from one limit to the other within 10 s, up to 1 % of its range. Weights are
   left out, so that friction and obstacles are asked for and not the weight of a lid.
-- sweep: over its range it meets nothing deeper than 1 mm, also what the file says it must not touch.
+- sweep: over its range it meets nothing deeper than 1 mm, neither what the file says it must not touch nor the floor of MJCF's
+  scene.xml.
 - energy: pushed half open and let go, it never has more energy than at the start, up to 1 % of what is at play.
 - demonstration: a servo no stronger than a hand takes it along the recorded states, and it passes the recorded poses within
   the error that the reconstruction states of itself.
@@ -199,7 +200,8 @@ def _judge(fmt: str, twin: Twin, part: Part, got: Mapping[str, Any]) -> list[Beh
 
     unit = "N m" if part.joint.kind == "revolute" else "N"
     rest, half = got["rest"], got["rest_half_open"]
-    add("rest_m", None if rest is None else rest * lever, REST, "closed, left alone for 10 s")
+    how = f"time step {1e3 * got['step']:g} ms, {got['integrator']}"
+    add("rest_m", None if rest is None else rest * lever, REST, f"closed, left alone for 10 s; {how}")
     if _is_level(part):
         told = (
             "" if half is None else f"half open, left alone for 10 s; gravity pulls {half['pull']:.2g} {unit}"

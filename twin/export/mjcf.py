@@ -10,6 +10,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.export.obj import TexturedFiles, write_hull, write_textured
 from twin.export.tree import ARMATURE, Link, Tree, numbers
+from twin.geometry import Array
 from twin.scene import Mesh
 
 _MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
@@ -160,6 +161,37 @@ def _scene(tree: Tree) -> ET.Element:
     )
     ET.SubElement(
         world, "geom", name="floor", type="plane", size="0 0 0.05", material="floor",
-        pos=numbers([0.0, 0.0, np.floor(low[2] * 1000 - 1) / 1000]),
+        pos=numbers([0.0, 0.0, np.floor(min(low[2], _lowest(tree)) * 1000 - 1) / 1000]),
     )  # fmt: skip
     return root
+
+
+def _lowest(tree: Tree) -> float:
+    """Lowest z (m) of any collision shape of a moving part, one part opened alone or all together; inf without one."""
+    shares = np.linspace(0.0, 1.0, 21)
+    rows = [
+        {k.name: s for k in chosen} for chosen in [tree.moving, *([k] for k in tree.moving)] for s in shares
+    ]
+    found = [np.inf]
+    for link in tree.moving:
+        points = [c.vertices if isinstance(c, Mesh) else c.corners for c in link.collision]
+        if points:
+            shape = np.concatenate(points)
+            found += [geo.transform(_placed(tree, link, row), shape)[:, 2].min() for row in rows]
+    return float(min(found))
+
+
+def _placed(tree: Tree, link: Link, opened: dict[str, float]) -> Array:
+    """Pose (4, 4) of a link in the world when joints are opened by these shares of their ranges."""
+    pose = geo.make_pose(translation=link.offset)
+    j = link.joint
+    if j is not None:
+        state = opened.get(link.name, 0.0) * j.upper
+        turned = j.kind == "revolute"
+        pose = pose @ (
+            geo.make_pose(geo.exp_so3(j.axis * state))
+            if turned
+            else geo.make_pose(translation=j.axis * state)
+        )
+    parent = next((k for k in tree.links if k.name == link.parent), None)
+    return pose if parent is None else _placed(tree, parent, opened) @ pose

@@ -13,6 +13,7 @@ the file keeps apart may touch; in `_demonstration` the hand's mass goes with th
 from __future__ import annotations
 
 import json
+import math
 import sys
 import warnings
 from collections.abc import Callable, Mapping
@@ -71,15 +72,16 @@ class _Moved:
         data.qpos[self.at], data.qvel[self.dof] = state, speed
 
 
-def read(path: Path, fmt: str, parts: list[dict[str, Any]]) -> dict[str, Any]:
+def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
     """Move every part of the model in `path`."""
+    parts = job["parts"]
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
-    spec = mujoco.MjSpec.from_file(str(path))
-    model = spec.compile()
+    model = mujoco.MjSpec.from_file(str(path)).compile()
     # a simulation that diverges is not started again from zero but stays as it is, to be found
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    weightless, touching = copy(model), _touching(spec)
+    scene = path.parent / "scene.xml"  # has a floor as well, which an opening part may meet
+    weightless, touching = copy(model), _touching(scene if scene.is_file() and fmt == "mjcf" else path)
     weightless.opt.gravity[:] = 0.0
     rest = _guarded(_rest, model, parts)
     out: dict[str, Any] = {}
@@ -100,8 +102,9 @@ def read(path: Path, fmt: str, parts: list[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
-def _touching(spec: Any) -> Any:
+def _touching(path: Path) -> Any:
     """The model with every pair of bodies allowed to touch, also those the file keeps apart."""
+    spec = mujoco.MjSpec.from_file(str(path))
     for pair in list(spec.excludes):
         spec.delete(pair)
     model = spec.compile()
@@ -260,26 +263,28 @@ def _demonstration(part: _Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
     part = replace(part, model=model)
     rest = np.linalg.inv(_pose(part.data(0.0), part.body))
     path = PchipInterpolator(times, states)
-    speed, push = path.derivative(), path.derivative(2)
-    data, shown = part.data(float(states[0])), mujoco.MjData(model)
+    steps = model.opt.timestep * np.arange(math.ceil(times[-1] / model.opt.timestep) + 1)
+    course = np.stack([path(steps), path.derivative()(steps), path.derivative(2)(steps)], axis=1).tolist()
+    data, shown, k = part.data(float(states[0])), mujoco.MjData(model), 0
     unit, column = np.zeros(model.nv), np.zeros(model.nv)
     unit[part.dof] = 1.0
     mujoco.mj_mulM(model, data, column, unit)
     inertia, damping = float(column[part.dof]), float(model.dof_damping[part.dof])
-    motion, most = [], 0.0
+    hand, motion, most = float(asked["hand"]), [], 0.0
     for t in times:
-        while data.time < t:
-            now = data.time
-            off, lag = path(now) - data.qpos[part.at], speed(now) - data.qvel[part.dof]
-            pull = inertia * (push(now) + _STIFF**2 * off + 2 * _STIFF * lag)
-            pull += float(data.qfrc_bias[part.dof]) + damping * speed(now)
-            data.qfrc_applied[part.dof] = np.clip(pull, -asked["hand"], asked["hand"])
-            most = max(most, abs(float(data.qfrc_applied[part.dof])))
+        while steps[k] < t:
+            state, speed, push = course[k]
+            off, lag = state - float(data.qpos[part.at]), speed - float(data.qvel[part.dof])
+            pull = inertia * (push + _STIFF**2 * off + 2 * _STIFF * lag)
+            pull += float(data.qfrc_bias[part.dof]) + damping * speed
+            pull = min(max(pull, -hand), hand)
+            data.qfrc_applied[part.dof] = pull
+            most, k = max(most, abs(pull)), k + 1
             mujoco.mj_step(model, data)
             part.hold_others(data)
         _insist(data)
         shown.qpos[:] = data.qpos
-        shown.qpos[part.at] -= data.qvel[part.dof] * (data.time - t)  # the last step went a little past t
+        shown.qpos[part.at] -= data.qvel[part.dof] * (steps[k] - t)  # the last step went a little past t
         mujoco.mj_kinematics(model, shown)
         motion.append((_pose(shown, part.body) @ rest).tolist())
     return {"motion": motion, "force": most}
@@ -299,11 +304,9 @@ def main(request_path: str, answer_path: str) -> None:
         said: list[str] = []
         parts, error = {}, None
         with captured(said), warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # what a loader says of the file is told by the check of equivalence
+            warnings.simplefilter("ignore")  # what a loader says of a file, the check of equivalence tells
             try:
-                parts = read(Path(path), fmt, request["parts"])
+                parts = read(Path(path), fmt, request)
             except Exception as e:  # a reader may fail in any way; the report names it
                 error = f"{type(e).__name__}: {e}"
         answer[fmt] = {"parts": parts, "warnings": [], "error": error}
