@@ -25,7 +25,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -111,12 +110,10 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
     for path in files.values():
         if not Path(path).is_file():
             raise InputError(f"{path} does not exist", "run twin export again")
-    asked = [_asked(twin, p) for p in twin.parts]
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        answers = list(pool.map(lambda f: _ask(f, Path(files[f]).resolve(), asked), files))
+    answers = _ask(files, [_asked(twin, p) for p in twin.parts])
     rows: list[BehaviourRow] = []
     warnings: list[str] = []
-    for fmt, answer in zip(files, answers, strict=True):
+    for fmt, answer in answers.items():
         if answer["error"]:
             warnings.append(f"{fmt}: can't be simulated: {answer['error']}")
             continue
@@ -164,11 +161,12 @@ def _hand_lever(part: Part) -> float:
     return float(geo.point_line_distance(part.contact.point, part.joint.pivot, part.joint.axis))
 
 
-def _ask(fmt: str, path: Path, parts: list[dict[str, Any]]) -> dict[str, Any]:
+def _ask(files: Mapping[str, Path], parts: list[dict[str, Any]]) -> dict[str, Any]:
     """Run the probe in a process of its own, in an empty folder (MuJoCo leaves a log where it runs)."""
     with tempfile.TemporaryDirectory() as folder:
         request, answer = Path(folder) / "request.json", Path(folder) / "answer.json"
-        request.write_text(json.dumps({"files": {fmt: str(path)}, "parts": parts}), encoding="utf-8")
+        paths = {f: str(Path(p).resolve()) for f, p in files.items()}
+        request.write_text(json.dumps({"files": paths, "parts": parts}), encoding="utf-8")
         environment = {
             **os.environ,
             "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]),
@@ -179,11 +177,11 @@ def _ask(fmt: str, path: Path, parts: list[dict[str, Any]]) -> dict[str, Any]:
                 cwd=folder, env=environment, capture_output=True, text=True, timeout=_SECONDS, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
-            return {"parts": {}, "error": f"no answer within {_SECONDS} s"}
+            return {f: {"error": f"no answer within {_SECONDS} s"} for f in files}
         if not answer.exists():
             last = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
-            return {"parts": {}, "error": last[0]}
-        told: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))[fmt]
+            return {f: {"error": last[0]} for f in files}
+        told: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
         return told
 
 

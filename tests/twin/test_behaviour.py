@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 
 from tests.twin.scenes import Board, cabinet_twin, world_from_cabinet
+from twin import cli
 from twin import geometry as geo
-from twin.behaviour import BehaviourReport, BehaviourRow, behave
+from twin.behaviour import HAND, BehaviourReport, BehaviourRow, behave
 from twin.errors import InputError
 from twin.export import FORMATS, Exported, export
-from twin.scene import Part, Quantity, Twin
+from twin.scene import Motion, Part, Quantity, Twin
+from twin.storage import save
 
 CLOSED_OR_NOT = {"rest_m", "open", "close", "sweep_m", "energy", "demonstration_m"}
 
@@ -69,32 +71,33 @@ def test_friction_short_limits_and_negative_damping_turn_their_own_rows_red(
     cabinet: tuple[Twin, Exported], tmp_path: Path
 ) -> None:
     twin, _ = cabinet
-    spoilt = with_physics(
-        twin, "door", frictionloss=5.0
-    )  # N m: more than 2, less than a hand has at the handle
+    # N m: more than the 2 of the pull, less than a hand has at the handle
+    spoilt = with_physics(twin, "door", frictionloss=5.0)
     spoilt = with_joint(spoilt, "drawer", upper=0.27)  # shown to 0.30
     spoilt = with_physics(spoilt, "flap", damping=-0.5)
     report = behave(twin, export(spoilt, tmp_path))
     want = {("door", "open"), ("door", "close"), ("drawer", "demonstration_m"), ("flap", "energy")}
     assert red(report) == dict.fromkeys(FORMATS, want)
-    clipped = [r.measured for r in report.failures if r.part == "drawer"]
-    assert clipped == pytest.approx([0.03] * 3, abs=5e-4)
+    clipped = [r for r in report.failures if r.part == "drawer"]
+    assert [r.measured for r in clipped] == pytest.approx([0.03] * 3, abs=5e-4)
+    forces = [float(r.explanation.split("at most ")[1].split()[0]) for r in clipped]
+    assert max(forces) < HAND, "the servo meets the stop but does not keep pressing against it"
     assert not report.ok
 
 
 def test_an_obstacle_is_met_also_where_a_format_keeps_the_pair_apart(
     cabinet: tuple[Twin, Exported], tmp_path: Path
 ) -> None:
-    twin, _ = cabinet
+    twin = replace(cabinet[0], parts=tuple(p for p in cabinet[0].parts if p.name != "lid"))
     stop = Board((-0.1, -0.35, 0.65), (0.1, -0.32, 0.72)).box(world_from_cabinet())  # in front of the drawer
+    into_door = Board((-0.15, -0.034, 0.05), (0.05, -0.018, 0.2)).box(world_from_cabinet())  # 3 mm deep
     spoilt = replace(twin, static=replace(twin.static, collision=(*twin.static.collision, stop)))
-    report = behave(twin, export(spoilt, tmp_path))
-    parts = red(report)
-    assert parts["mjcf"] == parts["usd"] == {("drawer", "sweep_m")}
-    blocked = {("drawer", q) for q in ("sweep_m", "open", "demonstration_m", "close")}
-    assert (
-        {("drawer", "sweep_m"), ("drawer", "open"), ("drawer", "demonstration_m")} <= parts["urdf"] <= blocked
-    )
+    spoilt = with_part(spoilt, "flap", lambda p: replace(p, collision=(into_door,)))
+    parts = red(behave(twin, export(spoilt, tmp_path)))
+    met = {("drawer", "sweep_m"), ("flap", "sweep_m")}
+    assert parts["mjcf"] == parts["usd"] == met
+    blocked = {("drawer", "open"), ("drawer", "demonstration_m")}
+    assert met | blocked <= parts["urdf"] <= met | blocked | {("drawer", "close")}
 
 
 def test_a_leaning_door_without_friction_does_not_rest(tmp_path: Path) -> None:
@@ -144,6 +147,27 @@ def test_a_simulation_that_breaks_down_or_a_file_that_cannot_be_read_is_told(
         behave(twin, {"mjcf": tmp_path / "gone.xml"})
     with pytest.raises(InputError, match="no exported file"):
         behave(twin, {})
+
+
+def test_the_check_of_a_run_fails_by_its_behaviour(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    twin = with_physics(cabinet_twin(), "door", frictionloss=5.0)
+    never_seen = replace(twin.part("drawer"), motion=Motion(np.zeros(0), np.zeros(0), np.zeros(0)))
+    twin = replace(twin, parts=(twin.part("door"), never_seen))
+    save(twin, tmp_path / "twin")
+    export(twin, tmp_path / "export", formats=("mjcf",))
+    assert cli.run(["check", str(tmp_path), "--format", "mjcf", "--json"]) == 2
+    told = json.loads(capsys.readouterr().out)
+    assert all(r["ok"] for r in told["rows"]), "the file says what the twin says"
+    behaviour = told["behaviour"]["rows"]
+    assert {(r["part"], r["quantity"]) for r in behaviour if not r["ok"]} == {
+        ("door", "open"),
+        ("door", "close"),
+    }
+    assert "demonstration_m" not in {r["quantity"] for r in behaviour if r["part"] == "drawer"}, (
+        "none was recorded"
+    )
 
 
 def test_a_row_is_met_up_to_its_limit() -> None:

@@ -78,8 +78,6 @@ def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
     model = mujoco.MjSpec.from_file(str(path)).compile()
-    # a simulation that diverges is not started again from zero but stays as it is, to be found
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     scene = path.parent / "scene.xml"  # has a floor as well, which an opening part may meet
     weightless, touching = copy(model), _touching(scene if scene.is_file() and fmt == "mjcf" else path)
     weightless.opt.gravity[:] = 0.0
@@ -213,7 +211,7 @@ def _sweep(part: _Moved) -> float:
         mujoco.mj_collision(model, data)
         for c in data.contact:
             a, b = (int(model.geom_bodyid[g]) for g in c.geom)
-            if (a in carried) or (b in carried):
+            if (a in carried) != (b in carried):
                 deepest = max(deepest, -float(c.dist))
     return deepest
 
