@@ -26,6 +26,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -233,18 +234,16 @@ def _is_level(part: Part) -> bool:
 
 
 def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
-    """Largest distance (n,) m of any corner of the part's bounding box from where the recording has it."""
+    """Largest distance (n,) m of any corner of the part's bounding box from where the recording has it.
+
+    motion (n, 4, 4): from where the part is at its own state 0 with the others held."""
     held = {p.id: _state_beside(part, p) for p in twin.parts if p is not part}
-    want = [twin.part_pose(part.id, held | {part.id: float(s)}) for s in part.motion.state]
-    zero = np.linalg.inv(twin.part_pose(part.id, held))
+    start = twin.part_pose(part.id, held)
+    want = np.stack([twin.part_pose(part.id, held | {part.id: float(s)}) for s in part.motion.state])
     low, high = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
-    corners = np.array([[x[k], y[j], z[i]] for x in [(low[0], high[0])] for y in [(low[1], high[1])]
-                        for z in [(low[2], high[2])] for k in (0, 1) for j in (0, 1) for i in (0, 1)])  # fmt: skip
-    homogeneous = np.concatenate([geo.transform(np.linalg.inv(zero), corners), np.ones((8, 1))], axis=1)
-    difference = motion - np.stack(want) @ zero
-    return np.asarray(
-        np.linalg.norm((homogeneous @ difference.transpose(0, 2, 1))[..., :3], axis=2).max(axis=1)
-    )
+    corners = np.array([[x, y, z, 1.0] for x, y, z in product(*zip(low, high, strict=True))]).T
+    difference = (motion @ start - want) @ corners
+    return np.asarray(np.linalg.norm(difference[:, :3], axis=1).max(axis=1))
 
 
 def _reconstruction_error(part: Part, lever: float) -> float:

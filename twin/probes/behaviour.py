@@ -173,6 +173,7 @@ def _half_open(part: _Moved) -> dict[str, float]:
 
     def look() -> bool:
         nonlocal most
+        part.hold_others(data)
         most = max(most, abs(float(data.qpos[part.at]) - begin))
         return False
 
@@ -240,6 +241,8 @@ def _energy(part: _Moved, speed: float) -> dict[str, float]:
 
         def look() -> bool:
             nonlocal most
+            part.hold_others(data)
+            mujoco.mj_forward(model, data)  # the energy of what is held must not count
             most = max(most, float(data.energy.sum()) - begin)
             return False
 
