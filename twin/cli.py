@@ -175,6 +175,13 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
     if verb in ("export", "check"):
         known = {"nargs": "+", "choices": FORMATS, "default": list(FORMATS), "metavar": "FORMAT"}
         add("--format", dest="formats", help="urdf mjcf usd [all]", **known)  # type: ignore[arg-type]
+    if verb == "check":
+        add(
+            "--engines",
+            metavar="NAME",
+            nargs="+",
+            help="engines to ask, or all [those that need no `twin engines`]",
+        )
     if verb in ("replay", "demo"):
         add("--robot", default="franka", help="name of a robot [franka]")
     if verb == "replay":

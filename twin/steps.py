@@ -69,7 +69,9 @@ def export(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
     return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
 
 
-def check(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
+def check(
+    progress: Progress, run: Path, formats: Sequence[str], engines: Sequence[str] | None = None
+) -> Step:
     started = time.perf_counter()
     twin, folder = load(run), run_folder(run) / "export"
     files = {f: folder / f / f"{twin.name}{s}" for f, s in named("twin.check:SUFFIX").items() if f in formats}
@@ -78,79 +80,23 @@ def check(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
         raise InputError(
             f"{files[missing[0]]} does not exist", f"run `twin export {run} --format {' '.join(missing)}`"
         )
-    progress("check", 0.0, "loading the files in other programs")
-    report = named("twin.check:check")(twin, files)
-    agree = sum(r.ok for r in report.rows)
-    told = [f"{agree} of {len(report.rows)} comparisons agree"]
-    progress("check", 1.0, told[0])
+    asked = named("twin.check:chosen_engines")(engines or named("twin.check:OURS"))
+    progress("check", 0.0, f"loading the files in {', '.join(asked)}")
+    report = named("twin.check:check")(twin, files, asked)
+    agree = named("twin.check.tables:summary")(report)
+    progress("check", 1.0, agree)
     progress("behaviour", 0.0, "moving the parts in MuJoCo")
     moved = named("twin.behaviour:behave")(twin, files)
-    told.append(f"{sum(r.ok for r in moved.rows)} of {len(moved.rows)} demands on behaviour met")
-    progress("behaviour", 1.0, told[1])
-    summary = "; ".join(told)
+    met = f"{sum(r.ok for r in moved.rows)} of {len(moved.rows)} demands on behaviour met"
+    progress("behaviour", 1.0, met)
     outcome = Outcome(
         {**report.to_dict(), "ok": report.ok and moved.ok, "behaviour": moved.to_dict()},
-        [*_check_tables(report), *_behaviour_tables(moved)],
-        told,
+        [*named("twin.check.tables:tables")(report), *named("twin.behaviour_tables:tables")(moved)],
+        [*named("twin.check.tables:notes")(report), agree, met],
         (*report.warnings, *moved.warnings),
         report.ok and moved.ok,
     )
-    return Step("check", outcome, summary, started).kept(run_folder(run))
-
-
-def _check_tables(report: Any) -> list[Table]:
-    """Largest difference of each quantity by program and format, and every comparison that does not agree."""
-    groups: dict[str, list[Any]] = {}
-    for r in report.rows:
-        groups.setdefault(f"{r.consumer} {r.format}", []).append(r)
-    rows = []
-    for quantity in dict.fromkeys(r.field for r in report.rows):
-        worst = [
-            max((r.difference for r in of if r.field == quantity), default=None) for of in groups.values()
-        ]
-        rows.append([quantity, *("" if w is None else f"{w:.1g}" for w in worst)])
-    rows.append(["agrees", *("ok" if all(r.ok for r in of) else "FAILED" for of in groups.values())])
-    tables = [Table("largest difference from the twin", ["quantity", *groups], rows)]
-    if report.failures:
-        columns = ["format", "program", "part", "quantity", "twin", "file", "difference", "allowed"]
-        failures = [
-            [
-                r.format,
-                r.consumer,
-                r.part,
-                r.field,
-                r.expected,
-                r.measured,
-                f"{r.difference:.3g}",
-                f"{r.tolerance:g}",
-            ]
-            for r in report.failures
-        ]
-        tables.append(Table("what does not agree", columns, failures))
-    return tables
-
-
-def _behaviour_tables(report: Any) -> list[Table]:
-    """What each part does in each format, and every demand that is not met."""
-    formats = list(dict.fromkeys(r.format for r in report.rows))
-    found = {(r.part, r.quantity, r.format): r for r in report.rows}
-    rows = []
-    for part, quantity in dict.fromkeys((r.part, r.quantity) for r in report.rows):
-        those = [found.get((part, quantity, f)) for f in formats]
-        first = next(r for r in those if r is not None)
-        values = ["" if r is None else f"{r.measured:.2g}" for r in those]
-        verdict = "ok" if all(r is None or r.ok for r in those) else "FAILED"
-        rows.append([part, quantity, *values, f"{first.limit:.2g}", first.explanation, verdict])
-    columns = ["part", "demand", *formats, "allowed", f"in {formats[0]}" if formats else "", ""]
-    tables = [Table("behaviour in MuJoCo", columns, rows)]
-    if report.failures:
-        failures = [
-            [r.format, r.part, r.quantity, f"{r.measured:.3g}", f"{r.limit:.3g}", r.explanation]
-            for r in report.failures
-        ]
-        columns = ["format", "part", "demand", "measured", "allowed", "about it"]
-        tables.append(Table("demands that are not met", columns, failures))
-    return tables
+    return Step("check", outcome, f"{agree}; {met}", started).kept(run_folder(run))
 
 
 def replay(progress: Progress, run: Path, robot: str, names: Sequence[str]) -> Step:

@@ -72,10 +72,12 @@ def export(console: Console, run: Path, formats: Sequence[str]) -> Outcome:
         return steps.export(progress, run, formats).outcome
 
 
-def check(console: Console, run: Path, formats: Sequence[str]) -> Outcome:
+def check(
+    console: Console, run: Path, formats: Sequence[str], engines: Sequence[str] | None = None
+) -> Outcome:
     """Exported files against the twin."""
     with console.progress() as progress, _page(run):
-        return steps.check(progress, run, formats).outcome
+        return steps.check(progress, run, formats, engines).outcome
 
 
 def replay(console: Console, run: Path, robot: str, parts: Sequence[str]) -> Outcome:

@@ -11,19 +11,12 @@ import numpy as np
 import pytest
 
 import twin as funtwin
-from tests.twin.scenes import (
-    Board,
-    boards_inertial,
-    boards_mesh,
-    cabinet_twin,
-    default_physics,
-    opening_motion,
-)
-from twin import geometry as geo
-from twin.check import _inputs, check
+from tests.twin.random_twins import random_twin
+from tests.twin.scenes import cabinet_twin
+from twin.check import _inputs, check, check_many
 from twin.errors import InputError
 from twin.export import Exported, export
-from twin.scene import Joint, Part, Prismatic, Revolute, StaticPart, Twin
+from twin.scene import Twin
 from twin.storage import save
 
 
@@ -31,32 +24,6 @@ from twin.storage import save
 def cabinet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Twin, Exported]:
     twin = cabinet_twin(nested=True, lid=True)
     return twin, export(twin, tmp_path_factory.mktemp("check"))
-
-
-def random_twin(seed: int, count: int = 8) -> Twin:
-    """Boards anywhere, 6 m apart so that they never touch, with any axis, pivot, limits, mass and parent."""
-    rng = np.random.default_rng(seed)
-    parts: list[Part] = []
-    for k in range(count):
-        T = geo.make_pose(geo.exp_so3(rng.normal(size=3)), [6.0 * k, 0.0, 0.0] + rng.normal(size=3) * 0.3)
-        size = rng.uniform(0.01, 0.5, 3)
-        board = Board((0, 0, 0), tuple(size))
-        axis = geo.unit(rng.normal(size=3)) if k > 2 else np.roll([0.0, 0.0, -1.0], k)
-        lower, upper = -rng.uniform(0, 0.5) * (k % 2), rng.uniform(0.05, 1.5)
-        pivot = T[:3, 3] + rng.normal(size=3) * 0.3
-        joint: Joint = (
-            Revolute(axis, lower, upper, pivot=pivot) if rng.random() < 0.6 else Prismatic(axis, lower, upper)
-        )
-        parts.append(
-            Part(
-                id=k + 2, name=f"part{k}", mesh=boards_mesh([board], T), joint=joint, motion=opening_motion(upper),
-                inertial=boards_inertial([board], T, rng.uniform(50, 5000)), physics=default_physics(),
-                collision=(board.box(T),), parent=None if k < 2 else [None, *range(2, k + 2)][rng.integers(0, k)],
-            )
-        )  # fmt: skip
-    ground = [Board((-1, -1, -9.1), (1, 1, -9))]
-    static = StaticPart("ground", boards_mesh(ground), tuple(b.box(np.eye(4)) for b in ground))
-    return Twin("random", static, tuple(parts))
 
 
 def test_the_cabinet_agrees_everywhere_without_a_warning(cabinet: tuple[Twin, Exported]) -> None:
@@ -86,14 +53,14 @@ def test_the_cabinet_agrees_everywhere_without_a_warning(cabinet: tuple[Twin, Ex
     json.dumps(report.to_dict(), allow_nan=False)
 
 
-@pytest.mark.parametrize(
-    "seed", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)]
-)
-def test_random_trees_agree_everywhere(seed: int, tmp_path: Path) -> None:
-    twin = random_twin(seed, count=12)
-    report = check(twin, export(twin, tmp_path))
-    assert report.warnings == ()
-    assert report.failures == ()
+def test_random_twins_agree_everywhere(tmp_path: Path) -> None:
+    twins = [random_twin(seed) for seed in range(6)]
+    for twin, report in zip(
+        twins, check_many([(t, export(t, tmp_path / t.name)) for t in twins]), strict=True
+    ):
+        assert report.warnings == (), twin.name
+        assert report.failures == (), twin.name
+        assert report.unexpected == (), twin.name
 
 
 def planted(files: Exported, folder: Path, changes: dict[str, list[tuple[str, str]]]) -> dict[str, Path]:

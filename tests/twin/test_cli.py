@@ -425,9 +425,14 @@ def test_check_shows_the_worst_of_each_quantity_and_what_fails(
     def row(program: str, field: str, difference: float) -> CheckRow:
         return CheckRow("urdf", program, field, "door", "1", "2", difference, 1e-3)
 
-    def check(twin: Any, files: dict[str, Path]) -> CheckReport:
+    def check(twin: Any, files: dict[str, Path], engines: Sequence[str]) -> CheckReport:
+        assert engines == ("mujoco", "pinocchio", "yourdfpy")
         assert files == {"urdf": run / "export" / "urdf" / "cabinet.urdf"}
-        rows = (row("mujoco", "axis", 1e-6), row("mujoco", "axis", 2e-5), row("pinocchio", "axis", 0.0625))
+        rows = (
+            row("mujoco", "axis_deg", 1e-6),
+            row("mujoco", "axis_deg", 2e-5),
+            row("pinocchio", "axis_deg", 0.0625),
+        )
         return CheckReport(rows, ("urdf/mujoco: odd",))
 
     assert cli.run(["check", str(run), "--format", "urdf"]) == 1

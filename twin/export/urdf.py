@@ -38,7 +38,7 @@ def write(tree: Tree, folder: Path, package: str = "") -> tuple[Path, list[str]]
     for link in tree.links:
         _link(root, link, meshes, prefix)
         if link.grasp is not None:
-            ET.SubElement(root, "link", name=f"{link.name}_grasp")
+            _massless(ET.SubElement(root, "link", name=f"{link.name}_grasp"))
     for link in tree.links:
         _joint(root, link)
         if link.grasp is not None:
@@ -90,6 +90,14 @@ def _link(root: ET.Element, link: Link, folder: Path, prefix: str) -> None:
         else:
             _origin(collision, piece.T_world_box)
             ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=numbers(piece.size))
+
+
+def _massless(element: ET.Element) -> None:
+    """Say that a link weighs nothing: PyBullet gives one that is silent a mass of 1 kg."""
+    inertial = ET.SubElement(element, "inertial")
+    _origin(inertial, np.eye(4))
+    ET.SubElement(inertial, "mass", value="0.0")
+    ET.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0.0"))
 
 
 def _joint(root: ET.Element, link: Link) -> None:

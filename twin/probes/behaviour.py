@@ -27,7 +27,7 @@ import mujoco
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from twin.probes.__main__ import captured
+from twin.probes.run import captured
 
 REST_SECONDS = 10.0
 REACH_SECONDS = 10.0

@@ -1,17 +1,23 @@
-"""yourdfpy reads URDF."""
+"""yourdfpy reads URDF. It has no dynamics."""
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yourdfpy
 
+from .common import bounds, tensor
 
-def read(path: Path, fmt: str, parts: list[str], states: list[list[float]]) -> dict[str, Any]:
+VERSION = version("yourdfpy")
+
+
+def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
     """Measure every part of the model in `path`, meshes included."""
     del fmt
+    parts = job["parts"]
     robot = yourdfpy.URDF.load(str(path), load_collision_meshes=True, build_collision_scene_graph=True)
     if not robot.validate():
         raise ValueError(f"yourdfpy finds the file invalid: {robot.errors}")
@@ -22,6 +28,7 @@ def read(path: Path, fmt: str, parts: list[str], states: list[list[float]]) -> d
         joint, inertial = robot.joint_map[f"{n}_joint"], robot.link_map[n].inertial
         place = rest[n] @ (np.eye(4) if inertial.origin is None else inertial.origin)
         out[n] = {
+            "parent": joint.parent,
             "type": joint.type,
             "axis": (rest[n][:3, :3] @ joint.axis).tolist(),
             "pivot": rest[n][:3, 3].tolist(),
@@ -31,10 +38,14 @@ def read(path: Path, fmt: str, parts: list[str], states: list[list[float]]) -> d
             "frictionloss": float(joint.dynamics.friction),
             "mass": float(inertial.mass),
             "com": place[:3, 3].tolist(),
-            "inertia": (place[:3, :3] @ inertial.inertia @ place[:3, :3].T).tolist(),
+            "inertia": tensor(place[:3, :3], inertial.inertia),
             "motion": [],
         }
-    for row in states:
+        for shape, mesh in robot.scene.geometry.items():
+            node, place = shape, robot.scene.graph.get(shape)[0]
+            if robot.scene.graph.transforms.parents[node] == n:
+                out[n]["bounds"] = bounds(mesh.vertices, place)
+    for row in job["states"]:
         robot.update_cfg({f"{n}_joint": s for n, s in zip(parts, row, strict=True)})
         for n in parts:
             out[n]["motion"].append((robot.get_transform(n, "world") @ np.linalg.inv(rest[n])).tolist())

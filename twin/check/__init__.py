@@ -1,0 +1,135 @@
+"""Proof that exported files say what the twin says: independent engines load them and are compared with the twin.
+
+The expected values come from the twin by plain arithmetic and share no code with the export.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from twin._module_call import call_as
+from twin.check.ask import ENGINES, OURS, ask, python_of
+from twin.check.compare import Truth, compare
+from twin.check.exceptions import expected_to_say
+from twin.check.expected import TIMES, filled
+from twin.check.rows import CheckReport, CheckRow
+from twin.errors import InputError, nearest_name
+from twin.scene import Twin
+
+__all__ = ["CheckReport", "CheckRow", "ENGINES", "OURS", "SUFFIX", "check", "check_many", "chosen_engines"]
+
+SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
+
+
+def check(
+    source: Twin | Path | str, exports: Mapping[str, Path] | None = None, engines: Sequence[str] = OURS
+) -> CheckReport:
+    """Load every exported file in every engine that reads its format and compare with the twin.
+
+    Args:
+        source: a twin with mass and friction, or a run folder (or its folder twin/).
+        exports: format -> file. Left out for a run folder: RUN/export/<format>/.
+        engines: names, or "all"; those that come with this project by default.
+    Returns:
+        rows for tree, joint type, axis (1e-3 deg), pivot (1e-5 m), limits (1e-5), damping, dry friction, armature and contact
+        friction (1e-5 relative), mass and inertia as a world tensor (1e-5 relative), centre of mass (1e-5 m), bounds of the
+        visual mesh (1e-4 m), motion in 11 states (1e-5), diagonal of the mass matrix (1e-5 relative), a damped rollout of
+        0.5 s (1e-3 of the way) and self-collision (1 mm); ten times that for engines in single precision.
+    Raises:
+        InputError: nothing was exported, a file is missing, an engine is not known or reads none of the formats, or the
+        twin has no masses. MissingDependencyError: an engine's environment is not installed.
+    """
+    return check_many([_inputs(source, exports)], engines)[0]
+
+
+def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of engines, "all" spelt out. Raises InputError with the nearest name for one that is not known."""
+    for n in names:
+        if n not in ENGINES and n != "all":
+            close = nearest_name(n, list(ENGINES))
+            hint = f"did you mean {close!r}? " if close else ""
+            raise InputError(f"engine {n!r} is not known", f"{hint}known: {', '.join(ENGINES)}, all")
+    return tuple(ENGINES) if "all" in names else tuple(dict.fromkeys(names))
+
+
+def check_many(
+    sources: Sequence[tuple[Twin, Mapping[str, Path]]], engines: Sequence[str] = OURS
+) -> list[CheckReport]:
+    """A report for every (twin, files); each engine is started once for all of them. Raises as `check`."""
+    truths = [Truth(twin) for twin, _ in sources]
+    jobs: dict[str, list[tuple[int, str, dict[str, Any]]]] = {}
+    for engine in chosen_engines(engines):
+        python_of(engine)
+        jobs[engine] = [
+            (k, fmt, _job(truths[k], fmt, files[fmt]))
+            for k, (_, files) in enumerate(sources)
+            for fmt in ENGINES[engine]
+            if fmt in files
+        ]
+    jobs = {engine: of for engine, of in jobs.items() if of}
+    if not jobs:
+        formats = sorted({f for _, files in sources for f in files})
+        raise InputError(
+            f"{', '.join(engines)} reads no {' or '.join(formats)}", "ask another engine or format"
+        )
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        answers = dict(zip(jobs, pool.map(lambda e: ask(e, [j for _, _, j in jobs[e]]), jobs), strict=True))
+    return [_report(k, truth, jobs, answers) for k, truth in enumerate(truths)]
+
+
+def _job(truth: Truth, fmt: str, path: Path) -> dict[str, Any]:
+    c = truth.course
+    return {
+        "path": str(path), "format": fmt, "parts": [p.name for p in truth.twin.parts], "states": c.states.tolist(),
+        "state": c.state.tolist(), "position": c.position.tolist(), "velocity": c.velocity.tolist(), "times": list(TIMES),
+    }  # fmt: skip
+
+
+def _report(
+    k: int,
+    truth: Truth,
+    jobs: Mapping[str, Sequence[tuple[int, str, Any]]],
+    answers: Mapping[str, Sequence[Any]],
+) -> CheckReport:
+    rows: list[CheckRow] = []
+    warnings: list[str] = []
+    versions, seconds = {}, {}
+    for engine, asked in jobs.items():
+        for (which, fmt, _), told in zip(asked, answers[engine], strict=True):
+            if which != k:
+                continue
+            warnings += [
+                f"{fmt}/{engine}: {x}" for x in told["warnings"] if not expected_to_say(engine, fmt, x)
+            ]
+            versions[engine], seconds[engine, fmt] = told["version"], told["seconds"]
+            if told["error"]:
+                warnings.append(f"{fmt}/{engine}: can't be loaded: {told['error']}")
+            else:
+                rows += compare(engine, fmt, truth, told["parts"])
+    return CheckReport(tuple(rows), tuple(warnings), versions, seconds)
+
+
+def _inputs(source: Twin | Path | str, exports: Mapping[str, Path] | None) -> tuple[Twin, dict[str, Path]]:
+    if isinstance(source, Twin):
+        twin = source
+    else:
+        from twin.storage import load
+
+        twin = load(Path(source))
+        if exports is None:
+            run = Path(source) if (Path(source) / "export").is_dir() else Path(source).parent
+            found = {f: run / "export" / f / f"{twin.name}{s}" for f, s in SUFFIX.items()}
+            exports = {f: p for f, p in found.items() if p.exists()}
+    if not exports:
+        raise InputError(f"nothing exported was found for twin {twin.name!r}", "run twin export first")
+    for p in exports.values():
+        if not p.exists():
+            raise InputError(f"{p} does not exist", "run twin export again")
+    filled(twin)
+    return twin, {f: Path(p).resolve() for f, p in exports.items()}
+
+
+call_as(__name__, "check")

@@ -1,0 +1,94 @@
+"""Asks an engine in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from twin.engines import interpreter
+
+ENGINES: dict[str, tuple[str, ...]] = {
+    "mujoco": ("urdf", "mjcf", "usd"),
+    "pinocchio": ("urdf", "mjcf"),
+    "yourdfpy": ("urdf",),
+    "drake": ("urdf", "mjcf"),
+    "newton": ("urdf", "mjcf", "usd"),
+    "pybullet": ("urdf",),
+    "sapien": ("urdf",),
+}
+OURS = (
+    "mujoco",
+    "pinocchio",
+    "yourdfpy",
+)  # installed with this project; the others have environments of their own
+_SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once
+_RUN = Path(__file__).resolve().parents[1] / "probes" / "run.py"
+
+
+def python_of(engine: str) -> Path:
+    """Python that has the engine. Raises MissingDependencyError when its environment is not installed."""
+    return Path(sys.executable) if engine in OURS else interpreter(engine)
+
+
+def ask(engine: str, jobs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One answer per job, as twin.probes describes it; a crash or a hang is the answer's error, and the rest is asked again."""
+    python = python_of(engine)
+    answers: list[dict[str, Any]] = []
+    while len(answers) < len(jobs):
+        got, why = _run(python, engine, jobs[len(answers) :])
+        answers += got
+        if why and len(answers) < len(jobs):
+            answers.append({"parts": {}, "warnings": [], "error": why, "version": "", "seconds": 0.0})
+    return answers
+
+
+def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], str]:
+    """The answers of one process, in an empty folder (MuJoCo leaves a log where it runs), and why it did not answer all."""
+    with tempfile.TemporaryDirectory() as folder:
+        request, answers, said = (Path(folder) / n for n in ("request.json", "answers.jsonl", "said.txt"))
+        request.write_text(json.dumps(list(jobs)), encoding="utf-8")
+        answers.touch()
+        with said.open("wb") as out:
+            process = subprocess.Popen(  # noqa: S603  (an interpreter of ours, a file of ours, no shell)
+                [str(python), "-I", str(_RUN), engine, str(request), str(answers)],
+                cwd=folder, stdout=out, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+                env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},
+            )  # fmt: skip
+            hung = _wait(process, answers)
+        got = [
+            json.loads(x)
+            for x in answers.read_text(encoding="utf-8").splitlines(keepends=True)
+            if x[-1] == "\n"
+        ]
+        if len(got) == len(jobs):
+            return got, ""
+        if hung:
+            return got, f"no answer within {_SECONDS:g} s"
+        if process.returncode < 0:
+            return got, f"the engine crashed ({signal.Signals(-process.returncode).name})"
+        last = [x for x in said.read_text("utf-8", "replace").splitlines() if x.strip()][-1:]
+        return got, last[0] if last else f"the engine stopped with exit code {process.returncode}"
+
+
+def _wait(process: subprocess.Popen[bytes], answers: Path) -> bool:
+    """Wait for the end; True when it had to be killed because a file took too long."""
+    size, since = 0, time.monotonic()
+    while True:
+        try:
+            process.wait(timeout=0.5)
+            return False
+        except subprocess.TimeoutExpired:
+            if answers.stat().st_size != size:
+                size, since = answers.stat().st_size, time.monotonic()
+            elif time.monotonic() - since > _SECONDS:
+                process.kill()
+                process.wait()
+                return True

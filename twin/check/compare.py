@@ -1,0 +1,175 @@
+"""Compares what an engine measured in a file with what the twin says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.check.exceptions import unsupported
+from twin.check.expected import ARMATURE, STATES, Course, Dynamics, course, filled, motion
+from twin.check.rows import CheckRow
+from twin.geometry import Array
+from twin.scene import Revolute, Twin
+
+# Largest difference that passes: degrees; metres; metres or radians; relative; for the rollout relative to the way it goes or
+# to the range, whichever is more.
+TOLERANCE = {
+    "tree": 0.0, "type": 0.0, "axis_deg": 1e-3, "pivot_m": 1e-5, "lower": 1e-5, "upper": 1e-5, "damping": 1e-5,
+    "frictionloss": 1e-5, "armature": 1e-5, "friction": 1e-5, "mass": 1e-5, "com_m": 1e-5, "inertia": 1e-5,
+    "mesh_bounds_m": 1e-4, "motion": 1e-5, "mass_diagonal": 1e-5, "rollout": 1e-3, "self_collision_m": 1e-3,
+}  # fmt: skip
+FIELDS = tuple(TOLERANCE)
+SINGLE_PRECISION = ("newton", "sapien")  # engines that compute with 24 bits: ten times the tolerance
+_EXACT = (
+    "tree",
+    "type",
+    "mesh_bounds_m",
+    "self_collision_m",
+)  # these tolerances have nothing to do with precision
+_ASKED = {"tree": "parent", "axis_deg": "axis", "pivot_m": "pivot", "com_m": "com", "mesh_bounds_m": "bounds", "self_collision_m": "collision"}  # fmt: skip
+
+
+def tolerance(engine: str, field: str) -> float:
+    """Largest difference that passes."""
+    factor = 10.0 if engine in SINGLE_PRECISION and field not in _EXACT else 1.0
+    return factor * TOLERANCE[field]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """A twin with everything that is expected of it, computed once for all engines."""
+
+    twin: Twin
+
+    @cached_property
+    def course(self) -> Course:
+        return course(self.twin)
+
+    @cached_property
+    def motion(self) -> Array:
+        return motion(self.twin, self.course.states)
+
+    @cached_property
+    def _known(self) -> dict[tuple[bytes, bytes], tuple[Array, Array]]:
+        return {}
+
+    def dynamics(self, armature: Array, damping: Array) -> tuple[Array, Array]:
+        """Diagonal (parts,) of the mass matrix and rollout (t, parts)."""
+        key = armature.tobytes(), damping.tobytes()
+        if key not in self._known:
+            d, c = Dynamics(self.twin, armature, damping), self.course
+            self._known[key] = np.diag(d.mass_matrix(c.state)), d.rollout(c.position, c.velocity)
+        return self._known[key]
+
+
+def compare(engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, Any]]) -> list[CheckRow]:
+    """One row for every part and field. A field that should be there and is not gives a row that fails."""
+    twin = truth.twin
+    rows = []
+    diagonal, rollout = _dynamics(engine, fmt, truth, got)
+    for k, part in enumerate(twin.parts):
+        mine = got[part.name]
+        wanted = dict(_values(truth, k))
+        wanted |= {"mass_diagonal": float(diagonal[k]), "rollout": rollout[:, k]}
+        for field in FIELDS:
+            entry = unsupported(engine, fmt, field)
+            measured = mine.get(_ASKED.get(field, field))
+            if field not in wanted or (measured is None and (entry or field == "self_collision_m")):
+                continue
+            want = wanted[field]
+            off = np.inf if measured is None else _difference(field, want, measured, twin, k)
+            rows.append(
+                CheckRow(
+                    fmt, engine, field, part.name, _text(want), "nothing" if measured is None else _text(measured),
+                    float(off) if np.isfinite(off) else float("inf"), tolerance(engine, field),
+                    known=entry.reason if entry else "",
+                    told=entry is None or entry.instead is None or _apart(want, entry.instead),
+                )
+            )  # fmt: skip
+    return rows
+
+
+def _apart(want: Any, instead: float) -> bool:
+    return abs(float(want) - instead) > 1e-3 * max(abs(instead), 1e-9)
+
+
+def _dynamics(
+    engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, Any]]
+) -> tuple[Array, Array]:
+    """Where the table says that a number does not arrive, the twin is moved with the one that the engine reports."""
+    parts = truth.twin.parts
+    numbers = [physics for _, physics in filled(truth.twin)]
+    armature, damping = (
+        np.array([float(own[k]) if not unsupported(engine, fmt, field) else float(got[p.name].get(field) or 0.0)
+                  for k, p in enumerate(parts)])
+        for field, own in (
+            ("armature", [ARMATURE[p.joint.kind] for p in parts]), ("damping", [n.damping.value for n in numbers]),
+        )
+    )  # fmt: skip
+    return truth.dynamics(armature, damping)
+
+
+def _values(truth: Truth, k: int) -> Iterator[tuple[str, Any]]:
+    """What the twin says of part k."""
+    twin = truth.twin
+    part = twin.parts[k]
+    joint, (inertial, physics) = part.joint, filled(twin)[k]
+    yield "tree", twin.static.name if part.parent is None else twin.part(part.parent).name
+    yield "type", joint.kind
+    yield "axis_deg", joint.axis
+    if isinstance(joint, Revolute):
+        yield "pivot_m", joint.pivot
+    yield from (("lower", joint.lower), ("upper", joint.upper))
+    for name in ("damping", "frictionloss", "friction"):
+        if name != "friction" or part.collision:
+            yield name, getattr(physics, name).value
+    yield "armature", ARMATURE[joint.kind]
+    yield from (("mass", inertial.mass.value), ("com_m", inertial.com), ("inertia", inertial.inertia))
+    if len(part.mesh.faces):
+        v = part.mesh.vertices
+        yield "mesh_bounds_m", np.stack([v.min(axis=0), v.max(axis=0)])
+    yield "motion", truth.motion[k]
+    yield "self_collision_m", 0.0
+
+
+def _difference(field: str, want: Any, measured: Any, twin: Twin, k: int) -> float:
+    """In the unit of the field's tolerance."""
+    if field in ("tree", "type"):
+        same = measured == want or (
+            field == "tree" and twin.parts[k].parent is None and measured in ("", "world")
+        )
+        return 0.0 if same else float("inf")
+    got = np.asarray(measured, dtype=np.float64)
+    if field == "axis_deg":
+        return float(np.rad2deg(geo.angle_between(want, got)))
+    if field == "pivot_m":
+        return geo.point_line_distance(got, want, twin.parts[k].joint.axis)
+    if field == "com_m":
+        return float(np.linalg.norm(got - want))
+    if field == "inertia":
+        return float(np.linalg.norm(got - want) / np.linalg.norm(want))
+    if field == "rollout":
+        joint = twin.parts[k].joint
+        way = max(joint.upper - joint.lower, float(np.ptp(want)))
+        return float(np.abs(got - want).max() / way) if got.shape == np.shape(want) else float("inf")
+    if field in ("mass", "mass_diagonal", "damping", "frictionloss", "armature", "friction"):
+        return float(np.abs(got - want).max() / max(abs(want), 1e-9))
+    return float(np.abs(got - want).max()) if got.shape == np.shape(want) else float("inf")
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    a = np.asarray(value, dtype=np.float64)
+    if a.ndim == 3:
+        return f"{len(a)} of {STATES} states"
+    if a.shape == (3, 3):
+        a = np.diag(a)
+    return " ".join(f"{v:.6g}" for v in np.unique(a.ravel()[-6:]) if a.size == 2) or " ".join(
+        f"{v:.6g}" for v in a.ravel()[-6:]
+    )

@@ -1,0 +1,92 @@
+"""What the probes share: numpy only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
+    """Pose (4, 4) from a rotation (3, 3) and a position (3,)."""
+    t = np.eye(4)
+    t[:3, :3], t[:3, 3] = rotation, position
+    return t
+
+
+def rotation_xyzw(quat: ArrayLike) -> Array:
+    """Rotation (3, 3) of a quaternion x, y, z, w of any length."""
+    x, y, z, w = np.asarray(quat, dtype=np.float64) / np.linalg.norm(np.asarray(quat, dtype=np.float64))
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def bounds(points: ArrayLike, T: Array) -> list[list[float]]:
+    """Bounds (2, 3) of points (n, 3) placed by a pose."""
+    world = np.asarray(points, dtype=np.float64) @ T[:3, :3].T + T[:3, 3]
+    return [world.min(axis=0).tolist(), world.max(axis=0).tolist()]
+
+
+def tensor(rotation: Array, moments: ArrayLike) -> list[list[float]]:
+    """World tensor of principal moments (3,) along the columns of a rotation, or of a full tensor (3, 3) in its axes."""
+    inner = np.asarray(moments, dtype=np.float64)
+    inner = np.diag(inner) if inner.ndim == 1 else inner
+    full: list[list[float]] = (rotation @ inner @ rotation.T).tolist()
+    return full
+
+
+def without_step_error(simulate: Callable[[float], Array], step: float) -> Array:
+    """The joints' course (t, n) as the step goes to zero, for an integrator of first order: 2 f(step / 2) - f(step)."""
+    return 2 * simulate(step / 2) - simulate(step)
+
+
+def runge_kutta(
+    acceleration: Callable[[Array, Array], Array], position: ArrayLike, velocity: ArrayLike,
+    times: Sequence[float], step: float,
+) -> Array:  # fmt: skip
+    """Positions (t, n) at `times` (s, increasing) by the classical method of fourth order."""
+    q, v, now, out = np.asarray(position, float), np.asarray(velocity, float), 0.0, []
+    for until in times:
+        count = max(1, round((until - now) / step))
+        h = (until - now) / count
+        for _ in range(count):
+            a1 = acceleration(q, v)
+            a2 = acceleration(q + h / 2 * v, v + h / 2 * a1)
+            a3 = acceleration(q + h / 2 * v + h * h / 4 * a1, v + h / 2 * a2)
+            a4 = acceleration(q + h * v + h * h / 2 * a2, v + h * a3)
+            q = q + h * v + h * h / 6 * (a1 + a2 + a3)
+            v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        now = until
+        out.append(q)
+    return np.array(out)
+
+
+def keep(out: dict[str, Any], field: str, values: Array, parts: Sequence[str]) -> None:
+    """Hand columns of `values` (..., n) to the parts, in order."""
+    for k, name in enumerate(parts):
+        out[name][field] = np.asarray(values)[..., k].tolist()
+
+
+def edited_urdf(path: Path, folder: Path, visuals: bool, limits: bool) -> Path:
+    """A copy of a URDF in another folder, with or without its visuals and its joint limits, meshes by their full path."""
+    tree = ET.parse(path)  # noqa: S314  (a file that was just exported, in a process of its own)
+    for link in tree.getroot().iter("link"):
+        for visual in [] if visuals else link.findall("visual"):
+            link.remove(visual)
+    for limit in [] if limits else tree.getroot().iter("limit"):
+        limit.attrib |= {"lower": "-10000", "upper": "10000"}
+    for mesh in tree.getroot().iter("mesh"):
+        mesh.set("filename", str(path.parent / mesh.get("filename", "")))
+    tree.write(folder / path.name)
+    return folder / path.name
