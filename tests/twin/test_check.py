@@ -63,29 +63,36 @@ def test_random_twins_agree_everywhere(tmp_path: Path) -> None:
         assert report.unexpected == (), twin.name
 
 
+def physics_file(main: Path) -> Path:
+    """Where an exported format states its physics: the main file, for USD a layer of the asset."""
+    inside = main.parent / main.stem / "simready_usd" / "Payload" / "Physics.usda"
+    return inside if main.suffix == ".usda" else main
+
+
 def planted(files: Exported, folder: Path, changes: dict[str, list[tuple[str, str]]]) -> dict[str, Path]:
     """Copies of exported folders with texts replaced (each must be there)."""
     out = {}
     for fmt, edits in changes.items():
         shutil.copytree(files[fmt].parent, folder / fmt)
-        path = folder / fmt / files[fmt].name
+        main = folder / fmt / files[fmt].name
+        path = physics_file(main)
         text = path.read_text()
         for old, new in edits:
             assert old in text, old
             text = text.replace(old, new, 1)
         path.write_text(text)
-        out[fmt] = path
+        out[fmt] = main
     return out
 
 
 def test_every_planted_lie_is_caught(cabinet: tuple[Twin, Exported], tmp_path: Path) -> None:
     twin, files = cabinet
-    urdf, mjcf, usd = (files[f].read_text() for f in ("urdf", "mjcf", "usd"))
+    urdf, mjcf, usd = (physics_file(files[f]).read_text() for f in ("urdf", "mjcf", "usd"))
     pivot = urdf.split('name="door_joint"')[1].split('xyz="')[1].split('"')[0]
     x, rest = pivot.split(" ", 1)
     mass = mjcf.split('body name="door"')[1].split(' mass="')[1].split('"')[0]
     limit = usd.split('"door_joint"')[1].split("upperLimit = ")[1].split("\n")[0]
-    com = usd.split('def Xform "drawer"')[1].split("centerOfMass = (")[1].split(",")[0]
+    com = usd.split('over "drawer" (')[1].split("centerOfMass = (")[1].split(",")[0]
     lies = {
         "urdf": [(f'xyz="{pivot}"', f'xyz="{float(x) + 1e-4!r} {rest}"')],
         "mjcf": [(f' mass="{mass}"', f' mass="{float(mass) * 1.0001!r}"')],

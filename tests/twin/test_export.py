@@ -140,7 +140,7 @@ def test_a_mesh_without_colours_is_grey_and_needs_no_texture(tmp_path: Path) -> 
     model = mujoco.MjModel.from_xml_path(str(files["mjcf"]))
     assert np.allclose(model.material("carcass_material").rgba[:3], 180 / 255, atol=1e-3)
     assert not (tmp_path / "mjcf" / "assets" / "carcass_visual.png").exists()
-    assert not (tmp_path / "usd" / "textures" / "carcass.png").exists()
+    assert not (tmp_path / "usd" / "cabinet" / "simready_usd" / "Textures" / "carcass.png").exists()
 
 
 def test_urdf_details(exported: Exported, tmp_path: Path) -> None:

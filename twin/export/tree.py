@@ -42,7 +42,8 @@ class Link:
     """One rigid body; everything is in the link's frame.
 
     parent: name of the parent link, None for the root. offset (3,): origin in the parent's frame. mass None: static.
-    inertia (3, 3) about com (3,). grasp (4, 4): frame of the contact path, columns as in ContactPath.
+    inertia (3, 3) about com (3,). grasp (4, 4): frame of the contact path, columns as in ContactPath, and the width (m)
+    of what is held there.
     """
 
     name: str
@@ -56,14 +57,16 @@ class Link:
     com: Array | None = None
     inertia: Array | None = None
     grasp: Array | None = None
+    grasp_width: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links, the root first and every parent before its children, in depth-first order."""
+    """Links, the root first and every parent before its children, in depth-first order; source names what it was made from."""
 
     name: str
     links: tuple[Link, ...]
+    source: str = "twin.json"
 
     @property
     def root(self) -> Link:
@@ -97,7 +100,8 @@ def build_tree(twin: Twin) -> Tree:
                 add(part.id, part.name, origin)
 
     add(None, root.name, np.zeros(3))
-    return Tree(twin.name, tuple(links))
+    source = twin.recorded.source if twin.recorded is not None else ""
+    return Tree(twin.name, tuple(links), source or "twin.json")
 
 
 def link_origin(part: Part) -> Array:
@@ -147,6 +151,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
         com=part.inertial.com - origin,
         inertia=part.inertial.inertia,
         grasp=None if contact is None else geo.make_pose(contact.rotation, contact.point - origin),
+        grasp_width=0.0 if contact is None else contact.width,
     )
 
 

@@ -133,6 +133,13 @@ def dollhouse(twin: Twin, width: int = 720, height: int = 480) -> Image:
     return _shrink(image)
 
 
+def draw_meshes(meshes: Sequence[Mesh], view: View) -> Image:
+    """Picture of coloured meshes; surfaces seen from behind are left out."""
+    rays = view.scaled(_SUPERSAMPLING).rays()
+    layer = _Caster([(m, STATIC_COLOR, 0.0) for m in meshes]).cast(rays, cull=True)
+    return _shrink(_compose(layer, layer))
+
+
 @dataclass(frozen=True, eq=False)
 class _Layer:
     """Distance (H, W), infinite where nothing is hit, and shaded colour (H, W, 3)."""

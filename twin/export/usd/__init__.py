@@ -1,0 +1,62 @@
+"""USD writer: an asset of interface, payload and libraries, and stages that are ready to simulate.
+
+    <name>.usda                  ready stage for MuJoCo and Newton: the asset with their physics on
+    <name>_physx.usda            ready stage for Isaac Sim and other users of PhysX
+    <name>/simready_usd/         the asset
+        <name>.usda              interface: kind, extents, labels, metadata, variants; what other scenes refer to
+        Payload/Contents.usda    sublayers Physics, Materials and Geometry, with libraries of meshes and materials
+        Textures/                one image per coloured part
+        runnables/physics/       what only PhysX, Newton or MuJoCo understands, one payload each, off by default
+        runnables/mujoco/        groups, sites and keyframes for MuJoCo, without physics
+        runnables/grasps/        grasp lines, off by default
+
+The physics of the payload is plain UsdPhysics, so any reader understands it. UsdPhysics has no passive damping or friction
+of joints: these live in the runtime payloads, because readers would add up what several of them say.
+Folder and metadata follow NVIDIA's SimReady profile Robotics-Prop 4.0.0. Bodies are siblings (rigid bodies must not nest);
+the joints carry the tree.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from twin.export.tree import Tree
+from twin.export.usd.geometry import write_geometry
+from twin.export.usd.interface import write_contents, write_interface, write_stage
+from twin.export.usd.looks import write_looks
+from twin.export.usd.metadata import AssetInfo
+from twin.export.usd.physics import write_physics
+from twin.export.usd.runtimes import MUJOCO_MODEL, write_grasps, write_runtimes
+from twin.export.usd.thumbnail import write_thumbnail
+
+
+def write(tree: Tree, folder: Path, info: AssetInfo | None = None) -> tuple[Path, list[str]]:
+    """Write the asset and its ready stages into `folder`; returns the stage for MuJoCo and Newton and what USD can't carry.
+
+    info: author, licence and date that the metadata states; honest defaults when left out.
+    """
+    info = AssetInfo() if info is None else info
+    asset = folder / tree.name / "simready_usd"
+    payload, runnables = asset / "Payload", asset / "runnables"
+    for place in (payload, runnables / "physics", runnables / "mujoco"):
+        place.mkdir(parents=True)
+    write_geometry(tree, payload)
+    write_looks(tree, payload, asset / "Textures")
+    write_physics(tree, payload)
+    write_contents(tree, payload)
+    write_runtimes(tree, runnables)
+    write_grasps(tree, runnables / "grasps")
+    interface = asset / f"{tree.name}.usda"
+    write_interface(tree, interface, info)
+    write_thumbnail(tree, asset / ".thumbs" / "256x256" / f"{interface.name}.png")
+    path = folder / f"{tree.name}.usda"
+    write_stage(tree, path, "Newton", MUJOCO_MODEL)
+    write_stage(tree, folder / f"{tree.name}_physx.usda", "PhysX")
+    return path, _not_carried(tree)
+
+
+def _not_carried(tree: Tree) -> list[str]:
+    lost = ["usd: the keyframes closed and open are carried for MuJoCo only (UsdPhysics has none)"]
+    if any(k.grasp is not None for k in tree.links):
+        lost.append("usd: grasp frames are plain Xforms <part>/<part>_grasp without a physics meaning")
+    return lost

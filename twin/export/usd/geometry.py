@@ -1,0 +1,135 @@
+"""Geometry: a library of meshes, and the bodies that refer to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
+
+from twin import geometry as geo
+from twin.export.obj import bake, corner_normals, mean_color
+from twin.export.tree import Link, Tree
+from twin.export.usd.layers import ints, link_path, new_layer, points, world_origins
+from twin.geometry import Array
+from twin.scene import Box, Mesh
+
+_LIBRARY = "GeometryLibrary.usdc"
+
+
+def write_geometry(tree: Tree, payload: Path) -> None:
+    """Write GeometryLibrary.usdc and Geometry.usda into `payload`."""
+    with new_layer(
+        payload / _LIBRARY, "Geometry", f"Meshes of {tree.name}, each in its body's frame"
+    ) as stage:
+        UsdGeom.Scope.Define(stage, "/Geometry")
+        for link in tree.links:
+            if len(link.visual.faces):
+                _visual(stage, f"/Geometry/{link.name}_visual", link.visual)
+            for name, piece in collision_names(link).items():
+                if isinstance(piece, Mesh):
+                    _hull(stage, f"/Geometry/{name}", piece)
+    origins = world_origins(tree)
+    with new_layer(payload / "Geometry.usda", tree.name, "Bodies, their shapes and grasp frames") as stage:
+        UsdGeom.Xform.Define(stage, f"/{tree.name}")
+        for link in tree.links:
+            _body(stage, tree, link, origins[link.name])
+
+
+def collision_names(link: Link) -> dict[str, Mesh | Box]:
+    """Prim names of a link's collision shapes."""
+    return {f"{link.name}_collision_{k}": piece for k, piece in enumerate(link.collision)}
+
+
+def _body(stage: Usd.Stage, tree: Tree, link: Link, origin: Array) -> None:
+    path = link_path(tree, link.name)
+    body = UsdGeom.Xform.Define(stage, path)
+    body.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, origin)))
+    UsdSemantics.LabelsAPI.Apply(body.GetPrim(), "class").CreateLabelsAttr([link.name])
+    if len(link.visual.faces):
+        _refer(stage, f"{path}/{link.name}_visual")
+    for name, piece in collision_names(link).items():
+        shape = f"{path}/{name}"
+        if isinstance(piece, Mesh):
+            _refer(stage, shape)
+        else:
+            _box(stage, shape, piece)
+        UsdGeom.Imageable(stage.GetPrimAtPath(shape)).CreatePurposeAttr(UsdGeom.Tokens.guide)
+    if link.grasp is not None:
+        _place(UsdGeom.Xform.Define(stage, f"{path}/{link.name}_grasp"), link.grasp)
+
+
+def _refer(stage: Usd.Stage, path: str) -> None:
+    """Define a prim that is the library's of the same name."""
+    name = path.rsplit("/", 1)[1]
+    stage.DefinePrim(path).GetReferences().AddReference(f"./{_LIBRARY}", f"/Geometry/{name}")
+
+
+def _box(stage: Usd.Stage, path: str, box: Box) -> None:
+    cube = UsdGeom.Cube.Define(stage, path)
+    cube.CreateSizeAttr(1.0)
+    cube.CreateExtentAttr(points(np.array([[-0.5] * 3, [0.5] * 3])))
+    _place(cube, box.T_world_box)
+    cube.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, box.size)))
+
+
+def _place(shape: UsdGeom.Xformable, pose: Array) -> None:
+    shape.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, pose[:3, 3])))
+    w, x, y, z = map(float, geo.quat_wxyz_from_matrix(pose[:3, :3]))
+    shape.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
+
+
+def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
+    """A mesh with its colours twice: texture coordinates, and the display colours of its vertices."""
+    baked = bake(mesh)
+    faces = mesh.faces[baked.order]
+    shape = _mesh(stage, path, mesh.vertices, faces)
+    normals, corners = corner_normals(mesh.vertices, faces)
+    kind = Sdf.ValueTypeNames.Normal3fArray
+    _primvar(shape, "normals", kind, points(_unit(normals)), "faceVarying", corners.ravel())
+    index: NDArray[np.integer] | None
+    if baked.image is not None and mesh.colors is not None:
+        uv = Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(baked.uv, dtype=np.float32))
+        _primvar(shape, "st", Sdf.ValueTypeNames.TexCoord2fArray, uv, "faceVarying")
+        colors, which = np.unique(mesh.colors, axis=0, return_inverse=True)
+        table, where, index = (colors / 255.0) ** 2.2, "vertex", which.ravel()
+    else:
+        table, where, index = np.array([mean_color(mesh)]) ** 2.2, "constant", None
+    _primvar(shape, "displayColor", Sdf.ValueTypeNames.Color3fArray, points(np.round(table, 4)), where, index)
+
+
+def _hull(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
+    """A convex piece with one normal per face."""
+    shape = _mesh(stage, path, mesh.vertices, mesh.faces)
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    normals, index = np.unique(np.round(_unit(np.cross(b - a, c - a)), 4), axis=0, return_inverse=True)
+    _primvar(
+        shape, "normals", Sdf.ValueTypeNames.Normal3fArray, points(_unit(normals)), "uniform", index.ravel()
+    )
+
+
+def _mesh(stage: Usd.Stage, path: str, vertices: Array, faces: NDArray[np.int32]) -> UsdGeom.Mesh:
+    shape = UsdGeom.Mesh.Define(stage, path)
+    shape.CreatePointsAttr(points(vertices))
+    shape.CreateFaceVertexCountsAttr(ints(np.full(len(faces), 3)))
+    shape.CreateFaceVertexIndicesAttr(ints(faces.ravel()))
+    shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    shape.CreateExtentAttr(points(np.stack([vertices.min(axis=0), vertices.max(axis=0)])))
+    return shape
+
+
+def _primvar(
+    shape: UsdGeom.Mesh, name: str, kind: Sdf.ValueTypeName, values: object, where: str, index: NDArray[np.integer] | None = None,
+) -> None:  # fmt: skip
+    primvar = UsdGeom.PrimvarsAPI(shape).CreatePrimvar(name, kind, where)
+    primvar.Set(values)
+    if index is not None:
+        primvar.SetIndices(ints(index))
+
+
+def _unit(vectors: Array) -> Array:
+    """Vectors (n, 3) at length 1; up where there is none."""
+    length = np.linalg.norm(vectors, axis=1)
+    out = np.where(length[:, None] > 1e-12, vectors / np.maximum(length, 1e-300)[:, None], [0.0, 0.0, 1.0])
+    return np.asarray(out, dtype=np.float64)

@@ -1,0 +1,74 @@
+"""What all layers share: units, names of prims, and values as USD holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+
+from twin import geometry as geo
+from twin.export.tree import Tree
+from twin.geometry import Array
+
+
+@contextmanager
+def new_layer(path: Path, default_prim: str, doc: str) -> Iterator[Usd.Stage]:
+    """A stage on the new file `path`, in metres and kilograms with z up; saved on leaving."""
+    layer = Sdf.Layer.CreateNew(str(path))
+    layer.documentation = doc
+    layer.defaultPrim = default_prim
+    stage = Usd.Stage.Open(layer)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    yield stage
+    layer.Save()
+
+
+def link_path(tree: Tree, link: str) -> str:
+    """Prim of a link."""
+    return f"/{tree.name}/{link}"
+
+
+def joint_path(tree: Tree, name: str) -> str:
+    """Prim of a joint."""
+    return f"/{tree.name}/Joints/{name}"
+
+
+def material_path(tree: Tree, name: str) -> str:
+    """Prim of a material."""
+    return f"/{tree.name}/Materials/{name}"
+
+
+def world_origins(tree: Tree) -> dict[str, Array]:
+    """World position (3,) of every link's frame at state 0."""
+    origins: dict[str, Array] = {}
+    for link in tree.links:
+        origins[link.name] = link.offset + (origins[link.parent] if link.parent is not None else 0.0)
+    return origins
+
+
+def quat(rotation: Array) -> Gf.Quatf:
+    """A rotation matrix (3, 3) as quaternion."""
+    w, x, y, z = map(float, geo.quat_wxyz_from_matrix(rotation))
+    return Gf.Quatf(w, x, y, z)
+
+
+def vec(values: Array) -> Gf.Vec3f:
+    """A vector (3,) in single precision."""
+    x, y, z = map(float, values)
+    return Gf.Vec3f(x, y, z)
+
+
+def points(values: Array) -> Vt.Vec3fArray:
+    """Points (n, 3)."""
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values + 0.0, dtype=np.float32))
+
+
+def ints(values: NDArray[np.integer]) -> Vt.IntArray:
+    """Whole numbers (n,)."""
+    return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, dtype=np.int32))

@@ -1,0 +1,68 @@
+"""Looks: a library of materials, their textures, and what is drawn with which."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
+
+from twin.export.obj import bake, mean_color, write_image
+from twin.export.tree import Link, Tree
+from twin.export.usd.layers import link_path, material_path, new_layer
+
+_LIBRARY = "MaterialsLibrary.usdc"
+_UNKNOWN = "unknown"  # the material of a surface is not observed
+
+
+def write_looks(tree: Tree, payload: Path, textures: Path) -> None:
+    """Write MaterialsLibrary.usdc and Materials.usda into `payload`, and an image per coloured link into `textures`."""
+    drawn = [k for k in tree.links if len(k.visual.faces)]
+    with new_layer(payload / _LIBRARY, "Materials", f"Looks of {tree.name}") as stage:
+        UsdGeom.Scope.Define(stage, "/Materials")
+        for link in drawn:
+            _look(stage, f"/Materials/{link.name}_look", link, payload, textures)
+    with new_layer(payload / "Materials.usda", tree.name, "Which look a shape is drawn with") as stage:
+        stage.OverridePrim(f"/{tree.name}")
+        UsdGeom.Scope.Define(stage, f"/{tree.name}/Materials")
+        for link in drawn:
+            name = f"{link.name}_look"
+            prim = stage.DefinePrim(material_path(tree, name))
+            prim.GetReferences().AddReference(f"./{_LIBRARY}", f"/Materials/{name}")
+            shape = stage.OverridePrim(f"{link_path(tree, link.name)}/{link.name}_visual")
+            UsdShade.MaterialBindingAPI.Apply(shape).Bind(UsdShade.Material(prim))
+
+
+def _look(stage: Usd.Stage, path: str, link: Link, payload: Path, textures: Path) -> None:
+    """A rough surface with the link's texture (readers multiply it with the colour: white), else with its mean colour."""
+    image = bake(link.visual).image
+    surface = define_surface(stage, path, mean_color(link.visual) if image is None else (1.0, 1.0, 1.0))
+    if image is None:
+        return
+    textures.mkdir(exist_ok=True)
+    file = textures / write_image(image, textures / f"{link.name}.png")
+    reader = UsdShade.Shader.Define(stage, f"{path}/coordinates")
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    texture = UsdShade.Shader.Define(stage, f"{path}/texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Path(os.path.relpath(file, payload)).as_posix())
+    # the standard takes 8-bit colour for sRGB; so does MuJoCo's renderer then, but when told "sRGB" it draws too dark
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("auto")
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(
+        reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+    )
+    surface.GetInput("diffuseColor").ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+
+
+def define_surface(stage: Usd.Stage, path: str, color: tuple[float, float, float]) -> UsdShade.Shader:
+    """Define a material with a rough UsdPreviewSurface of an sRGB colour in 0..1, and return its shader."""
+    material = UsdShade.Material.Define(stage, path)
+    UsdSemantics.LabelsAPI.Apply(material.GetPrim(), "material").CreateLabelsAttr([_UNKNOWN])
+    surface = UsdShade.Shader.Define(stage, f"{path}/surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*(c**2.2 for c in color)))
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.7)
+    surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)  # MuJoCo warns when it is not authored
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    return surface

@@ -1,0 +1,127 @@
+"""Physics that every reader understands: plain UsdPhysics, nothing of a runtime."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
+
+from twin import geometry as geo
+from twin.export.tree import Link, Tree
+from twin.export.usd.geometry import collision_names
+from twin.export.usd.layers import joint_path, link_path, material_path, new_layer, quat, vec
+from twin.export.usd.looks import define_surface
+from twin.geometry import Array
+from twin.scene import Mesh
+
+_BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
+
+
+def write_physics(tree: Tree, payload: Path) -> None:
+    """Write Physics.usda into `payload`: bodies, masses, joints with limits in degrees or metres, contact materials."""
+    with new_layer(payload / "Physics.usda", tree.name, "Bodies, joints, contact (UsdPhysics)") as stage:
+        stage.OverridePrim(f"/{tree.name}")
+        for link in tree.links:
+            _body(stage, tree, link)
+        UsdGeom.Scope.Define(stage, f"/{tree.name}/Joints")
+        for link in tree.links:
+            _joint(stage, tree, link)
+
+
+def degrees_per(kind: str) -> float:
+    """UsdPhysics measures angles in degrees: this many of its units make one of ours (rad or m)."""
+    return float(np.rad2deg(1.0)) if kind == "revolute" else 1.0
+
+
+def _body(stage: Usd.Stage, tree: Tree, link: Link) -> None:
+    path = link_path(tree, link.name)
+    body = stage.OverridePrim(path)
+    UsdPhysics.RigidBodyAPI.Apply(body)
+    if link.parent is None:
+        UsdPhysics.ArticulationRootAPI.Apply(body)
+    else:  # hinges and runners are not modelled as contact
+        pairs = UsdPhysics.FilteredPairsAPI.Apply(body)
+        pairs.CreateFilteredPairsRel().AddTarget(link_path(tree, link.parent))
+    _mass(body, tree, link)
+    touch = _touch(stage, material_path(tree, f"{link.name}_contact"), link.friction)
+    for name, piece in collision_names(link).items():
+        shape = stage.OverridePrim(f"{path}/{name}")
+        UsdPhysics.CollisionAPI.Apply(shape)
+        if isinstance(piece, Mesh):
+            UsdPhysics.MeshCollisionAPI.Apply(shape).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+        binding = UsdShade.MaterialBindingAPI.Apply(shape)
+        # some readers look only at the all-purpose binding, MuJoCo only at the physics one
+        binding.Bind(touch)
+        binding.Bind(touch, UsdShade.Tokens.weakerThanDescendants, "physics")
+
+
+def _mass(body: Usd.Prim, tree: Tree, link: Link) -> None:
+    """Mass, centre, principal moments and axes together: with mass alone, readers fall back to a density."""
+    mass, com, inertia = mass_properties(tree, link)
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] = -axes[:, 0]
+    api = UsdPhysics.MassAPI.Apply(body)
+    api.CreateMassAttr(float(mass))
+    api.CreateCenterOfMassAttr(vec(com))
+    api.CreateDiagonalInertiaAttr(vec(moments))
+    api.CreatePrincipalAxesAttr(quat(axes))
+
+
+def mass_properties(tree: Tree, link: Link) -> tuple[float, Array, Array]:
+    """Mass (kg), centre (3,) and tensor (3, 3) about it in the link's frame.
+
+    A rigid body must have a mass, also the static scene, which is fixed to the world so that its mass has no effect: it
+    counts as a surface that weighs as much per area as the parts do.
+    """
+    if link.mass is not None and link.com is not None and link.inertia is not None:
+        return link.mass, link.com, link.inertia
+    weighed = [(k.mass, k.visual.area) for k in tree.moving if k.mass is not None and k.visual.area > 0]
+    per_area = sum(m for m, _ in weighed) / sum(a for _, a in weighed) if weighed else _BOARD
+    corners = link.visual.vertices[link.visual.faces]
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    mass = per_area * np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    total = float(mass.sum())
+    if total <= 0:
+        return _BOARD, np.zeros(3), np.eye(3) * _BOARD  # nothing is drawn: a square metre of board
+    com = mass @ corners.mean(axis=1) / total
+    corners = corners - com
+    vertices = np.concatenate([corners, corners.sum(axis=1, keepdims=True)], axis=1)
+    second = np.einsum("f,fki,fkj->ij", mass / 12, vertices, vertices)  # moments of triangles
+    return total, com, np.trace(second) * np.eye(3) - second
+
+
+def _touch(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:
+    """Contact friction; with a surface, which MuJoCo asks of every material. Restitution is left out: MuJoCo has none."""
+    material = UsdShade.Material(define_surface(stage, path, (0.6, 0.3, 0.3)).GetPrim().GetParent())
+    api = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    api.CreateStaticFrictionAttr(float(friction))
+    api.CreateDynamicFrictionAttr(float(friction))
+    return material
+
+
+def _joint(stage: Usd.Stage, tree: Tree, link: Link) -> None:
+    own = link_path(tree, link.name)
+    if link.joint is None:
+        fixed = UsdPhysics.FixedJoint.Define(stage, joint_path(tree, f"{link.name}_to_world"))
+        fixed.CreateBody1Rel().SetTargets([own])
+        _frames(fixed, np.zeros(3), np.eye(3))
+        return
+    j = link.joint
+    kind = UsdPhysics.RevoluteJoint if j.kind == "revolute" else UsdPhysics.PrismaticJoint
+    joint = kind.Define(stage, joint_path(tree, j.name))
+    joint.CreateBody0Rel().SetTargets([link_path(tree, str(link.parent))])
+    joint.CreateBody1Rel().SetTargets([own])
+    joint.CreateAxisAttr(UsdPhysics.Tokens.x)
+    _frames(joint, link.offset, geo.rotation_between([1.0, 0.0, 0.0], j.axis))
+    joint.CreateLowerLimitAttr(float(j.lower * degrees_per(j.kind)))
+    joint.CreateUpperLimitAttr(float(j.upper * degrees_per(j.kind)))
+
+
+def _frames(joint: UsdPhysics.Joint, position: Array, rotation: Array) -> None:
+    """The joint's frame in both bodies: at `position` (3,) in the parent, at the origin of the child."""
+    joint.CreateLocalPos0Attr(vec(position))
+    joint.CreateLocalRot0Attr(quat(rotation))
+    joint.CreateLocalPos1Attr(vec(np.zeros(3)))
+    joint.CreateLocalRot1Attr(quat(rotation))
