@@ -182,6 +182,15 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
             nargs="+",
             help="engines to ask, or all [those that need no `twin engines`]",
         )
+    if verb == "export":
+        add("--package", metavar="NAME", default="", help="make the URDF's folder the ROS package NAME")
+        add(
+            "--asset",
+            metavar="KEY=VALUE",
+            action="append",
+            default=[],
+            help="what the files state: author, license, category, qcode (of Wikidata) or date",
+        )
     if verb in ("replay", "demo"):
         add("--robot", default="franka", help="name of a robot [franka]")
     if verb == "replay":

@@ -51,7 +51,9 @@ def reconstruct(progress: Progress, recording: Path, out: Path, layout: str | No
     return Step("reconstruct", outcome, summary, started)
 
 
-def export(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
+def export(
+    progress: Progress, run: Path, formats: Sequence[str], package: str = "", asset: Any = None
+) -> Step:
     started = time.perf_counter()
     twin = load(run)
     folder = run_folder(run) / "export"
@@ -61,7 +63,7 @@ def export(progress: Progress, run: Path, formats: Sequence[str]) -> Step:
         save(complete, run_folder(run) / "twin")
     progress("collision", 1.0, f"{sum(len(p.collision) for p in complete.parts)} pieces on moving parts")
     progress("export", 0.0, "")
-    files = named("twin.export:export")(complete, folder, formats)
+    files = named("twin.export:export")(complete, folder, formats, package, asset=asset)
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
     data = {"files": {name: str(path) for name, path in files.items()}}

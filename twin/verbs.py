@@ -66,10 +66,15 @@ def reconstruct(
         return steps.reconstruct(progress, recording, out, layout, settings).outcome
 
 
-def export(console: Console, run: Path, formats: Sequence[str]) -> Outcome:
+def export(
+    console: Console, run: Path, formats: Sequence[str], package: str, asset: Sequence[str]
+) -> Outcome:
     """Twin to simulation formats."""
+    if package:
+        steps.named("twin.export.package:check_package")(package)
+    told = from_dict(steps.named("twin.export.asset:AssetInfo"), _texts("--asset", asset), "--asset")
     with console.progress() as progress, _page(run):
-        return steps.export(progress, run, formats).outcome
+        return steps.export(progress, run, formats, package, told).outcome
 
 
 def check(
@@ -161,6 +166,19 @@ def _settings(cls: str, path: Path | None, assignments: Sequence[str]) -> Any:
             raise ConfigError(f"--set {text!r} is not KEY=VALUE", "write for example --set seed=3")
         _assign(data, key.strip().split("."), value.strip())
     return from_dict(steps.named(cls), data, where)
+
+
+def _texts(option: str, assignments: Sequence[str]) -> dict[str, str]:
+    """KEY=VALUE texts as a mapping; the values stay texts."""
+    data = {}
+    for text in assignments:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise ConfigError(
+                f"{option} {text!r} is not KEY=VALUE", f"write for example {option} license=CC0-1.0"
+            )
+        data[key.strip()] = value.strip()
+    return data
 
 
 def _assign(data: dict[str, Any], keys: Sequence[str], text: str) -> None:

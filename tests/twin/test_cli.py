@@ -405,12 +405,13 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
     full = load(run)
     bare = cabinet_twin(name="bare")
 
-    def export(twin: Any, folder: Path, formats: Sequence[str]) -> Files:
-        assert list(formats) == ["urdf"]
+    def export(twin: Any, folder: Path, formats: Sequence[str], package: str, asset: Any) -> Files:
+        assert (list(formats), package, asset.author) == (["urdf"], "bare_kitchen", "Me")
         return Files(urdf=folder / "x.urdf")
 
     stand_in(monkeypatch, complete=lambda *_: bare, export=export)
-    assert cli.run(["export", str(run), "--format", "urdf"]) == 0
+    options = ["--format", "urdf", "--package", "bare_kitchen", "--asset", "author=Me"]
+    assert cli.run(["export", str(run), *options]) == 0
     assert load(run).name == "bare" != full.name
     out = capsys.readouterr().out
     assert "x.urdf" in out

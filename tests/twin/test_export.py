@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -18,6 +19,7 @@ from tests.twin.scenes import cabinet_twin
 from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.export import Exported, export
+from twin.export.asset import AssetInfo
 from twin.export.obj import bake
 from twin.export.tree import build_tree
 from twin.export.urdf import roll_pitch_yaw
@@ -66,16 +68,19 @@ def test_layout_and_self_contained_folders(exported: Exported, tmp_path: Path) -
         moved.rename(exported["mjcf"].parent)
 
 
-def test_equal_twins_give_equal_bytes(exported: Exported, tmp_path: Path) -> None:
-    again = export(cabinet_twin(nested=True, lid=True), tmp_path)
+def test_equal_twins_give_equal_bytes_also_in_another_process(exported: Exported, tmp_path: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; from tests.twin.scenes import cabinet_twin; from twin.export import export;"
+        "export(cabinet_twin(nested=True, lid=True), Path(sys.argv[1]))"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(Path(__file__).parents[2])}
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True, env=environment)
     for fmt in exported:
-        root = exported[fmt].parent
+        root, again = exported[fmt].parent, tmp_path / fmt
         names = sorted(p.relative_to(root) for p in root.rglob("*") if p.is_file())
-        assert names == sorted(
-            p.relative_to(again[fmt].parent) for p in again[fmt].parent.rglob("*") if p.is_file()
-        )
+        assert names == sorted(p.relative_to(again) for p in again.rglob("*") if p.is_file())
         for n in names:
-            assert (root / n).read_bytes() == (again[fmt].parent / n).read_bytes(), (fmt, n)
+            assert (root / n).read_bytes() == (again / n).read_bytes(), (fmt, n)
 
 
 def test_whatever_a_format_can_not_carry_is_said(exported: Exported) -> None:
@@ -152,8 +157,51 @@ def test_urdf_details(exported: Exported, tmp_path: Path) -> None:
     for mesh in root.iter("mesh"):
         assert (exported["urdf"].parent / mesh.get("filename")).exists()
     assert len(root.findall("link[@name='drawer']/collision")) == 8
-    named = export(cabinet_twin(), tmp_path, formats=("urdf",), package="kitchen")
-    assert 'filename="package://kitchen/meshes/door_visual.obj"' in named["urdf"].read_text()
+
+
+def test_the_urdf_can_be_a_ros_package(tmp_path: Path) -> None:
+    info = AssetInfo(author="A. Maker", license="CC0-1.0")
+    main = export(cabinet_twin(), tmp_path, formats=("urdf",), package="kitchen", asset=info)["urdf"]
+    root = main.parent
+    manifest = ET.parse(root / "package.xml").getroot()  # noqa: S314  (a file this test wrote)
+    told = [manifest.findtext(k) for k in ("name", "maintainer", "license")]
+    assert told == ["kitchen", "A. Maker", "CC0-1.0"]
+    text = (root / "urdf" / "cabinet.urdf").read_text()
+    assert text.replace("package://kitchen/", "") == main.read_text()
+    files = [m.get("filename", "") for m in ET.fromstring(text).iter("mesh")]  # noqa: S314
+    assert len(files) > 2
+    for file in files:
+        assert (root / file.removeprefix("package://kitchen/")).is_file()
+        assert file.startswith("package://kitchen/meshes/")
+    installed = (root / "CMakeLists.txt").read_text()
+    assert "project(kitchen" in installed
+    assert "install(DIRECTORY meshes urdf" in installed
+    plain = export(cabinet_twin(), tmp_path, formats=("urdf",))["urdf"]
+    assert not (plain.parent / "package.xml").exists()
+
+
+def test_every_folder_says_how_to_import_it(exported: Exported) -> None:
+    notes = {fmt: (path.parent / "README.md").read_text() for fmt, path in exported.items()}
+    assert all("position servo" in notes[f] for f in ("urdf",))
+    assert "joint drive without stiffness" in notes["usd"]
+    assert "scene.xml" in notes["mjcf"]
+    for text in notes.values():
+        assert "| door_joint | revolute | 0 rad | 1.4 rad | 0.5 N m s/rad | 0.3 N m |" in text
+        assert "| drawer_joint | prismatic | 0 m | 0.3 m | 0.5 N s/m | 0.3 N |" in text
+
+
+def test_every_body_states_its_mass(exported: Exported) -> None:
+    """Readers guess otherwise: from closed hulls, or one kilogram."""
+    tree = build_tree(cabinet_twin(nested=True, lid=True))
+    urdf, mjcf = (ET.parse(exported[f]).getroot() for f in ("urdf", "mjcf"))  # noqa: S314
+    for link in tree.links:
+        mass = urdf.find(f"link[@name='{link.name}']/inertial/mass")
+        assert mass is not None
+        assert float(mass.get("value", "")) == link.mass
+        inertial = mjcf.find(f".//body[@name='{link.name}']/inertial")
+        assert inertial is not None
+        assert float(inertial.get("mass", "")) == link.mass
+    assert urdf.find("link[@name='world']/inertial") is None
 
 
 @pytest.mark.parametrize("seed", range(6))

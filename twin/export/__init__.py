@@ -12,7 +12,10 @@ from typing import Literal, get_args
 
 from twin._module_call import call_as
 from twin.errors import InputError
-from twin.export.tree import build_tree
+from twin.export.asset import AssetInfo
+from twin.export.notes import readme
+from twin.export.package import check_package, write_package
+from twin.export.tree import build_tree, require_ranges
 from twin.scene import Twin
 from twin.soundness import require_sound
 
@@ -43,23 +46,30 @@ def export(
     formats: Sequence[str] = FORMATS,
     package: str = "",
     cache_dir: Path | None = None,
+    asset: AssetInfo | None = None,
 ) -> Exported:
     """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
 
-    Each format's folder is complete in itself and replaced as a whole. Mass, friction and collision shapes that the twin
-    lacks are filled in first (twin.physics, twin.collision).
+    Each format's folder is complete in itself, holds a README.md with notes on importing it, and is replaced as a whole; all
+    are written before the first is replaced. Mass, friction and collision shapes that the twin lacks are filled in first
+    (twin.physics, twin.collision).
 
     Args:
-        package: ROS package name for mesh paths in the URDF; relative paths when empty.
+        package: ROS package name: makes folder/urdf that package, with a second URDF whose mesh paths are package://.
         cache_dir: where collision shapes are kept between runs.
+        asset: author, licence, kind and date that the files state.
     Returns:
         the main file of every format, and warnings about what a format can't carry.
     Raises:
-        InputError: unknown format, or the folder can't be written. SceneError: a part that can't be simulated.
+        InputError: unknown format, illegal package name, or the folder can't be written. SceneError: a part that can't be
+        simulated.
     """
     unknown = [f for f in formats if f not in FORMATS]
     if unknown:
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
+    if package:
+        check_package(package)
+    asset = AssetInfo() if asset is None else asset
     tree = build_tree(complete(twin, cache_dir))
     files: dict[str, Path] = {}
     warnings: list[str] = [
@@ -67,28 +77,32 @@ def export(
         for k in tree.links
         if not k.collision
     ]
-    for fmt in formats:
-        writer = import_module(f"twin.export.{fmt}")
-        options = {"package": package} if fmt == "urdf" else {}
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(prefix=f".{fmt}-", dir=folder) as temporary:
-                path, lost = writer.write(tree, Path(temporary) / fmt, **options)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
+            for fmt in formats:
+                here = Path(temporary) / fmt
+                path, lost = import_module(f"twin.export.{fmt}").write(tree, here, asset)
+                (here / "README.md").write_text(readme(tree, fmt), encoding="utf-8", newline="\n")
+                files[fmt] = folder / fmt / path.name
+                warnings += lost
+            if package and "urdf" in files:
+                write_package(Path(temporary) / "urdf", files["urdf"].name, package, asset)
+            for fmt in formats:
                 shutil.rmtree(folder / fmt, ignore_errors=True)
                 (Path(temporary) / fmt).rename(folder / fmt)
-        except OSError as e:
-            raise InputError(f"{folder / fmt} can't be written: {e}", "check space and permissions") from e
-        files[fmt] = folder / fmt / path.name
-        warnings += lost
+    except OSError as e:
+        raise InputError(f"{folder} can't be written: {e}", "check space and permissions") from e
     return Exported(files, tuple(warnings))
 
 
 def complete(twin: Twin, cache_dir: Path | None = None) -> Twin:
     """The twin with mass, friction and collision shapes wherever they were missing.
 
-    Raises SceneError for a part whose mesh is empty or passes through itself.
+    Raises SceneError for a part whose mesh is empty or passes through itself, or that can't move.
     """
     require_sound(twin)
+    require_ranges(twin)
     if any(p.inertial is None or p.physics is None for p in twin.parts):
         from twin.physics import with_physics
 

@@ -8,15 +8,17 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from twin import geometry as geo
+from twin.export.asset import AssetInfo
 from twin.export.obj import TexturedFiles, write_hull, write_textured
-from twin.export.tree import ARMATURE, Link, Tree, numbers
+from twin.export.tree import ARMATURE, Link, Tree, front, numbers
 from twin.geometry import Array
 from twin.scene import Mesh
 
+_ASIDE = 25.0  # deg: the scene's first view is not straight from the front
 _MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
 
 
-def write(tree: Tree, folder: Path) -> tuple[Path, list[str]]:
+def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]:
     """Write `<name>.xml`, scene.xml and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
     everything a tree holds)."""
     assets = folder / "assets"
@@ -53,13 +55,10 @@ def _defaults(root: ET.Element, name: str) -> None:
 
 def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: Path) -> None:
     """Write inertial, joint, geoms and children of a link into its body."""
-    if link.joint is not None and link.com is not None and link.inertia is not None:
-        i = link.inertia
-        full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
-        ET.SubElement(
-            body, "inertial", pos=numbers(link.com), mass=numbers(link.mass), fullinertia=numbers(full)
-        )  # fmt: skip
-        j = link.joint
+    i, j = link.inertia, link.joint
+    full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
+    ET.SubElement(body, "inertial", pos=numbers(link.com), mass=numbers(link.mass), fullinertia=numbers(full))
+    if j is not None:
         ET.SubElement(
             body, "joint", name=j.name, type=_MJ_TYPE[j.kind], axis=numbers(j.axis),
             range=numbers([j.lower, j.upper]), damping=numbers(j.damping), frictionloss=numbers(j.frictionloss),
@@ -128,6 +127,12 @@ def _keyframes(root: ET.Element, tree: Tree) -> None:
         ET.SubElement(key, "key", name="open", qpos=numbers([j.upper for j in joints]))
 
 
+def _azimuth(tree: Tree) -> float:
+    """Azimuth (deg) of a camera that looks at the front, a little from the side."""
+    ahead = front(tree)
+    return float(np.rad2deg(np.arctan2(-ahead[1], -ahead[0]))) + _ASIDE
+
+
 def _scene(tree: Tree) -> ET.Element:
     """A floor below the model, light and sky around it."""
     points = [k.visual.vertices for k in tree.links if len(k.visual.vertices)]
@@ -144,7 +149,14 @@ def _scene(tree: Tree) -> ET.Element:
     ET.SubElement(
         visual, "headlight", diffuse="0.5 0.5 0.5", ambient="0.35 0.35 0.35", specular="0.1 0.1 0.1"
     )
-    ET.SubElement(visual, "global", azimuth="-120", elevation="-20", offwidth="1280", offheight="960")
+    ET.SubElement(
+        visual,
+        "global",
+        azimuth=numbers(round(_azimuth(tree), 1)),
+        elevation="-20",
+        offwidth="1280",
+        offheight="960",
+    )
     asset = ET.SubElement(root, "asset")
     ET.SubElement(
         asset, "texture", name="sky", type="skybox", builtin="gradient", rgb1="0.75 0.82 0.9", rgb2="0.3 0.36 0.45",

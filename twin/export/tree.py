@@ -22,6 +22,7 @@ EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
 # Added joint inertia that keeps light parts well-conditioned; chosen by us: a hundredth of a cabinet door.
 ARMATURE = {"revolute": 1e-3, "prismatic": 1e-2}  # kg m^2, kg
+_BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +42,8 @@ class TreeJoint:
 class Link:
     """One rigid body; everything is in the link's frame.
 
-    parent: name of the parent link, None for the root. offset (3,): origin in the parent's frame. mass None: static.
-    inertia (3, 3) about com (3,). grasp (4, 4): frame of the contact path, columns as in ContactPath, and the width (m)
+    parent: name of the parent link, None for the root. offset (3,): origin in the parent's frame. mass in kg, inertia
+    (3, 3) about com (3,). grasp (4, 4): frame of the contact path, columns as in ContactPath, and the width (m)
     of what is held there.
     """
 
@@ -52,10 +53,10 @@ class Link:
     visual: Mesh
     collision: tuple[Collision, ...]
     friction: float
+    mass: float
+    com: Array
+    inertia: Array
     joint: TreeJoint | None = None
-    mass: float | None = None
-    com: Array | None = None
-    inertia: Array | None = None
     grasp: Array | None = None
     grasp_width: float = 0.0
 
@@ -82,6 +83,8 @@ class Tree:
 
 def build_tree(twin: Twin) -> Tree:
     """Turn a twin into links. Raises SceneError when a part lacks what simulation needs."""
+    require_ranges(twin)
+    mass, com, inertia = _static_mass(twin)
     root = Link(
         name=twin.static.name,
         parent=None,
@@ -89,6 +92,9 @@ def build_tree(twin: Twin) -> Tree:
         visual=twin.static.mesh,
         collision=twin.static.collision,
         friction=_static_friction(twin),
+        mass=mass,
+        com=com,
+        inertia=inertia,
     )
     links = [root]
 
@@ -102,6 +108,16 @@ def build_tree(twin: Twin) -> Tree:
     add(None, root.name, np.zeros(3))
     source = twin.recorded.source if twin.recorded is not None else ""
     return Tree(twin.name, tuple(links), source or "twin.json")
+
+
+def require_ranges(twin: Twin) -> None:
+    """Raises SceneError for a part that can't move."""
+    for part in twin.parts:
+        if part.joint.upper <= part.joint.lower:
+            raise SceneError(
+                f"part {part.name!r} has the empty range {part.joint.lower}..{part.joint.upper}",
+                "set its limits in twin.json",
+            )
 
 
 def link_origin(part: Part) -> Array:
@@ -118,17 +134,35 @@ def _static_friction(twin: Twin) -> float:
     return float(np.mean(values)) if values else 0.6
 
 
+def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
+    """Mass (kg), centre (3,) and tensor (3, 3) about it of the static scene.
+
+    It is fixed to the world, so its mass has no effect, but readers want one of every body: it counts as a surface that
+    weighs as much per area as the parts do.
+    """
+    mesh = twin.static.mesh
+    weighed = [(p.inertial.mass.value, p.mesh.area) for p in twin.parts if p.inertial is not None]
+    area = sum(a for _, a in weighed)
+    per_area = sum(m for m, _ in weighed) / area if area > 0 else _BOARD
+    corners = mesh.vertices[mesh.faces]
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    mass = per_area * np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    total = float(mass.sum())
+    if total <= 0:  # nothing was seen: a square metre of board
+        return _BOARD, np.zeros(3), np.eye(3) * _BOARD
+    com = np.asarray(mass @ corners.mean(axis=1) / total)
+    corners = corners - com
+    vertices = np.concatenate([corners, corners.sum(axis=1, keepdims=True)], axis=1)
+    second = np.einsum("f,fki,fkj->ij", mass / 12, vertices, vertices)  # moments of triangles
+    return total, com, np.trace(second) * np.eye(3) - second
+
+
 def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
     if part.inertial is None or part.physics is None:
         raise SceneError(
             f"part {part.name!r} has no mass or friction", "call twin.physics.with_physics first"
         )
     joint = part.joint
-    if joint.upper <= joint.lower:
-        raise SceneError(
-            f"part {part.name!r} has the empty range {joint.lower}..{joint.upper}",
-            "set its limits in twin.json",
-        )
     to_link = geo.make_pose(translation=-origin)
     contact = part.contact
     return Link(
@@ -153,6 +187,20 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
         grasp=None if contact is None else geo.make_pose(contact.rotation, contact.point - origin),
         grasp_width=0.0 if contact is None else contact.width,
     )
+
+
+def front(tree: Tree) -> Array:
+    """Level unit direction (3,) into which the parts open: where a viewer stands."""
+    total = np.zeros(3)
+    for link in tree.moving:
+        if link.grasp is not None:
+            total += link.grasp[:3, 2]  # out of the part
+        elif link.joint is not None and link.joint.kind == "prismatic":
+            total += link.joint.axis
+        elif link.joint is not None and len(link.visual.faces):
+            total += np.cross(link.joint.axis, link.visual.area_centroid)  # the way its middle starts to move
+    total[2] = 0.0
+    return geo.unit(total) if np.linalg.norm(total) > 1e-6 else np.array([0.0, -1.0, 0.0])
 
 
 def _moved(piece: Collision, pose: Array) -> Collision:

@@ -8,21 +8,20 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from twin import geometry as geo
+from twin.export.asset import AssetInfo
 from twin.export.mjcf import write_xml
 from twin.export.obj import mean_color, write_hull, write_textured
 from twin.export.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array
 from twin.scene import Mesh
 
+MESHES = "meshes/"
 
-def write(tree: Tree, folder: Path, package: str = "") -> tuple[Path, list[str]]:
-    """Write `<name>.urdf` and meshes/ into `folder`; returns the path and what URDF can't carry.
 
-    package: name of a ROS package; meshes are then referred to as package://<package>/meshes/..., else relatively.
-    """
+def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]:
+    """Write `<name>.urdf` and meshes/ into `folder`; returns the path and what URDF can't carry."""
     meshes = folder / "meshes"
     meshes.mkdir(parents=True, exist_ok=True)
-    prefix = f"package://{package}/meshes/" if package else "meshes/"
     root = ET.Element("robot", name=tree.name)
     # MuJoCo would otherwise merge the static scene into its world body and drop all visuals.
     mujoco = ET.SubElement(root, "mujoco")
@@ -36,7 +35,7 @@ def write(tree: Tree, folder: Path, package: str = "") -> tuple[Path, list[str]]
     )
     ET.SubElement(root, "link", name="world")
     for link in tree.links:
-        _link(root, link, meshes, prefix)
+        _link(root, link, meshes)
         if link.grasp is not None:
             _massless(ET.SubElement(root, "link", name=f"{link.name}_grasp"))
     for link in tree.links:
@@ -62,22 +61,21 @@ def _not_carried(tree: Tree) -> list[str]:
     return lost
 
 
-def _link(root: ET.Element, link: Link, folder: Path, prefix: str) -> None:
+def _link(root: ET.Element, link: Link, folder: Path) -> None:
     element = ET.SubElement(root, "link", name=link.name)
-    if link.mass is not None and link.com is not None and link.inertia is not None:
-        inertial = ET.SubElement(element, "inertial")
-        _origin(inertial, geo.make_pose(translation=link.com))
-        ET.SubElement(inertial, "mass", value=numbers(link.mass))
-        i = link.inertia
-        ET.SubElement(
-            inertial, "inertia", ixx=numbers(i[0, 0]), ixy=numbers(i[0, 1]), ixz=numbers(i[0, 2]),
-            iyy=numbers(i[1, 1]), iyz=numbers(i[1, 2]), izz=numbers(i[2, 2]),
-        )  # fmt: skip
+    inertial = ET.SubElement(element, "inertial")
+    _origin(inertial, geo.make_pose(translation=link.com))
+    ET.SubElement(inertial, "mass", value=numbers(link.mass))
+    i = link.inertia
+    ET.SubElement(
+        inertial, "inertia", ixx=numbers(i[0, 0]), ixy=numbers(i[0, 1]), ixz=numbers(i[0, 2]),
+        iyy=numbers(i[1, 1]), iyz=numbers(i[1, 2]), izz=numbers(i[2, 2]),
+    )  # fmt: skip
     if len(link.visual.faces):
         files = write_textured(link.visual, folder, f"{link.name}_visual")
         visual = ET.SubElement(element, "visual", name=f"{link.name}_visual")
         _origin(visual, np.eye(4))
-        ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=prefix + files.obj)
+        ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"{MESHES}{files.obj}")
         material = ET.SubElement(visual, "material", name=f"{link.name}_material")
         ET.SubElement(material, "color", rgba=numbers([*mean_color(link.visual), 1.0]))
     for k, piece in enumerate(link.collision):
@@ -86,7 +84,7 @@ def _link(root: ET.Element, link: Link, folder: Path, prefix: str) -> None:
         if isinstance(piece, Mesh):
             write_hull(piece, folder / f"{name}.obj")
             _origin(collision, np.eye(4))
-            ET.SubElement(ET.SubElement(collision, "geometry"), "mesh", filename=f"{prefix}{name}.obj")
+            ET.SubElement(ET.SubElement(collision, "geometry"), "mesh", filename=f"{MESHES}{name}.obj")
         else:
             _origin(collision, piece.T_world_box)
             ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=numbers(piece.size))

@@ -20,22 +20,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from twin.export.asset import AssetInfo
 from twin.export.tree import Tree
 from twin.export.usd.geometry import write_geometry
 from twin.export.usd.interface import write_contents, write_interface, write_stage
 from twin.export.usd.looks import write_looks
-from twin.export.usd.metadata import AssetInfo
 from twin.export.usd.physics import write_physics
 from twin.export.usd.runtimes import MUJOCO_MODEL, write_grasps, write_runtimes
 from twin.export.usd.thumbnail import write_thumbnail
 
 
-def write(tree: Tree, folder: Path, info: AssetInfo | None = None) -> tuple[Path, list[str]]:
-    """Write the asset and its ready stages into `folder`; returns the stage for MuJoCo and Newton and what USD can't carry.
-
-    info: author, licence and date that the metadata states; honest defaults when left out.
-    """
-    info = AssetInfo() if info is None else info
+def write(tree: Tree, folder: Path, info: AssetInfo) -> tuple[Path, list[str]]:
+    """Write the asset and its ready stages into `folder`; returns the stage for MuJoCo and Newton and what USD can't carry."""
     asset = folder / tree.name / "simready_usd"
     payload, runnables = asset / "Payload", asset / "runnables"
     for place in (payload, runnables / "physics", runnables / "mujoco"):

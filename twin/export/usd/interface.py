@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics
 
+from twin.export.asset import AssetInfo
 from twin.export.tree import Tree
 from twin.export.usd.layers import new_layer, points
-from twin.export.usd.metadata import AssetInfo, bounds, metadata
-from twin.export.usd.physics import mass_properties
+from twin.export.usd.metadata import bounds, metadata
 from twin.export.usd.runtimes import RUNTIMES
 
 
@@ -38,8 +38,7 @@ def write_interface(tree: Tree, path: Path, info: AssetInfo) -> None:
             _variant(root, runtime, f"./runnables/physics/{stem}.usda")
         if any(k.grasp is not None for k in tree.links):
             _variant(root, "Grasps", "./runnables/grasps/grasps.usda")
-        mass = sum(mass_properties(tree, k)[0] for k in tree.links)
-        stage.GetRootLayer().customLayerData = metadata(tree, info, float(mass), RUNTIMES)
+        stage.GetRootLayer().customLayerData = metadata(tree, info, RUNTIMES)
 
 
 def _variant(root: Usd.Prim, name: str, payload: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
 
 from twin import geometry as geo
 from twin.export.tree import Tree
@@ -18,7 +18,8 @@ from twin.geometry import Array
 @contextmanager
 def new_layer(path: Path, default_prim: str, doc: str) -> Iterator[Usd.Stage]:
     """A stage on the new file `path`, in metres and kilograms with z up; saved on leaving."""
-    layer = Sdf.Layer.CreateNew(str(path))
+    with _as_os_error(path):
+        layer = Sdf.Layer.CreateNew(str(path))
     layer.documentation = doc
     layer.defaultPrim = default_prim
     stage = Usd.Stage.Open(layer)
@@ -26,7 +27,17 @@ def new_layer(path: Path, default_prim: str, doc: str) -> Iterator[Usd.Stage]:
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
     yield stage
-    layer.Save()
+    with _as_os_error(path):
+        layer.Save()
+
+
+@contextmanager
+def _as_os_error(path: Path) -> Iterator[None]:
+    """USD's own exception, which a full disk raises as well, as what other writers raise."""
+    try:
+        yield
+    except Tf.ErrorException as e:
+        raise OSError(f"{path}: {' '.join(str(e).split())}") from e
 
 
 def link_path(tree: Tree, link: str) -> str:

@@ -15,8 +15,6 @@ from twin.export.usd.looks import define_surface
 from twin.geometry import Array
 from twin.scene import Mesh
 
-_BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
-
 
 def write_physics(tree: Tree, payload: Path) -> None:
     """Write Physics.usda into `payload`: bodies, masses, joints with limits in degrees or metres, contact materials."""
@@ -43,7 +41,7 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link) -> None:
     else:  # hinges and runners are not modelled as contact
         pairs = UsdPhysics.FilteredPairsAPI.Apply(body)
         pairs.CreateFilteredPairsRel().AddTarget(link_path(tree, link.parent))
-    _mass(body, tree, link)
+    _mass(body, link)
     touch = _touch(stage, material_path(tree, f"{link.name}_contact"), link.friction)
     for name, piece in collision_names(link).items():
         shape = stage.OverridePrim(f"{path}/{name}")
@@ -56,40 +54,16 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link) -> None:
         binding.Bind(touch, UsdShade.Tokens.weakerThanDescendants, "physics")
 
 
-def _mass(body: Usd.Prim, tree: Tree, link: Link) -> None:
+def _mass(body: Usd.Prim, link: Link) -> None:
     """Mass, centre, principal moments and axes together: with mass alone, readers fall back to a density."""
-    mass, com, inertia = mass_properties(tree, link)
-    moments, axes = np.linalg.eigh(inertia)
+    moments, axes = np.linalg.eigh(link.inertia)
     if np.linalg.det(axes) < 0:
         axes[:, 0] = -axes[:, 0]
     api = UsdPhysics.MassAPI.Apply(body)
-    api.CreateMassAttr(float(mass))
-    api.CreateCenterOfMassAttr(vec(com))
+    api.CreateMassAttr(float(link.mass))
+    api.CreateCenterOfMassAttr(vec(link.com))
     api.CreateDiagonalInertiaAttr(vec(moments))
     api.CreatePrincipalAxesAttr(quat(axes))
-
-
-def mass_properties(tree: Tree, link: Link) -> tuple[float, Array, Array]:
-    """Mass (kg), centre (3,) and tensor (3, 3) about it in the link's frame.
-
-    A rigid body must have a mass, also the static scene, which is fixed to the world so that its mass has no effect: it
-    counts as a surface that weighs as much per area as the parts do.
-    """
-    if link.mass is not None and link.com is not None and link.inertia is not None:
-        return link.mass, link.com, link.inertia
-    weighed = [(k.mass, k.visual.area) for k in tree.moving if k.mass is not None and k.visual.area > 0]
-    per_area = sum(m for m, _ in weighed) / sum(a for _, a in weighed) if weighed else _BOARD
-    corners = link.visual.vertices[link.visual.faces]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    mass = per_area * np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    total = float(mass.sum())
-    if total <= 0:
-        return _BOARD, np.zeros(3), np.eye(3) * _BOARD  # nothing is drawn: a square metre of board
-    com = mass @ corners.mean(axis=1) / total
-    corners = corners - com
-    vertices = np.concatenate([corners, corners.sum(axis=1, keepdims=True)], axis=1)
-    second = np.einsum("f,fki,fkj->ij", mass / 12, vertices, vertices)  # moments of triangles
-    return total, com, np.trace(second) * np.eye(3) - second
 
 
 def _touch(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:

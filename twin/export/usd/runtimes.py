@@ -142,6 +142,6 @@ def write_grasps(tree: Tree, folder: Path) -> None:
             curve.CreatePointsAttr(points(line))
             curve.CreateWidthsAttr([0.002])
             curve.SetWidthsInterpolation(UsdGeom.Tokens.constant)
-            curve.CreateExtentAttr(points(line + np.array([[-0.001], [0.001]])))
+            curve.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(curve, Usd.TimeCode.Default()))
             curve.CreatePurposeAttr(UsdGeom.Tokens.guide)
             curve.CreateDisplayColorAttr([Gf.Vec3f(0.1, 0.8, 0.2)])

@@ -8,9 +8,8 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.export.obj import write_image
-from twin.export.tree import Tree
+from twin.export.tree import Tree, front
 from twin.export.usd.layers import world_origins
-from twin.geometry import Array
 from twin.report.meshes import draw_meshes, look_at
 
 _SIZE = 256  # pixels, as SimReady's requirement SR.002 names the folder
@@ -29,21 +28,7 @@ def write_thumbnail(tree: Tree, path: Path) -> None:
         shown = np.zeros((1, 3))
     low, high = shown.min(axis=0), shown.max(axis=0)
     target, reach = (low + high) / 2, float(np.linalg.norm(high - low)) + 0.1
-    front = _front(tree)
-    side = np.cross([0.0, 0.0, 1.0], front)
-    eye = target + _AWAY * reach * geo.unit(front + _LEFT * side + [0.0, 0.0, _UP])
+    ahead = front(tree)
+    side = np.cross([0.0, 0.0, 1.0], ahead)
+    eye = target + _AWAY * reach * geo.unit(ahead + _LEFT * side + [0.0, 0.0, _UP])
     write_image(draw_meshes(meshes, look_at(eye, target, shown, _SIZE, _SIZE)), path)
-
-
-def _front(tree: Tree) -> Array:
-    """Level direction (3,) from which the parts open towards the viewer."""
-    total = np.zeros(3)
-    for link in tree.moving:
-        if link.grasp is not None:
-            total += link.grasp[:3, 2]  # out of the part
-        elif link.joint is not None and link.joint.kind == "prismatic":
-            total += link.joint.axis
-        elif link.joint is not None and len(link.visual.faces):
-            total += np.cross(link.joint.axis, link.visual.area_centroid)  # the way its middle starts to move
-    total[2] = 0.0
-    return geo.unit(total) if np.linalg.norm(total) > 1e-6 else np.array([0.0, -1.0, 0.0])

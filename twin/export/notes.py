@@ -1,0 +1,60 @@
+"""README.md of every exported folder: what is in it and what a reader must know."""
+
+from __future__ import annotations
+
+from twin.export.tree import ARMATURE, Tree
+
+_PASSIVE = """Its joints are passive. Isaac Sim's URDF importer makes every joint a position servo, which holds a door
+shut: set the joint drive's type to *None*, or its stiffness to 0, when you import."""
+
+
+def readme(tree: Tree, fmt: str) -> str:
+    """The text for format urdf, mjcf or usd."""
+    body = {"urdf": _urdf, "mjcf": _mjcf, "usd": _usd}[fmt](tree)
+    rows = ["| joint | type | lower | upper | damping | friction loss |", "|---|---|---|---|---|---|"]
+    for link in tree.moving:
+        j = link.joint
+        if j is not None:
+            unit = ("rad", "N m s/rad", "N m") if j.kind == "revolute" else ("m", "N s/m", "N")
+            cells = [f"{v:.4g} {u}" for v, u in zip(
+                (j.lower, j.upper, j.damping, j.frictionloss), (unit[0], *unit), strict=True)]  # fmt: skip
+            rows.append(f"| {j.name} | {j.kind} | {' | '.join(cells)} |")
+    told = "Metres, kilograms, seconds, radians; z up. Every joint is closed at 0 and opens towards its upper limit."
+    return f"# {tree.name}\n\n{body}\n\n{told}\n\n" + "\n".join(rows) + "\n"
+
+
+def _urdf(tree: Tree) -> str:
+    return f"""`{tree.name}.urdf` with `meshes/`: visual OBJ with texture, one convex OBJ or box per collision element. The link
+`world` carries the static scene by a fixed joint; the scene's mass has no effect.
+
+- {_PASSIVE.replace(chr(10), chr(10) + "  ")}
+- URDF has no contact friction, no pairs that must not collide and no stored poses: set friction in the simulator; the
+  collision shapes keep clear of each other.
+- `<part>_grasp` are frames without mass: x along the closing direction of a gripper, y along the handle, z out of the part.
+- Effort and velocity limits are placeholders far above what a hand does. MuJoCo's own `<mujoco>` element keeps the static
+  link and the visuals there; other readers skip it.
+- PyBullet: load with `URDF_USE_INERTIA_FROM_FILE`. SAPIEN ignores joint friction of URDF; set it after loading.
+- With `twin export --package NAME` this folder is the ROS package NAME, and `urdf/{tree.name}.urdf` uses package:// paths."""
+
+
+def _mjcf(tree: Tree) -> str:
+    return f"""`scene.xml` is `{tree.name}.xml` with floor and light; include or attach `{tree.name}.xml` into your own scene.
+
+- Keyframes `closed` and `open`; sites `<part>_grasp` (x along the closing direction of a gripper, y along the handle, z out
+  of the part); visual geoms in group 2, collision geoms in group 3.
+- Parts do not collide with what they are mounted on (`<exclude>`): hinges and runners are not modelled as contact.
+- Joints have armature {ARMATURE["revolute"]:g} kg m^2 or {ARMATURE["prismatic"]:g} kg, which keeps light parts well-conditioned."""
+
+
+def _usd(tree: Tree) -> str:
+    return f"""`{tree.name}.usda` is ready for MuJoCo and Newton, `{tree.name}_physx.usda` for Isaac Sim (PhysX). Both only refer to the
+asset `{tree.name}/simready_usd/{tree.name}.usda`, which your own scenes should refer to as well.
+
+- The asset is plain UsdPhysics, which has no passive damping or friction of joints. These come with the variant of a
+  runtime, `PhysX`, `Newton` or `MuJoCo`, all `Disabled` until you choose. Enable one only: readers would add up what
+  several say.
+- In PhysX damping is a joint drive without stiffness: the joint is passive, it does not hold a position.
+- Angles of joint limits are in degrees, damping of `Newton` and `PhysX` per degree, of `MuJoCo` per radian.
+- `<part>_grasp` are frames (x along the closing direction of a gripper, y along the handle, z out of the part); the variant
+  `Grasps` adds lines from finger to finger, which MuJoCo can't compile.
+- The static scene is fixed to the world; its mass has no effect."""
