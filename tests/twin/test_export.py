@@ -190,6 +190,16 @@ def test_every_folder_says_how_to_import_it(exported: Exported) -> None:
         assert "| drawer_joint | prismatic | 0 m | 0.3 m | 0.5 N s/m | 0.3 N |" in text
 
 
+def test_parts_may_be_called_like_what_the_writers_add(tmp_path: Path) -> None:
+    twin = cabinet_twin(name="PhysicsScene", nested=True, lid=True)
+    names = {"flap": "door_grasp", "drawer": "Joints", "lid": "materials"}
+    parts = tuple(replace(p, name=names.get(p.name, p.name)) for p in twin.parts)
+    twin = replace(twin, parts=parts, static=replace(twin.static, name="keyframes"))
+    report = funtwin.check(twin, export(twin, tmp_path))
+    assert report.warnings == ()
+    assert report.failures == ()
+
+
 def test_every_body_states_its_mass(exported: Exported) -> None:
     """Readers guess otherwise: from closed hulls, or one kilogram."""
     tree = build_tree(cabinet_twin(nested=True, lid=True))

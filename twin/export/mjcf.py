@@ -138,7 +138,10 @@ def _scene(tree: Tree) -> ET.Element:
     points = [k.visual.vertices for k in tree.links if len(k.visual.vertices)]
     low = points[0].min(axis=0) if points else np.zeros(3)
     high = points[0].max(axis=0) if points else np.ones(3)
-    center, extent = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    center, extent = (
+        (low + high) / 2,
+        0.7 * float(np.linalg.norm(high - low)),
+    )  # a camera 1.5 extents away sees all
     root = ET.Element("mujoco", model=f"{tree.name}_scene")
     ET.SubElement(root, "include", file=f"{tree.name}.xml")
     ET.SubElement(root, "option", integrator="implicitfast")

@@ -7,6 +7,7 @@ The root link is the static scene and its frame is the world.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -205,6 +206,14 @@ def front(tree: Tree) -> Array:
 
 def _moved(piece: Collision, pose: Array) -> Collision:
     return piece.transformed(pose) if isinstance(piece, Mesh) else Box(pose @ piece.T_world_box, piece.size)
+
+
+def unused(name: str, taken: Iterable[str]) -> str:
+    """The name, with underscores behind it until it is none of those taken, whatever their case."""
+    others = {t.lower() for t in taken}
+    while name.lower() in others:
+        name += "_"
+    return name
 
 
 def numbers(values: object) -> str:

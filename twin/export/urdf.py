@@ -11,7 +11,7 @@ from twin import geometry as geo
 from twin.export.asset import AssetInfo
 from twin.export.mjcf import write_xml
 from twin.export.obj import mean_color, write_hull, write_textured
-from twin.export.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
+from twin.export.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers, unused
 from twin.geometry import Array
 from twin.scene import Mesh
 
@@ -34,16 +34,18 @@ def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]
         balanceinertia="false",
     )
     ET.SubElement(root, "link", name="world")
+    links = [*(k.name for k in tree.links), "world"]
+    joints = [f"{tree.root.name}_to_world", *(k.joint.name for k in tree.links if k.joint is not None)]
     for link in tree.links:
         _link(root, link, meshes)
-        if link.grasp is not None:
-            _massless(ET.SubElement(root, "link", name=f"{link.name}_grasp"))
-    for link in tree.links:
         _joint(root, link)
         if link.grasp is not None:
-            fixed = ET.SubElement(root, "joint", name=f"{link.name}_grasp_joint", type="fixed")
+            frame = unused(f"{link.name}_grasp", links)
+            links.append(frame)
+            _massless(ET.SubElement(root, "link", name=frame))
+            fixed = ET.SubElement(root, "joint", name=unused(f"{frame}_joint", joints), type="fixed")
             ET.SubElement(fixed, "parent", link=link.name)
-            ET.SubElement(fixed, "child", link=f"{link.name}_grasp")
+            ET.SubElement(fixed, "child", link=frame)
             _origin(fixed, link.grasp)
     path = folder / f"{tree.name}.urdf"
     write_xml(root, path)

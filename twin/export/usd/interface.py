@@ -7,7 +7,7 @@ from pathlib import Path
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics
 
 from twin.export.asset import AssetInfo
-from twin.export.tree import Tree
+from twin.export.tree import Tree, unused
 from twin.export.usd.layers import new_layer, points
 from twin.export.usd.metadata import bounds, metadata
 from twin.export.usd.runtimes import RUNTIMES
@@ -63,6 +63,6 @@ def write_stage(tree: Tree, path: Path, runtime: str, extra: str = "") -> None:
         for file in filter(None, (extra, f"{tree.name}.usda")):  # the first is the stronger one
             root.GetReferences().AddReference(f"{asset}/{file}")
         root.GetVariantSets().GetVariantSet(runtime).SetVariantSelection("Enabled")
-        scene = UsdPhysics.Scene.Define(stage, "/PhysicsScene")
+        scene = UsdPhysics.Scene.Define(stage, f"/{unused('PhysicsScene', [tree.name])}")
         scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
         scene.CreateGravityMagnitudeAttr(9.81)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
 
 from twin import geometry as geo
-from twin.export.tree import Tree
+from twin.export.tree import Tree, unused
 from twin.geometry import Array
 
 
@@ -45,14 +45,19 @@ def link_path(tree: Tree, link: str) -> str:
     return f"/{tree.name}/{link}"
 
 
+def scope_path(tree: Tree, name: str) -> str:
+    """Prim that holds all joints, materials or keyframes, beside the bodies; a body of that name keeps it."""
+    return f"/{tree.name}/{unused(name, (k.name for k in tree.links))}"
+
+
 def joint_path(tree: Tree, name: str) -> str:
     """Prim of a joint."""
-    return f"/{tree.name}/Joints/{name}"
+    return f"{scope_path(tree, 'Joints')}/{name}"
 
 
 def material_path(tree: Tree, name: str) -> str:
     """Prim of a material."""
-    return f"/{tree.name}/Materials/{name}"
+    return f"{scope_path(tree, 'Materials')}/{name}"
 
 
 def world_origins(tree: Tree) -> dict[str, Array]:

@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
 from twin.export.obj import bake, mean_color, write_image
 from twin.export.tree import Link, Tree
-from twin.export.usd.layers import link_path, material_path, new_layer
+from twin.export.usd.layers import link_path, material_path, new_layer, scope_path
 
 _LIBRARY = "MaterialsLibrary.usdc"
 _UNKNOWN = "unknown"  # the material of a surface is not observed
@@ -24,7 +24,7 @@ def write_looks(tree: Tree, payload: Path, textures: Path) -> None:
             _look(stage, f"/Materials/{link.name}_look", link, payload, textures)
     with new_layer(payload / "Materials.usda", tree.name, "Which look a shape is drawn with") as stage:
         stage.OverridePrim(f"/{tree.name}")
-        UsdGeom.Scope.Define(stage, f"/{tree.name}/Materials")
+        UsdGeom.Scope.Define(stage, scope_path(tree, "Materials"))
         for link in drawn:
             name = f"{link.name}_look"
             prim = stage.DefinePrim(material_path(tree, name))

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 from twin import geometry as geo
 from twin.export.tree import Link, Tree
 from twin.export.usd.geometry import collision_names
-from twin.export.usd.layers import joint_path, link_path, material_path, new_layer, quat, vec
+from twin.export.usd.layers import joint_path, link_path, material_path, new_layer, quat, scope_path, vec
 from twin.export.usd.looks import define_surface
 from twin.geometry import Array
 from twin.scene import Mesh
@@ -22,7 +22,7 @@ def write_physics(tree: Tree, payload: Path) -> None:
         stage.OverridePrim(f"/{tree.name}")
         for link in tree.links:
             _body(stage, tree, link)
-        UsdGeom.Scope.Define(stage, f"/{tree.name}/Joints")
+        UsdGeom.Scope.Define(stage, scope_path(tree, "Joints"))
         for link in tree.links:
             _joint(stage, tree, link)
 

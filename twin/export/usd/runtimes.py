@@ -12,7 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from twin.export.tree import ARMATURE, Link, Tree, TreeJoint
 from twin.export.usd.geometry import collision_names
-from twin.export.usd.layers import joint_path, link_path, new_layer, points
+from twin.export.usd.layers import joint_path, link_path, new_layer, points, scope_path
 from twin.export.usd.physics import degrees_per
 from twin.scene import Mesh
 
@@ -101,9 +101,9 @@ def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
     joints = [j for _, j in _joints(tree)]
     if not joints:
         return
-    UsdGeom.Scope.Define(stage, f"/{tree.name}/Keyframes")
+    keys = UsdGeom.Scope.Define(stage, scope_path(tree, "Keyframes")).GetPath()
     for name, state in (("closed", [0.0] * len(joints)), ("open", [j.upper for j in joints])):
-        key = stage.DefinePrim(f"/{tree.name}/Keyframes/{name}", "MjcKeyframe")
+        key = stage.DefinePrim(keys.AppendChild(name), "MjcKeyframe")
         key.CreateAttribute("mjc:qpos", Sdf.ValueTypeNames.DoubleArray, custom=False).Set(state)
 
 
