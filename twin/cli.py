@@ -28,6 +28,7 @@ VERBS = {
     "check": ("twin.verbs:check", "load the exported files in other programs and compare them with the twin"),
     "replay": ("twin.verbs:replay", "let a robot open the twin's parts in simulation"),
     "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
+    "physics": ("twin.physics_verbs:physics", "show, set or estimate what parts weigh and how they resist"),
     "doctor": ("twin.verbs:doctor", "say what this machine lacks, and how to get it"),
     "engines": (
         "twin.verbs:engines",
@@ -141,6 +142,10 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
     add("--json", action="store_true", help="print one JSON object instead of tables")
     if verb in ("export", "check", "replay", "evaluate"):
         add("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
+    if verb == "physics":
+        from twin.physics_options import add_options
+
+        add_options(parser)
     if verb == "demo":
         add("--recording", type=Path, help="another recording than the shipped one")
         add("-o", "--out", metavar="RUN", type=Path, default=Path("out/demo"), help="run folder [out/demo]")

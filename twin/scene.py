@@ -15,31 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.errors import SceneError
+from twin.errors import SceneError, nearest_name
 from twin.geometry import Array
 from twin.names import is_legal_name, legal_name
+from twin.quantities import ORIGINS as ORIGINS
+from twin.quantities import Inertial as Inertial
+from twin.quantities import Origin as Origin
+from twin.quantities import PartPhysics as PartPhysics
+from twin.quantities import Quantity as Quantity
+from twin.quantities import frozen_array as _frozen
+from twin.quantities import origin_of as origin_of
+from twin.quantities import set_field as _set
 
 STATIC_LABEL = 1
 HAND_LABEL = 255
 UNKNOWN_LABEL = 0
 FIRST_PART_ID = 2
-
-
-def _frozen(values: Any, shape: tuple[int | None, ...], what: str, dtype: Any = np.float64) -> NDArray[Any]:
-    """Read-only copy with a checked shape (None = any length) and finite values."""
-    a = np.array(values, dtype=dtype)
-    if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
-        raise SceneError(f"{what} must have shape {shape}, got {a.shape}")
-    if a.dtype.kind == "f" and not np.all(np.isfinite(a)):
-        raise SceneError(
-            f"{what} holds values that are not finite", "drop or repair them before building the type"
-        )
-    a.flags.writeable = False
-    return a
-
-
-def _set(instance: object, name: str, value: Any) -> None:
-    object.__setattr__(instance, name, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,62 +220,6 @@ class Motion:
             raise SceneError(f"an interval must have first < last, got {self.intervals}")
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A number with its interval (low, high) and where it comes from (measured, geometry x table, user, ...)."""
-
-    value: float
-    source: str
-    interval: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        low, high = self.interval
-        if not (
-            np.isfinite(self.value) and np.isfinite(low) and np.isfinite(high) and low <= self.value <= high
-        ):
-            raise SceneError(
-                f"a quantity must lie inside its finite interval, got {self.value} in {self.interval}"
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class Inertial:
-    """Mass (kg) with interval and source, centre of mass (3,) m and inertia tensor (3, 3) kg m^2 about it.
-
-    World axes at state 0. The tensor is positive definite and its principal moments obey the triangle inequality.
-    """
-
-    mass: Quantity
-    com: Array
-    inertia: Array
-
-    def __post_init__(self) -> None:
-        _set(self, "com", _frozen(self.com, (3,), "centre of mass"))
-        _set(self, "inertia", _frozen(self.inertia, (3, 3), "inertia tensor"))
-        if self.mass.value <= 0:
-            raise SceneError(f"mass must be positive, got {self.mass.value} kg")
-        if not np.allclose(self.inertia, self.inertia.T, rtol=1e-9, atol=1e-15):
-            raise SceneError("inertia tensor must be symmetric")
-        moments = np.linalg.eigvalsh(self.inertia)
-        if moments[0] <= 0:
-            raise SceneError(
-                f"inertia must be positive definite, its principal moments are {moments.tolist()}"
-            )
-        if moments[2] > (moments[0] + moments[1]) * (1 + 1e-6):
-            raise SceneError(f"principal moments {moments.tolist()} break the triangle inequality")
-
-
-@dataclass(frozen=True)
-class PartPhysics:
-    """Contact and joint physics: sliding friction (-), joint damping (N s/m or N m s/rad), joint frictionloss
-    (N or N m), material density (kg/m^3)."""
-
-    friction: Quantity
-    damping: Quantity
-    frictionloss: Quantity
-    density: Quantity
-
-
 @dataclass(frozen=True, eq=False)
 class ContactPath:
     """Where the hand held the part.
@@ -437,7 +372,9 @@ class Twin:
             if key in (p.id, p.name):
                 return p
         known = ", ".join(f"{p.name} (id {p.id})" for p in self.parts) or "none"
-        raise SceneError(f"the twin has no part {key!r}", f"its parts are: {known}")
+        close = nearest_name(str(key), [p.name for p in self.parts])
+        hint = f"did you mean {close!r}? " if close else ""
+        raise SceneError(f"the twin has no part {key!r}", f"{hint}its parts are: {known}")
 
     def part_pose(self, key: int | str, states: Mapping[int, float]) -> Array:
         """T_world_part (4, 4), the motion from state 0, of a part when every part id in `states` is at that state.

@@ -63,11 +63,42 @@ def load(folder: Path) -> Twin:
     """
     from twin.storage_read import read_twin
 
+    return read_twin(twin_folder(folder))
+
+
+def twin_folder(folder: Path) -> Path:
+    """The folder that holds twin.json: RUN/twin, given itself or RUN. Raises InputError when there is none."""
     folder = Path(folder)
     here = folder if (folder / "twin.json").is_file() else folder / "twin"
     if not (here / "twin.json").is_file():
         raise InputError(f"{folder} holds no twin.json", "give a run folder or its folder twin/")
-    return read_twin(here)
+    return here
+
+
+def save_values(twin: Twin, folder: Path) -> None:
+    """Replace twin.json alone, at once, for a twin whose numbers changed while its meshes, cameras and labels did not.
+
+    Raises InputError when a mesh of the twin is not in the folder, or the folder can't be written.
+    """
+    here = twin_folder(folder)
+    meshes: dict[str, Mesh] = {}
+    text = json_text(twin_document(twin, meshes)) + "\n"
+    absent = [name for name in meshes if not (here / name).is_file()]
+    if absent:
+        raise InputError(f"{here / absent[0]} does not exist", "save the whole twin with twin.save")
+    try:
+        handle, name = tempfile.mkstemp(prefix=".twin.json-", dir=here)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as out:
+                out.write(text)
+                out.flush()
+                os.fsync(out.fileno())
+            Path(name).chmod((here / "twin.json").stat().st_mode & 0o777)
+            Path(name).replace(here / "twin.json")
+        finally:
+            Path(name).unlink(missing_ok=True)
+    except OSError as e:
+        raise InputError(f"{here} can't be written: {e.strerror}", "give a folder that you may write") from e
 
 
 class LabelFolder(Mapping[int, "NDArray[np.uint8]"]):
@@ -201,6 +232,11 @@ def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
     }
 
 
+def part_document(part: Part) -> dict[str, Any]:
+    """What twin.json says about a part."""
+    return _part(part, {})
+
+
 def _joint(p: Part, j: Joint) -> dict[str, Any]:
     s = j.sigma
     return {
@@ -222,13 +258,21 @@ def _joint(p: Part, j: Joint) -> dict[str, Any]:
 def _inertial(p: Part) -> dict[str, Any] | None:
     if p.inertial is None:
         return None
-    i, q = p.inertial.inertia, p.inertial.mass
+    i, q, factors, box = (
+        p.inertial.inertia,
+        p.inertial.mass,
+        p.inertial.inertia_interval,
+        p.inertial.com_interval,
+    )
     return {
         "mass": float(q.value),
         "com": p.inertial.com.tolist(),
         "inertia": [float(i[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
         "source": q.source,
         "mass_interval": [float(v) for v in q.interval],
+        "inertia_source": p.inertial.inertia_source,
+        "inertia_interval": None if factors is None else list(factors),
+        "com_interval": None if box is None else box.tolist(),
     }
 
 

@@ -32,6 +32,7 @@ from twin.scene import (
     StaticPart,
     Trajectory,
     Twin,
+    origin_of,
 )
 from twin.storage import FORMAT, LabelFolder
 
@@ -190,18 +191,32 @@ def _motion(n: Node) -> Motion:
 def _inertial(n: Node) -> Inertial:
     xx, yy, zz, xy, xz, yz = n.array("inertia", (6,))
     low, high = n.array("mass_interval", (2,))
+    factors = None if n.value.get("inertia_interval") is None else n.array("inertia_interval", (2,))
     with n.building():
         return Inertial(
-            Quantity(n.number("mass"), n.text("source"), (float(low), float(high))),
+            Quantity(n.number("mass"), _source(n, "source"), (float(low), float(high))),
             n.array("com", (3,)),
             np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+            "" if n.value.get("inertia_source") is None else _source(n, "inertia_source"),
+            None if factors is None else (float(factors[0]), float(factors[1])),
+            None if n.value.get("com_interval") is None else n.array("com_interval", (2, 3)),
         )
+
+
+def _source(n: Node, key: str) -> str:
+    """A source text. Twins made before sources began with a word are told by what was written then."""
+    text = n.text(key)
+    if origin_of(text) != "other":
+        return text
+    if text.startswith("surface area x thickness"):
+        return f"geometry: {text}"
+    return f"default: {text}" if "chosen by us" in text else text
 
 
 def _quantity(n: Node) -> Quantity:
     low, high = n.array("interval", (2,))
     with n.building():
-        return Quantity(n.number("value"), n.text("source"), (float(low), float(high)))
+        return Quantity(n.number("value"), _source(n, "source"), (float(low), float(high)))
 
 
 def _physics(n: Node) -> PartPhysics:

@@ -91,7 +91,7 @@ def boards_inertial(boards: list[Board], T_world_cabinet: Array, density: float 
     mass = float(masses.sum())
     rotated = r @ tensor @ r.T
     return Inertial(
-        Quantity(mass, "closed form", (0.8 * mass, 1.2 * mass)),
+        Quantity(mass, "other: closed form", (0.8 * mass, 1.2 * mass)),
         geo.transform(T_world_cabinet, com[None])[0],
         (rotated + rotated.T) / 2,
     )
@@ -132,10 +132,10 @@ def opening_motion(upper: float, frames: int = 60, rate: float = 15.0) -> Motion
 
 def default_physics() -> PartPhysics:
     return PartPhysics(
-        friction=Quantity(0.6, "chosen", (0.3, 0.9)),
-        damping=Quantity(0.5, "chosen", (0.1, 2.0)),
-        frictionloss=Quantity(0.3, "chosen", (0.0, 1.0)),
-        density=Quantity(DENSITY, "chosen", (600.0, 800.0)),
+        friction=Quantity(0.6, "default: chosen", (0.3, 0.9)),
+        damping=Quantity(0.5, "default: chosen", (0.1, 2.0)),
+        frictionloss=Quantity(0.3, "default: chosen", (0.0, 1.0)),
+        density=Quantity(DENSITY, "default: chosen", (600.0, 800.0)),
     )
 
 

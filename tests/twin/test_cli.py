@@ -32,6 +32,7 @@ ARGUMENTS: dict[str, list[str]] = {
     "replay": ["run"],
     "evaluate": ["run", "--truth", "truth"],
     "doctor": [],
+    "physics": ["show", "run"],
 }
 
 

@@ -79,6 +79,20 @@ def test_a_nested_part_is_carried_by_its_parent() -> None:
     assert np.allclose(twin.part_pose("flap", {5: 0.3}), flap.joint.pose(0.3))
 
 
+def inertial(**options: object) -> Inertial:
+    return Inertial(Quantity(1.0, "x", (0, 1)), np.zeros(3), np.eye(3), **options)  # type: ignore[arg-type]
+
+
+def test_a_source_begins_with_a_known_word_or_counts_as_other() -> None:
+    def origin(source: str) -> str:
+        return Quantity(1.0, source, (1.0, 1.0)).origin
+
+    assert origin("measured: kitchen scale") == "measured"
+    assert origin("user") == "user"
+    assert origin("users: two of them") == "other"
+    assert origin("a scale: measured") == "other"
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -98,6 +112,12 @@ def test_a_nested_part_is_carried_by_its_parent() -> None:
             lambda: Inertial(Quantity(1.0, "x", (0, 1)), np.zeros(3), np.diag([1, 1, -1.0])),
             "positive definite",
         ),
+        (lambda: Quantity(2.0, "user: a\nb", (0.0, 3.0)), "one line"),
+        (lambda: Quantity(2.0, " ", (0.0, 3.0)), "one line"),
+        (lambda: inertial(inertia_interval=(1.1, 1.2)), "factors around 1"),
+        (lambda: inertial(inertia_interval=(0.5, np.inf)), "factors around 1"),
+        (lambda: inertial(com_interval=[[0, 0, 0], [1, 1, -1]]), "inside its interval"),
+        (lambda: inertial(com_interval=[[0, 0, 0]]), "shape"),
         (lambda: ContactPath(np.zeros(3), np.diag([1, 1, -1.0]), 0.01, (), "x"), "right-handed"),
         (lambda: ContactPath(np.zeros(3), np.eye(3), -0.01, (), "x"), "width"),
         (lambda: Motion([0, 2, 2], [0, 1, 2], [0, 0, 0]), "strictly increase"),

@@ -24,7 +24,14 @@ def full_twin() -> Twin:
         door.joint, sigma=JointSigma(0.0012, 0.003, 0.01), covariance=np.diag([1e-6, 2e-6, 3e-6, 4e-6])
     )
     hull = boards_mesh(door_boards()[:1], cut=0)
-    door = replace(door, joint=joint, collision=(*door.collision, Mesh(hull.vertices, hull.faces)))
+    assert door.inertial is not None
+    box = door.inertial.com + np.array([[-0.01, -0.02, -0.03], [0.01, 0.02, 0.04]])
+    inertial = replace(
+        door.inertial, inertia_source="geometry: test", inertia_interval=(0.7, 1.4), com_interval=box
+    )
+    door = replace(
+        door, joint=joint, inertial=inertial, collision=(*door.collision, Mesh(hull.vertices, hull.faces))
+    )
     return replace(twin, parts=(door, *twin.parts[1:]))
 
 
@@ -39,6 +46,9 @@ def same_part(a: Part, b: Part) -> None:
     assert np.array_equal(a.motion.state, b.motion.state)
     assert a.motion.intervals == b.motion.intervals
     assert np.array_equal(a.inertial.inertia, b.inertial.inertia)
+    assert a.inertial.inertia_source == b.inertial.inertia_source
+    assert a.inertial.inertia_interval == b.inertial.inertia_interval
+    assert np.array_equal(a.inertial.com_interval, b.inertial.com_interval)
     assert (a.inertial.mass, a.physics) == (b.inertial.mass, b.physics)
     assert (a.limits_source, a.closed_source, a.type_source) == (
         b.limits_source,
@@ -182,3 +192,23 @@ def test_ply_reads_float_files_of_others_and_refuses_cut_ones(tmp_path: Path) ->
     theirs = trimesh.load(ours, process=False)
     assert np.array_equal(theirs.vertices, mesh.vertices)
     assert np.array_equal(theirs.visual.vertex_colors[:, :3], mesh.colors)
+
+
+def test_twins_saved_before_sources_began_with_a_word_are_read(tmp_path: Path) -> None:
+    save(cabinet_twin(), tmp_path)
+    document = json.loads((tmp_path / "twin.json").read_text())
+    door = document["parts"][0]
+    for key in ("inertia_source", "inertia_interval", "com_interval"):
+        del door["inertial"][key]
+    door["inertial"]["source"] = "surface area x thickness x density of furniture_board"
+    door["physics"]["friction"]["source"] = "chosen by us"
+    door["physics"]["damping"]["source"] = "a colleague"
+    (tmp_path / "twin.json").write_text(json.dumps(document))
+    part = load(tmp_path).part("door")
+    assert part.inertial.mass.origin == "geometry"
+    assert part.inertial.inertia_source == part.inertial.mass.source
+    assert part.inertial.inertia_interval is None
+    assert part.inertial.com_interval is None
+    assert part.physics.friction.source == "default: chosen by us"
+    assert part.physics.damping.source == "a colleague"
+    assert part.physics.damping.origin == "other"

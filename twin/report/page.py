@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
+from twin.physics_text import described
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, Section, load_section, twin_key
-from twin.scene import Inertial, Part, Twin
+from twin.scene import Part, Twin
 from twin.stages import MANIFEST, read_json, write_text
 from twin.storage import load
 
@@ -130,28 +131,11 @@ def part_facts(part: Part) -> list[tuple[str, str, str]]:
     if part.motion.intervals:
         moved = ", ".join(f"{a}-{b}" for a, b in part.motion.intervals)
         facts.append(("moving frames", moved, f"residual {part.motion.residual * 1000:.1f} mm"))
-    if part.inertial is not None:
-        facts += _inertial_facts(part.inertial)
-    if part.physics is not None:
-        units = {"friction": "", "damping": " N m s" if u == "°" else " N s/m", "density": " kg/m³"}
-        units["frictionloss"] = " N m" if u == "°" else " N"
-        for name, text in units.items():
-            q = getattr(part.physics, name)
-            facts.append(
-                (name, f"{q.value:.3g}{text} ({q.interval[0]:.3g} to {q.interval[1]:.3g})", q.source)
-            )
+    facts += described(part)
     if part.contact is not None:
         c = part.contact
         facts.append(("hand holds at", f"{_vector(c.point)} m, {c.width * 1000:.0f} mm wide", c.source))
     return facts
-
-
-def _inertial_facts(inertial: Inertial) -> list[tuple[str, str, str]]:
-    m = inertial.mass
-    return [
-        ("mass", f"{m.value:.2f} kg ({m.interval[0]:.2f} to {m.interval[1]:.2f})", m.source),
-        ("centre of mass", f"{_vector(inertial.com)} m", ""),
-    ]
 
 
 def _replay(run: Path, film: Path) -> dict[str, Any]:

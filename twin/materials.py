@@ -1,0 +1,73 @@
+"""The table of materials: densities, board thickness and friction, and the resistance of joints, each with its source."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from twin.errors import ConfigError, SceneError, nearest_name
+from twin.quantities import Quantity, origin_of
+
+_TABLE = Path(__file__).resolve().parents[1] / "assets" / "materials.toml"
+
+
+@dataclass(frozen=True)
+class Material:
+    """Density kg/m^3, board thickness m and sliding friction."""
+
+    name: str
+    density: Quantity
+    thickness: Quantity
+    friction: Quantity
+
+
+@dataclass(frozen=True)
+class MaterialTable:
+    """Materials by name, the default one, and joint resistance by joint type ("revolute": N m and N m s/rad,
+    "prismatic": N and N s/m) as frictionloss and damping."""
+
+    default: str
+    materials: Mapping[str, Material]
+    joints: Mapping[str, Mapping[str, Quantity]]
+
+    def material(self, name: str) -> Material:
+        """The material of that name. Raises ConfigError with the nearest name."""
+        if name not in self.materials:
+            close = nearest_name(name, list(self.materials))
+            hint = f"did you mean {close!r}? " if close else ""
+            raise ConfigError(
+                f"material {name!r} is not in the table", hint + f"known: {', '.join(self.materials)}"
+            )
+        return self.materials[name]
+
+
+def read_materials(path: Path = _TABLE) -> MaterialTable:
+    """Read a table of materials (TOML, see assets/materials.toml). Raises ConfigError naming file and entry."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as e:
+        raise ConfigError(
+            f"table of materials {path} can't be read: {e}", "start from assets/materials.toml"
+        ) from e
+    try:
+        materials = {
+            name: Material(name, *(_quantity(row[k]) for k in ("density", "thickness", "friction")))
+            for name, row in data["materials"].items()
+        }
+        joints = {k: {q: _quantity(v) for q, v in row.items()} for k, row in data["joints"].items()}
+        return MaterialTable(materials[data["default"]].name, materials, joints)
+    except (KeyError, TypeError, SceneError) as e:
+        raise ConfigError(f"table of materials {path}: {e}", "start from assets/materials.toml") from e
+
+
+def _quantity(row: Mapping[str, Any]) -> Quantity:
+    """A number of the table; what its source does not call measured is a default."""
+    low, high = row["interval"]
+    source = str(row["source"])
+    source = (
+        source if origin_of(source) == "measured" else f"default: {source.removeprefix('default:').strip()}"
+    )
+    return Quantity(float(row["value"]), source, (float(low), float(high)))

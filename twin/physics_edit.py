@@ -1,0 +1,146 @@
+"""Numbers that a user gives: a weighed mass, a material, friction and joint resistance, each kept with its source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from twin.errors import InputError, SceneError
+from twin.materials import Material, MaterialTable, read_materials
+from twin.physics import joint_and_contact
+from twin.physics_options import UNITS
+from twin.physics_text import described
+from twin.quantities import Inertial, Quantity
+from twin.scene import Part, Twin
+from twin.surface_mass import shell_inertial
+
+# Half width of the interval of a number that came without one, as a share of it; chosen by us. A kitchen or luggage scale
+# is good to 2 %, a force or friction measured by hand to 10 %, a number from memory or a data sheet of another model to 20 %.
+_MEASURED = {"mass": 0.02}
+_MEASURED_ELSE, _STATED = 0.10, 0.20
+# Numbers that somebody took the trouble to find out: nothing but the user replaces them.
+KEPT = ("measured", "user")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number before (None: there was none) and after."""
+
+    name: str
+    before: str | None
+    after: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Edited:
+    """The changed twin, what changed, and what looks wrong about it."""
+
+    twin: Twin
+    changes: tuple[Change, ...]
+    warnings: tuple[str, ...]
+
+
+def given(
+    name: str,
+    value: float,
+    interval: tuple[float, float] | None = None,
+    measured: bool = False,
+    note: str = "",
+) -> Quantity:
+    """A number from the user; without an interval, 2 % around a weighed mass, 10 % around another measurement, 20 % around
+    what is only stated.
+
+    Raises InputError: the value is not finite, negative (a mass also zero), or not inside its interval.
+    """
+    least = "positive" if name == "mass" else "zero or more"
+    if not np.isfinite(value) or value < 0 or (name == "mass" and value == 0):
+        raise InputError(f"{name} must be {least}, got {value:g}", f"give it in {UNITS[name]}")
+    if interval is None:
+        width = value * (_MEASURED.get(name, _MEASURED_ELSE) if measured else _STATED)
+        interval = (value - width, value + width)
+    low, high = interval
+    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        raise InputError(f"the interval of {name} is reversed or not finite: {low:g} to {high:g}", "LOW HIGH")
+    if low < 0 or not low <= value <= high:
+        raise InputError(
+            f"{name} {value:g} must lie inside its interval {low:g} to {high:g}, which holds nothing negative",
+            f"give the interval in {UNITS[name]}",
+        )
+    word = "measured" if measured else "user"
+    return Quantity(float(value), f"{word}: {note or 'given by the user'}", (float(low), float(high)))
+
+
+def set_physics(
+    twin: Twin,
+    key: int | str,
+    values: Mapping[str, Quantity],
+    material: str | None = None,
+    table: MaterialTable | None = None,
+) -> Edited:
+    """Replace numbers of one part and keep the others.
+
+    Args:
+        key: name or id of the part. values: "mass", "friction", "damping", "frictionloss", from `given`.
+        material: a name of the table; how mass is spread, density and friction then come from it, and so does the mass
+            unless it was measured or stated by the user.
+
+    The centre and the tensor keep the shape that the surface gives and grow with the mass.
+
+    Raises SceneError, ConfigError for an unknown part or material; InputError for an unknown quantity.
+    """
+    unknown = sorted(set(values) - set(UNITS))
+    if unknown:
+        raise InputError(f"{unknown[0]!r} can't be set", f"what can: {', '.join(UNITS)}")
+    table = table or read_materials()
+    old = twin.part(key)
+    chosen = table.material(material or table.default)
+    prior = _prior(old, chosen)
+    inertial, physics = old.inertial, old.physics or joint_and_contact(old, chosen, table)
+    if material or inertial is None:
+        fresh = prior or shell_inertial(old.mesh, chosen)  # the second tells what is wrong with the mesh
+        keep = inertial is not None and inertial.mass.origin in KEPT
+        inertial = fresh.with_mass(inertial.mass) if keep and inertial is not None else fresh
+    if material:
+        named = joint_and_contact(old, chosen, table, "named by the user")
+        friction = physics.friction if physics.friction.origin in KEPT else named.friction
+        physics = replace(physics, density=named.density, friction=friction)
+    if "mass" in values:
+        inertial = inertial.with_mass(values["mass"])
+    physics = replace(physics, **{k: v for k, v in values.items() if k != "mass"})
+    new = replace(old, inertial=inertial, physics=physics)
+    parts = tuple(new if p.id == old.id else p for p in twin.parts)
+    return Edited(replace(twin, parts=parts), changes(old, new), _doubts(old, inertial.mass, prior))
+
+
+def _prior(part: Part, material: Material) -> Inertial | None:
+    """What the surface alone says about the part's mass; None for a mesh without area."""
+    try:
+        return shell_inertial(part.mesh, material)
+    except SceneError:
+        return None
+
+
+def _doubts(part: Part, mass: Quantity, prior: Inertial | None) -> tuple[str, ...]:
+    if prior is None or mass.origin not in KEPT:
+        return ()
+    low, high = prior.mass.interval
+    if low <= mass.interval[1] and mass.interval[0] <= high:
+        return ()
+    why = prior.mass.source.partition(": ")[2]
+    told = (
+        f"{part.name}: {mass.value:.3g} kg lies outside of {low:.3g} to {high:.3g} kg, which its {why} allow"
+    )
+    return (f"{told}: check the unit, the material (--material) and whether the mesh holds the whole part",)
+
+
+def changes(old: Part, new: Part) -> tuple[Change, ...]:
+    """What differs between two states of a part, in the words of `described`."""
+    before = {name: (text, source) for name, text, source in described(old)}
+    return tuple(
+        Change(name, before[name][0] if name in before else None, text, source)
+        for name, text, source in described(new)
+        if before.get(name) != (text, source)
+    )

@@ -1,0 +1,46 @@
+"""Options of the verb `physics`; imports nothing heavy, so that the command line answers at once."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+UNITS = {
+    "mass": "kg",
+    "friction": "1 (sliding friction coefficient)",
+    "damping": "N m s/rad for a hinge, N s/m for a slide",
+    "frictionloss": "N m for a hinge, N for a slide",
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The actions of the verb and their options."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    texts = {
+        "show": "print every quantity with its interval and source",
+        "set": "give weighed or known numbers",
+    }
+    for name, text in texts.items():
+        sub = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+        sub.add_argument(
+            "run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/"
+        )
+        sub.add_argument("--part", metavar="NAME", help="the part; may be left out when there is only one")
+        sub.add_argument("--json", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        if name == "set":
+            _set_options(sub)
+
+
+def _set_options(sub: argparse.ArgumentParser) -> None:
+    for name, unit in UNITS.items():
+        sub.add_argument(f"--{name}", metavar="X", type=float, help=unit)
+        sub.add_argument(
+            f"--{name}-interval", metavar=("LOW", "HIGH"), nargs=2, type=float, help="where it lies"
+        )
+    sub.add_argument("--material", metavar="NAME", help="a material of assets/materials.toml")
+    sub.add_argument(
+        "--measured", action="store_true", help="the numbers were weighed or measured on this part"
+    )
+    sub.add_argument(
+        "--note", metavar="TEXT", default="", help="kept with the numbers, e.g. how they were measured"
+    )

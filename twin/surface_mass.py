@@ -1,0 +1,188 @@
+"""Mass, centre and inertia of a part from its surface and a material, with the intervals in which they lie.
+
+A reconstructed part is a surface, not a solid. Each triangle stands for a slab of material behind it (against its normal):
+- where the opposite side of the same board was seen too, at most `_MAX_BOARD` times the table's thickness behind, each
+  side stands for half of what lies between them, and never for more than half the table's thickness;
+- where only one side was seen, it stands for the table's whole thickness.
+What lies behind several faces, as at a board's rim, counts for the nearest one alone. So a board counts once, whichever of
+its sides were seen, and hollow furniture weighs panel area x thickness x density, never what its hull would hold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from twin.errors import SceneError
+from twin.geometry import Array
+from twin.mass_bounds import shape_bounds
+from twin.materials import Material
+from twin.quantities import Inertial, Quantity
+from twin.scene import Mesh
+
+_MAX_BOARD = 2.5  # chosen by us: two opposite faces further apart than this many thicknesses bound a hollow, not a board
+_STEP_IN = 1e-5  # m: a ray starts a little inside so that it can't hit its own face
+_FACING = -0.3  # cosine: the other side of a board faces the other way, up to noise
+_DEPTHS = (
+    6  # points behind each face that ask whether another face is nearer; 12 change masses by less than 0.5 %
+)
+_EDGE = (
+    1.4  # board thicknesses: faces are cut until no edge is longer; half of it changes masses by about 1 %
+)
+_MOST_FACES = 30_000  # but not into many more than these
+
+
+def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
+    """Mass (kg), centre and inertia tensor of a surface that stands for boards of `material`, each with its interval.
+
+    The mass lies between thin boards of light material and thick ones of heavy material. The intervals of centre and
+    tensor hold for any spread of such boards over the part: a heavy front on a light box, glass in a frame.
+
+    Raises SceneError for a mesh without area.
+    """
+    if mesh.area < 1e-9:
+        raise SceneError("a part's mesh has no area, so its mass can't be estimated", "give the part a mesh")
+    t, rho = material.thickness, material.density
+    shell = _Shell.of(mesh, t.value)
+    share = shell.slabs(t.value)
+    thin, thickest = (shell.slabs(v) for v in t.interval)
+    light, heavy = shell.areas * thin * rho.interval[0], shell.areas * thickest * rho.interval[1]
+    mass = shell.areas * share * rho.value
+    total = float(mass.sum())
+    interval = (min(float(light.sum()), total), max(float(heavy.sum()), total))
+    source = f"geometry: surface area x thickness x density of {material.name}"
+    com, tensor = _slab_moments(shell.mesh, shell.normals, share, mass)
+    outside = shell.mesh.vertices[shell.mesh.faces].mean(axis=1)
+    middles = [outside - shell.normals * thick[:, None] / 2 for thick in (thin, share, thickest)]
+    weights = (np.minimum(light, mass), mass, np.maximum(heavy, mass))
+    factors, box = shape_bounds(middles, weights, com, tensor)
+    spread = (factors[0] * interval[0] / total, factors[1] * interval[1] / total)
+    return Inertial(Quantity(total, source, interval), com, tensor, source, spread, box)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shell:
+    """A surface cut into small faces: areas (F,) m^2, normals (F, 3), distance (F,) m to the board's other side."""
+
+    mesh: Mesh
+    areas: Array
+    normals: Array
+    gap: Array
+    solid: float | None
+
+    @staticmethod
+    def of(mesh: Mesh, thickness: float) -> _Shell:
+        solid = _closed_volume(mesh)
+        fine = _cut(mesh, thickness)
+        areas, normals = _face_frames(fine)
+        return _Shell(fine, areas, normals, behind(fine, normals, _MAX_BOARD * thickness), solid)
+
+    def slabs(self, thickness: float) -> Array:
+        """Thickness (F,) of the material that each face stands for; nothing is counted twice."""
+        both = np.isfinite(self.gap)
+        share = np.where(both, np.minimum(np.where(both, self.gap, 0.0), thickness) / 2, thickness)
+        share = share * self._own(share)
+        total = float(self.areas @ share)
+        return share * min(1.0, self.solid / total) if self.solid is not None else share
+
+    def _own(self, share: Array) -> Array:
+        """Share (F,) of what lies behind each face that lies behind no other face nearer to it."""
+        nodes, weights = np.polynomial.legendre.leggauss(_DEPTHS)  # in no step with a regular mesh
+        depths = (nodes + 1.0) / 2.0
+        centres = self.mesh.vertices[self.mesh.faces].mean(axis=1)
+        points = centres[:, None] - self.normals[:, None] * (share[:, None] * depths)[:, :, None]
+        closest = _scene(self.mesh).compute_closest_points(_tensor(points.reshape(-1, 3)))
+        other = closest["primitive_ids"].numpy().reshape(points.shape[:2]).astype(np.int64)
+        away = points - closest["points"].numpy().reshape(points.shape)
+        distance = np.linalg.norm(away, axis=2)
+        normal = self.normals[other]
+        nearer = distance < 0.999 * share[:, None] * depths - 1e-6
+        turned = np.einsum("fki,fi->fk", normal, self.normals) < np.sqrt(0.5)
+        inside = np.einsum("fki,fki->fk", away, normal) < 0
+        taken = nearer & turned & inside & (distance <= share[other])
+        return 1.0 - taken @ weights / 2.0
+
+
+def _cut(mesh: Mesh, thickness: float) -> Mesh:
+    """The mesh with no edge longer than a board is thick, as far as the number of faces allows."""
+    from trimesh.remesh import subdivide_to_size
+
+    edge = max(_EDGE * thickness, float(np.sqrt(4.0 * mesh.area / _MOST_FACES)))
+    corners = mesh.vertices[mesh.faces]
+    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+    if longest <= edge:
+        return mesh
+    rounds = int(np.ceil(np.log2(longest / edge))) + 2
+    vertices, faces = subdivide_to_size(mesh.vertices, mesh.faces, edge, max_iter=2 * rounds)
+    return Mesh(vertices, faces)
+
+
+def _face_frames(mesh: Mesh) -> tuple[Array, Array]:
+    """Area (F,) and unit normal (F, 3) of each face; faces without area get a zero normal."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1)
+    return length / 2, cross / np.maximum(length, 1e-300)[:, None]
+
+
+def _slab_moments(mesh: Mesh, normals: Array, thickness: Array, mass: Array) -> tuple[Array, Array]:
+    """Centre of mass (3,) and tensor (3, 3) about it of slabs of `thickness` (F,) behind each face.
+
+    Second moment of a uniform triangle: m / 12 (aa' + bb' + cc' + ss'), s = a + b + c; a slab adds m t^2 / 12 nn'. The
+    thickness keeps the tensor of a flat mesh positive and inside the triangle inequality.
+    """
+    corners = mesh.vertices[mesh.faces] - (normals * thickness[:, None] / 2)[:, None]
+    com = (mass[:, None] * corners.mean(axis=1)).sum(0) / mass.sum()
+    corners = corners - com
+    s = corners.sum(axis=1)
+    second = np.einsum("f,fki,fkj->ij", mass / 12, corners, corners) + np.einsum(
+        "f,fi,fj->ij", mass / 12, s, s
+    )
+    second += np.einsum("f,fi,fj->ij", mass * thickness**2 / 12, normals, normals)
+    tensor = np.trace(second) * np.eye(3) - second
+    return com, (tensor + tensor.T) / 2
+
+
+def behind(mesh: Mesh, normals: Array, reach: float) -> Array:
+    """Distance (F,) m from each face, against its normal, to a face that looks the other way; inf without one in reach."""
+    start = mesh.vertices[mesh.faces].mean(axis=1) - _STEP_IN * normals
+    hit = _scene(mesh).cast_rays(_tensor(np.concatenate([start, -normals], axis=1)), 1)
+    distance = hit["t_hit"].numpy().astype(np.float64) + _STEP_IN
+    found = np.isfinite(distance) & (distance <= reach)
+    other = hit["primitive_ids"].numpy()[found]
+    opposite = np.einsum("fi,fi->f", normals[found], normals[other]) < _FACING
+    out = np.full(len(normals), np.inf)
+    out[np.flatnonzero(found)[opposite]] = distance[found][opposite]
+    return out
+
+
+def _tensor(values: Array) -> Any:
+    import open3d as o3d
+
+    return o3d.core.Tensor.from_numpy(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def _scene(mesh: Mesh) -> Any:
+    """The mesh as something that answers rays and nearest points."""
+    import open3d as o3d
+
+    scene = o3d.t.geometry.RaycastingScene(1)
+    faces = o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.faces, dtype=np.uint32))
+    scene.add_triangles(_tensor(mesh.vertices), faces)
+    return scene
+
+
+def _closed_volume(mesh: Mesh) -> float | None:
+    """Enclosed volume (m^3) of a closed, consistently wound mesh; None for an open one."""
+    _, joined = np.unique(np.round(mesh.vertices / 1e-7).astype(np.int64), axis=0, return_inverse=True)
+    faces = joined.ravel()[mesh.faces]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    forward = np.unique(edges, axis=0)
+    back = np.unique(edges[:, ::-1], axis=0)
+    if forward.shape != back.shape or not np.array_equal(forward, back):
+        return None
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(axis=0) for k in range(3))
+    volume = float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+    return volume if volume > 1e-9 else None
