@@ -29,6 +29,7 @@ EXTRAS = {
     "simulate": "recordings of the Franka Kitchen scenes",
     "hands": "contact from hand keypoints instead of label geometry",
     "record3d": "Record3D .r3d files",
+    "vlm": "masses estimated by a vision-language model, asked only by `twin physics estimate`",
 }
 _RENDER = """
 import mujoco

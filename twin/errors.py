@@ -45,6 +45,10 @@ class ConfigError(FuntwinError):
     """A configuration key or value is not known or not allowed."""
 
 
+class ServiceError(FuntwinError):
+    """A service on the network, which the user asked for, gave no usable answer; the message holds no key."""
+
+
 def nearest_name(name: str, names: list[str]) -> str:
     """Return the known name most like `name`, or an empty string when none is close."""
     from difflib import get_close_matches

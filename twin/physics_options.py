@@ -19,6 +19,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     texts = {
         "show": "print every quantity with its interval and source",
         "set": "give weighed or known numbers",
+        "estimate": "ask a vision-language model; sends a picture of each part to FUNTWIN_VLM_URL",
     }
     for name, text in texts.items():
         sub = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
@@ -29,6 +30,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         sub.add_argument("--json", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         if name == "set":
             _set_options(sub)
+        if name == "estimate":
+            _estimate_options(sub)
 
 
 def _set_options(sub: argparse.ArgumentParser) -> None:
@@ -44,3 +47,18 @@ def _set_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--note", metavar="TEXT", default="", help="kept with the numbers, e.g. how they were measured"
     )
+
+
+def _estimate_options(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--model", metavar="NAME", help="the model to ask [FUNTWIN_VLM_MODEL]")
+    sub.add_argument(
+        "--recording",
+        metavar="RECORDING",
+        type=Path,
+        help="choose among all its frames [key frames of the run]",
+    )
+    sub.add_argument(
+        "--description", metavar="TEXT", default="", help="what the part is, e.g. oven door with glass"
+    )
+    sub.add_argument("--dry-run", action="store_true", help="print what would be sent and send nothing")
+    sub.add_argument("--refresh", action="store_true", help="ask again even where an answer is kept")

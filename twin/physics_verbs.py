@@ -8,12 +8,13 @@ from typing import Any
 
 from twin.console import Console, Outcome
 from twin.errors import InputError
+from twin.materials import read_materials
 from twin.physics_edit import Change, Edited, given, set_physics
 from twin.physics_options import UNITS
 from twin.physics_text import described
 from twin.report.sections import Table
 from twin.scene import Part, Twin
-from twin.steps import run_folder
+from twin.steps import named, run_folder
 from twin.storage import load, save_values
 
 _FILES = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
@@ -59,11 +60,69 @@ def set_values(
     if not values and material is None:
         options = " ".join(f"--{name}" for name in UNITS)
         raise InputError("there is nothing to set", f"give at least one of {options} --material")
-    edited = set_physics(twin, _part(twin, part).id, values, material)
-    return keep(run, edited, _part(twin, part).name)
+    chosen = _part(twin, part)
+    edited = set_physics(twin, chosen.id, values, material)
+    return keep(run, edited, [(chosen.name, c) for c in edited.changes])
 
 
-def keep(run: Path, edited: Edited, name: str, notes: Sequence[str] = ()) -> Outcome:
+def estimate(
+    console: Console,
+    run: Path,
+    part: str | None,
+    recording: Path | None,
+    model: str | None,
+    description: str,
+    dry_run: bool,
+    refresh: bool,
+) -> Outcome:
+    """Ask a vision-language model about parts. The one verb that sends something over the network."""
+    from twin.vlm.answer import INSTRUCTIONS, describe, read_physical
+    from twin.vlm.cache import ask_once
+    from twin.vlm.client import Question, endpoint_from_environment
+    from twin.vlm.estimate import apply, body_of
+    from twin.vlm.picture import part_picture
+
+    twin, table = load(run), read_materials()
+    endpoint = None if dry_run else endpoint_from_environment(model)
+    frame = None if recording is None else _frames_of(recording, twin)
+    notes: list[str] = []
+    warnings: list[str] = []
+    rows: list[tuple[str, Change]] = []
+    with console.progress() as progress:
+        for p in [_part(twin, part)] if part is not None else list(twin.parts):
+            picture = part_picture(twin, p, run_folder(run), frame)
+            text = describe(p, body_of(p.mesh, table).edges, description, picture.origin, picture.mark, table)
+            question = Question(INSTRUCTIONS, text, (picture.jpeg,))
+            sent = f"{picture.origin} ({len(picture.jpeg) / 1000:.0f} kB) and {len(text)} characters about {p.name}"
+            if endpoint is None:
+                notes += [f"would send {sent}:", text]
+                continue
+            progress(f"ask {p.name}", 0.0, f"{sent} to {endpoint.place}, model {endpoint.model}")
+            folder = run_folder(run) / "stages" / "vlm"
+            answer = ask_once(question, endpoint, read_physical, folder, refresh)
+            told = "taken from an earlier answer to" if answer.cached else "sent to"
+            progress(f"ask {p.name}", 1.0, f"{sent} {told} {endpoint.place}, model {endpoint.model}")
+            edited = apply(twin, p.id, answer.value, endpoint.model, table)
+            twin, a = edited.twin, answer.value
+            warnings += edited.warnings
+            rows += [(p.name, c) for c in edited.changes]
+            notes.append(f"{p.name}: {a.name}, {a.shape} of {a.material}, {a.mass:.3g} kg: {a.notes}")
+    if endpoint is None:
+        return Outcome({"sent": False}, notes=[*notes, "nothing was sent"])
+    return keep(run, Edited(twin, (), tuple(warnings)), rows, notes)
+
+
+def _frames_of(path: Path, twin: Twin) -> Callable[[int], Any]:
+    """Colour pictures of the twin's recording."""
+    recording = named("recon.recording:open_recording")(path, None)
+    if twin.recorded is not None and recording.fingerprint != twin.recorded.fingerprint:
+        raise InputError(f"{path} is not the recording of this twin", f"give {twin.recorded.source}")
+    return lambda index: recording.frame(index).color
+
+
+def keep(
+    run: Path, edited: Edited, changes: Sequence[tuple[str, Change]], notes: Sequence[str] = ()
+) -> Outcome:
     """Write the changed twin and tell what changed, and which files are now of an earlier twin."""
     save_values(edited.twin, run)
     place = run_folder(run)
@@ -79,11 +138,11 @@ def keep(run: Path, edited: Edited, name: str, notes: Sequence[str] = ()) -> Out
         from twin.report import render
 
         render(place)
-    rows = [[c.name, c.before or "none", c.after, c.source] for c in edited.changes]
-    tables = [Table(f"{name}: what changed", ["quantity", "before", "now", "source"], rows)] if rows else []
+    rows = [[part, c.name, c.before or "none", c.after, c.source] for part, c in changes]
     if not rows:
-        told.insert(0, f"{name}: nothing changed")
-    data = {"part": name, "changes": [_change(c) for c in edited.changes], "stale": stale}
+        told.insert(0, "nothing changed")
+    tables = [Table("what changed", ["part", "quantity", "before", "now", "source"], rows)] if rows else []
+    data = {"changes": [{"part": part, **_change(c)} for part, c in changes], "stale": stale}
     return Outcome(data, tables, told, edited.warnings)
 
 
@@ -108,4 +167,4 @@ def _data(part: Part) -> dict[str, Any]:
     return {k: document[k] for k in ("inertial", "physics")}
 
 
-_ACTIONS: Mapping[str, Callable[..., Outcome]] = {"show": show, "set": set_values}
+_ACTIONS: Mapping[str, Callable[..., Outcome]] = {"show": show, "set": set_values, "estimate": estimate}
