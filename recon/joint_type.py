@@ -2,18 +2,24 @@
 
 Residuals alone choose a hinge tens of metres away for a drawer. So: noise no smaller than a floor, the Bayesian
 information criterion (Schwarz 1978), and two guards on range and radius.
+
+A hint from elsewhere (a model that looked at pictures) may tip what motion leaves open: it counts as much as the margin that
+the rule asks of a hinge anyway, and stands in for the least range, which no data of ours has chosen. Clear motion overrules it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from recon.joint_config import JointConfig
 from recon.track_bundle import Kind
+from twin.errors import ConfigError
 from twin.geometry import Array
 
+HINT_WEIGHT = 20.0  # BIC, as JointConfig.min_delta_bic: prior weight of a hint; chosen by us
 TRUNCATE = 9.0  # squared standard deviations at which an observation stops counting (3 sigma)
 
 
@@ -33,6 +39,38 @@ class TypeEvidence:
     residual_revolute: float
 
 
+@dataclass(frozen=True)
+class TypeHint:
+    """Somebody's word for a joint type: `source` says that a part of this kind moves in recording frames first..last.
+
+    weight: BIC by which it moves the evidence towards its kind.
+    """
+
+    kind: Kind
+    first: int
+    last: int
+    source: str
+    weight: float = HINT_WEIGHT
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.first < self.last or not 0 <= self.weight < np.inf:
+            raise ConfigError(f"a joint hint needs first < last and a finite weight >= 0, got {self}")
+
+
+def hint_about(hints: Sequence[TypeHint], state: Array) -> TypeHint | None:
+    """The hint whose frames overlap most with those in which state (T,) is under way; None where none does."""
+    if not hints:
+        return None
+    low, high = np.quantile(state, [0.02, 0.98])
+    margin = 0.05 * (high - low)
+    moving = np.flatnonzero((state > low + margin) & (state < high - margin))
+    if not len(moving):
+        return None
+    shared = [min(h.last, int(moving[-1])) - max(h.first, int(moving[0])) for h in hints]
+    best = int(np.argmax(shared))
+    return hints[best] if shared[best] > 0 else None
+
+
 def truncated_chi2(square: Array, sigma: float, dof: int = 3) -> float:
     """Sum of squared residual lengths over sigma^2, each at most TRUNCATE times its degrees of freedom."""
     return float(np.minimum(square / sigma**2, TRUNCATE * dof).sum())
@@ -43,12 +81,28 @@ def delta_bic(chi2_prismatic: float, chi2_revolute: float, values: int) -> float
     return chi2_prismatic - chi2_revolute - 2.0 * float(np.log(max(values, 2)))
 
 
-def decide(evidence: TypeEvidence, config: JointConfig) -> tuple[Kind, str]:
+def decide(evidence: TypeEvidence, config: JointConfig, hint: TypeHint | None = None) -> tuple[Kind, str]:
     """The joint type and the sentence that explains it."""
-    dbic = evidence.delta_bic
+    kind, why = _by_motion(evidence, config)
+    if hint is None:
+        return kind, why
+    if hint.kind == kind:
+        return kind, f"{why}; so does the hint say ({hint.source})"
+    towards = hint.weight if hint.kind == "revolute" else -hint.weight
+    may_turn = evidence.delta_bic + towards > config.min_delta_bic and evidence.radius <= config.max_radius
+    if may_turn == (hint.kind == "revolute"):
+        return hint.kind, f"hint {hint.kind} ({hint.source}; motion leaves it open: {_facts(evidence)})"
+    return kind, f"{why}; overrules the hint {hint.kind} ({hint.source})"
+
+
+def _facts(evidence: TypeEvidence) -> str:
     turned = float(np.degrees(evidence.range))
-    facts = f"hinge over slide by {dbic:.0f} BIC, {turned:.1f} deg at {evidence.radius:.2f} m"
-    if dbic <= config.min_delta_bic:
+    return f"hinge over slide by {evidence.delta_bic:.0f} BIC, {turned:.1f} deg at {evidence.radius:.2f} m"
+
+
+def _by_motion(evidence: TypeEvidence, config: JointConfig) -> tuple[Kind, str]:
+    facts = _facts(evidence)
+    if evidence.delta_bic <= config.min_delta_bic:
         return "prismatic", f"motion ({facts}; needs {config.min_delta_bic:g} BIC)"
     if evidence.range < config.min_range:
         return "prismatic", f"motion ({facts}; needs {np.degrees(config.min_range):g} deg)"

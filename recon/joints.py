@@ -8,6 +8,7 @@ decided by evidence (`recon.joint_type`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recon.joint_config import JointConfig
-from recon.joint_type import TypeEvidence, decide
+from recon.joint_type import TypeEvidence, TypeHint, decide, hint_about
 from recon.motion_fit import MotionFit
 from recon.motion_frame import orient
 from recon.pose_fit import fit_motion_poses
@@ -38,12 +39,13 @@ def fit_motion(
     config: JointConfig = _DEFAULT,
     joint_type: Kind | None = None,
     confidence: ArrayLike | None = None,
+    hints: Sequence[TypeHint] = (),
 ) -> MotionFit:
     """Fit a joint to 3D tracks in the world frame.
 
     Args:
         points_world: (T, K, 3) m, NaN where not visible. visible: (T, K) bool. confidence: (T, K), not negative, weighs
-            observations. joint_type: take this type instead of deciding it.
+            observations. joint_type: take this type instead of deciding it. hints: may tip what the motion leaves open.
     Raises:
         InputError: shapes do not match. ReconstructionError: nothing moves, or no joint explains what moves.
     """
@@ -57,7 +59,9 @@ def fit_motion(
     fits = {kind: fit for kind, fit in fits.items() if fit.members.sum() >= least}
     if fits:
         evidence = compare_kinds(obs, fits, config)
-        kind, source = decide(evidence, config) if joint_type is None else (joint_type, "given")
+        tightest = min(fits.values(), key=lambda f: f.bundle.sigma)
+        hint = hint_about(hints, tightest.bundle.model.state)
+        kind, source = decide(evidence, config, hint) if joint_type is None else (joint_type, "given")
     if not fits or kind not in fits:
         raise ReconstructionError(
             f"{len(moving)} tracks move but no {joint_type or 'slide or hinge'} carries {least} of them together",

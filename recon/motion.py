@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from recon.hand_color import HandColorConfig, hand_tracks
 from recon.intervals import Interval, IntervalConfig, Movers, find_movers, state_intervals
+from recon.joint_type import TypeHint
 from recon.joints import JointConfig, MotionFit, fit_motion
 from recon.parts import MovingPart
 from recon.recording import Recording
@@ -95,9 +96,13 @@ class FoundParts:
 
 
 def find_parts(
-    recording: Recording, tracks: Tracks, cameras: Trajectory, config: MotionConfig = MotionConfig()
+    recording: Recording,
+    tracks: Tracks,
+    cameras: Trajectory,
+    config: MotionConfig = MotionConfig(),
+    hints: Sequence[TypeHint] = (),
 ) -> FoundParts:
-    """Find every part that moves by a joint.
+    """Find every part that moves by a joint. hints: joint types that somebody expects; see `recon.joint_type`.
 
     Raises ReconstructionError when nothing moves or no joint explains what moves.
     """
@@ -115,7 +120,9 @@ def find_parts(
     fits: list[MotionFit] = []
     while len(found) < config.max_parts:
         try:
-            fit, members, hand = _fit_one(recording, tracks, cameras, movers, travel, free, hand, config)
+            fit, members, hand = _fit_one(
+                recording, tracks, cameras, movers, travel, free, hand, config, hints
+            )
         except ReconstructionError:
             if not found:
                 raise
@@ -148,18 +155,19 @@ def _fit_one(
     free: NDArray[np.bool_],
     hand: NDArray[np.bool_],
     config: MotionConfig,
+    hints: Sequence[TypeHint] = (),
 ) -> tuple[MotionFit, NDArray[np.bool_], NDArray[np.bool_]]:
     """One part: the fit, its members (K,) and the tracks on the hand (K,)."""
     first, frames = bool((free == movers.moving).all()), len(recording)
     free = free & ~hand
-    best = _fit_first((_far(free, travel, config), free), free, movers, config)
+    best = _fit_first((_far(free, travel, config), free), free, movers, config, hints)
     hand = hand | hand_tracks(recording, cameras, tracks, _rests(best.fit, frames, config), config.hand)
     free = free & ~hand
     try:
-        best = _fit_first((_far(free, travel, config), free), free, movers, config)
+        best = _fit_first((_far(free, travel, config), free), free, movers, config, hints)
         for _ in range(_CALM_ROUNDS):
             calm = free & ~_restless(movers, free, _known_rests(best.fit, frames, config), config)
-            every = _fit_first((calm,), free, movers, config)
+            every = _fit_first((calm,), free, movers, config, hints)
             if every.support < _AS_WELL * best.support:  # led astray by what slips along edges
                 break
             best = every
@@ -184,7 +192,11 @@ class _Candidate:
 
 
 def _fit_first(
-    choices: Sequence[NDArray[np.bool_]], free: NDArray[np.bool_], movers: Movers, config: MotionConfig
+    choices: Sequence[NDArray[np.bool_]],
+    free: NDArray[np.bool_],
+    movers: Movers,
+    config: MotionConfig,
+    hints: Sequence[TypeHint] = (),
 ) -> _Candidate:
     """The fit to the first choice of tracks that has one.
 
@@ -193,7 +205,8 @@ def _fit_first(
     failed: list[ReconstructionError] = []
     for chosen in choices:
         try:
-            fit = fit_motion(movers.points_world[:, chosen], movers.visible[:, chosen], config=config.joint)
+            points, visible = movers.points_world[:, chosen], movers.visible[:, chosen]
+            fit = fit_motion(points, visible, config=config.joint, hints=hints)
         except ReconstructionError as e:
             failed.append(e)
         else:

@@ -18,7 +18,9 @@ from recon.config import ReconConfig
 from recon.contact import find_contact
 from recon.fusion import FusedScene, fuse
 from recon.gravity import find_gravity
+from recon.joint_type import TypeHint
 from recon.labels import label_frames
+from recon.models.joint_hint import JointHint
 from recon.motion import FoundParts, find_parts
 from recon.parts import MovingPart
 from recon.recording import Recording
@@ -41,6 +43,7 @@ def reconstruct(
     *,
     out: Path | None = None,
     progress: Progress | None = None,
+    hint: JointHint | None = None,
 ) -> Twin:
     """Reconstruct a twin.
 
@@ -49,6 +52,7 @@ def reconstruct(
         out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
             there. None keeps everything in memory.
         progress: told about every stage.
+        hint: says which joint types to expect; asked once, before anything else. Clear motion overrules it.
 
     Raises InputError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
     """
@@ -56,13 +60,14 @@ def reconstruct(
     with Run(out, recording.fingerprint, progress, config) as run:
         for note in recording.warnings:
             run.warn(note)
-        twin = _run(run, recording, config)
+        hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
+        twin = _run(run, recording, config, hints)
         if out is not None:
             _write(twin, recording, out)
     return twin
 
 
-def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
+def _run(run: Run, recording: Recording, config: ReconConfig, hints: Sequence[TypeHint] = ()) -> Twin:
     tracks = run.stage(
         "tracks", 1, config.tracks, [], lambda: track_points(recording, config.tracks, _Bar(run, "tracks"))
     )
@@ -75,9 +80,9 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
     found = run.stage(
         "motion",
         8,
-        config.motion,
+        (config.motion, hints) if hints else config.motion,
         [tracks, upright],
-        lambda: find_parts(recording, tracks.value, upright.value, config.motion),
+        lambda: find_parts(recording, tracks.value, upright.value, config.motion, hints),
     )
     refined = run.stage(
         "refine",
@@ -126,6 +131,8 @@ def _run(run: Run, recording: Recording, config: ReconConfig) -> Twin:
         ),
     )
     provenance = {"versions": versions(), "config": as_dict(config)}
+    if hints:
+        provenance["joint_hints"] = as_dict(hints)
     twin = assemble(recording, upright.value, fused.value.static, finished.value, labels.value, provenance)
     return with_physics(twin)
 

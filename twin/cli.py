@@ -169,6 +169,11 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
             metavar="NAME",
             help="layout of the recording [recognised from its files]",
         )
+        add(
+            "--joint-hint",
+            metavar="vlm|FILE",
+            help="expected joint types, which clear motion overrules: vlm sends frames to FUNTWIN_VLM_URL",
+        )
     if verb in ("simulate", "reconstruct", "demo"):
         add(
             "--config",

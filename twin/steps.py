@@ -33,10 +33,18 @@ class Step:
         return self
 
 
-def reconstruct(progress: Progress, recording: Path, out: Path, layout: str | None, settings: Any) -> Step:
+def reconstruct(
+    progress: Progress,
+    recording: Path,
+    out: Path,
+    layout: str | None,
+    settings: Any,
+    joint_hint: str | None = None,
+) -> Step:
     started = time.perf_counter()
     opened = named("recon.recording:open_recording")(recording, layout)
-    twin = named("recon.pipeline:reconstruct")(opened, settings, out=out, progress=progress)
+    hint = None if joint_hint is None else named("recon.models:joint_hint")(joint_hint)
+    twin = named("recon.pipeline:reconstruct")(opened, settings, out=out, progress=progress, hint=hint)
     manifest = read_json(out / MANIFEST)
     warnings = [
         *manifest.get("warnings", []),

@@ -58,12 +58,18 @@ def simulate(
 
 
 def reconstruct(
-    console: Console, recording: Path, out: Path, layout: str | None, config: Path | None, set: Sequence[str]
+    console: Console,
+    recording: Path,
+    out: Path,
+    layout: str | None,
+    joint_hint: str | None,
+    config: Path | None,
+    set: Sequence[str],
 ) -> Outcome:
     """Recording to twin."""
     settings = _settings("recon.config:ReconConfig", config, set)
     with console.progress() as progress, _page(out):
-        return steps.reconstruct(progress, recording, out, layout, settings).outcome
+        return steps.reconstruct(progress, recording, out, layout, settings, joint_hint).outcome
 
 
 def export(

@@ -359,7 +359,7 @@ def test_replay_of_a_missed_goal_exits_with_two(run: Path, monkeypatch: pytest.M
 def test_a_failed_reconstruction_still_renders_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def reconstruct(recording: Any, config: Any, *, out: Path, progress: Any) -> None:
+    def reconstruct(recording: Any, config: Any, *, out: Path, progress: Any, hint: Any) -> None:
         with Run(out, "x", progress) as run:
             run.stage("tracks", 1, None, [], lambda: 1)
             raise InputError("nothing moves in it", "record an opening")
@@ -374,7 +374,7 @@ def test_reconstruct_hands_on_its_arguments(
 ) -> None:
     asked: list[Any] = []
 
-    def reconstruct(recording: Any, config: Any, *, out: Path, progress: Any) -> Any:
+    def reconstruct(recording: Any, config: Any, *, out: Path, progress: Any, hint: Any) -> Any:
         asked.extend([recording, config])
         with Run(out, "x", progress) as run:
             run.warn("no time stamps")

@@ -55,7 +55,7 @@ def part_picture(twin: Twin, part: Part, run: Path, frame: Callable[[int], Image
     from twin.report.meshes import opening
 
     image = opening(twin, 2)[1]
-    return Picture(_jpeg(image), "a drawing of the reconstructed scene, opened", "tinted")
+    return Picture(jpeg(image), "a drawing of the reconstructed scene, opened", "tinted")
 
 
 def best_frame(twin: Twin, part: Part, frames: Sequence[int]) -> int | None:
@@ -79,13 +79,14 @@ def _outlined(image: Image, labels: Image, part: Part, origin: str) -> Picture:
     drawn = np.ascontiguousarray(image)
     drawn = drawn.copy()
     cv2.drawContours(drawn, edges, -1, _MARK, max(2, image.shape[1] // 320), cv2.LINE_AA)
-    return Picture(_jpeg(drawn), origin, "outlined in magenta")
+    return Picture(jpeg(drawn), origin, "outlined in magenta")
 
 
-def _jpeg(image: Image) -> bytes:
+def jpeg(image: Image, longest: int = _LONGEST) -> bytes:
+    """A picture (H, W, 3) RGB as JPEG, shrunk to at most `longest` pixels a side."""
     import cv2
 
-    scale = _LONGEST / max(image.shape[:2])
+    scale = longest / max(image.shape[:2])
     if scale < 1:
         size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
