@@ -26,6 +26,7 @@ VERBS = {
     "reconstruct": ("twin.verbs:reconstruct", "turn a recording into a twin"),
     "export": ("twin.verbs:export", "write the twin as URDF, MJCF and USD"),
     "check": ("twin.verbs:check", "load the exported files in other programs and compare them with the twin"),
+    "lint": ("twin.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
     "replay": ("twin.verbs:replay", "let a robot open the twin's parts in simulation"),
     "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
     "physics": ("twin.physics_verbs:physics", "show, set or estimate what parts weigh and how they resist"),
@@ -201,6 +202,12 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
             default=[],
             help="what the files state: author, license, category, qcode (of Wikidata) or date",
         )
+    if verb == "lint":
+        add(
+            "paths", metavar="FILE|RUN", type=Path, nargs="*", help="files, or run folders with their exports"
+        )
+        add("--ignore", metavar="RULE", nargs="+", default=[], help="rules to leave out")
+        add("--rules", dest="show_rules", action="store_true", help="list the rules")
     if verb in ("replay", "demo"):
         add("--robot", default="franka", help="name of a robot [franka]")
     if verb == "replay":

@@ -91,6 +91,32 @@ def check(
         return steps.check(progress, run, formats, engines).outcome
 
 
+def lint(console: Console, paths: Sequence[Path], ignore: Sequence[str], show_rules: bool) -> Outcome:
+    """Faults in simulation files, ours or not."""
+    from twin.lint import lint as look
+    from twin.lint.rules import RULES
+
+    if show_rules:
+        rules = [[name, rule.catches, rule.matters] for name, rule in RULES.items()]
+        data = {"rules": [{"name": n, "catches": c, "matters": m} for n, c, m in rules]}
+        return Outcome(data, [Table("rules", ["rule", "finds", "why it matters"], rules)])
+    if not paths:
+        raise InputError("no file is named", "give URDF, MJCF or USD files or a run folder, or --rules")
+    with console.progress() as progress:
+        progress("lint", 0.0, "")
+        report = look(paths, ignore)
+        progress("lint", 1.0, f"{len(report.files)} files")
+    tables = []
+    for file in report.files:
+        mine = [f for f in report.findings if f.file == file]
+        rows = [[f.severity, f.rule, f.element, f.value, f"{f.problem}; {f.remedy}"] for f in mine]
+        if rows:
+            tables.append(Table(file, ["", "rule", "element", "value", "what is wrong, what to do"], rows))
+    errors = sum(f.severity == "error" for f in report.findings)
+    counted = f"{errors} errors and {len(report.findings) - errors} warnings in {len(report.files)} files"
+    return Outcome(report.to_dict(), tables, [*report.notes, counted], ok=report.ok)
+
+
 def replay(console: Console, run: Path, robot: str, parts: Sequence[str]) -> Outcome:
     """A robot opens the parts."""
     with console.progress() as progress, _page(run):

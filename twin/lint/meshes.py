@@ -1,0 +1,111 @@
+"""Mesh files and the files a description names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.geometry import Array
+from twin.lint.model import Surface
+
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # two letters at least: C: is a drive
+
+
+def locate(written: str, folder: Path) -> Path | None:
+    """Where a file name that is written in a description in `folder` points to.
+
+    package://NAME/REST is looked for beside and above the description: REST under the nearest folder called NAME, else under
+    `folder` itself or a folder above it. None for other addresses and for packages that are not there.
+    """
+    if written.startswith(("package://", "model://")):
+        name, _, rest = written.split("://", 1)[1].partition("/")
+        for up in (folder, *folder.parents):
+            for candidate in (up / name / rest, up / rest if up.name == name else None):
+                if candidate is not None and candidate.is_file():
+                    return candidate
+        return folder / rest if (folder / rest).is_file() else None
+    if written.startswith("file://"):
+        return Path(written[7:])
+    if _SCHEME.match(written):
+        return None
+    return folder / written
+
+
+def is_absolute(written: str) -> bool:
+    """True when a path holds only on the machine it was written on."""
+    return written.startswith(("/", "\\", "~", "file:/")) or bool(re.match(r"[A-Za-z]:[\\/]", written))
+
+
+def load_surface(path: Path) -> tuple[Surface | None, str]:
+    """The mesh in a file, or why it can't be read. Scenes are joined into one mesh in their common frame."""
+    import trimesh
+
+    if not path.is_file():
+        return None, ""  # another rule's matter
+    try:
+        loaded: Any = trimesh.load_scene(str(path), process=False).to_mesh()
+    except Exception as e:  # whatever the parser of an unknown file raises
+        return None, f"{type(e).__name__}: {e}".splitlines()[0][:200]
+    faces = np.asarray(loaded.faces, dtype=np.int64).reshape(-1, 3)
+    return Surface(np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3), faces), ""
+
+
+def surface_problem(surface: Surface) -> str:
+    """What makes a mesh useless for collision: no face, no extent, numbers that are none, faces that name no vertex."""
+    v, f = surface.vertices, surface.faces
+    if not len(f):
+        return "it has no faces"
+    if f.min() < 0 or f.max() >= len(v):
+        return f"a face names vertex {int(f.max())} of {len(v)}"
+    if not np.isfinite(v).all():
+        return "a vertex is not finite"
+    if float(np.ptp(v[f.ravel()], axis=0).max()) == 0.0:
+        return "all its vertices are in one place"
+    return ""
+
+
+def open_edges(surface: Surface) -> int:
+    """Number of edges that don't join exactly two faces, vertices at the same place counted as one."""
+    _, place = np.unique(np.round(surface.vertices, 9), axis=0, return_inverse=True)
+    f = place.reshape(-1)[surface.faces]
+    f = f[(f[:, 0] != f[:, 1]) & (f[:, 1] != f[:, 2]) & (f[:, 2] != f[:, 0])]
+    edges = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), axis=1)
+    _, counts = np.unique(edges, axis=0, return_counts=True)
+    return int((counts != 2).sum())
+
+
+_MOST_FACES = 5000  # Open3D compares every pair of triangles: about a second at this count
+_TOUCHING = 1e-5  # share of the mesh's size; neighbours that were rounded when written cross by less
+
+
+def crosses_itself(surface: Surface) -> bool:
+    """True when triangles of the mesh cut each other: pairs by Open3D, of which those that merely touch are left out. A mesh of over
+    5000 faces is not judged."""
+    if len(surface.faces) > _MOST_FACES:
+        return False
+    import open3d as o3d
+
+    mesh = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(surface.vertices),
+        o3d.utility.Vector3iVector(surface.faces.astype(np.int32)),
+    )
+    mesh.remove_duplicated_vertices()
+    mesh.remove_degenerate_triangles()
+    pairs = np.asarray(mesh.get_self_intersecting_triangles()).reshape(-1, 2)
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.triangles)]
+    depth = _TOUCHING * float(np.ptp(surface.vertices, axis=0).max())
+    return any(
+        _straddles(corners[a], corners[b], depth) and _straddles(corners[b], corners[a], depth)
+        for a, b in pairs
+    )
+
+
+def _straddles(triangle: Array, other: Array, depth: float) -> bool:
+    """True when a triangle (3, 3) has corners on both sides of the plane of the other, further from it than `depth`."""
+    normal = np.cross(other[1] - other[0], other[2] - other[0])
+    n = np.linalg.norm(normal)
+    away = (triangle - other[0]) @ (normal / n if n > 0 else normal)
+    return bool(away.min() < -depth and away.max() > depth)

@@ -1,0 +1,113 @@
+"""Mass and inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from twin.geometry import Array
+from twin.lint.model import Fault, LintModel, Severity
+
+# Rounding to four digits moves the moments of a flat plate, which meet the inequality exactly, by this much; chosen by us.
+_TRIANGLE = 1e-3
+
+
+def missing(model: LintModel) -> Iterator[Fault]:
+    told = set()
+    for joint, bodies, shapes in model.moving():
+        if any(b.mass is not None for b in bodies) or joint.child in told or not bodies:
+            continue
+        told |= {b.name for b in bodies}
+        sources = {b.inferred for b in bodies} - {""}
+        solid = any(s.role == "collision" for s in shapes)
+        element = next((b.element for b in bodies if b.name == joint.child), joint.element)
+        if "default density" in sources and (solid or model.format == "mjcf"):
+            yield Fault(
+                "warning", element, "none written", "its mass comes from its shapes at the reader's default density, 1000 kg/m³",
+                "write mass, centre and inertia, or the density",
+            )  # fmt: skip
+        elif not sources or (model.format == "usd" and "density" not in sources):
+            severity: Severity = "error" if shapes or model.format == "urdf" else "warning"
+            yield Fault(
+                severity, element, "none written", "it moves and has no mass", "write mass, centre and inertia"
+            )  # fmt: skip
+
+
+def value(model: LintModel) -> Iterator[Fault]:
+    moving = {b.name for _, bodies, _ in model.moving() for b in bodies}
+    for b in model.bodies:
+        if b.mass is None or (np.isfinite(b.mass) and b.mass > 0):
+            continue
+        if b.mass == 0 and (b.name not in moving or _carried(model, b.name)):
+            continue  # a frame: it weighs nothing, and nothing asks it to
+        yield Fault(
+            "error",
+            b.element,
+            f"{b.mass:g} kg",
+            "its mass is not positive and finite",
+            "write the mass in kilograms",
+        )
+
+
+def _carried(model: LintModel, name: str) -> bool:
+    """True when something that is rigidly attached to the body has a mass."""
+    group = model.groups()
+    return any(
+        b.mass is not None and b.mass > 0
+        for b in model.bodies
+        if group[b.name] == group[name] and b.name != name
+    )
+
+
+def inertia_missing(model: LintModel) -> Iterator[Fault]:
+    for b in model.bodies:
+        if (
+            b.mass is not None
+            and b.mass > 0
+            and (b.inertia is None or (model.format == "usd" and not b.inertia.any()))
+        ):
+            what = (
+                "physics:diagonalInertia and physics:principalAxes" if model.format == "usd" else "<inertia>"
+            )
+            yield Fault(
+                "error",
+                b.element,
+                f"mass {b.mass:g} kg alone",
+                "it has a mass but no inertia",
+                f"write {what} with the mass",
+            )
+
+
+def _moments(model: LintModel) -> Iterator[tuple[str, Array]]:
+    for b in model.bodies:
+        if b.inertia is not None and b.mass is not None and b.mass > 0:
+            if model.format == "usd" and not b.inertia.any():
+                continue  # USD's way of saying: not given
+            moments: Array = np.full(3, np.nan)
+            if np.isfinite(b.inertia).all():
+                moments = np.asarray(np.linalg.eigvalsh(b.inertia), dtype=np.float64)
+            yield b.element, moments
+
+
+def inertia_positive(model: LintModel) -> Iterator[Fault]:
+    for element, moments in _moments(model):
+        if not np.all(moments > 0):
+            yield Fault(
+                "error", element, _text(moments), "its inertia is not positive definite and finite",
+                "compute it again, about the centre of mass; thin bodies have small moments, not zero ones",
+            )  # fmt: skip
+
+
+def inertia_triangle(model: LintModel) -> Iterator[Fault]:
+    for element, moments in _moments(model):
+        a, b, c = np.sort(moments)
+        if a > 0 and c > (a + b) * (1 + _TRIANGLE):
+            yield Fault(
+                "error", element, _text(moments), "one principal moment exceeds the other two together",
+                "compute the inertia again, about the centre of mass, and look for swapped elements",
+            )  # fmt: skip
+
+
+def _text(moments: Array) -> str:
+    return " ".join(f"{m:.4g}" for m in moments) + " kg m²"
