@@ -62,8 +62,8 @@ def lint(paths: Sequence[Path | str], ignore: Sequence[str] = ()) -> LintReport:
         paths: URDF, MJCF or USD files, or run folders with export/.
         ignore: names of rules to leave out.
     Returns:
-        what was found. Rules that need the file to run are asked only when nothing else is an error: a wrong limit can't be
-        reached, and one fault shall give one finding.
+        what was found. Rules that need the file to run are asked only when no error stands in their way (Rule.stops): a wrong
+        limit can't be reached, and one fault shall give one finding.
     Raises:
         InputError: a file can't be read or is none of the formats, a folder holds no export, a rule is not known.
     """
@@ -104,7 +104,7 @@ def read(path: Path) -> LintModel:
 def _lint_one(path: Path, ignore: frozenset[str]) -> tuple[list[Finding], list[str]]:
     model = read(path)
     findings = _apply(model, ignore, simulates=False)
-    if any(f.severity == "error" for f in findings):
+    if any(f.severity == "error" and RULES[f.rule].stops for f in findings):
         return findings, ["not run in MuJoCo: the errors come first"]
     from twin.lint.simulate import behaviour
 

@@ -71,7 +71,7 @@ def _one_line(error: Exception) -> str:
 
 def _label(kind: str, thing: Any) -> str:
     """How a finding names an element: unnamed ones by their line."""
-    line = f" ({thing.info})" if thing.info else ""
+    line = f" ({thing.info})" if thing.info and thing.info != "line 0" else ""  # 0: from an included file
     return f"{kind} {thing.name!r}{line}" if thing.name else f"{kind}{line or ' without a name'}"
 
 
@@ -148,9 +148,6 @@ def _joints(spec: Any, b: Any, data: Any) -> Iterator[Joint]:
         int(mujoco.mjtJoint.mjJNT_FREE): "free", int(mujoco.mjtJoint.mjJNT_BALL): "other",
     }  # fmt: skip
     parent = WORLD if b.parent.parent is None else _key(b.parent)
-    if b.mocapid >= 0 if hasattr(b, "mocapid") else b.mocap:
-        yield Joint("mocap", _label("body", b), "free", parent, _key(b))
-        return
     if not len(b.joints):
         yield Joint("fixed", _label("body", b), "fixed", parent, _key(b))
     for j in b.joints:

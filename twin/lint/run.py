@@ -180,7 +180,7 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     for j in scene.parts:
         lower, upper = (float(x) for x in m.jnt_range[j])
-        if not m.jnt_limited[j] or not upper > lower:
+        if not m.jnt_limited[j] or not upper > lower or int(m.body_rootid[m.jnt_bodyid[j]]) in scene.loose:
             continue
         turning = int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)
         unit, scale, force = ("degrees", np.rad2deg(1.0), "2 N m") if turning else ("mm", 1000.0, "10 N")

@@ -11,12 +11,14 @@ from twin.lint.rules import files, joints, masses, motion, shapes, structure, un
 
 @dataclass(frozen=True)
 class Rule:
-    """`find` yields the faults of a file. `simulates`: it needs the file to have been run in MuJoCo."""
+    """`find` yields the faults of a file. `simulates`: it needs the file to have been run in MuJoCo. `stops`:
+    with this error in it, running the file would only tell the same again in other words."""
 
     find: Callable[[LintModel], Iterator[Fault]]
     catches: str
     matters: str
     simulates: bool = False
+    stops: bool = True
 
 
 RULES: Mapping[str, Rule] = {
@@ -24,6 +26,7 @@ RULES: Mapping[str, Rule] = {
         units.kilograms,
         "a USD stage with physics that does not state kilogramsPerUnit",
         "a reader that composes it into a stage with other units scales masses wrongly, or not at all",
+        stops=False,
     ),
     "units-metres": Rule(
         units.metres,
@@ -99,12 +102,14 @@ RULES: Mapping[str, Rule] = {
         "converters rename them, and scripts no longer find their part",
     ),
     "collider-missing": Rule(
-        shapes.missing, "a moving part that is drawn but has no collision shape", "the robot's hand passes through it"
+        shapes.missing, "a moving part that is drawn but has no collision shape", "the robot's hand passes through it",
+        stops=False,
     ),
     "collider-approximation": Rule(
         shapes.approximation,
         "a USD collision mesh on a moving body with no approximation",
         "simulators don't move triangle meshes: the collider is dropped or replaced",
+        stops=False,
     ),
     "mesh-unusable": Rule(
         shapes.unusable, "a mesh file that can't be read, or holds no surface", "the shape is missing or the import fails"
@@ -125,6 +130,7 @@ RULES: Mapping[str, Rule] = {
         files.outside,
         "a file outside of the description's folder, or at an address",
         "the folder can't be moved or sent on its own",
+        stops=False,
     ),
     "refused": Rule(motion.refused, "a file that MuJoCo does not load", "so will others", simulates=True),
     "overlap-at-rest": Rule(

@@ -114,7 +114,7 @@ def pivot(model: LintModel) -> Iterator[Fault]:
         ):
             continue
         size = float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
-        off = min(_beside(p, j.axis_world, j.pivot_world) for p in points)
+        off = _beside(np.concatenate(points), j.axis_world, j.pivot_world)
         if off > _BESIDE * size:
             yield Fault(
                 "error", j.element, f"{off * 1000:.3g} mm beside a part of {size * 1000:.3g} mm",

@@ -14,24 +14,30 @@ _TRIANGLE = 1e-3
 
 
 def missing(model: LintModel) -> Iterator[Fault]:
-    told = set()
+    told: set[str] = set()
+    assumed: list[str] = []
     for joint, bodies, shapes in model.moving():
         if any(b.mass is not None for b in bodies) or joint.child in told or not bodies:
             continue
         told |= {b.name for b in bodies}
         sources = {b.inferred for b in bodies} - {""}
-        solid = any(s.role == "collision" for s in shapes)
         element = next((b.element for b in bodies if b.name == joint.child), joint.element)
-        if "default density" in sources and (solid or model.format == "mjcf"):
-            yield Fault(
-                "warning", element, "none written", "its mass comes from its shapes at the reader's default density, 1000 kg/m³",
-                "write mass, centre and inertia, or the density",
-            )  # fmt: skip
-        elif not sources or (model.format == "usd" and "density" not in sources):
+        if "default density" in sources and (
+            model.format == "mjcf" or any(s.role == "collision" for s in shapes)
+        ):
+            assumed.append(element)
+        elif not sources or sources == {"default density"}:
             severity: Severity = "error" if shapes or model.format == "urdf" else "warning"
             yield Fault(
                 severity, element, "none written", "it moves and has no mass", "write mass, centre and inertia"
             )  # fmt: skip
+    if assumed:  # once for all: who leaves the mass to the reader does so everywhere
+        more = f" and {len(assumed) - 1} more" if len(assumed) > 1 else ""
+        yield Fault(
+            "warning", f"{assumed[0]}{more}", "none written",
+            "the mass comes from the shapes at the reader's default density, 1000 kg/m³",
+            "write mass, centre and inertia, or the density",
+        )  # fmt: skip
 
 
 def value(model: LintModel) -> Iterator[Fault]:
