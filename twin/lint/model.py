@@ -67,7 +67,8 @@ class Body:
 class Joint:
     """A joint from `parent` to `child`. `lower` and `upper` as written, in `unit`; None when not written. `axis` (3,) as
     written; `axis_world`, `pivot_world` (3,) at rest. `gap` (m, rad) is how far apart the two bodies see the joint's frame (USD
-    writes it twice). `missing` names fields that the format demands. `loop`: closes a loop on purpose."""
+    writes it twice). `missing` names fields that the format demands. `loop`: closes a loop on purpose. `implied`: not
+    in the file, but what readers do: they fix a URDF's root to the world."""
 
     name: str
     element: str
@@ -83,6 +84,7 @@ class Joint:
     gap: tuple[float, float] = (0.0, 0.0)
     missing: tuple[str, ...] = ()
     loop: bool = False
+    implied: bool = False
 
 
 @dataclass(frozen=True)

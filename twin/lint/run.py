@@ -117,6 +117,15 @@ class Scene:
                 mine.add(b)
         return sorted(mine)
 
+    def rest(self) -> None:
+        """Everything at zero, or at the limit next to zero."""
+        m, d = self.model, self.data
+        mujoco.mj_resetData(m, d)
+        for j in range(m.njnt):
+            if int(m.jnt_type[j]) in _FORCE and m.jnt_limited[j] and m.jnt_range[j, 0] <= m.jnt_range[j, 1]:
+                at = int(m.jnt_qposadr[j])
+                d.qpos[at] = np.clip(d.qpos[at], *m.jnt_range[j])
+
     def forget_parts_of(self, bodies: set[int]) -> None:
         """Leave out parts whose shapes overlap others: they are stuck or driven off by that, which is one fault and not three."""
         self.parts = [j for j in self.parts if not bodies & set(self.carries(j))]
@@ -136,7 +145,7 @@ class Scene:
 def contacts(scene: Scene) -> dict[tuple[int, int], float]:
     """Deepest overlap (m) at rest of every pair of bodies that are not rigidly attached to each other."""
     m, d = scene.model, scene.data
-    mujoco.mj_resetData(m, d)
+    scene.rest()
     mujoco.mj_forward(m, d)
     found: dict[tuple[int, int], float] = {}
     for c in d.contact:
@@ -174,7 +183,7 @@ def overlaps(spec: Any, scene: Scene, pushing: dict[tuple[int, int], float]) -> 
 
 def stuck(scene: Scene) -> Iterator[list[str]]:
     """Push every part to both of its limits."""
-    m, d = scene.model, scene.data
+    m = scene.model
     gravity, flags = m.opt.gravity.copy(), int(m.opt.disableflags)
     m.opt.gravity[:] = 0
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
@@ -185,7 +194,7 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
         turning = int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)
         unit, scale, force = ("degrees", np.rad2deg(1.0), "2 N m") if turning else ("mm", 1000.0, "10 N")
         for sign, name, limit in ((1.0, "upper", upper), (-1.0, "lower", lower)):
-            end = _push(m, d, j, sign)
+            end = _push(scene, j, sign)
             if not np.isfinite(end) or sign * (limit - end) > _REACHED * (upper - lower):
                 yield [
                     "error", scene.joint(j), f"{end * scale:.4g} of {limit * scale:.4g} {unit}",
@@ -194,9 +203,10 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
     m.opt.gravity[:], m.opt.disableflags = gravity, flags
 
 
-def _push(m: Any, d: Any, j: int, sign: float) -> float:
+def _push(scene: Scene, j: int, sign: float) -> float:
     """Where the joint ends under the probe, every other joint held."""
-    mujoco.mj_resetData(m, d)
+    m, d = scene.model, scene.data
+    scene.rest()
     qa, va = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
     rest = d.qpos.copy()
     reach = float(m.jnt_range[j, 1] - m.jnt_range[j, 0])
@@ -218,14 +228,14 @@ def _push(m: Any, d: Any, j: int, sign: float) -> float:
 
 
 def drifts(scene: Scene) -> Iterator[list[str]]:
-    """Wait, and see how far any corner of any part moves."""
+    """Wait, and see how far any corner of any part moves against what it is mounted on."""
     m, d = scene.model, scene.data
     watched = [j for j in scene.parts if scene.settled_by_hand(j)]
     if not watched:
         return
-    mujoco.mj_resetData(m, d)
+    scene.rest()
     mujoco.mj_forward(m, d)
-    start = {j: _corners(m, d, scene.carries(j)) for j in watched}
+    start = {j: _corners(m, d, scene.carries(j), int(m.jnt_bodyid[j])) for j in watched}
     most = dict.fromkeys(watched, 0.0)
     steps = int(_SECONDS / m.opt.timestep)
     for k in range(1, steps + 1):
@@ -233,7 +243,7 @@ def drifts(scene: Scene) -> Iterator[list[str]]:
         if k % max(steps // 100, 1) == 0:
             mujoco.mj_kinematics(m, d)
             for j in watched:
-                corners = _corners(m, d, scene.carries(j))
+                corners = _corners(m, d, scene.carries(j), int(m.jnt_bodyid[j]))
                 moved = np.linalg.norm(corners - start[j], axis=-1).max(initial=0.0)
                 most[j] = max(most[j], float(moved) if np.isfinite(moved) else np.inf)
     diverged = any(
@@ -253,17 +263,18 @@ def drifts(scene: Scene) -> Iterator[list[str]]:
             ]  # fmt: skip
 
 
-def _corners(m: Any, d: Any, bodies: list[int]) -> Array:
-    """Corners (n, 8, 3) of the boxes around the geoms of bodies, their origins where they have none."""
+def _corners(m: Any, d: Any, bodies: list[int], part: int) -> Array:
+    """Corners (n, 3) of the boxes around the geoms of bodies, their origins where they have none; seen from the parent of `part`."""
     mine = np.isin(m.geom_bodyid, bodies) & (m.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
-    if not mine.any():
-        return np.repeat(d.xpos[bodies][:, None], 8, axis=1)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     box = m.geom_aabb[mine]
     local = box[:, None, :3] + signs * box[:, None, 3:]
     turn = d.geom_xmat[mine].reshape(-1, 3, 3)
-    place: Array = np.einsum("nij,nkj->nki", turn, local) + d.geom_xpos[mine][:, None]
-    return place
+    world = np.einsum("nij,nkj->nki", turn, local) + d.geom_xpos[mine][:, None]
+    points = world.reshape(-1, 3) if mine.any() else d.xpos[bodies]
+    parent = int(m.body_parentid[part])
+    seen: Array = (points - d.xpos[parent]) @ d.xmat[parent].reshape(3, 3)
+    return seen
 
 
 def main(path: str, fmt: str, answer: str) -> None:

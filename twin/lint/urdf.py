@@ -80,7 +80,8 @@ def read(path: Path) -> LintModel:
     children = {j.child for j in placed}
     known = {n for _, n in links}
     base = tuple(  # a consumer fixes the root to the world, or lets it float: for the rules it stands
-        Joint(f"{n} (root)", f"link {n!r}", "fixed", WORLD, n) for n in known - children - {WORLD}
+        Joint(f"{n} (root)", f"link {n!r}", "fixed", WORLD, n, implied=True)
+        for n in known - children - {WORLD}
     )
     for e in root.iter("texture"):
         if written := e.get("filename"):

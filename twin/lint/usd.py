@@ -40,7 +40,10 @@ def read(path: Path) -> LintModel:
     enabled = [
         p for p in prims if p.IsA(UsdPhysics.Joint) and _enabled(UsdPhysics.Joint(p).GetJointEnabledAttr())
     ]
-    joints = [_joint(UsdPhysics.Joint(p), rigid, cache) for p in enabled]
+    loops = not any(
+        p.HasAPI(UsdPhysics.ArticulationRootAPI) for p in prims
+    )  # only articulations must be trees
+    joints = [_joint(UsdPhysics.Joint(p), rigid, cache, loops) for p in enabled]
     held = {j.child for j in joints} | {j.parent for j in joints}
     free = [Joint(f"{b.name} (free)", b.element, "free", WORLD, b.name) for b in bodies if b.name not in held]
     shapes = [s for p in prims if p.IsA(UsdGeom.Gprim) for s in _shapes(p, rigid, cache)]
@@ -109,7 +112,7 @@ def _body(prim: Any, cache: Any) -> Body:
     return Body(name, name, None if mass is None else float(mass), tensor, inferred, scale)
 
 
-def _joint(joint: Any, rigid: set[Any], cache: Any) -> Joint:
+def _joint(joint: Any, rigid: set[Any], cache: Any, loops: bool) -> Joint:
     from pxr import UsdPhysics
 
     prim = joint.GetPrim()
@@ -156,7 +159,7 @@ def _joint(joint: Any, rigid: set[Any], cache: Any) -> Joint:
         axis_world=None if own is None or axis is None else own[:3, :3] @ axis,
         pivot_world=None if own is None else own[:3, 3],
         gap=_gap(frames, axis if kind in ("revolute", "continuous", "prismatic") else None, kind),
-        loop=bool(joint.GetExcludeFromArticulationAttr().Get()),
+        loop=loops or bool(joint.GetExcludeFromArticulationAttr().Get()),
     )  # fmt: skip
 
 

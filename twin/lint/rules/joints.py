@@ -10,9 +10,9 @@ from twin.geometry import Array
 from twin.lint.model import WORLD, Fault, LintModel
 
 _TURN = 2 * np.pi
-# How far the axis of a hinge may pass beside the part, as a share of the part's diagonal: concealed furniture hinges turn about a
-# line up to 2 cm off a 40 cm door. Chosen by us.
-_BESIDE = 0.05
+# How far the axis of a hinge may pass beside the part: concealed furniture hinges turn about a line 2 to 3 cm off the door, small
+# mechanisms about one a few per cent of their size away. Chosen by us.
+_BESIDE, _BESIDE_M = 0.10, 0.05  # share of the part's diagonal, and at most m
 _FRAMES = (1e-3, np.deg2rad(0.5))  # m, rad: what rounding of a float32 pose in a room can't explain
 
 
@@ -115,7 +115,7 @@ def pivot(model: LintModel) -> Iterator[Fault]:
             continue
         size = float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
         off = _beside(np.concatenate(points), j.axis_world, j.pivot_world)
-        if off > _BESIDE * size:
+        if off > min(_BESIDE * size, _BESIDE_M):
             yield Fault(
                 "error", j.element, f"{off * 1000:.3g} mm beside a part of {size * 1000:.3g} mm",
                 "its axis does not touch the part it turns", "move the pivot onto the hinge line",
@@ -139,8 +139,10 @@ def _beside(points: Array, axis: Array, pivot: Array) -> float:
 
 
 def target(model: LintModel) -> Iterator[Fault]:
-    known = {b.name for b in model.bodies} | {WORLD}
+    known = {b.name for b in model.bodies} | ({WORLD} if model.format != "urdf" else set())
     for j in model.joints:
+        if j.implied:
+            continue
         for end in (j.parent, j.child):
             if end not in known:
                 yield Fault(

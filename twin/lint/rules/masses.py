@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from twin.geometry import Array
-from twin.lint.model import Fault, LintModel, Severity
+from twin.lint.model import Body, Fault, LintModel, Severity
 
 # Rounding to four digits moves the moments of a flat plate, which meet the inequality exactly, by this much; chosen by us.
 _TRIANGLE = 1e-3
@@ -85,7 +85,7 @@ def inertia_missing(model: LintModel) -> Iterator[Fault]:
             )
 
 
-def _moments(model: LintModel) -> Iterator[tuple[str, Array]]:
+def _moments(model: LintModel) -> Iterator[tuple[Body, Array]]:
     for b in model.bodies:
         if b.inertia is not None and b.mass is not None and b.mass > 0:
             if model.format == "usd" and not b.inertia.any():
@@ -93,24 +93,30 @@ def _moments(model: LintModel) -> Iterator[tuple[str, Array]]:
             moments: Array = np.full(3, np.nan)
             if np.isfinite(b.inertia).all():
                 moments = np.asarray(np.linalg.eigvalsh(b.inertia), dtype=np.float64)
-            yield b.element, moments
+            yield b, moments
 
 
 def inertia_positive(model: LintModel) -> Iterator[Fault]:
-    for element, moments in _moments(model):
-        if not np.all(moments > 0):
-            yield Fault(
-                "error", element, _text(moments), "its inertia is not positive definite and finite",
-                "compute it again, about the centre of mass; thin bodies have small moments, not zero ones",
-            )  # fmt: skip
+    """A point mass is one that is rigidly attached to a body: then it is a warning."""
+    group = model.groups()
+    for b, moments in _moments(model):
+        if np.all(moments > 0):
+            continue
+        point = not moments.any() and any(
+            group[o.name] == group[b.name] and o.inertia is not None and o.inertia.any() for o in model.bodies
+        )
+        yield Fault(
+            "warning" if point else "error", b.element, _text(moments), "its inertia is not positive definite and finite",
+            "compute it again, about the centre of mass; thin bodies have small moments, not zero ones",
+        )  # fmt: skip
 
 
 def inertia_triangle(model: LintModel) -> Iterator[Fault]:
-    for element, moments in _moments(model):
+    for body, moments in _moments(model):
         a, b, c = np.sort(moments)
         if a > 0 and c > (a + b) * (1 + _TRIANGLE):
             yield Fault(
-                "error", element, _text(moments), "one principal moment exceeds the other two together",
+                "error", body.element, _text(moments), "one principal moment exceeds the other two together",
                 "compute the inertia again, about the centre of mass, and look for swapped elements",
             )  # fmt: skip
 

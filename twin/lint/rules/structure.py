@@ -57,10 +57,10 @@ def roots(model: LintModel) -> Iterator[Fault]:
     if model.format != "urdf":
         return
     names = [b.name for b in model.bodies]
-    children = {j.child for j in model.joints if j.parent != WORLD or not j.name.endswith("(root)")}
+    children = {j.child for j in model.joints if not j.implied}
     top = [n for n in names if n not in children]
-    if len(top) == 1:
-        return
+    if len(top) == 1 or any(j.parent not in names for j in model.joints if not j.implied):
+        return  # a root that is not there is told by the joint that names it
     value = ", ".join(top) if top else "none"
     yield Fault(
         "error",
