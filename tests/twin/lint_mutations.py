@@ -327,12 +327,12 @@ def _rewrite(text: str | Callable[[str], str]) -> Callable[[Any, Path], None]:
 
 
 def _crossing(text: str) -> str:
-    """A second, small box in the same file that pokes 4 mm out of the front."""
+    """A second, small box in the same file that pokes 5 mm out of the front."""
     vertices = [
         np.array([float(x) for x in line.split()[1:]]) for line in text.splitlines() if line.startswith("v ")
     ]
     center = np.mean(vertices, axis=0)
-    more = [f"v {x} {y} {z}" for x, y, z in (center + 0.01 * FRONT + 0.3 * (v - center) for v in vertices)]
+    more = [f"v {x} {y} {z}" for x, y, z in (center + 0.009 * FRONT + 0.6 * (v - center) for v in vertices)]
     faces = [
         [int(x) + len(vertices) for x in line.split()[1:]]
         for line in text.splitlines()

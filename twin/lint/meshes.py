@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from twin.geometry import Array
 from twin.lint.model import Surface
+from twin.scene import Mesh
+from twin.soundness import crossing
 
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # two letters at least: C: is a drive
 
@@ -78,34 +79,11 @@ def open_edges(surface: Surface) -> int:
 
 
 _MOST_FACES = 5000  # Open3D compares every pair of triangles: about a second at this count
-_TOUCHING = 1e-5  # share of the mesh's size; neighbours that were rounded when written cross by less
+_SHARE = 0.01  # of the area; as where our own parts are refused (twin.soundness)
 
 
 def crosses_itself(surface: Surface) -> bool:
-    """True when triangles of the mesh cut each other: pairs by Open3D, of which those that merely touch are left out. A mesh of over
-    5000 faces is not judged."""
+    """True when the mesh passes through itself (twin.soundness.crossing). A mesh of over 5000 faces is not judged."""
     if len(surface.faces) > _MOST_FACES:
         return False
-    import open3d as o3d
-
-    mesh = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(surface.vertices),
-        o3d.utility.Vector3iVector(surface.faces.astype(np.int32)),
-    )
-    mesh.remove_duplicated_vertices()
-    mesh.remove_degenerate_triangles()
-    pairs = np.asarray(mesh.get_self_intersecting_triangles()).reshape(-1, 2)
-    corners = np.asarray(mesh.vertices)[np.asarray(mesh.triangles)]
-    depth = _TOUCHING * float(np.ptp(surface.vertices, axis=0).max())
-    return any(
-        _straddles(corners[a], corners[b], depth) and _straddles(corners[b], corners[a], depth)
-        for a, b in pairs
-    )
-
-
-def _straddles(triangle: Array, other: Array, depth: float) -> bool:
-    """True when a triangle (3, 3) has corners on both sides of the plane of the other, further from it than `depth`."""
-    normal = np.cross(other[1] - other[0], other[2] - other[0])
-    n = np.linalg.norm(normal)
-    away = (triangle - other[0]) @ (normal / n if n > 0 else normal)
-    return bool(away.min() < -depth and away.max() > depth)
+    return crossing(Mesh(surface.vertices, surface.faces.astype(np.int32)))[0] > _SHARE

@@ -291,7 +291,7 @@ def main(path: str, fmt: str, answer: str) -> None:
         told["overlaps"] = list(overlaps(spec, scene, pushing))
     except LookupError as e:
         told["skipped"] = str(e.args[0])
-    except ValueError as e:
+    except (ValueError, mujoco.FatalError) as e:
         told["refused"] = " ".join(str(e).split())
     Path(answer).write_text(json.dumps(told), encoding="utf-8")
 
