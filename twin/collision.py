@@ -1,9 +1,8 @@
 """Collision shapes: boxes for boards, convex hulls for the rest, clear of one another over the whole opening.
 
-Why not CoACD: it closes a surface first, which thickens the open, noisy ones of a reconstruction. Measured on what boards
-left of a door, a drawer and a microwave's door of 3000 faces (threshold 0.05, 32 hulls, preprocess_resolution 30 to 50, few
-search steps): 4-14 s of processor time, 1.5-2.4 times the volume and up to 14 mm off the surface, against 1-2 s and up to
-12 mm here; on the static scene 14-15 s and 1.6-2 times the volume, against 2-4 s.
+A piece of a mesh that is closed is a body: one box or hull where it is convex, CoACD's pieces where it is not
+(twin.closed_pieces). What a camera saw is open: there boards are found first (twin.boards) and the rest is split
+(twin.splitting). CoACD would close such a surface with voxels first, which thickens it: benchmarks/collision.md.
 """
 
 from __future__ import annotations
@@ -20,11 +19,16 @@ from numpy.typing import NDArray
 
 from twin.boards import BoardSearch, beyond, find_boards
 from twin.clearance import make_clear, points_of, sweep_states
-from twin.convex import cut, decompose, main_axes, merge, outline_axes, thick_hull, triangles_of
+from twin.closed_pieces import closed_piece_shapes
+from twin.convex import cut, thick_hull, triangles_of
 from twin.geometry import Array
+from twin.main_axes import main_axes, outline_axes
 from twin.scene import Box, Collision, Mesh, Twin
+from twin.solid import pieces_of
+from twin.splitting import decompose, merge
 
-_VERSION = 2  # part of the cache key: raise it whenever the same input may give other shapes
+_VERSION = 3  # part of the cache key: raise it whenever the same input may give other shapes
+_SPLITS = 3  # bodies of one part that CoACD may split, the largest: each takes seconds
 
 
 @dataclass(frozen=True)
@@ -97,11 +101,37 @@ def _make(twin: Twin, config: CollisionConfig) -> list[list[Collision]]:
 
 
 def part_shapes(mesh: Mesh, config: CollisionConfig) -> list[Collision]:
-    """Shapes of one part: boxes where it is made of boards, hulls elsewhere."""
-    triangles = triangles_of(decimated(mesh, config.part_faces))
+    """Shapes of one part: boxes and hulls of its closed pieces; of open ones boxes where it is made of boards, hulls elsewhere."""
+    shapes: list[Collision] = []
+    rest: list[Mesh] = []
+    pieces = sorted(pieces_of(mesh), key=lambda row: -row[0].area)
+    splits = 0
+    for k, (piece, closed) in enumerate(pieces):
+        room = config.part_pieces - len(shapes) - (len(pieces) - 1 - k)
+        found = None
+        if closed and room > 0:
+            found = closed_piece_shapes(piece, config.tolerance, room, splits < _SPLITS)
+        if found is None:
+            rest.append(piece)
+        else:
+            shapes += found
+            splits += len(found) > 1
+    if not rest:
+        return shapes
+    triangles = triangles_of(decimated(joined(rest), config.part_faces))
     if not len(triangles):
-        return []
-    return _cover(triangles, config.part_boards, config.tolerance, config.part_pieces, config.thickness, True)
+        return shapes
+    room = max(4, config.part_pieces - len(shapes))
+    return shapes + _cover(triangles, config.part_boards, config.tolerance, room, config.thickness, True)
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """All meshes as one, without colours."""
+    start = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + n for m, n in zip(meshes, start, strict=False)]),
+    )
 
 
 def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Collision]:

@@ -24,20 +24,11 @@ from tests.twin.scenes import (
 from twin import geometry as geo
 from twin.clearance import find_touches, make_clear, points_of, sweep_states
 from twin.collision import CollisionConfig, part_shapes, with_collision
-from twin.convex import (
-    areas,
-    bulge,
-    clip,
-    cut,
-    decompose,
-    hull_distance,
-    hull_of,
-    outline_axes,
-    thick_hull,
-    triangles_of,
-)
+from twin.convex import areas, clip, cut, hull_distance, hull_of, thick_hull, triangles_of
 from twin.export import export
+from twin.main_axes import outline_axes
 from twin.scene import Box, Collision, Mesh, Revolute, Twin
+from twin.splitting import bulge, decompose
 
 CONFIG = CollisionConfig()
 T = world_from_cabinet()

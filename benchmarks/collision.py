@@ -1,0 +1,166 @@
+"""Measure collision shapes against true parts and print one table of each kind.
+
+    python benchmarks/collision.py --truth RECORDING/truth ... [--twin TWIN RECORDING/truth] ... [--table FILE]
+
+"true mesh": shapes made from the true part mesh, measured against it. "reconstructed": shapes made from a twin's part,
+measured against the true part after the worlds are aligned by the cameras. The solid of a true part is the union of what
+its closed pieces enclose (twin.solid). Contacts are those that MuJoCo finds in 61 states of each part's range, exclusions
+and its own filter between parent and child removed, one file a format. Seconds are of one core: processor, and on the clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recon.scores import camera_errors, match_parts
+from recon.truth import Truth, load_truth
+from twin.collision import CollisionConfig, part_shapes, with_collision
+from twin.collision_fit import Fit, fit_of
+from twin.errors import FuntwinError
+from twin.export import FORMATS, export
+from twin.scene import Box, Collision, Mesh, Part, Twin
+from twin.solid import Solid
+from twin.storage import load
+
+STATES = 61
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One part: its shapes' fit to the true part, how many are boxes, seconds, contacts by format."""
+
+    recording: str
+    part: str
+    fit: Fit
+    boxes: int
+    cpu: float
+    wall: float
+    contacts: dict[str, int] | None = None
+
+
+def moved(shape: Collision, T: np.ndarray) -> Collision:
+    """A shape in another frame."""
+    return shape.transformed(T) if isinstance(shape, Mesh) else Box(T @ shape.T_world_box, shape.size)
+
+
+def timed_shapes(mesh: Mesh) -> tuple[list[Collision], float, float]:
+    cpu, wall = time.process_time(), time.perf_counter()
+    shapes = part_shapes(mesh, CollisionConfig())
+    return shapes, time.process_time() - cpu, time.perf_counter() - wall
+
+
+def true_meshes(truth: Truth) -> list[Measured]:
+    """Shapes of the true meshes against themselves."""
+    out = []
+    for part in truth.parts:
+        shapes, cpu, wall = timed_shapes(part.mesh)
+        fit = fit_of(shapes, Solid.of_mesh(part.mesh))
+        boxes = sum(isinstance(s, Box) for s in shapes)
+        out.append(Measured(truth.folder.parent.name, part.name, fit, boxes, cpu, wall))
+    return out
+
+
+def reconstructed(twin: Twin, truth: Truth) -> list[Measured]:
+    """Shapes of the parts of a twin against the true parts, and contacts in the exported files."""
+    if twin.cameras is None:
+        raise FuntwinError(f"twin {twin.name} has no cameras", "give one that was reconstructed")
+    T = camera_errors(twin.cameras, truth).T_truth_recon
+    pairs = match_parts([(p.joint, p.motion) for p in twin.parts], T, truth)
+    shaped = with_collision(twin, renew=True)
+    found = contacts(shaped)
+    out = []
+    for i, j in sorted(pairs.items()):
+        true, part = truth.parts[i], shaped.parts[j]
+        _, cpu, wall = timed_shapes(part.mesh)
+        fit = fit_of([moved(s, T) for s in part.collision], Solid.of_mesh(true.closed_mesh))
+        boxes = sum(isinstance(s, Box) for s in part.collision)
+        out.append(Measured(truth.folder.parent.name, true.name, fit, boxes, cpu, wall, found[part.name]))
+    return out
+
+
+def contacts(twin: Twin) -> dict[str, dict[str, int]]:
+    """Contacts of each part with anything, by format, summed over its range while it alone opens."""
+    out: dict[str, dict[str, int]] = {p.name: {} for p in twin.parts}
+    with tempfile.TemporaryDirectory() as folder:
+        files = export(twin, Path(folder))
+        for fmt in FORMATS:
+            model = unfiltered(files[fmt], fmt)
+            for part in twin.parts:
+                out[part.name][fmt] = sweep(model, part)
+    return out
+
+
+def unfiltered(path: Path, fmt: str) -> Any:
+    """The file as MuJoCo model in which every pair of bodies may touch."""
+    import mujoco
+
+    if fmt == "usd":
+        import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
+    spec = mujoco.MjSpec.from_file(str(path))
+    for exclude in list(spec.excludes):
+        spec.delete(exclude)
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    return spec.compile()
+
+
+def sweep(model: Any, part: Part) -> int:
+    import mujoco
+
+    data = mujoco.MjData(model)
+    joints = {model.joint(j).name.split("/")[-1]: j for j in range(model.njnt)}
+    address = int(model.jnt_qposadr[joints[f"{part.name}_joint"]])
+    count = 0
+    for state in np.linspace(part.joint.lower, part.joint.upper, STATES):
+        data.qpos[:] = 0.0
+        data.qpos[address] = state
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        count += sum(c.dist < 0 for c in data.contact)
+    return count
+
+
+def table(title: str, rows: list[Measured]) -> str:
+    head = ["recording", "part", "shapes", "boxes", "volume ratio", "surface p95", "outside p95", "buried p95", "missed p95",
+            "cpu s", "clock s", "contacts"]  # fmt: skip
+    lines = [f"### {title}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for r in rows:
+        f = r.fit
+        ratio = "-" if f.ratio is None else f"{f.ratio:.2f}"
+        mm = [f"{1e3 * v:.1f}" for v in (f.surface, f.outside, f.buried or 0.0, f.missed)]
+        touch = "" if r.contacts is None else " ".join(f"{k} {v}" for k, v in r.contacts.items())
+        lines.append("| " + " | ".join([r.recording, r.part, str(f.shapes), str(r.boxes), ratio, *mm,
+                                         f"{r.cpu:.1f}", f"{r.wall:.1f}", touch]) + " |")  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def main(argv: list[str]) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--truth", type=Path, nargs="+", default=[], help="truth folders: their true meshes")
+    parser.add_argument("--twin", type=Path, nargs=2, action="append", default=[], metavar=("TWIN", "TRUTH"))
+    parser.add_argument("--table", type=Path, help="also write the tables here")
+    options = parser.parse_args(argv)
+    text = []
+    if options.truth:
+        rows = [r for t in options.truth for r in true_meshes(load_truth(t))]
+        text.append(table("Shapes of true meshes", rows))
+        print(text[-1], flush=True)
+    if options.twin:
+        rows = [r for run, t in options.twin for r in reconstructed(load(run), load_truth(t))]
+        text.append(table("Shapes of reconstructed parts, in millimetres", rows))
+        print(text[-1], flush=True)
+    if options.table:
+        options.table.write_text("\n".join(text))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,223 @@
+"""What a surface encloses: volume, signed distance, points of its outside. The measuring side of collision shapes.
+
+A mesh is often several surfaces at once: the boards of a drawer that run into one another, a panel and a handle, one of
+them wound inside out. The solid is the union of what its closed pieces enclose, each taken by itself and whichever way
+it is wound. Pieces with an edge of their own (open ones) enclose nothing; they count as surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from twin import geometry as geo
+from twin.convex import Hull, areas, hull_of
+from twin.geometry import Array
+from twin.scene import Box, Collision, Mesh
+
+_SAME = 1e-7  # m: corners nearer than this are one
+_JUST_OUTSIDE = 2e-4  # m: far more than single precision loses over a few metres, far less than any board
+_RAYS = 3  # votes whether a point is inside: a ray may run along an edge
+# A grid turned so that no board lies along it: aligned with one, rows of cells would be in or out as a whole.
+_TURNED = geo.exp_so3([0.41, -0.33, 0.27])
+
+
+class Solid:
+    """The union of closed surfaces, with the open ones beside it."""
+
+    def __init__(self, closed: Iterable[Mesh], open_pieces: Iterable[Mesh] = ()) -> None:
+        self.closed = tuple(m for m in closed if len(m.faces))
+        self.open = tuple(m for m in open_pieces if len(m.faces))
+
+    @classmethod
+    def of_mesh(cls, mesh: Mesh) -> Solid:
+        """The solid of a mesh; faces without area are left out."""
+        pieces = pieces_of(mesh)
+        return cls((m for m, c in pieces if c), (m for m, c in pieces if not c))
+
+    @classmethod
+    def of_shapes(cls, shapes: Iterable[Collision]) -> Solid:
+        """The union of collision shapes; a shape without volume is left out."""
+        return cls(h.mesh for h in map(hull_of_shape, shapes) if h is not None)
+
+    @cached_property
+    def _scenes(self) -> list[_Scene]:
+        return [_Scene(m) for m in (*self.closed, *self.open)]
+
+    def signed_distance(self, points: Array) -> Array:
+        """Distance (n,) m of points (n, 3) from the solid, negative inside.
+
+        Outside it is exact; inside it is the depth in the deepest of the pieces that hold the point, which at seams of
+        overlapping pieces is less than that in their union. Open pieces have no inside. Infinite without a surface.
+        """
+        out = np.full(len(points), np.inf)
+        for k, scene in enumerate(self._scenes):
+            out = np.minimum(out, scene.distance(points, signed=k < len(self.closed)))
+        return out
+
+    def surface(self, count: int) -> Array:
+        """About `count` points evenly on the outside of the union and on the open pieces; the same every time."""
+        total = sum(float(areas(m.vertices[m.faces]).sum()) for m in (*self.closed, *self.open))
+        out = []
+        for k, mesh in enumerate((*self.closed, *self.open)):
+            points, normals = _even_points(mesh, count / max(total, 1e-12))
+            if k < len(self.closed):
+                turned = self._scenes[k].distance(points + _JUST_OUTSIDE * normals, signed=True) < 0
+                normals = np.where(turned[:, None], -normals, normals)
+                inside = np.zeros(len(points), bool)
+                for j, other in enumerate(self._scenes[: len(self.closed)]):
+                    if j != k:
+                        inside |= other.distance(points + _JUST_OUTSIDE * normals, signed=True) < 0
+                points = points[~inside]
+            out.append(points)
+        return np.concatenate(out) if out else np.zeros((0, 3))
+
+    def volume(self, spacing: float = 0.0015) -> float:
+        """Volume (m^3) of the union, from parallel lines `spacing` (m) apart: what each has inside, times the area it
+        stands for. That is a sum over voxels which along one direction are infinitely short.
+        """
+        if not self.closed:
+            return 0.0
+        turned = [m.vertices @ _TURNED.T for m in self.closed]
+        low = np.min([v.min(axis=0) for v in turned], axis=0) - spacing
+        cells = np.ceil((np.max([v.max(axis=0) for v in turned], axis=0) - low) / spacing).astype(int) + 1
+        spans = [
+            _inside_spans(v, m.faces, low, spacing, int(cells[1]))
+            for v, m in zip(turned, self.closed, strict=True)
+        ]
+        return _union_length(np.concatenate(spans)) * spacing**2
+
+
+class _Scene:
+    """One piece that answers how far points are from it; single precision about its own centre."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        import open3d as o3d
+
+        self._centre = mesh.vertices.mean(axis=0)
+        self._low, self._high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        self._scene: Any = o3d.t.geometry.RaycastingScene(1)
+        self._scene.add_triangles(
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.vertices - self._centre, dtype=np.float32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.faces, dtype=np.uint32)),
+        )
+
+    def distance(self, points: Array, signed: bool) -> Array:
+        """Distances (n,) m, negative inside when `signed`."""
+        import open3d as o3d
+
+        if not len(points):
+            return np.zeros(0)
+        query = np.ascontiguousarray(points - self._centre, dtype=np.float32)
+        out = self._scene.compute_distance(o3d.core.Tensor.from_numpy(query), 1).numpy().astype(np.float64)
+        if signed:
+            near = np.all((points > self._low) & (points < self._high), axis=1)
+            if near.any():
+                tensor = o3d.core.Tensor.from_numpy(np.ascontiguousarray(query[near]))
+                inside = self._scene.compute_occupancy(tensor, 1, _RAYS).numpy() > 0.5
+                out[near] = np.where(inside, -out[near], out[near])
+        return np.asarray(out)
+
+
+def hull_of_shape(shape: Collision) -> Hull | None:
+    """The convex body that a collision shape stands for; None when it is flat."""
+    return hull_of(shape.corners if isinstance(shape, Box) else shape.vertices)
+
+
+def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:
+    """The connected pieces of a mesh and whether each is closed: every edge is met by an even number of its faces.
+
+    Corners at the same place are one; faces without area are left out.
+    """
+    if not len(mesh.faces):
+        return []
+    _, first, joined = np.unique(
+        np.round(mesh.vertices / _SAME).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    faces = joined.ravel()[mesh.faces]
+    vertices = mesh.vertices[first]
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(vertices),) * 2)
+    label = connected_components(graph, directed=False)[1]
+    edges, met = np.unique(ends, axis=0, return_counts=True)
+    leaky = np.unique(label[edges[met % 2 == 1, 0]])
+    out = []
+    for piece in np.unique(label[faces[:, 0]]) if len(faces) else []:
+        own = faces[label[faces[:, 0]] == piece]
+        used, index = np.unique(own, return_inverse=True)
+        out.append((Mesh(vertices[used], index.reshape(-1, 3).astype(np.int32)), bool(piece not in leaky)))
+    return out
+
+
+def _even_points(mesh: Mesh, density: float) -> tuple[Array, Array]:
+    """Points (n, 3) on a mesh, `density` of them a square metre, and the unit normals (n, 3) of their faces.
+
+    The quasi-random sequence of Roberts (2018, "The unreasonable effectiveness of quasirandom sequences", R3) spreads
+    them more evenly than chance and needs no seed.
+    """
+    corners = mesh.vertices[mesh.faces]
+    size = areas(corners)
+    edge = np.cumsum(size)
+    n = max(1, round(float(edge[-1]) * density))
+    root = 1.2207440846057596  # the real root of x^4 = x + 1
+    u = (0.5 + np.arange(1, n + 1)[:, None] / root ** np.arange(1, 4)) % 1.0
+    face = np.minimum(np.searchsorted(edge, u[:, 0] * edge[-1], side="right"), len(size) - 1)
+    a, b = np.sqrt(u[:, 1]), u[:, 2]
+    weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(2 * size, 1e-300)[:, None]
+    return np.einsum("nk,nkx->nx", weights, corners[face]), normal[face]
+
+
+def _inside_spans(
+    vertices: Array, faces: NDArray[np.int32], low: Array, spacing: float, columns: int
+) -> Array:
+    """Spans (n, 3) of number of line, start and end along z (m) that a closed surface has inside it.
+
+    Lines run along z through the middles of a grid of squares from `low` on, `columns` of them in y. A line that meets
+    the surface an odd number of times grazes it; it loses its last hit.
+    """
+    t = vertices[faces] - low
+    line, height = [], []
+    for corners in t:
+        xy = corners[:, :2] / spacing - 0.5
+        lo, hi = np.ceil(xy.min(axis=0)).astype(int), np.floor(xy.max(axis=0)).astype(int)
+        if np.any(hi < lo):
+            continue
+        i, j = (g.ravel() for g in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(lo, hi, strict=True))))
+        (e1, e2), d = xy[1:] - xy[0], np.stack([i, j], axis=1) - xy[0]
+        det = e1[0] * e2[1] - e1[1] * e2[0]
+        if abs(det) < 1e-12:
+            continue
+        v = (d[:, 0] * e2[1] - d[:, 1] * e2[0]) / det
+        w = (e1[0] * d[:, 1] - e1[1] * d[:, 0]) / det
+        hit = (v >= 0) & (w >= 0) & (v + w <= 1)
+        line.append(i[hit] * columns + j[hit])
+        z = corners[:, 2]
+        height.append((z[0] + v * (z[1] - z[0]) + w * (z[2] - z[0]))[hit])
+    lines = np.concatenate(line) if line else np.zeros(0, int)
+    heights = np.concatenate(height) if height else np.zeros(0)
+    order = np.lexsort((heights, lines))
+    lines, heights = lines[order], heights[order]
+    start = np.searchsorted(lines, lines)
+    rank, count = np.arange(len(lines)) - start, np.searchsorted(lines, lines, side="right") - start
+    enters = np.flatnonzero((rank % 2 == 0) & (rank + 1 < count))
+    return np.stack([lines[enters].astype(np.float64), heights[enters], heights[enters + 1]], axis=1)
+
+
+def _union_length(spans: Array) -> float:
+    """Total length (m) of spans (n, 3) of line, start, end, what overlaps counted once."""
+    if not len(spans):
+        return 0.0
+    spans = spans[np.lexsort((spans[:, 1], spans[:, 0]))]
+    apart = 2.0 * float(spans[:, 2].max() - spans[:, 1].min()) + 1.0  # puts the lines behind one another
+    start, end = spans[:, 1] + apart * spans[:, 0], spans[:, 2] + apart * spans[:, 0]
+    reached = np.concatenate([[-np.inf], np.maximum.accumulate(end)[:-1]])
+    return float(np.maximum(end - np.maximum(start, reached), 0.0).sum())

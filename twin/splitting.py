@@ -1,0 +1,163 @@
+"""Covers a triangle surface with convex pieces. Made for reconstructed surfaces: open, noisy, one or two-sided.
+
+The surface is split by planes until the hull of every piece stays within a tolerance of the surface it covers ("bulge"), so
+no hull fills free space such as the gap behind a handle. Splitting works on the surface itself, without making it
+watertight first, and is deterministic.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from twin.convex import Hull, areas, cut, hull_of, sample, thick_hull
+from twin.geometry import Array
+from twin.main_axes import main_axes
+
+_BOARD = 0.02  # m: a usual board is thinner than this
+
+
+def bulge(hull: Hull, triangles: Array, tolerance: float) -> float:
+    """Greatest distance (m) of the hull's surface from the triangles it covers, good to about half the tolerance."""
+    shell = hull.vertices[hull.faces]
+    spacing = max(tolerance / 2, float(np.sqrt(areas(shell).sum() / 2000.0)))
+    tree = cKDTree(
+        _thinned(sample(triangles, spacing), spacing / 4), balanced_tree=False, compact_nodes=False
+    )
+    near, _ = tree.query(_thinned(sample(shell, spacing), spacing / 4))
+    return max(0.0, float(near.max()) - spacing / 2)
+
+
+def _thinned(points: Array, cell: float) -> Array:
+    """One point (m, 3) of each grid cell; many equal points would make nearest-neighbour search slow."""
+    key = np.floor((points - points.min(axis=0)) / cell).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
+    return points[np.unique(key, return_index=True)[1]]
+
+
+def decompose(
+    triangles: Array, tolerance: Callable[[Array], float], thickness: float, max_pieces: int
+) -> list[Array]:
+    """Split triangles (n, 3, 3) into pieces whose hulls stay within tolerance(piece) metres of the surface.
+
+    The worst piece is split first, until all are good or there are `max_pieces`.
+    """
+    axes = main_axes(triangles)
+    heap: list[tuple[float, int, Array]] = []
+    done: list[tuple[int, Array]] = []
+    count = 0
+
+    def put(piece: Array) -> None:
+        nonlocal count
+        count += 1
+        allowed = tolerance(piece)
+        hull = thick_hull(piece, thickness)
+        excess = bulge(hull, piece, allowed) / allowed if hull is not None else 0.0
+        if excess <= 1.0:
+            done.append((count, piece))
+        else:
+            heapq.heappush(heap, (-excess, count, piece))
+
+    put(triangles)
+    while heap and len(heap) + len(done) < max_pieces:
+        _, number, piece = heapq.heappop(heap)
+        parts = _best_split(piece, axes, thickness)
+        if parts is None:
+            done.append((number, piece))
+        else:
+            for part in parts:
+                put(part)
+    return [piece for _, piece in sorted([*done, *((k, p) for _, k, p in heap)], key=lambda row: row[0])]
+
+
+def merge(pieces: list[Array], tolerance: Callable[[Array], float], thickness: float) -> list[Array]:
+    """Join neighbouring pieces wherever the joint hull still keeps within the tolerance, small pieces first."""
+    pieces = sorted(pieces, key=lambda p: float(areas(p).sum()))
+    hulls = [thick_hull(p, thickness) for p in pieces]
+    k = 0
+    while k < len(pieces):
+        low, high = pieces[k].min(axis=(0, 1)) - thickness, pieces[k].max(axis=(0, 1)) + thickness
+        for other in range(len(pieces) - 1, k, -1):
+            if np.any(pieces[other].min(axis=(0, 1)) > high) or np.any(pieces[other].max(axis=(0, 1)) < low):
+                continue
+            both = np.concatenate([pieces[k], pieces[other]])
+            joint = thick_hull(both, thickness)
+            if _keeps_close(joint, both, (hulls[k], hulls[other]), tolerance(both)):
+                pieces[other], hulls[other] = both, joint
+                del pieces[k], hulls[k]
+                k -= 1
+                break
+        k += 1
+    return pieces
+
+
+def _keeps_close(
+    joint: Hull | None, triangles: Array, parts: tuple[Hull | None, Hull | None], allowed: float
+) -> bool:  # fmt: skip
+    """Whether a joint hull stays within `allowed` of its triangles; the cheap test by volume comes first."""
+    if joint is None:
+        return True
+    apart = sum(h.volume for h in parts if h is not None)
+    if joint.volume > apart + allowed * float(areas(joint.vertices[joint.faces]).sum()):
+        return False
+    return bulge(joint, triangles, allowed) <= allowed
+
+
+def _best_split(piece: Array, axes: Array, thickness: float) -> tuple[Array, Array] | None:
+    """The split by a plane across one of the axes that leaves the least hull volume."""
+    best: tuple[float, Array, Array] | None = None
+    points = piece.reshape(-1, 3)
+    for axis in axes.T:
+        along = points @ axis
+        for offset in _offsets(piece, axis, float(along.min()), float(along.max()), thickness):
+            low, high = cut(piece, axis, offset)
+            if len(low) and len(high):
+                score = _rough_volume(low) + _rough_volume(high)
+                if best is None or score < best[0] * (1 - 1e-9):
+                    best = (score, low, high)
+    return None if best is None else (best[1], best[2])
+
+
+def _offsets(piece: Array, axis: Array, low: float, high: float, thickness: float) -> Array:
+    """Where to try planes across `axis`: evenly, and on both sides of each plane in which much of the surface lies."""
+    if high - low < 2 * thickness:
+        return np.zeros(0)
+    even = np.linspace(low, high, 9)[1:-1]
+    n = np.cross(piece[:, 1] - piece[:, 0], piece[:, 2] - piece[:, 0])
+    facing = np.abs(n @ axis) > 0.85 * np.linalg.norm(n, axis=1)
+    if not facing.any():
+        return even
+    where, weight = piece[facing].mean(axis=1) @ axis, areas(piece[facing])
+    bins = int(np.clip((high - low) / thickness, 4, 400))
+    height, edges = np.histogram(where, bins, (low, high), weights=weight)
+    beside = []
+    for k in np.argsort(-height, kind="stable")[:4]:
+        if height[k] > 0.02 * areas(piece).sum():
+            inside = np.abs(where - (edges[k] + edges[k + 1]) / 2) < edges[1] - edges[0]
+            mean = np.average(where[inside], weights=weight[inside])
+            spread = np.sqrt(np.average((where[inside] - mean) ** 2, weights=weight[inside]))
+            beside += [mean - 2.0 * spread - 0.001, mean + 2.0 * spread + 0.001]
+    offsets = np.concatenate([even, np.array(beside)])
+    return np.unique(offsets[(offsets > low + 1e-3) & (offsets < high - 1e-3)])
+
+
+_GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+_DIRECTIONS = np.array(
+    [[np.cos(_GOLDEN * k) * np.sqrt(1 - z * z), np.sin(_GOLDEN * k) * np.sqrt(1 - z * z), z]
+     for k, z in enumerate(np.linspace(1, -1, 60))]
+)  # fmt: skip
+
+
+def _rough_volume(triangles: Array) -> float:
+    """Hull volume from the extreme points in 60 directions (from below), plus that of a skin as thick as half a board,
+    which keeps the two sides of a board together."""
+    points = triangles.reshape(-1, 3)
+    points = points[:: max(1, len(points) // 1500)]
+    if len(points) > 200:
+        points = points[np.unique(np.argmax(points @ _DIRECTIONS.T, axis=0))]
+    hull = hull_of(points)
+    if hull is None:
+        return float(areas(triangles).sum()) * _BOARD
+    return hull.volume + 0.5 * _BOARD * float(areas(hull.vertices[hull.faces]).sum())
