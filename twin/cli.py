@@ -191,7 +191,7 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
             "--engines",
             metavar="NAME",
             nargs="+",
-            help="engines to ask, or all [those that need no `twin engines`]",
+            help="engines to ask, validators (of USD), or all [the engines that need no `twin engines`]",
         )
     if verb == "export":
         add("--package", metavar="NAME", default="", help="make the URDF's folder the ROS package NAME")

@@ -90,23 +90,16 @@ def check(
         raise InputError(
             f"{files[missing[0]]} does not exist", f"run `twin export {run} --format {' '.join(missing)}`"
         )
-    asked = named("twin.check:chosen_engines")(engines or named("twin.check:OURS"))
-    progress("check", 0.0, f"loading the files in {', '.join(asked)}")
-    report = named("twin.check:check")(twin, files, asked)
-    agree = named("twin.check.tables:summary")(report)
-    progress("check", 1.0, agree)
-    progress("behaviour", 0.0, "moving the parts in MuJoCo")
-    moved = named("twin.behaviour:behave")(twin, files)
-    met = f"{sum(r.ok for r in moved.rows)} of {len(moved.rows)} demands on behaviour met"
-    progress("behaviour", 1.0, met)
+    proofs = named("twin.proofs:prove")(progress, twin, files, engines)
+    ok, summary = all(p.ok for p in proofs), "; ".join(p.summary for p in proofs)
     outcome = Outcome(
-        {**report.to_dict(), "ok": report.ok and moved.ok, "behaviour": moved.to_dict()},
-        [*named("twin.check.tables:tables")(report), *named("twin.behaviour_tables:tables")(moved)],
-        [*named("twin.check.tables:notes")(report), agree, met],
-        (*report.warnings, *moved.warnings),
-        report.ok and moved.ok,
+        {"ok": ok, **{p.key: p.data for p in proofs}},
+        [t for p in proofs for t in p.tables],
+        [x for p in proofs for x in (*p.notes, p.summary)],
+        [w for p in proofs for w in p.warnings],
+        ok,
     )
-    return Step("check", outcome, f"{agree}; {met}", started).kept(run_folder(run))
+    return Step("check", outcome, summary, started).kept(run_folder(run))
 
 
 def replay(progress: Progress, run: Path, robot: str, names: Sequence[str]) -> Step:

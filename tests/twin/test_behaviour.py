@@ -161,7 +161,7 @@ def test_the_check_of_a_run_fails_by_its_behaviour(
     export(twin, tmp_path / "export", formats=("mjcf",))
     assert cli.run(["check", str(tmp_path), "--format", "mjcf", "--json"]) == 2
     told = json.loads(capsys.readouterr().out)
-    assert all(r["ok"] for r in told["rows"]), "the file says what the twin says"
+    assert all(r["ok"] for r in told["agreement"]["rows"]), "the file says what the twin says"
     behaviour = told["behaviour"]["rows"]
     assert {(r["part"], r["quantity"]) for r in behaviour if not r["ok"]} == {
         ("door", "open"),

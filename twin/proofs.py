@@ -1,0 +1,88 @@
+"""What `twin check` asks of exported files: do engines agree with the twin, do its parts behave, do validators accept the USD."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from twin import behaviour_tables
+from twin.behaviour import behave
+from twin.check import OURS, check, chosen_engines
+from twin.check import tables as check_tables
+from twin.engines import interpreter
+from twin.report.sections import Table
+from twin.scene import Twin
+from twin.stages import Progress
+from twin.validators import UsdVerdict, validate_usd
+
+VALIDATORS = "validators"
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One question with its answer: key and JSON data, a line, tables, notes and warnings."""
+
+    key: str
+    ok: bool
+    summary: str
+    data: Mapping[str, Any]
+    tables: Sequence[Table]
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+
+
+def prove(
+    progress: Progress, twin: Twin, files: Mapping[str, Path], judges: Sequence[str] | None = None
+) -> list[Proof]:
+    """Answer all questions about exported `files` (format -> file).
+
+    judges: names of engines, "validators" for the validators of USD, or "all"; by default the engines that come along.
+    Raises InputError, MissingDependencyError: as twin.check and twin.validators.validate_usd.
+    """
+    names = OURS if judges is None else judges
+    engines = chosen_engines([n for n in names if n != VALIDATORS])
+    valid = "usd" in files and bool({VALIDATORS, "all"} & set(names))
+    if valid:
+        interpreter(VALIDATORS)  # told before the engines take their time
+    proofs = [_agreement(progress, twin, files, engines)] if engines else []
+    proofs.append(_behaviour(progress, twin, files))
+    if valid:
+        proofs.append(_validity(progress, files["usd"]))
+    return proofs
+
+
+def _agreement(progress: Progress, twin: Twin, files: Mapping[str, Path], engines: Sequence[str]) -> Proof:
+    progress("check", 0.0, f"loading the files in {', '.join(engines)}")
+    report = check(twin, files, engines)
+    summary = check_tables.summary(report)
+    progress("check", 1.0, summary)
+    shown, notes = check_tables.tables(report), check_tables.notes(report)
+    return Proof("agreement", report.ok, summary, report.to_dict(), shown, notes, report.warnings)
+
+
+def _behaviour(progress: Progress, twin: Twin, files: Mapping[str, Path]) -> Proof:
+    progress("behaviour", 0.0, "moving the parts in MuJoCo")
+    report = behave(twin, files)
+    summary = f"{sum(r.ok for r in report.rows)} of {len(report.rows)} demands on behaviour met"
+    progress("behaviour", 1.0, summary)
+    shown = behaviour_tables.tables(report)
+    return Proof("behaviour", report.ok, summary, report.to_dict(), shown, warnings=report.warnings)
+
+
+def _validity(progress: Progress, path: Path) -> Proof:
+    progress(VALIDATORS, 0.0, "OpenUSD, NVIDIA, SimReady")
+    verdict = validate_usd(path)
+    passed = sum(verdict.features.values())
+    summary = f"validators of USD: {len(verdict.errors)} errors, {passed} of {len(verdict.features)} SimReady features"
+    progress(VALIDATORS, 1.0, summary)
+    return Proof(VALIDATORS, verdict.ok, summary, verdict.to_dict(), _findings(verdict))
+
+
+def _findings(verdict: UsdVerdict) -> list[Table]:
+    features = [[name, "passed" if ok else "not met (optional)"] for name, ok in verdict.features.items()]
+    rows = [[f.validator, f.severity, f.rule, f.file, f.where, f.message] for f in verdict.findings]
+    columns = ["validator", "severity", "rule", "file", "where", "what"]
+    found = [Table("findings of USD's validators", columns, rows)] if rows else []
+    return [Table("SimReady features", ["feature", ""], features), *found]
