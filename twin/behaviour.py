@@ -18,12 +18,7 @@ and semi-implicit Euler, which is what whoever loads them gets.
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -33,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
+from twin.check.ask import BEHAVIOUR, ask
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Part, Revolute, Twin
@@ -51,7 +47,6 @@ GAIN = 0.01  # share of the energy at play
 FLOOR = 1e-3  # m: no reconstruction is asked to be better than this
 _LEVEL = math.radians(2.0)  # chosen by us: more than a carpenter's error and a reconstructed axis'
 _SIGMAS = 3.0
-_SECONDS = 300  # a probe that takes longer hangs
 
 
 @dataclass(frozen=True)
@@ -111,10 +106,12 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
     for path in files.values():
         if not Path(path).is_file():
             raise InputError(f"{path} does not exist", "run twin export again")
-    answers = _ask(files, [_asked(twin, p) for p in twin.parts])
+    asked = [_asked(twin, p) for p in twin.parts]
+    jobs = [{"path": str(Path(p).resolve()), "format": f, "parts": asked} for f, p in files.items()]
+    answers = ask(BEHAVIOUR, jobs)
     rows: list[BehaviourRow] = []
     warnings: list[str] = []
-    for fmt, answer in answers.items():
+    for fmt, answer in zip(files, answers, strict=True):
         if answer["error"]:
             warnings.append(f"{fmt}: can't be simulated: {answer['error']}")
             continue
@@ -160,30 +157,6 @@ def _hand_lever(part: Part) -> float:
     if not isinstance(part.joint, Revolute) or part.contact is None:
         return _lever(part)
     return float(geo.point_line_distance(part.contact.point, part.joint.pivot, part.joint.axis))
-
-
-def _ask(files: Mapping[str, Path], parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """Run the probe in a process of its own, in an empty folder (MuJoCo leaves a log where it runs)."""
-    with tempfile.TemporaryDirectory() as folder:
-        request, answer = Path(folder) / "request.json", Path(folder) / "answer.json"
-        paths = {f: str(Path(p).resolve()) for f, p in files.items()}
-        request.write_text(json.dumps({"files": paths, "parts": parts}), encoding="utf-8")
-        environment = {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]),
-        }
-        try:
-            done = subprocess.run(  # noqa: S603  (this interpreter, this package, no shell)
-                [sys.executable, "-m", "twin.probes.behaviour", str(request), str(answer)],
-                cwd=folder, env=environment, capture_output=True, text=True, timeout=_SECONDS, check=False,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return {f: {"error": f"no answer within {_SECONDS} s"} for f in files}
-        if not answer.exists():
-            last = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
-            return {f: {"error": last[0]} for f in files}
-        told: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
-        return told
 
 
 def _judge(fmt: str, twin: Twin, part: Part, got: Mapping[str, Any]) -> list[BehaviourRow]:

@@ -29,13 +29,14 @@ OURS = (
     "pinocchio",
     "yourdfpy",
 )  # installed with this project; the others have environments of their own
+BEHAVIOUR = "behaviour"  # the probe that moves parts, for twin.behaviour: it compares nothing and is no engine to choose
 _SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once
 _RUN = Path(__file__).resolve().parents[1] / "probes" / "run.py"
 
 
 def python_of(engine: str) -> Path:
     """Python that has the engine. Raises MissingDependencyError when its environment is not installed."""
-    return Path(sys.executable) if engine in OURS else interpreter(engine)
+    return Path(sys.executable) if engine in (*OURS, BEHAVIOUR) else interpreter(engine)
 
 
 def ask(engine: str, jobs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

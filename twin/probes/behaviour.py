@@ -1,9 +1,8 @@
-"""MuJoCo moves the parts of exported files: python -m twin.probes.behaviour REQUEST ANSWER.
+"""MuJoCo moves the parts of exported files; run as an engine of its own, see the package.
 
-The request is JSON: files {format: path} and parts, each with name, held {other part: state}, force (N or N m, of a steady
-pull), hand (N or N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
-demonstration. The answer is JSON: format -> {"parts": {name: measured}, "warnings": [...], "error": text or null}; what is
-measured is said at each function. A number that a simulation could not give, because it broke down, is null.
+A job is {path, format, parts}; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
+N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
+demonstration. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
 The files are simulated as they are, with the step and the integrator that they ask for. One thing is changed, in memory: in
 `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight of a lid; in `_sweep` bodies that
@@ -12,10 +11,7 @@ the file keeps apart may touch; in `_demonstration` the hand's mass goes with th
 
 from __future__ import annotations
 
-import json
 import math
-import sys
-import warnings
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
@@ -27,12 +23,11 @@ import mujoco
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from twin.probes.run import captured
-
 REST_SECONDS = 10.0
 REACH_SECONDS = 10.0
 SWING_SECONDS = 5.0
 SWEEP_STATES = 41
+VERSION = mujoco.__version__
 _LOOK = 5  # steps between two looks at a simulation
 _STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
 _BROKEN = (
@@ -295,24 +290,3 @@ def _pose(data: Any, body: int) -> Any:
     t = np.eye(4)
     t[:3, :3], t[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
     return t
-
-
-def main(request_path: str, answer_path: str) -> None:
-    """Answer one request."""
-    request = json.loads(Path(request_path).read_text(encoding="utf-8"))
-    answer: dict[str, Any] = {}
-    for fmt, path in request["files"].items():
-        said: list[str] = []
-        parts, error = {}, None
-        with captured(said), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what a loader says of a file, the check of equivalence tells
-            try:
-                parts = read(Path(path), fmt, request)
-            except Exception as e:  # a reader may fail in any way; the report names it
-                error = f"{type(e).__name__}: {e}"
-        answer[fmt] = {"parts": parts, "warnings": [], "error": error}
-    Path(answer_path).write_text(json.dumps(answer), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2])
