@@ -363,7 +363,8 @@ def _fit_of_both(
         return fit
     better = len(both.frames) > len(fit.frames) and both.residual <= config.max_residual
     before, after = (float(_support(f, members, movers, config).sum()) for f in (fit, both))
-    return both if better and after >= _AS_WELL * before else fit
+    # its type was handed on, not given by anybody: what decided the first fit's type still does
+    return replace(both, type_source=fit.type_source) if better and after >= _AS_WELL * before else fit
 
 
 def _is_another_part(

@@ -79,7 +79,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig, hints: Sequence[Ty
     )
     found = run.stage(
         "motion",
-        8,
+        9,
         (config.motion, hints) if hints else config.motion,
         [tracks, upright],
         lambda: find_parts(recording, tracks.value, upright.value, config.motion, hints),

@@ -10,7 +10,7 @@ import pytest
 from recon.cameras import estimate_cameras
 from recon.intervals import Movers
 from recon.joints import fit_motion
-from recon.motion import FoundParts, MotionConfig, _on_course, find_parts
+from recon.motion import FoundParts, MotionConfig, _fit_of_both, _on_course, find_parts
 from recon.recording import Recording, open_recording
 from recon.tracks import Tracks, track_points
 from tests.recon import tiny
@@ -100,3 +100,21 @@ def test_a_track_that_circles_the_axis_is_on_course_whatever_its_state() -> None
         np.ones((30, 20), bool),
     )
     assert _on_course(fit, movers, MotionConfig()).tolist() == [True, True, False, False]
+
+
+def test_a_part_fitted_again_from_both_sides_keeps_why_it_is_a_hinge() -> None:
+    """The front is seen in the first 30 frames, the inside in the last 25."""
+    joint = Revolute(geo.unit(np.array([0.1, 1.0, 0.05])), 0.0, 1.0, pivot=np.array([0.2, 0.0, 1.5]))
+    rng = np.random.default_rng(1)
+    points = geo.transform(
+        joint.poses(np.linspace(0.0, 1.2, 50)), joint.pivot + rng.uniform(-0.3, 0.3, (40, 3))
+    )
+    seen = np.ones(points.shape[:2], bool)
+    seen[30:, :20], seen[:25, 20:] = False, False
+    everything = np.ones(40, bool)
+    movers = Movers(points, seen, everything, everything)
+    front = fit_motion(points[:, :20], seen[:, :20])
+    both = _fit_of_both(front, everything, movers, MotionConfig())
+    assert len(both.frames) == 50 > len(front.frames)
+    assert both.type_source == front.type_source
+    assert both.type_source.startswith("motion")
