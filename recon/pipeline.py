@@ -28,10 +28,11 @@ from recon.refine import refine_parts
 from recon.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError
-from twin.physics import with_physics
+from twin.physics import keep_known, with_physics
 from twin.scene import Trajectory, Twin
 from twin.settings import as_dict
 from twin.stages import Progress, Run, versions
+from twin.storage import load, save
 
 T = TypeVar("T")
 Labels = dict[int, NDArray[np.uint8]]
@@ -63,6 +64,7 @@ def reconstruct(
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
         twin = _run(run, recording, config, hints)
         if out is not None:
+            twin = _with_what_is_known(run, twin, out)
             _write(twin, recording, out)
     return twin
 
@@ -228,9 +230,21 @@ def _finish(
     return tuple(finished)
 
 
+def _with_what_is_known(run: Run, twin: Twin, out: Path) -> Twin:
+    """What the user measured or stated about the parts of an earlier twin in this folder stays."""
+    if not (out / "twin" / "twin.json").is_file():
+        return twin
+    try:
+        return keep_known(twin, load(out))
+    except InputError as e:
+        run.warn(
+            f"the earlier twin is replaced, with what was measured about it if anything was: {e.problem}"
+        )
+        return twin
+
+
 def _write(twin: Twin, recording: Recording, out: Path) -> None:
     from twin.report import pick_key_frames, save_key_frames
-    from twin.storage import save
 
     save(twin, out / "twin")
     chosen = pick_key_frames(twin)

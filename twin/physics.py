@@ -11,6 +11,9 @@ from twin.materials import read_materials as read_materials
 from twin.scene import Part, PartPhysics, Twin
 from twin.surface_mass import shell_inertial as shell_inertial
 
+# Numbers that somebody took the trouble to find out: nothing but the user replaces them.
+KEPT = ("measured", "user")
+
 
 def with_physics(
     twin: Twin,
@@ -23,7 +26,8 @@ def with_physics(
     Args:
         materials: part name -> material name; parts that are not named get the table's default.
         table: the table of materials, by default assets/materials.toml.
-        renew: replace values that the twin has already; otherwise only missing ones are filled.
+        renew: replace values that the twin has already, unless the user measured or stated them; otherwise only missing
+            ones are filled.
     """
     table = read_materials() if table is None else table
     chosen = dict(materials or {})
@@ -40,7 +44,7 @@ def with_physics(
             if part.physics is not None and not renew
             else joint_and_contact(part, material, table)
         )
-        parts.append(replace(part, inertial=inertial, physics=physics))
+        parts.append(with_known(replace(part, inertial=inertial, physics=physics), part))
     return replace(twin, parts=tuple(parts))
 
 
@@ -56,3 +60,27 @@ def joint_and_contact(
     name = f"{material.name}, {chosen_by}" if chosen_by else material.name
     density = replace(material.density, source=f"{word}: {name}: {detail}")
     return PartPhysics(material.friction, joint["damping"], joint["frictionloss"], density)
+
+
+def with_known(part: Part, earlier: Part) -> Part:
+    """The part with those numbers of an earlier state of it that the user measured or stated; the tensor grows with the mass."""
+    inertial, physics = part.inertial, part.physics
+    if inertial is not None and earlier.inertial is not None and earlier.inertial.mass.origin in KEPT:
+        inertial = inertial.with_mass(earlier.inertial.mass)
+    if physics is not None and earlier.physics is not None:
+        known = {k: q for k, q in vars(earlier.physics).items() if q.origin in KEPT}
+        physics = replace(physics, **known)
+    return replace(part, inertial=inertial, physics=physics)
+
+
+def keep_known(twin: Twin, earlier: Twin) -> Twin:
+    """A twin made again, with what the user measured or stated about the parts of the earlier one from the same recording.
+
+    Parts are the same that have the same name and joint type.
+    """
+    made_from = [None if t.recorded is None else t.recorded.fingerprint for t in (twin, earlier)]
+    if made_from[0] is None or made_from[0] != made_from[1]:
+        return twin
+    before = {(p.name, p.joint.kind): p for p in earlier.parts}
+    parts = [with_known(p, before.get((p.name, p.joint.kind), p)) for p in twin.parts]
+    return replace(twin, parts=tuple(parts))

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.errors import InputError, SceneError
 from twin.materials import Material, MaterialTable, read_materials
-from twin.physics import joint_and_contact
+from twin.physics import KEPT, joint_and_contact
 from twin.physics_options import UNITS
 from twin.physics_text import described
 from twin.quantities import Inertial, Quantity
@@ -20,8 +20,6 @@ from twin.surface_mass import shell_inertial
 # is good to 2 %, a force or friction measured by hand to 10 %, a number from memory or a data sheet of another model to 20 %.
 _MEASURED = {"mass": 0.02}
 _MEASURED_ELSE, _STATED = 0.10, 0.20
-# Numbers that somebody took the trouble to find out: nothing but the user replaces them.
-KEPT = ("measured", "user")
 
 
 @dataclass(frozen=True)

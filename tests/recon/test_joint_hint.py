@@ -9,14 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.config import ReconConfig
 from recon.joint_config import JointConfig
 from recon.joint_type import HINT_WEIGHT, Kind, TypeEvidence, TypeHint, decide, hint_about
 from recon.joints import fit_motion
 from recon.models import joint_hint
 from recon.models.joint_hint import read_hints
 from recon.motion import find_parts
-from recon.pipeline import _run
 from recon.recording import open_recording
 from recon.tracks import Tracks
 from tests.recon import tiny
@@ -186,22 +184,3 @@ def test_no_key_is_one_line_before_any_work(
     assert "no key for a vision-language model is set" in err
     assert err.count("\n") == 1
     assert list((out / "stages").glob("[0-9]*")) == []
-
-
-@pytest.mark.parametrize("hints", [(), (hint("revolute"),)])
-def test_a_run_without_hints_has_the_keys_it_had(hints: tuple[TypeHint, ...]) -> None:
-    """The settings that make up the key of the stage, which hints join only when there are some."""
-    config = ReconConfig()
-    seen: dict[str, object] = {}
-
-    class Stop(Exception): ...
-
-    class Recorder:
-        def stage(self, name: str, _: int, settings: object, *_more: object) -> None:
-            seen[name] = settings
-            if name == "motion":
-                raise Stop
-
-    with pytest.raises(Stop):
-        _run(Recorder(), None, config, hints)  # type: ignore[arg-type]
-    assert seen["motion"] == ((config.motion, hints) if hints else config.motion)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.twin.scenes import cabinet_twin
 from twin.errors import ConfigError, SceneError
-from twin.physics import read_materials, with_physics
+from twin.physics import keep_known, read_materials, with_physics
+from twin.physics_edit import given, set_physics
 
 
 def test_with_physics_fills_what_is_missing_and_names_its_sources() -> None:
@@ -51,3 +53,24 @@ def test_the_table_states_a_source_for_every_number() -> None:
     assert all(len(q.source) > 8 and q.interval[0] < q.interval[1] for q in rows)
     assert {q.origin for q in rows} <= {"default", "measured"}
     assert set(table.joints) == {"revolute", "prismatic"}
+
+
+def test_what_the_user_found_out_survives_a_twin_made_again() -> None:
+    old = cabinet_twin()
+    weighed = set_physics(
+        old, "door", {"mass": given("mass", 3.2, measured=True), "damping": given("damping", 0.1)}
+    ).twin
+    again = keep_known(with_physics(old, renew=True), weighed)
+    door, drawer = again.part("door"), again.part("drawer")
+    assert door.inertial.mass == weighed.part("door").inertial.mass
+    assert np.trace(door.inertial.inertia) < np.trace(
+        with_physics(old, renew=True).part("door").inertial.inertia
+    )
+    assert door.physics.damping.value == 0.1
+    assert door.physics.friction.origin == "default"
+    assert drawer.inertial.mass.origin == "geometry"
+    assert with_physics(weighed, renew=True).part("door").inertial.mass.value == 3.2
+    elsewhere = replace(weighed, recorded=replace(weighed.recorded, fingerprint="another"))
+    assert keep_known(old, elsewhere) is old
+    as_slide = replace(weighed, parts=(replace(weighed.part("door"), joint=old.part("drawer").joint),))
+    assert keep_known(old, as_slide).part("door").inertial.mass.value != 3.2

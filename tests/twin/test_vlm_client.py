@@ -23,9 +23,11 @@ QUICK = Limits(connect=2, read=0.5, total=3, attempts=3, pause=0.01, longest_pau
 
 
 @pytest.fixture(autouse=True)
-def no_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
+def proxy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A proxy that nobody runs: what goes to this machine in the clear must not go there."""
+    monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:9")
+    monkeypatch.setenv("ALL_PROXY", "http://127.0.0.1:9")
+    monkeypatch.setenv("NO_PROXY", "")
 
 
 def endpoint(url: str, model: str = "seer-1") -> Endpoint:
@@ -115,8 +117,9 @@ def test_nobody_listening_is_one_line() -> None:
         ask(QUESTION, endpoint(url), QUICK)
 
 
-def test_an_untrusted_certificate_is_not_accepted(tmp_path: Path) -> None:
+def test_an_untrusted_certificate_is_not_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A TLS server with a certificate of its own making: nothing is sent to it."""
+    monkeypatch.delenv("ALL_PROXY")
     import ssl
     import subprocess
 
@@ -182,6 +185,8 @@ def test_a_key_goes_only_to_its_own_address() -> None:
     own = endpoint_from_environment("m", both)
     assert (own.url, own.key) == ("https://h/v1/chat/completions", KEY)
     assert KEY not in repr(own)
+    versioned = {"FUNTWIN_VLM_URL": "https://h/v1/?version=2", "FUNTWIN_VLM_KEY": KEY}
+    assert endpoint_from_environment("m", versioned).url == "https://h/v1/chat/completions?version=2"
     assert "secret" not in Endpoint("https://h:8/v1?token=secret", "m", KEY).place
 
 

@@ -104,9 +104,9 @@ def endpoint_from_environment(model: str | None = None, environ: Mapping[str, st
                 "export FUNTWIN_VLM_KEY and FUNTWIN_VLM_URL, or OPENAI_API_KEY",
             )
     name = model or env.get("FUNTWIN_VLM_MODEL") or ""
-    base = url.strip().rstrip("/")
-    full = base if base.endswith("/chat/completions") else f"{base}/chat/completions"
-    return Endpoint(full, name, key.strip())
+    address, mark, query = url.strip().partition("?")
+    address = address.rstrip("/").removesuffix("/chat/completions")
+    return Endpoint(f"{address}/chat/completions{mark}{query}", name, key.strip())
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,9 @@ def ask(question: Question, endpoint: Endpoint, limits: Limits = DEFAULT) -> str
     deadline = time.monotonic() + limits.total
     body = question.body(endpoint.model)
     timeout = httpx.Timeout(limits.read, connect=limits.connect)
-    with httpx.Client(timeout=timeout, follow_redirects=False) as client:  # TLS is verified by default
+    # TLS is verified by default. Proxies of the environment never see what may go in the clear.
+    encrypted = endpoint.url.startswith("https:")
+    with httpx.Client(timeout=timeout, follow_redirects=False, trust_env=encrypted) as client:
         for attempt in range(1, limits.attempts + 1):
             problem, wait = "", None
             try:

@@ -15,8 +15,8 @@ import numpy as np
 
 from twin.errors import ServiceError
 from twin.materials import Material, MaterialTable, read_materials
-from twin.physics import joint_and_contact
-from twin.physics_edit import KEPT, Edited, changes
+from twin.physics import KEPT, joint_and_contact
+from twin.physics_edit import Edited, changes
 from twin.quantities import Quantity
 from twin.scene import Mesh, Part, Twin
 from twin.surface_mass import shell_inertial
