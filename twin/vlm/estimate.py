@@ -33,7 +33,8 @@ _SOLID = 1.1  # a part fills no more than its hull, up to the mesh's own error
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What the surface says for certain: edges (3,) m of its tightest box, longest first, and least and greatest mass kg."""
+    """What the surface says for certain: edges (3,) m of its tightest box, longest first, volume m^3 of its hull, least and
+    greatest mass kg."""
 
     edges: tuple[float, float, float]
     volume: float
@@ -47,6 +48,7 @@ def body_of(mesh: Mesh, table: MaterialTable) -> Body:
 
     Raises SceneError for a mesh without area.
     """
+    from scipy.spatial import QhullError
     from trimesh import Trimesh
     from trimesh.bounds import oriented_bounds
 
@@ -54,7 +56,7 @@ def body_of(mesh: Mesh, table: MaterialTable) -> Body:
     try:
         hull = float(solid.convex_hull.volume)
         extents = np.sort(oriented_bounds(solid)[1])[::-1]
-    except Exception:
+    except (QhullError, ValueError):  # a flat surface has no hull
         hull, extents = 0.0, np.sort(np.ptp(mesh.vertices, axis=0))[::-1]
     rows = table.materials.values()
     board = max(m.thickness.interval[1] for m in rows)
