@@ -17,7 +17,7 @@ pytest.importorskip("httpx", reason="needs the extra vlm")
 from tests.twin.scenes import cabinet_twin
 from tests.twin.vlm_server import KEY, Reply, Server, completion, serving
 from twin import cli
-from twin.errors import InputError, ServiceError
+from twin.errors import InputError, SceneError, ServiceError
 from twin.materials import read_materials
 from twin.physics import with_physics
 from twin.physics_edit import given, set_physics
@@ -108,6 +108,8 @@ def test_the_bounds_of_a_part_hold_what_it_can_weigh(twin: Twin) -> None:
     assert 4.4 < body.mass[1] <= hull_of_steel
     flat = replace(door.mesh, vertices=np.array(door.mesh.vertices) * [1.0, 1.0, 0.0])
     assert body_of(flat, read_materials()).mass[1] > 1.0, "a flat surface stands for a board"
+    with pytest.raises(SceneError, match="no area"):
+        body_of(replace(door.mesh, vertices=np.zeros_like(door.mesh.vertices)), read_materials())
 
 
 @pytest.mark.parametrize(

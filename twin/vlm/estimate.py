@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin.errors import ServiceError
+from twin.errors import SceneError, ServiceError
+from twin.geometry import Array
 from twin.materials import Material, MaterialTable, read_materials
 from twin.physics import KEPT, joint_and_contact
 from twin.physics_edit import Edited, changes
@@ -28,6 +29,7 @@ _Z95 = 1.96
 # Chosen by us: a picture tells a length to better than a factor of 2, and so moments to a factor of 5.
 _LENGTH, _MOMENT = 2.0, 5.0
 _DENSITY = (5.0, 23_000.0)  # kg/m^3, from foams to osmium
+_FLAT = 1e-5  # m: thinner points have no hull
 _SOLID = 1.1  # a part fills no more than its hull, up to the mesh's own error
 
 
@@ -48,16 +50,9 @@ def body_of(mesh: Mesh, table: MaterialTable) -> Body:
 
     Raises SceneError for a mesh without area.
     """
-    from scipy.spatial import QhullError
-    from trimesh import Trimesh
-    from trimesh.bounds import oriented_bounds
-
-    solid = Trimesh(mesh.vertices, mesh.faces, process=False)
-    try:
-        hull = float(solid.convex_hull.volume)
-        extents = np.sort(oriented_bounds(solid)[1])[::-1]
-    except (QhullError, ValueError):  # a flat surface has no hull
-        hull, extents = 0.0, np.sort(np.ptp(mesh.vertices, axis=0))[::-1]
+    if mesh.area < 1e-9:
+        raise SceneError("a part's mesh has no area, so nothing can be said about its size", "give it a mesh")
+    extents, hull = _extents(mesh.vertices[np.unique(mesh.faces)])
     rows = table.materials.values()
     board = max(m.thickness.interval[1] for m in rows)
     volume = max(hull, mesh.area / 2 * board)
@@ -66,6 +61,18 @@ def body_of(mesh: Mesh, table: MaterialTable) -> Body:
     )
     a, b, c = (float(v) for v in extents)
     return Body((a, b, c), volume, (least, volume * max(m.density.interval[1] for m in rows)))
+
+
+def _extents(points: Array) -> tuple[Array, float]:
+    """Edges (3,) m of the tightest box around points, longest first, and the volume m^3 of their hull."""
+    from trimesh import PointCloud
+
+    centred = points - points.mean(axis=0)
+    along = np.ptp(centred @ np.linalg.svd(centred, full_matrices=False)[2].T, axis=0)
+    if along.min() < _FLAT:
+        return np.sort(along)[::-1], 0.0
+    cloud = PointCloud(points)
+    return np.sort(cloud.bounding_box_oriented.primitive.extents)[::-1], float(cloud.convex_hull.volume)
 
 
 @dataclass(frozen=True)
