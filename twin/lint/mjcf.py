@@ -16,6 +16,7 @@ from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shap
 from twin.lint.primitives import box_points, cylinder_points
 from twin.lint.xml import read_xml
 
+_UNNAMED = "(unnamed) "
 _DEFAULT_DENSITY = 1000.0  # kg/m^3, MuJoCo's
 _NAMED = {
     "body",
@@ -41,7 +42,7 @@ def read(path: Path) -> LintModel:
         raise InputError(f"{path} is no MJCF: its root element is <{root.tag}>", "give the model's main file")
     names = tuple(_names(path, root, lines, path.parent, set()))
     try:
-        spec = mujoco.MjSpec.from_file(str(path.resolve()))
+        spec = _spec(path)
     except ValueError as e:
         return LintModel(path, "mjcf", names=names, refused=_one_line(e))
     refused, model, data = "", None, None
@@ -54,7 +55,7 @@ def read(path: Path) -> LintModel:
         mujoco.mj_comPos(model, data)
     except ValueError as e:
         refused = _one_line(e)
-        spec = mujoco.MjSpec.from_file(str(path.resolve()))  # a failed compilation leaves nothing to read
+        spec = _spec(path)  # a failed compilation leaves nothing to read
     references = list(_references(spec, path.parent))
     files = {r.element: r for r in references}
     bodies = [_body(b) for b in spec.bodies if b.name != WORLD or b.parent is not None]
@@ -72,12 +73,19 @@ def _one_line(error: Exception) -> str:
 def _label(kind: str, thing: Any) -> str:
     """How a finding names an element: unnamed ones by their line."""
     line = f" ({thing.info})" if thing.info and thing.info != "line 0" else ""  # 0: from an included file
-    return f"{kind} {thing.name!r}{line}" if thing.name else f"{kind}{line or ' without a name'}"
+    named = thing.name and not thing.name.startswith(_UNNAMED)
+    return f"{kind} {thing.name!r}{line}" if named else f"{kind}{line or ' without a name'}"
 
 
-def _key(body: Any) -> str:
-    """Name by which a body is known to the rules; unnamed bodies get one from their place."""
-    return body.name or f"body@{body.info or id(body)}"
+def _spec(path: Path) -> Any:
+    """The specification, with names for bodies that have none, so that joints can name them."""
+    import mujoco
+
+    spec = mujoco.MjSpec.from_file(str(path.resolve()))
+    for k, body in enumerate(spec.bodies):
+        if not body.name:
+            body.name = f"{_UNNAMED}{k}"
+    return spec
 
 
 def _names(
@@ -131,11 +139,11 @@ def _body(b: Any) -> Body:
         else:
             xx, yy, zz, xy, xz, yz = full
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return Body(_key(b), _label("body", b), float(b.mass), tensor)
+        return Body(b.name, _label("body", b), float(b.mass), tensor)
     solid = [g for g in b.geoms if not (np.isnan(g.mass) and g.density == 0) and g.mass != 0]
     untold = [g for g in solid if np.isnan(g.mass) and g.density == _DEFAULT_DENSITY]
     return Body(
-        _key(b), _label("body", b), inferred="default density" if untold else "density" if solid else ""
+        b.name, _label("body", b), inferred="default density" if untold else "density" if solid else ""
     )
 
 
@@ -147,9 +155,9 @@ def _joints(spec: Any, b: Any, data: Any) -> Iterator[Joint]:
         int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
         int(mujoco.mjtJoint.mjJNT_FREE): "free", int(mujoco.mjtJoint.mjJNT_BALL): "other",
     }  # fmt: skip
-    parent = WORLD if b.parent.parent is None else _key(b.parent)
+    parent = WORLD if b.parent.parent is None else b.parent.name
     if not len(b.joints):
-        yield Joint("fixed", _label("body", b), "fixed", parent, _key(b))
+        yield Joint("fixed", _label("body", b), "fixed", parent, b.name)
     for j in b.joints:
         kind = kinds[int(j.type)]
         lower, upper = (float(x) for x in np.asarray(j.range)[:2])
@@ -159,7 +167,7 @@ def _joints(spec: Any, b: Any, data: Any) -> Iterator[Joint]:
         bounded = limited and kind in ("revolute", "prismatic")
         yield Joint(
             j.name, _label("joint", j), "continuous" if kind == "revolute" and not limited else kind,
-            parent, _key(b),
+            parent, b.name,
             unit="m" if kind == "prismatic" else ("deg" if spec.compiler.degree else "rad") if kind == "revolute" else "",
             lower=lower if bounded else None, upper=upper if bounded else None,
             axis=np.array(j.axis) if kind in ("revolute", "prismatic") else None,
@@ -173,7 +181,7 @@ def _shape(spec: Any, g: Any, model: Any, data: Any, files: dict[str, Reference]
     import mujoco
 
     touches = g.contype != 0 or g.conaffinity != 0
-    body = WORLD if g.parent.parent is None else _key(g.parent)
+    body = WORLD if g.parent.parent is None else g.parent.name
     kind = str(mujoco.mjtGeom(int(g.type)).name).removeprefix("mjGEOM_").lower()
     surface, problem, points = None, "", None
     if kind == "mesh":

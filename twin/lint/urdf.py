@@ -12,7 +12,7 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.lint.meshes import load_surface, locate
-from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shape
+from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shape, Surface
 from twin.lint.primitives import box_points, cylinder_points
 from twin.lint.xml import read_xml
 
@@ -29,6 +29,7 @@ class _File:
     lines: dict[ET.Element, int]
     unread: list[tuple[str, str]] = field(default_factory=list)
     references: list[Reference] = field(default_factory=list)
+    surfaces: dict[Path, tuple[Surface | None, str]] = field(default_factory=dict)
 
     def where(self, element: ET.Element, owner: str) -> str:
         return f"{owner} (line {self.lines[element]})"
@@ -190,7 +191,9 @@ def _shape(f: _File, element: ET.Element, link: str, role: str, pose: Array | No
         f.references.append(Reference(f.where(inner, owner), written, found))
         scale = f.floats(inner, "scale", 3, owner)
         if found is not None:
-            surface, problem = load_surface(found)
+            if found not in f.surfaces:
+                f.surfaces[found] = load_surface(found)
+            surface, problem = f.surfaces[found]
         if surface is not None and len(surface.vertices):
             local = surface.vertices * (1.0 if scale is None else scale)
     points = None if local is None or pose is None else geo.transform(pose @ place, local)

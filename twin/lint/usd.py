@@ -56,8 +56,8 @@ def read(path: Path) -> LintModel:
 
 
 def _first_line(error: Exception) -> str:
-    lines = [x.strip() for x in str(error).splitlines() if x.strip() and "Error in" not in x]
-    return lines[0] if lines else type(error).__name__
+    said = [str(getattr(a, "commentary", a)).split("matching PXR")[0].strip() for a in error.args]
+    return said[0] if said else type(error).__name__
 
 
 def _enabled(attribute: Any) -> bool:
@@ -98,18 +98,32 @@ def _authored(attribute: Any) -> Any:
 
 
 def _body(prim: Any, cache: Any) -> Body:
-    from pxr import UsdPhysics
+    from pxr import Usd, UsdPhysics
 
     name, scale = str(prim.GetPath()), _scales(_matrix(prim, cache))
+    told = any(_told_density(p) for p in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()))
+    inferred = "density" if told else "default density"
     if not prim.HasAPI(UsdPhysics.MassAPI):
-        return Body(name, name, inferred="default density", scale=scale)
+        return Body(name, name, inferred=inferred, scale=scale)
     api = UsdPhysics.MassAPI(prim)
-    mass, moments, density = (
-        _authored(a) for a in (api.GetMassAttr(), api.GetDiagonalInertiaAttr(), api.GetDensityAttr())
-    )
-    inferred = "" if mass is not None else "density" if density else "default density"
+    mass, moments = _authored(api.GetMassAttr()), _authored(api.GetDiagonalInertiaAttr())
     tensor = None if moments is None else np.diag(np.array(moments, dtype=np.float64))
-    return Body(name, name, None if mass is None else float(mass), tensor, inferred, scale)
+    return Body(
+        name, name, None if mass is None else float(mass), tensor, inferred if mass is None else "", scale
+    )
+
+
+def _told_density(prim: Any) -> bool:
+    """True when a mass or density is written for a prim, or for the physics material that is bound to it."""
+    from pxr import UsdPhysics, UsdShade
+
+    api = UsdPhysics.MassAPI(prim)
+    if prim.HasAPI(UsdPhysics.MassAPI) and (_authored(api.GetMassAttr()) or _authored(api.GetDensityAttr())):
+        return True
+    if not prim.HasAPI(UsdPhysics.CollisionAPI):
+        return False
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
+    return bool(material and _authored(UsdPhysics.MaterialAPI(material.GetPrim()).GetDensityAttr()))
 
 
 def _joint(joint: Any, rigid: set[Any], cache: Any, loops: bool) -> Joint:

@@ -133,7 +133,7 @@ def _beside(points: Array, axis: Array, pivot: Array) -> float:
     # distance of the origin from the convex outline: over directions, the largest gap of the support function
     u = np.linalg.svd(np.eye(3) - np.outer(a, a))[0][:, :2]
     plane = flat @ u
-    angles = np.linspace(0, 2 * np.pi, 360, endpoint=False)
+    angles = np.linspace(0, 2 * np.pi, 90, endpoint=False)  # 0.06 % short at worst
     support = (plane @ np.stack([np.cos(angles), np.sin(angles)])).min(axis=0)
     return float(max(support.max(), 0.0))
 

@@ -116,12 +116,14 @@ def open_surface(model: LintModel) -> Iterator[Fault]:
 
 
 def self_intersecting(model: LintModel) -> Iterator[Fault]:
+    known: dict[int, bool] = {}  # several shapes may share one mesh, and the test is slow
     for s in _usable(model):
-        if s.surface is not None and crosses_itself(s.surface):
+        if s.surface is None:
+            continue
+        if id(s.surface) not in known:
+            known[id(s.surface)] = crosses_itself(s.surface)
+        if known[id(s.surface)]:
             yield Fault(
-                "warning",
-                s.element,
-                f"{len(s.surface.faces)} faces",
-                "its collision mesh cuts itself",
+                "warning", s.element, f"{len(s.surface.faces)} faces", "its collision mesh passes through itself",
                 "use its convex hull, or split it into convex pieces",
-            )
+            )  # fmt: skip
