@@ -113,10 +113,9 @@ def table(fmt: str, rows: Sequence[tuple[Any, dict[str, set[str]]]]) -> list[str
 
 
 def main() -> None:
-    from twin.validators import stages
-
     from tests.twin.lint_mutations import MUTATIONS, lint_twin
     from twin.export import export
+    from twin.validators import stages
 
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

@@ -89,7 +89,12 @@ def test_a_run_folder_is_taken_whole(clean: Exported, tmp_path: Path) -> None:
     for fmt, path in clean.items():
         shutil.copytree(path.parent, tmp_path / "run" / "export" / fmt)
     report = lint([tmp_path / "run"], ignore=SIMULATED)
-    assert [Path(f).name for f in report.files] == ["cabinet.urdf", "cabinet.xml", "cabinet.usda"]
+    assert [Path(f).name for f in report.files] == [
+        "cabinet.urdf",
+        "cabinet.xml",
+        "cabinet.usda",
+        "cabinet_physx.usda",
+    ]
     with pytest.raises(InputError, match="run `twin export` first"):
         lint([tmp_path])
 
@@ -254,7 +259,8 @@ def test_how_far_a_hinge_may_be_beside_its_part(off: float, found: bool, tmp_pat
 
 
 def test_meshes_in_a_ros_package_are_found(tmp_path: Path) -> None:
-    package = export(lint_twin(), tmp_path / "kitchen", formats=("urdf",), package="kitchen")["urdf"]
+    path = export(lint_twin(), tmp_path, formats=("urdf",), package="kitchen")["urdf"]
+    package = path.parent / "urdf" / path.name
     assert "package://kitchen/" in package.read_text()
     assert lint([package], ignore=SIMULATED).findings == ()
     alone = tmp_path / "elsewhere" / package.name

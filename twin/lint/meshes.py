@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from twin.errors import InputError
 from twin.lint.model import Surface
+from twin.lint.xml import read_xml
 from twin.scene import Mesh
 from twin.soundness import crossing
 
@@ -18,13 +20,16 @@ _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # two letters at least: C: is
 def locate(written: str, folder: Path) -> Path | None:
     """Where a file name that is written in a description in `folder` points to.
 
-    package://NAME/REST is looked for beside and above the description: REST under the nearest folder called NAME, else under
-    `folder` itself or a folder above it. None for other addresses and for packages that are not there.
+    package://NAME/REST is looked for in the nearest folder above the description that is the package NAME by its package.xml or by its own
+    name, in a folder NAME beside those, and at last as REST in `folder`. None for other addresses and for packages that are not there.
     """
     if written.startswith(("package://", "model://")):
         name, _, rest = written.split("://", 1)[1].partition("/")
-        for up in (folder, *folder.parents):
-            for candidate in (up / name / rest, up / rest if up.name == name else None):
+        for up in (folder, *folder.resolve().parents):
+            for candidate in (
+                up / rest if up.name == name or _is_package(up, name) else None,
+                up / name / rest,
+            ):
                 if candidate is not None and candidate.is_file():
                     return candidate
         return folder / rest if (folder / rest).is_file() else None
@@ -33,6 +38,16 @@ def locate(written: str, folder: Path) -> Path | None:
     if _SCHEME.match(written):
         return None
     return folder / written
+
+
+def _is_package(folder: Path, name: str) -> bool:
+    manifest = folder / "package.xml"
+    if not manifest.is_file():
+        return False
+    try:
+        return read_xml(manifest)[0].findtext("name") == name
+    except InputError:
+        return False
 
 
 def is_absolute(written: str) -> bool:

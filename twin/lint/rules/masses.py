@@ -16,8 +16,13 @@ _TRIANGLE = 1e-3
 def missing(model: LintModel) -> Iterator[Fault]:
     told: set[str] = set()
     assumed: list[str] = []
+    frames = _frames(model)
     for joint, bodies, shapes in model.moving():
-        if any(b.mass is not None for b in bodies) or joint.child in told or not bodies:
+        if (
+            any(b.mass is not None and b.name not in frames for b in bodies)
+            or joint.child in told
+            or not bodies
+        ):
             continue
         told |= {b.name for b in bodies}
         sources = {b.inferred for b in bodies} - {""}
@@ -40,30 +45,19 @@ def missing(model: LintModel) -> Iterator[Fault]:
         )  # fmt: skip
 
 
+def _frames(model: LintModel) -> set[str]:
+    """Bodies that only mark a place on another: rigidly attached to it, and with a mass of zero."""
+    attached = {j.child for j in model.joints if j.kind == "fixed"}
+    return {b.name for b in model.bodies if b.mass == 0 and b.name in attached}
+
+
 def value(model: LintModel) -> Iterator[Fault]:
-    moving = {b.name for _, bodies, _ in model.moving() for b in bodies}
+    frames = _frames(model)
     for b in model.bodies:
-        if b.mass is None or (np.isfinite(b.mass) and b.mass > 0):
-            continue
-        if b.mass == 0 and (b.name not in moving or _carried(model, b.name)):
-            continue  # a frame: it weighs nothing, and nothing asks it to
-        yield Fault(
-            "error",
-            b.element,
-            f"{b.mass:g} kg",
-            "its mass is not positive and finite",
-            "write the mass in kilograms",
-        )
-
-
-def _carried(model: LintModel, name: str) -> bool:
-    """True when something that is rigidly attached to the body has a mass."""
-    group = model.groups()
-    return any(
-        b.mass is not None and b.mass > 0
-        for b in model.bodies
-        if group[b.name] == group[name] and b.name != name
-    )
+        if b.mass is not None and not (np.isfinite(b.mass) and b.mass > 0) and b.name not in frames:
+            yield Fault(
+                "error", b.element, f"{b.mass:g} kg", "its mass is not positive and finite", "write the mass in kilograms"
+            )  # fmt: skip
 
 
 def inertia_missing(model: LintModel) -> Iterator[Fault]:
