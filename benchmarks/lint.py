@@ -10,12 +10,15 @@ notices a fault when it refuses the file or says what it does not say about the 
 
 from __future__ import annotations
 
+import json
+import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -35,59 +38,118 @@ TITLES = {
 def load(judge: str, path: str) -> None:
     """Load a file as a user would; raises, crashes or prints where the program minds."""
     if judge == "yourdfpy":
-        import yourdfpy
-
-        robot = yourdfpy.URDF.load(path, load_collision_meshes=True)
+        robot = import_module("yourdfpy").URDF.load(path, load_collision_meshes=True)
         if not robot.validate():
             raise ValueError(robot.errors)
     elif judge == "pinocchio":
-        import pinocchio
-
-        pinocchio.buildModelsFromUrdf(path, str(Path(path).parent))
+        import_module("pinocchio").buildModelsFromUrdf(path, str(Path(path).parent))
     else:
-        if path.endswith(".usda"):
-            from importlib import import_module
-
-            import_module("mujoco._usd")
-        import mujoco
-
-        mujoco.MjSpec.from_file(path).compile()
+        import_module("mujoco").MjSpec.from_file(path).compile()
 
 
-def loader(judge: str, path: Path) -> set[str]:
-    """What a program says when it loads a file; "refuses" when it does not load it."""
-    done = subprocess.run(
-        [sys.executable, __file__, judge, str(path)],
-        cwd=path.parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    lines = [x.strip() for x in (done.stdout + done.stderr).splitlines() if x.strip()]
-    if done.returncode:
-        return {f"refuses: {lines[-1] if lines else done.returncode}"}
-    return {f"warns: {x}" for x in lines if not x.startswith("MUJOCO_LOG")}
+def load_all(judge: str, *paths: str) -> None:
+    """Load every file in a process of its own (a fork: imports take longer than loading); prints JSON path -> what it said."""
+    import_module("mujoco._usd" if paths[0].endswith(".usda") else judge)
+    said: dict[str, list[str]] = {}
+    for path in paths:
+        with tempfile.TemporaryFile() as sink:
+            child = os.fork()
+            if child == 0:
+                os.dup2(sink.fileno(), 1)
+                os.dup2(sink.fileno(), 2)
+                try:
+                    load(judge, path)
+                except BaseException as e:
+                    os.write(1, f"\n{type(e).__name__}: {e}".encode())
+                    os._exit(1)
+                os._exit(0)
+            status = os.waitpid(child, 0)[1]
+            sink.seek(0)
+            lines = [x.strip() for x in sink.read().decode("utf-8", "replace").splitlines() if x.strip()]
+        if status:
+            said[path] = [f"refuses: {lines[-1] if lines else status}"]
+        else:
+            said[path] = [f"warns: {x}" for x in lines]
+    print(json.dumps(said))
 
 
-def validated(path: Path) -> dict[str, set[str]]:
-    """What the USD validators find; their messages without the folder."""
-    from twin.validators import validate_usd
+def loaders(judge: str, paths: Sequence[Path]) -> dict[Path, set[str]]:
+    """What a program says when it loads the files."""
+    command = [sys.executable, __file__, judge, *map(str, paths)]
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    told = json.loads(done.stdout.splitlines()[-1])
+    return {p: set(told[str(p)]) for p in paths}
 
-    said: dict[str, set[str]] = {"openusd": set(), "nvidia": set(), "simready": set()}
-    for f in validate_usd(path).findings:
-        kind = {"error": "refuses", "warning": "warns"}.get(f.severity)
-        if kind:
-            said[f.validator].add(f"{kind}: {f.rule} {f.message} {f.where}".replace(str(path.parent), "."))
+
+def rules(paths: Sequence[Path]) -> dict[str, dict[Path, set[str]]]:
+    """What OpenUSD's validators and NVIDIA's rules find."""
+    from twin.engines import interpreter
+    from twin.validators import check_rules
+
+    said: dict[str, dict[Path, set[str]]] = {v: {p: set() for p in paths} for v in ("openusd", "nvidia")}
+    names = {str(p.resolve()): p for p in paths}
+    for path in paths:
+        for f in check_rules([path], interpreter("validators")):
+            if kind := {"error": "refuses", "warning": "warns"}.get(f.severity):
+                said[f.validator][names[str(path.resolve())]].add(f"{kind}: {f.rule} {f.message} {f.where}")
     return said
 
 
-def judged(fmt: str, path: Path) -> dict[str, set[str]]:
-    """Program -> what it says about a file; "twin lint" -> rules."""
-    from twin.lint import lint
+def profile(assets: Sequence[Path]) -> dict[Path, set[str]]:
+    """Unmet requirements of SimReady's profile for props."""
+    from twin.engines import interpreter
+    from twin.validators import PROFILE
 
-    said = validated(path) if fmt == "usd" else {}
-    said |= {j: loader(j, path) for j in JUDGES[fmt] if j not in said}
-    return said | {"lint": {f.rule for f in lint([path]).findings}}
+    with tempfile.TemporaryDirectory() as folder:
+        listed, answer = Path(folder) / "assets.txt", Path(folder) / "answer.json"
+        listed.write_text("".join(f"{p.resolve()}\n" for p in assets))
+        command = [
+            str(interpreter("validators").with_name("simready-validate")), "--profile", PROFILE[0], "--version", PROFILE[1],
+            "--asset_list", str(listed), "--output", str(answer),
+        ]  # fmt: skip
+        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+        subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=False)
+        verdicts = json.loads(answer.read_text(encoding="utf-8"))
+    said: dict[Path, set[str]] = {}
+    for p in assets:
+        features = verdicts[str(p.resolve())]["features_summary"]
+        said[p] = {
+            f"{'refuses' if told['blocking_failure'] else 'warns'}: {name} {told.get('failing requirements')} "
+            f"{told.get('optional requirements')}"
+            for name, told in features.items()
+            if not told["passed"]
+        }
+    return said
+
+
+def judged(fmt: str, paths: Sequence[Path]) -> dict[str, dict[Path, set[str]]]:
+    """Program -> file -> what it says about it, and about the asset that a stage shows; messages without the file's folder."""
+    said: dict[str, dict[Path, set[str]]] = {}
+    assets = {p: asset(p) for p in paths}
+    if fmt == "usd":
+        verdicts = profile(list(assets.values()))
+        found = rules(list(dict.fromkeys([*paths, *assets.values()])))
+        said = {v: {p: told[p] | told[a] for p, a in assets.items()} for v, told in found.items()}
+        said["simready"] = {p: verdicts[a] for p, a in assets.items()}
+    for judge in JUDGES[fmt]:
+        if judge not in said:
+            told = loaders(judge, list(dict.fromkeys([*paths, *assets.values()])))
+            said[judge] = {p: told[p] | told[a] for p, a in assets.items()}
+    return {
+        judge: {
+            p: {x.replace(str(assets[p].parent), ".").replace(str(p.parent), ".") for x in texts}
+            for p, texts in told.items()
+        }
+        for judge, told in said.items()
+    }
+
+
+def asset(path: Path) -> Path:
+    """The USD asset that an exported stage shows with a runtime chosen; other files themselves."""
+    from twin.validators import stages
+
+    return stages(path)[-1] if path.suffix == ".usda" else path
 
 
 def cell(new: set[str]) -> str:
@@ -112,45 +174,64 @@ def table(fmt: str, rows: Sequence[tuple[Any, dict[str, set[str]]]]) -> list[str
     return [*lines, ""]
 
 
+def planted(mutation: Any, source: Path, folder: Path) -> Path:
+    """A copy of an export with one fault."""
+    home = folder / mutation.id / "model" / source.parent.name
+    shutil.copytree(source.parent, home)
+    path = home / source.name
+    try:  # into the asset itself, which the profile judges
+        mutation.plant(asset(path))
+    except AssertionError:  # what only a runtime knows is written in the stage that chooses it
+        mutation.plant(path)
+    return path
+
+
+def own(path: Path) -> set[tuple[str, str]]:
+    """What twin lint finds in a file and in the asset that it shows: rules, and where."""
+    from twin.lint import lint
+
+    return {(f.rule, f.element) for f in lint(list(dict.fromkeys([path, asset(path)]))).findings}
+
+
 def main() -> None:
     from tests.twin.lint_mutations import MUTATIONS, lint_twin
     from twin.export import export
-    from twin.validators import stages
+    from twin.lint import lint
 
+    lines: list[str] = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         files = dict(export(lint_twin(), folder / "clean"))
-        homes = {f: p.parent for f, p in files.items()}
-        clean = {f: judged(f, p) for f, p in files.items()}
-        clean = {
-            f: {j: {x.replace(str(homes[f]), ".") for x in s} for j, s in said.items()}
-            for f, said in clean.items()
-        }
-
-        def plant(m: Any) -> dict[str, set[str]]:
-            home = folder / m.id / "model" / homes[m.format].name
-            shutil.copytree(homes[m.format], home)
-            path = home / files[m.format].name
-            try:  # into the asset itself, which the profile judges
-                m.plant(stages(path)[-1] if m.format == "usd" else path)
-            except AssertionError:  # what only a runtime knows is written in the stage that chooses it
-                m.plant(path)
-            said = judged(m.format, path)
-            return {j: {x.replace(str(home), ".") for x in said[j]} - clean[m.format][j] for j in said}
-
-        with ThreadPoolExecutor(max_workers=2) as pool:
-            found = list(pool.map(plant, MUTATIONS))
-    lines = [
-        "# Faults that public validators don't notice", "",
-        "Made by `python benchmarks/lint.py`: every fault of `tests/twin/lint_mutations.py` planted, one at a time, into an export of the",
-        "closed-form cabinet. *refuses*: the program does not load the file, or reports an error; *warns*: it says something that it does",
-        "not say about the file without the fault; –: it notices nothing. The export itself: "
-        + "; ".join(f"{f} " + ("no finding" if not clean[f]["lint"] else "FINDINGS") for f in clean) + " of twin lint.", "",
-    ]  # fmt: skip
-    for fmt in JUDGES:
-        lines += table(fmt, [(m, new) for m, new in zip(MUTATIONS, found, strict=True) if m.format == fmt])
-    print("\n".join(lines))
+        clean = lint(list(files.values())).findings
+        known = {
+            fmt: own(path) for fmt, path in files.items()
+        }  # the bare asset has no friction: its parts may drift
+        for fmt in JUDGES:
+            mine = [m for m in MUTATIONS if m.format == fmt]
+            paths = [planted(m, files[fmt], folder) for m in mine]
+            with ThreadPoolExecutor(max_workers=2) as pool:
+                found = list(pool.map(own, paths))
+            said = judged(fmt, [files[fmt], *paths])
+            rows = [
+                (
+                    m,
+                    {"lint": {rule for rule, _ in o - known[fmt]}}
+                    | {j: told[p] - told[files[fmt]] for j, told in said.items()},
+                )
+                for m, p, o in zip(mine, paths, found, strict=True)
+            ]
+            lines += table(fmt, rows)
+            print(fmt, "done", file=sys.stderr)
+    print(
+        "# Faults that public validators don't notice\n\n"
+        "Made by `python benchmarks/lint.py`: every fault of `tests/twin/lint_mutations.py` planted, one at a time, into an export of\n"
+        "the closed-form cabinet, in which twin lint finds "
+        + (f"{len(clean)} faults" if clean else "nothing")
+        + ". *refuses*: the program does not load the file or reports an error; *warns*: it\n"
+        "says something that it does not say about the file without the fault; –: it notices nothing. MuJoCo is asked to compile the file.\n"
+    )
+    print("\n".join(lines).rstrip())
 
 
 if __name__ == "__main__":
-    main() if len(sys.argv) == 1 else load(*sys.argv[1:])
+    main() if len(sys.argv) == 1 else load_all(*sys.argv[1:])

@@ -154,6 +154,25 @@ _add("usd", "units-kilograms", "missing", meta("kilogramsPerUnit", None))
 _add("usd", "units-kilograms", "grams", meta("kilogramsPerUnit", 0.001))
 _add("usd", "units-metres", "missing", meta("metersPerUnit", None))
 _add("usd", "units-metres", "centimetres", meta("metersPerUnit", 0.01))
+
+
+def _other_layer(key: str, value: Any) -> Callable[[Any, Path], None]:
+    """Set metadata of a layer that the stage is made of."""
+
+    def change(stage: Any, _: Path) -> None:
+        layer = sorted(
+            (k for k in stage.GetUsedLayers() if not k.anonymous and k != stage.GetRootLayer()),
+            key=lambda k: k.GetDisplayName(),
+        )[0]
+        layer.pseudoRoot.SetInfo(key, value)
+        layer.Save()
+
+    return change
+
+
+_add("usd", "units-kilograms", "a layer in grams", _other_layer("kilogramsPerUnit", 0.001))
+_add("usd", "units-metres", "a layer in centimetres", _other_layer("metersPerUnit", 0.01))
+_add("usd", "up-axis", "a layer with Y", _other_layer("upAxis", "Y"))
 _add("usd", "up-axis", "missing", meta("upAxis", None))
 _add("usd", "up-axis", "Y", meta("upAxis", "Y"))
 _add("urdf", "number-unreadable", "mass in words", set_(f"{U_DRAWER}/inertial/mass", value="heavy"))

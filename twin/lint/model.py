@@ -99,11 +99,13 @@ class Reference:
 
 @dataclass(frozen=True)
 class StageUnits:
-    """What a USD stage says about its units; None where it says nothing."""
+    """What a USD stage says about its units; None where it says nothing. `others` are (layer, key, value) of the layers it is made
+    of where they say something else: USD does not convert between them."""
 
     metres: float | None
     kilograms: float | None
     up: str | None
+    others: tuple[tuple[str, str, str], ...] = ()
 
 
 @dataclass(frozen=True)

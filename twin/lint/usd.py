@@ -67,12 +67,19 @@ def _enabled(attribute: Any) -> bool:
 def _units(stage: Any) -> StageUnits:
     from pxr import UsdGeom, UsdPhysics
 
+    others = [
+        (layer.GetDisplayName(), key, str(layer.pseudoRoot.GetInfo(key)))
+        for layer in stage.GetUsedLayers()
+        for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis")
+        if layer.pseudoRoot.HasInfo(key) and layer.pseudoRoot.GetInfo(key) != stage.GetMetadata(key)
+    ]
     return StageUnits(
         float(UsdGeom.GetStageMetersPerUnit(stage)) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None,
         float(UsdPhysics.GetStageKilogramsPerUnit(stage))
         if UsdPhysics.StageHasAuthoredKilogramsPerUnit(stage)
         else None,
         str(UsdGeom.GetStageUpAxis(stage)) if stage.HasAuthoredMetadata("upAxis") else None,
+        tuple(sorted(others)),
     )
 
 
