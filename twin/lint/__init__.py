@@ -138,12 +138,11 @@ def _files(path: Path) -> list[Path]:
             raise InputError(
                 f"{run / 'twin' / 'twin.json'} can't be read: {e}", "export the twin again"
             ) from e
-    found = [
-        f
-        for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*"))
-        for f in sorted((run / "export" / fmt).glob(pattern))
-        if f.is_file() and f.name != "scene.xml"
-    ]
+    found: list[Path] = []
+    for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*")):
+        files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file() and f.name != "scene.xml"]
+        # beside the main file lie stages for other runtimes, <name>_physx.usda, whose friction only those know
+        found += sorted(files, key=lambda f: (len(f.name), f.name))[:1]
     if not found:
         raise InputError(f"{path} holds no exported files", "run `twin export` first, or name a file")
     return found
