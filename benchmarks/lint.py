@@ -229,6 +229,7 @@ def main() -> None:
         + (f"{len(clean)} faults" if clean else "nothing")
         + ". *refuses*: the program does not load the file or reports an error; *warns*: it\n"
         "says something that it does not say about the file without the fault; –: it notices nothing. MuJoCo is asked to compile the file.\n"
+        "What a program minds need not be the fault itself: SimReady refuses the block in a drawer's way because it has no material.\n"
     )
     print("\n".join(lines).rstrip())
 
