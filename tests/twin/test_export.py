@@ -157,6 +157,8 @@ def test_urdf_details(exported: Exported, tmp_path: Path) -> None:
     for mesh in root.iter("mesh"):
         assert (exported["urdf"].parent / mesh.get("filename")).exists()
     assert len(root.findall("link[@name='drawer']/collision")) == 8
+    materials = [m.get("name") for m in root.iter("material")]
+    assert len(materials) == len(set(materials)) == 5
 
 
 def test_the_urdf_can_be_a_ros_package(tmp_path: Path) -> None:
@@ -174,7 +176,7 @@ def test_the_urdf_can_be_a_ros_package(tmp_path: Path) -> None:
         assert (root / file.removeprefix("package://kitchen/")).is_file()
         assert file.startswith("package://kitchen/meshes/")
     installed = (root / "CMakeLists.txt").read_text()
-    assert "project(kitchen" in installed
+    assert "project(kitchen)" in installed
     assert "install(DIRECTORY meshes urdf" in installed
     plain = export(cabinet_twin(), tmp_path, formats=("urdf",))["urdf"]
     assert not (plain.parent / "package.xml").exists()
@@ -182,7 +184,7 @@ def test_the_urdf_can_be_a_ros_package(tmp_path: Path) -> None:
 
 def test_every_folder_says_how_to_import_it(exported: Exported) -> None:
     notes = {fmt: (path.parent / "README.md").read_text() for fmt, path in exported.items()}
-    assert all("position servo" in notes[f] for f in ("urdf",))
+    assert "position servo" in notes["urdf"]
     assert "joint drive without stiffness" in notes["usd"]
     assert "scene.xml" in notes["mjcf"]
     for text in notes.values():

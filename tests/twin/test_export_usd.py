@@ -130,7 +130,9 @@ def test_grasp_lines_run_through_what_is_held_and_are_off(twin: Twin, asset: Pat
     assert not [p for p in stage.Traverse() if p.IsA(UsdGeom.Curves)]
     stage = opened(asset / "cabinet.usda", Grasps="Enabled")
     for name in ("door", "drawer"):
-        line = UsdGeom.BasisCurves(stage.GetPrimAtPath(f"/cabinet/{name}/{name}_grasp/{name}_grasp_line"))
+        line = UsdGeom.BasisCurves(
+            stage.GetPrimAtPath(f"/cabinet/{name}/{name}_grasp/grasp_identifier_{name}")
+        )
         to_world = UsdGeom.Xformable(line).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
         ends = np.array([to_world.Transform(p) for p in line.GetPointsAttr().Get()])
         contact = twin.part(name).contact
@@ -218,6 +220,7 @@ print(json.dumps({
     "colorspace": model.tex_colorspace.tolist(),
     "armature": sorted(set(model.dof_armature.round(6).tolist())),
     "contacts": int(data.ncon),
+    "excluded": model.nexclude,
 }))
 """
 
@@ -236,7 +239,7 @@ def test_mujoco_finds_keyframes_sites_groups_and_untinted_textures(twin: Twin, e
     assert min(told["textured"]) >= 0
     assert set(told["colorspace"]) == {1}, "as the MJCF's textures"
     assert told["armature"] == sorted(ARMATURE.values())
-    assert told["contacts"] == 0
+    assert (told["contacts"], told["excluded"]) == (0, 4)
 
 
 def test_openusd_finds_nothing_and_a_planted_fault(exported: Exported, tmp_path: Path) -> None:
@@ -273,9 +276,11 @@ def test_nvidias_validators_pass_the_asset_and_catch_planted_faults(
     newton = inside / "runnables" / "physics" / "newton.usda"
     newton.write_text(newton.read_text().replace("newton:damping", "mjc:damping"))
     interface = inside / "cabinet.usda"
-    interface.write_text(interface.read_text().replace("metersPerUnit = 1", "metersPerUnit = 0.01"))
+    text = interface.read_text().replace("metersPerUnit = 1", "metersPerUnit = 0.01")
+    interface.write_text(text.replace('Grasps = "Disabled"', 'Grasps = "Enabled"'))
     told = validate_usd(broken / "cabinet.usda")
     assert not told.ok
+    assert told.features["FET_005_STANDARD"]  # grasp lines, as the profile wants them
     text = "\n".join(f"{f.validator} {f.rule} {f.message}" for f in told.findings)
     assert "SR.002" in text  # no thumbnail
     assert "UN.007" in text  # not in metres

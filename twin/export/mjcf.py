@@ -44,6 +44,7 @@ def write_xml(root: ET.Element, path: Path) -> None:
 
 
 def _defaults(root: ET.Element, name: str) -> None:
+    """Classes are named after the model, so that several twins fit into one scene."""
     main = ET.SubElement(ET.SubElement(root, "default"), "default", {"class": name})
     visual = ET.SubElement(main, "default", {"class": f"{name}_visual"})
     ET.SubElement(visual, "geom", type="mesh", contype="0", conaffinity="0", group="2", density="0")

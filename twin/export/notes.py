@@ -5,7 +5,7 @@ from __future__ import annotations
 from twin.export.tree import ARMATURE, Tree
 
 _PASSIVE = """Its joints are passive. Isaac Sim's URDF importer makes every joint a position servo, which holds a door
-shut: set the joint drive's type to *None*, or its stiffness to 0, when you import."""
+shut: choose no target for the joint drives when you import, or set their stiffness to 0 afterwards."""
 
 
 def readme(tree: Tree, fmt: str) -> str:

@@ -36,7 +36,7 @@ def write_package(folder: Path, urdf: str, name: str, asset: AssetInfo) -> None:
     write_xml(_manifest(name, urdf, asset), folder / "package.xml")
     lines = [
         "cmake_minimum_required(VERSION 3.8)",
-        f"project({name} NONE)",
+        f"project({name})",
         "find_package(ament_cmake REQUIRED)",
         "install(DIRECTORY meshes urdf DESTINATION share/${PROJECT_NAME})",
         "ament_package()",
@@ -49,7 +49,7 @@ def _manifest(name: str, urdf: str, asset: AssetInfo) -> ET.Element:
     ET.SubElement(root, "name").text = name
     ET.SubElement(root, "version").text = "0.0.0"
     ET.SubElement(root, "description").text = f"Functional digital twin {Path(urdf).stem} as URDF"
-    ET.SubElement(root, "maintainer", email=f"{name}@todo.todo").text = asset.author
+    ET.SubElement(root, "maintainer", email="todo@todo.todo").text = asset.author
     ET.SubElement(root, "license").text = asset.license
     ET.SubElement(root, "buildtool_depend").text = "ament_cmake"
     ET.SubElement(ET.SubElement(root, "export"), "build_type").text = "ament_cmake"

@@ -124,7 +124,7 @@ def _group(prim: Usd.Prim, schema: str, group: int) -> None:
 def write_grasps(tree: Tree, folder: Path) -> None:
     """Write grasps.usda: per grasp a line between the two fingers, through what is held.
 
-    Lines are kept apart because MuJoCo can't compile curves.
+    Named as SimReady looks for them (requirement GSP.001); kept apart because MuJoCo can't compile curves.
     """
     held = [k for k in tree.links if k.grasp is not None]
     if not held:
@@ -136,7 +136,7 @@ def write_grasps(tree: Tree, folder: Path) -> None:
             half = link.grasp_width / 2 + _BEYOND
             line = np.array([[-half, 0.0, 0.0], [half, 0.0, 0.0]])
             frame = f"{link_path(tree, link.name)}/{link.name}_grasp"
-            curve = UsdGeom.BasisCurves.Define(stage, f"{frame}/{link.name}_grasp_line")
+            curve = UsdGeom.BasisCurves.Define(stage, f"{frame}/grasp_identifier_{link.name}")
             curve.CreateTypeAttr(UsdGeom.Tokens.linear)
             curve.CreateCurveVertexCountsAttr([2])
             curve.CreatePointsAttr(points(line))
