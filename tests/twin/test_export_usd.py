@@ -75,6 +75,7 @@ def test_every_layer_says_its_units(exported: Exported) -> None:
     for path in layers:
         stage = Usd.Stage.Open(str(path), Usd.Stage.LoadNone)
         assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0, path
+        assert UsdPhysics.StageHasAuthoredKilogramsPerUnit(stage), path
         assert UsdPhysics.GetStageKilogramsPerUnit(stage) == 1.0, path
         assert UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z, path
         assert stage.GetRootLayer().HasDefaultPrim(), path
