@@ -21,6 +21,7 @@ ENGINES: dict[str, tuple[str, ...]] = {
     "yourdfpy": ("urdf",),
     "drake": ("urdf", "mjcf"),
     "newton": ("urdf", "mjcf", "usd"),
+    "physx": ("usd",),
     "pybullet": ("urdf",),
     "sapien": ("urdf",),
 }

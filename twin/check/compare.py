@@ -24,7 +24,7 @@ TOLERANCE = {
     "mesh_bounds_m": 1e-4, "motion": 1e-5, "mass_diagonal": 1e-5, "rollout": 1e-3, "self_collision_m": 1e-3,
 }  # fmt: skip
 FIELDS = tuple(TOLERANCE)
-SINGLE_PRECISION = ("newton", "sapien")  # engines that compute with 24 bits: ten times the tolerance
+SINGLE_PRECISION = ("newton", "physx", "sapien")  # engines that compute with 24 bits: ten times the tolerance
 _EXACT = (
     "tree",
     "type",

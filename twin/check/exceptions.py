@@ -88,6 +88,9 @@ TABLE: tuple[Unsupported, ...] = (
         )
         for fmt in ("urdf", "mjcf", "usd")
     ),
+    Unsupported("physx", "usd", "mesh_bounds_m", "PhysX loads no visuals"),
+    Unsupported("physx", "usd", "friction", "its tensors tell the friction of shapes, not whose they are"),
+    Unsupported("physx", "usd", "GPU", "the probe computes on the CPU", says="GPU broadphase requires"),
     Unsupported("pybullet", "urdf", "mesh_bounds_m", "its visual shapes tell a file name, not vertices"),
     Unsupported(
         "pybullet",

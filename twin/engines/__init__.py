@@ -49,6 +49,7 @@ ENGINES: dict[str, Engine] = {
     for e in (
         Engine("drake", "Drake reads URDF and MJCF"),
         Engine("newton", "Newton reads URDF, MJCF and USD"),
+        Engine("physx", "PhysX, the engine of Isaac Sim, reads USD"),
         Engine("pybullet", "PyBullet reads URDF"),
         Engine("sapien", "SAPIEN reads URDF"),
         Engine("validators", "NVIDIA's USD validator and the SimReady profiles"),

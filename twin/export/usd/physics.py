@@ -36,7 +36,7 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link) -> None:
     path = link_path(tree, link.name)
     body = stage.OverridePrim(path)
     UsdPhysics.RigidBodyAPI.Apply(body)
-    if link.parent is None:
+    if link.parent is None:  # MuJoCo takes whatever is the root for a body
         UsdPhysics.ArticulationRootAPI.Apply(body)
     else:  # hinges and runners are not modelled as contact
         pairs = UsdPhysics.FilteredPairsAPI.Apply(body)

@@ -38,7 +38,11 @@ def write_runtimes(tree: Tree, folder: Path) -> None:
 
 
 def _physx(stage: Usd.Stage, tree: Tree) -> None:
-    """A drive without stiffness is a passive damper."""
+    """A drive without stiffness is a passive damper. The articulation starts at the asset's root: where it starts at a body,
+    PhysX takes that for a floating base, which a further constraint then holds."""
+    base = stage.OverridePrim(link_path(tree, tree.root.name))
+    base.SetMetadata("apiSchemas", Sdf.TokenListOp.Create(deletedItems=["PhysicsArticulationRootAPI"]))
+    UsdPhysics.ArticulationRootAPI.Apply(stage.OverridePrim(f"/{tree.name}"))
     for _, j in _joints(tree):
         prim = stage.OverridePrim(joint_path(tree, j.name))
         axis = "angular" if j.kind == "revolute" else "linear"
