@@ -151,7 +151,7 @@ def _joint(motion: Array) -> tuple[str, Array, Array]:
     skew = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2
     if np.linalg.norm(skew) < 1e-3:
         return "prismatic", t / np.linalg.norm(t), np.zeros(3)
-    point: Array = np.linalg.lstsq(np.eye(3) - r, t, rcond=1e-4)[0]
+    point = np.linalg.lstsq(np.eye(3) - r, t, rcond=1e-4)[0].astype(np.float64)
     return "revolute", skew / np.linalg.norm(skew), point
 
 
