@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from twin._module_call import call_as
-from twin.check.ask import ENGINES, OURS, ask, python_of
 from twin.check.compare import Truth, compare
 from twin.check.exceptions import expected_to_say
 from twin.check.expected import TIMES, filled
+from twin.check.process import ENGINES, OURS, ask, python_of
 from twin.check.rows import CheckReport, CheckRow
 from twin.errors import InputError, nearest_name
 from twin.scene import Twin
@@ -59,7 +59,8 @@ def check_many(
     sources: Sequence[tuple[Twin, Mapping[str, Path]]], engines: Sequence[str] = OURS
 ) -> list[CheckReport]:
     """A report for every (twin, files); each engine is started once for all of them. Raises as `check`."""
-    truths = [Truth(twin) for twin, _ in sources]
+    known = {id(twin): Truth(twin) for twin, _ in sources}  # a twin may come with several files
+    truths = [known[id(twin)] for twin, _ in sources]
     jobs: dict[str, list[tuple[int, str, dict[str, Any]]]] = {}
     for engine in chosen_engines(engines):
         python_of(engine)

@@ -163,13 +163,11 @@ def _difference(field: str, want: Any, measured: Any, twin: Twin, k: int) -> flo
 
 
 def _text(value: Any) -> str:
+    """For a reader: numbers, the diagonal of a tensor, the end of a course, the count of poses."""
     if isinstance(value, str):
         return value
     a = np.asarray(value, dtype=np.float64)
     if a.ndim == 3:
         return f"{len(a)} of {STATES} states"
-    if a.shape == (3, 3):
-        a = np.diag(a)
-    return " ".join(f"{v:.6g}" for v in np.unique(a.ravel()[-6:]) if a.size == 2) or " ".join(
-        f"{v:.6g}" for v in a.ravel()[-6:]
-    )
+    a = np.diag(a) if a.shape == (3, 3) else np.unique(a) if a.shape == (2,) else a.ravel()
+    return ("... " if len(a) > 6 else "") + " ".join(f"{v:.6g}" for v in (a if len(a) <= 6 else a[-3:]))

@@ -29,99 +29,46 @@ class Unsupported:
     says: str = ""
 
 
+# fmt: off
 TABLE: tuple[Unsupported, ...] = (
     Unsupported(ANY, "urdf", "armature", "URDF has no armature", instead=0.0),
-    Unsupported(
-        ANY, "urdf", "friction", "URDF has no contact friction; set it in the simulator", instead=1.0
-    ),
-    Unsupported(
-        "mujoco", "urdf", "exclude", "URDF has no pairs that must not collide; the shapes keep clear instead"
-    ),
+    Unsupported(ANY, "urdf", "friction", "URDF has no contact friction; set it in the simulator", instead=1.0),
+    Unsupported(ANY, "urdf", "contact exclusion", "URDF has no pairs that must not collide; the shapes keep clear instead"),
+    Unsupported("mujoco", "usd", "parent frame", "MuJoCo takes a joint from its frame in the child and the closed poses; a "
+                "contradicting frame in the parent goes unnoticed (Newton sees it)"),
     Unsupported("pinocchio", "mjcf", "friction", "Pinocchio has no contact friction"),
     Unsupported("yourdfpy", "urdf", "mass_diagonal", "yourdfpy has no dynamics"),
     Unsupported("yourdfpy", "urdf", "rollout", "yourdfpy has no dynamics"),
-    Unsupported(
-        "drake",
-        "urdf",
-        "frictionloss",
-        "MultibodyPlant has no dry friction of joints",
-        says="non-zero value for the 'friction' attribute of a joint/dynamics tag",
-    ),
-    Unsupported(
-        "drake",
-        "mjcf",
-        "frictionloss",
-        "MultibodyPlant has no dry friction of joints",
-        says="'frictionloss' found in a 'joint' tag",
-    ),
-    Unsupported(
-        "drake",
-        "mjcf",
-        "armature",
-        "Drake keeps it for joints that have an actuator; ours have none",
-        instead=0.0,
-    ),
-    Unsupported(
-        "drake",
-        "mjcf",
-        "rolling friction",
-        "Drake's contact has no torsional or rolling friction",
-        says="torsional and rolling friction",
-    ),
-    Unsupported(
-        "drake",
-        "mjcf",
-        "static link",
-        "the static scene has no mass on purpose; Drake tries to make one up from its visual mesh",
-        says=r"CalcSpatialInertia\(\)",
-    ),
+    Unsupported("drake", "urdf", "frictionloss", "MultibodyPlant has no dry friction of joints",
+                says="non-zero value for the 'friction' attribute of a joint/dynamics tag"),
+    Unsupported("drake", "mjcf", "frictionloss", "MultibodyPlant has no dry friction of joints",
+                says="'frictionloss' found in a 'joint' tag"),
+    Unsupported("drake", "mjcf", "armature", "Drake keeps it for joints that have an actuator; ours have none", instead=0.0),
+    Unsupported("drake", "mjcf", "rolling friction", "Drake's contact has no torsional or rolling friction",
+                says="torsional and rolling friction"),
+    Unsupported("drake", "mjcf", "static link", "the static scene has no mass on purpose; Drake tries to make one up from its "
+                "visual mesh", says=r"CalcSpatialInertia\(\)"),
     Unsupported("drake", "mjcf", "texture", "not read from MJCF", says="'texturedir'|texture element"),
     Unsupported("drake", "mjcf", "grasp site", "sites are not read", says="tag 'site'"),
     Unsupported("drake", "mjcf", "keyframe", "keyframes are not read", says="tag 'keyframe'"),
     *(
-        Unsupported(
-            "newton",
-            fmt,
-            "static link",
-            "the static scene has no mass on purpose; Newton makes one up and rounds it",
-            says="Inertia validation corrected",
-        )
+        Unsupported("newton", fmt, "static link", "the static scene has no mass on purpose; Newton makes one up and rounds it",
+                    says="Inertia validation corrected")
         for fmt in ("urdf", "mjcf", "usd")
     ),
     Unsupported("physx", "usd", "mesh_bounds_m", "PhysX loads no visuals"),
     Unsupported("physx", "usd", "friction", "its tensors tell the friction of shapes, not whose they are"),
     Unsupported("physx", "usd", "GPU", "the probe computes on the CPU", says="GPU broadphase requires"),
-    Unsupported("pybullet", "urdf", "mesh_bounds_m", "its visual shapes tell a file name, not vertices"),
-    Unsupported(
-        "pybullet",
-        "urdf",
-        "heavy link",
-        "its mass matrix refuses tensors that its own rounding made unsymmetric by "
-        "1e-15 kg m2; the probe then asks with lighter links",
-        says="invalid inertia tensor|adding body|calculate mass matrix",
-    ),
-    Unsupported(
-        "pybullet",
-        "urdf",
-        "static link",
-        "the fixed static scene has no mass on purpose",
-        says="No inertial data for link",
-    ),
-    Unsupported(
-        "sapien",
-        "urdf",
-        "massless link",
-        "a link without mass gets 1e-6 kg and 1e-6 kg m2; the probe takes them away",
-    ),
+    Unsupported("pybullet", "urdf", "mesh_bounds_m", "it tells the file of a visual shape, not its vertices"),
+    Unsupported("pybullet", "urdf", "heavy link", "its mass matrix refuses tensors that its own rounding made unsymmetric by "
+                "1e-15 kg m2; the probe then asks with lighter links", says="invalid inertia tensor|adding body|calculate mass matrix"),
+    Unsupported("pybullet", "urdf", "static link", "the static scene has no mass on purpose; PyBullet gives it 1 kg",
+                says="No inertial data for link"),
     Unsupported("sapien", "urdf", "mesh_bounds_m", "SAPIEN loads visuals only on a GPU"),
-    Unsupported(
-        "sapien",
-        "urdf",
-        "frictionloss",
-        "its loader drops the joint's friction and leaves PhysX's default",
-        instead=0.05,
-    ),
+    Unsupported("sapien", "urdf", "frictionloss", "its loader drops the joint's friction and leaves PhysX's default", instead=0.05),
+    Unsupported("sapien", "urdf", "massless link", "a link without mass gets 1e-6 kg and 1e-6 kg m2; the probe takes them away"),
 )
+# fmt: on
 
 
 def unsupported(engine: str, fmt: str, field: str) -> Unsupported | None:

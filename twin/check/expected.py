@@ -24,6 +24,9 @@ TIMES = tuple(float(t) for t in np.round(np.linspace(0.05, SECONDS, 10), 3))
 ARMATURE = {"revolute": 1e-3, "prismatic": 1e-2}
 
 
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
+
 @dataclass(frozen=True, eq=False)
 class Course:
     """What the engines are asked for: states (n, parts) along the range, `state` (parts,) away from it, and a start."""
@@ -132,11 +135,11 @@ class Dynamics:
             carrier, w, u = (poses[p], spin[p], speed[p]) if p >= 0 else (np.eye(4), np.zeros(3), np.zeros(3))
             axis[k] = carrier[:3, :3] @ self.axes[k]
             pivot[k] = carrier[:3, :3] @ self.pivots[k] + carrier[:3, 3]
-            axis_rate[k], pivot_rate[k] = np.cross(w, axis[k]), u + np.cross(w, pivot[k])
+            axis_rate[k], pivot_rate[k] = _cross(w, axis[k]), u + _cross(w, pivot[k])
             if self.turns[k]:
                 r = geo.exp_so3(self.axes[k] * q[k])
                 poses[k] = carrier @ geo.make_pose(r, self.pivots[k] - r @ self.pivots[k])
-                spin[k], speed[k] = w + axis[k] * v[k], u - np.cross(axis[k] * v[k], pivot[k])
+                spin[k], speed[k] = w + axis[k] * v[k], u - _cross(axis[k] * v[k], pivot[k])
             else:
                 poses[k] = carrier @ geo.make_pose(translation=self.axes[k] * q[k])
                 spin[k], speed[k] = w, u + axis[k] * v[k]
@@ -144,18 +147,18 @@ class Dynamics:
         for i in range(n):
             rotation = poses[i, :3, :3]
             c = rotation @ self.com[i] + poses[i, :3, 3]
-            c_rate = speed[i] + np.cross(spin[i], c)
+            c_rate = speed[i] + _cross(spin[i], c)
             turn = np.where((self.turns & self.chain[i])[:, None], axis, 0.0)  # (n, 3), rows of Jw^T
             turn_rate = np.where((self.turns & self.chain[i])[:, None], axis_rate, 0.0)
             slide = (~self.turns & self.chain[i])[:, None]
-            move = np.where(slide, axis, np.cross(turn, c - pivot))
+            move = np.where(slide, axis, _cross(turn, c - pivot))
             move_rate = np.where(
-                slide, axis_rate, np.cross(turn_rate, c - pivot) + np.cross(turn, c_rate - pivot_rate)
+                slide, axis_rate, _cross(turn_rate, c - pivot) + _cross(turn, c_rate - pivot_rate)
             )
             tensor = rotation @ self.tensor[i] @ rotation.T
             inertia += self.mass[i] * move @ move.T + turn @ tensor @ turn.T
             bias += self.mass[i] * move @ (move_rate.T @ v - GRAVITY)
-            bias += turn @ (tensor @ (turn_rate.T @ v) + np.cross(spin[i], tensor @ spin[i]))
+            bias += turn @ (tensor @ (turn_rate.T @ v) + _cross(spin[i], tensor @ spin[i]))
         return inertia, bias
 
 
@@ -164,3 +167,8 @@ def _parents_first(parents: list[int]) -> list[int]:
     while len(order) < len(parents):
         order += [k for k, p in enumerate(parents) if k not in order and (p < 0 or p in order)]
     return order
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross product along the last axis; many times faster than numpy's for a single vector."""
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]

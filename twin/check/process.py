@@ -60,7 +60,7 @@ def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[lis
         answers.touch()
         with said.open("wb") as out:
             process = subprocess.Popen(  # noqa: S603  (an interpreter of ours, a file of ours, no shell)
-                [str(python), "-I", str(_RUN), engine, str(request), str(answers)],
+                [str(python), "-P" if engine in OURS else "-I", str(_RUN), engine, str(request), str(answers)],
                 cwd=folder, stdout=out, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
                 env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},
             )  # fmt: skip
