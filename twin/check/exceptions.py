@@ -60,8 +60,7 @@ TABLE: tuple[Unsupported, ...] = (
     Unsupported("physx", "usd", "friction", "its tensors tell the friction of shapes, not whose they are"),
     Unsupported("physx", "usd", "GPU", "the probe computes on the CPU", says="GPU broadphase requires"),
     Unsupported("pybullet", "urdf", "mesh_bounds_m", "it tells the file of a visual shape, not its vertices"),
-    Unsupported("pybullet", "urdf", "heavy link", "its mass matrix refuses tensors that its own rounding made unsymmetric by "
-                "1e-15 kg m2; the probe then asks with lighter links", says="invalid inertia tensor|adding body|calculate mass matrix"),
+    Unsupported("pybullet", "urdf", "unit axis", "it warns of an axis whose length is off by rounding", says="not a unit axis"),
     Unsupported("pybullet", "urdf", "static link", "the static scene has no mass on purpose; PyBullet gives it 1 kg",
                 says="No inertial data for link"),
     Unsupported("sapien", "urdf", "mesh_bounds_m", "SAPIEN loads visuals only on a GPU"),
