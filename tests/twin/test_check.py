@@ -17,7 +17,7 @@ import pytest
 import twin as funtwin
 from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin
-from twin import cli, engines
+from twin import engines
 from twin.check import ENGINES, OURS, _inputs, check, check_many, process
 from twin.check.exceptions import unsupported
 from twin.errors import InputError, MissingDependencyError
@@ -346,7 +346,6 @@ def test_engines_that_are_not_there_or_not_known_are_named(
     cabinet: tuple[Twin, Exported],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     twin, files = cabinet
     monkeypatch.setenv("FUNTWIN_ENGINES", str(tmp_path / "none"))
@@ -356,11 +355,6 @@ def test_engines_that_are_not_there_or_not_known_are_named(
         check(twin, dict(files), ["bullet"])
     with pytest.raises(InputError, match="yourdfpy reads no mjcf"):
         check(twin, {"mjcf": files["mjcf"]}, ["yourdfpy"])
-    save(twin, tmp_path / "run" / "twin")
-    export(twin, tmp_path / "run" / "export")
-    assert cli.run(["check", str(tmp_path / "run"), "--engines", "all"]) == 1
-    error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert error.startswith("twin: the environment of engine 'drake'")
 
 
 def test_a_run_folder_is_found_and_what_is_missing_is_named(
