@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
-from twin.check.ask import BEHAVIOUR, ask
+from twin.check.process import BEHAVIOUR, ask
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Part, Revolute, Twin

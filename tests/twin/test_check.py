@@ -338,8 +338,10 @@ def test_an_engine_that_hangs_is_stopped_and_one_that_fails_to_start_says_why(
     assert report.warnings == ("urdf/drake: can't be loaded: no answer within 1 s",)
     assert time.monotonic() - started < 20
     fake_engine(tmp_path / "fails", monkeypatch, "raise ImportError('libGL.so.1 is missing')")
-    report = check(twin, {"urdf": files["urdf"]}, ["drake"])
-    assert report.warnings == ("urdf/drake: can't be loaded: ImportError: libGL.so.1 is missing",)
+    report = check(twin, dict(files), ["drake"])
+    assert report.warnings == tuple(
+        f"{fmt}/drake: can't be loaded: ImportError: libGL.so.1 is missing" for fmt in ("urdf", "mjcf")
+    )
 
 
 def test_engines_that_are_not_there_or_not_known_are_named(

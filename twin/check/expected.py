@@ -78,6 +78,7 @@ class Dynamics:
 
     def __init__(self, twin: Twin, armature: Array, damping: Array) -> None:
         numbers = filled(twin)
+        self.name = twin.name
         n = len(twin.parts)
         at = {p.id: k for k, p in enumerate(twin.parts)}
         self.parents = [-1 if p.parent is None else at[p.parent] for p in twin.parts]
@@ -119,7 +120,10 @@ class Dynamics:
         # LSODA also takes the stiff course of a light part with much damping
         done = solve_ivp(rate, (0, SECONDS), start, "LSODA", t_eval=TIMES, rtol=1e-10, atol=1e-12)
         if not done.success:
-            raise ArithmeticError(f"the twin's own motion can't be integrated: {done.message}")
+            raise InputError(
+                f"the motion of twin {self.name!r} can't be computed: {done.message}",
+                "look at its masses, inertias and dampings",
+            )
         return np.asarray(done.y[:n].T)
 
     def _terms(self, q: Array, v: Array) -> tuple[Array, Array]:

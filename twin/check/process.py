@@ -29,7 +29,7 @@ OURS = (
     "mujoco",
     "pinocchio",
     "yourdfpy",
-)  # installed with this project; the others have environments of their own
+)  # come with this project; the others have environments of their own
 BEHAVIOUR = "behaviour"  # the probe that moves parts, for twin.behaviour: it compares nothing and is no engine to choose
 _SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once
 _RUN = Path(__file__).resolve().parents[1] / "probes" / "run.py"
@@ -45,22 +45,23 @@ def ask(engine: str, jobs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     python = python_of(engine)
     answers: list[dict[str, Any]] = []
     while len(answers) < len(jobs):
-        got, why = _run(python, engine, jobs[len(answers) :])
+        got, why, whole = _run(python, engine, jobs[len(answers) :])
         answers += got
-        if why and len(answers) < len(jobs):
-            answers.append({"parts": {}, "warnings": [], "error": why, "version": "", "seconds": 0.0})
+        lost = len(jobs) - len(answers) if whole else min(1, len(jobs) - len(answers))
+        answers += [{"parts": {}, "warnings": [], "error": why, "version": "", "seconds": 0.0}] * lost
     return answers
 
 
-def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], str]:
-    """The answers of one process, in an empty folder (MuJoCo leaves a log where it runs), and why it did not answer all."""
+def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], str, bool]:
+    """The answers of one process, in an empty folder (MuJoCo leaves a log where it runs), why it did not answer all, and
+    whether that is about the engine as a whole and not about the file it was at."""
     with tempfile.TemporaryDirectory() as folder:
         request, answers, said = (Path(folder) / n for n in ("request.json", "answers.jsonl", "said.txt"))
         request.write_text(json.dumps(list(jobs)), encoding="utf-8")
         answers.touch()
         with said.open("wb") as out:
             process = subprocess.Popen(  # noqa: S603  (an interpreter of ours, a file of ours, no shell)
-                [str(python), "-P" if engine in OURS else "-I", str(_RUN), engine, str(request), str(answers)],
+                [str(python), "-P" if python == Path(sys.executable) else "-I", str(_RUN), engine, str(request), str(answers)],
                 cwd=folder, stdout=out, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
                 env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},
             )  # fmt: skip
@@ -71,13 +72,14 @@ def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[lis
             if x[-1] == "\n"
         ]
         if len(got) == len(jobs):
-            return got, ""
+            return got, "", False
         if hung:
-            return got, f"no answer within {_SECONDS:g} s"
+            return got, f"no answer within {_SECONDS:g} s", False
         if process.returncode < 0:
-            return got, f"the engine crashed ({signal.Signals(-process.returncode).name})"
+            return got, f"the engine crashed ({signal.Signals(-process.returncode).name})", False
         last = [x for x in said.read_text("utf-8", "replace").splitlines() if x.strip()][-1:]
-        return got, last[0] if last else f"the engine stopped with exit code {process.returncode}"
+        # what a file makes a reader raise is caught and answered: this is an engine that can't be started
+        return got, last[0] if last else f"the engine stopped with exit code {process.returncode}", True
 
 
 def _wait(process: subprocess.Popen[bytes], answers: Path) -> bool:
