@@ -1,9 +1,9 @@
 """Ask every engine whether it reads what the twin says, and write benchmarks/engines.md.
 
-usage: python benchmarks/engines.py [RUN ...] [--count 200] [--engines all] [--out FILE.md]
+usage: python benchmarks/engines.py [RUN ...] [--count 200] [--engines all] [--processes 2] [--out FILE.md]
 
 Random twins (tests/twin/random_twins.py) and the twins of the RUN folders are exported by this code and probed, each engine in
-one process of its own. `make engines` sets the engines up.
+processes of its own. `make engines` sets the engines up.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("runs", metavar="RUN", nargs="*", type=Path, help="folders that hold twin/")
     parser.add_argument("--count", type=int, default=200, help="random twins [200]")
     parser.add_argument("--engines", nargs="+", default=["all"], help="names [all]")
+    parser.add_argument("--processes", type=int, default=2, help="engines at a time [2]")
     parser.add_argument(
         "--out", type=Path, default=HERE / "engines.md", help="file to write [benchmarks/engines.md]"
     )
@@ -47,10 +48,10 @@ def main(arguments: Sequence[str]) -> int:
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         twins = [random_twin(seed) for seed in range(options.count)]
-        twins += [complete(load(run), run / "stages" / "collision") for run in options.runs]
+        twins += [complete(load(run)) for run in options.runs]
         files = [dict(export(t, Path(folder) / str(k))) for k, t in enumerate(twins)]
         print(f"{len(twins)} twins exported in {time.perf_counter() - started:.0f} s", flush=True)
-        reports = check_many(list(zip(twins, files, strict=True)), engines)
+        reports = check_many(list(zip(twins, files, strict=True)), engines, options.processes)
     seconds = time.perf_counter() - started
     text = page(twins, reports, engines, options, seconds)
     options.out.write_text(text, encoding="utf-8")
@@ -76,7 +77,7 @@ def page(
         f"Written by `{' '.join(words.split())}` on {date.today().isoformat()}: "
         f"{options.count} random twins of tests/twin/random_twins.py"
         + (f" and {len(recorded)} from recordings ({', '.join(t.name for t in recorded)})" if recorded else "")
-        + f", {parts} moving parts in all; {seconds / 60:.0f} minutes, two engines at a time.",
+        + f", {parts} moving parts in all; {seconds / 60:.0f} minutes.",
         "",
         (f"**{agree} of {len(twins)} twins agree in every engine and format** on every field that it takes. A field is compared with "
         "what follows from the twin by plain arithmetic (twin/check/expected.py), which shares no code with the exporters."),

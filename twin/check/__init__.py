@@ -21,6 +21,7 @@ from twin.scene import Twin
 
 __all__ = ["CheckReport", "CheckRow", "ENGINES", "OURS", "SUFFIX", "check", "check_many", "chosen_engines"]
 
+_SHARE = 50  # files for one process of an engine
 SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
 
 
@@ -56,9 +57,10 @@ def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_many(
-    sources: Sequence[tuple[Twin, Mapping[str, Path]]], engines: Sequence[str] = OURS
+    sources: Sequence[tuple[Twin, Mapping[str, Path]]], engines: Sequence[str] = OURS, processes: int = 2
 ) -> list[CheckReport]:
-    """A report for every (twin, files); each engine is started once for all of them. Raises as `check`."""
+    """A report for every (twin, files); an engine is started once for many files, and `processes` run at a time. Raises as
+    `check`."""
     known = {id(twin): Truth(twin) for twin, _ in sources}  # a twin may come with several files
     truths = [known[id(twin)] for twin, _ in sources]
     jobs: dict[str, list[tuple[int, str, dict[str, Any]]]] = {}
@@ -76,8 +78,12 @@ def check_many(
         raise InputError(
             f"{', '.join(engines)} reads no {' or '.join(formats)}", "ask another engine or format"
         )
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        answers = dict(zip(jobs, pool.map(lambda e: ask(e, [j for _, _, j in jobs[e]]), jobs), strict=True))
+    shares = [(e, of[k : k + _SHARE]) for e, of in jobs.items() for k in range(0, len(of), _SHARE)]
+    answers: dict[str, list[Any]] = {e: [] for e in jobs}
+    with ThreadPoolExecutor(max_workers=processes) as pool:
+        told = pool.map(lambda share: ask(share[0], [j for _, _, j in share[1]]), shares)
+        for (engine, _), part in zip(shares, told, strict=True):
+            answers[engine] += part
     return [_report(k, truth, jobs, answers) for k, truth in enumerate(truths)]
 
 

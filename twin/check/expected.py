@@ -108,7 +108,7 @@ class Dynamics:
         return np.asarray(np.linalg.solve(inertia, -bias - self.damping * v), dtype=np.float64)
 
     def rollout(self, position: Array, velocity: Array) -> Array:
-        """Positions (len(TIMES), parts), integrated to 1e-10."""
+        """Positions (len(TIMES), parts), integrated to about 1e-8."""
         from scipy.integrate import solve_ivp
 
         n = len(position)
@@ -118,7 +118,7 @@ class Dynamics:
 
         start = np.concatenate([position, velocity])
         # LSODA also takes the stiff course of a light part with much damping
-        done = solve_ivp(rate, (0, SECONDS), start, "LSODA", t_eval=TIMES, rtol=1e-10, atol=1e-12)
+        done = solve_ivp(rate, (0, SECONDS), start, "LSODA", t_eval=TIMES, rtol=1e-8, atol=1e-10)
         if not done.success:
             raise InputError(
                 f"the motion of twin {self.name!r} can't be computed: {done.message}",

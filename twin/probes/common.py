@@ -47,7 +47,7 @@ def tensor(rotation: Array, moments: ArrayLike) -> list[list[float]]:
 
 
 def without_step_error(simulate: Callable[[float], Array], step: float, enough: float) -> Array:
-    """The joints' course (t, n) as the step (s) goes to zero, for an integrator of first order.
+    """The joints' course (t, n) as the step (s), which divides the times, goes to zero, for an integrator of first order.
 
     Richardson's extrapolation, 2 f(h / 2) - f(h), with the step halved until that moves by less than `enough` of the way (up
     to six times); then once more, (4 b - a) / 3, for the error of second order.

@@ -17,7 +17,7 @@ from .common import Array, bounds, keep, pose, rotation_xyzw, tensor, without_st
 
 VERSION = version("newton")
 KINDS = {int(newton.JointType.REVOLUTE): "revolute", int(newton.JointType.PRISMATIC): "prismatic"}
-STEP = 4e-3  # s, the largest
+STEP = 1e-2  # s, the largest
 
 
 def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
