@@ -82,6 +82,13 @@ def page(
         (f"**{agree} of {len(twins)} twins agree in every engine and format** on every field that it takes. A field is compared with "
         "what follows from the twin by plain arithmetic (twin/check/expected.py), which shares no code with the exporters."),
         "",
+        (
+            "The rollout starts in the middle of every range at half the range per second, every second part backwards, and goes on for "
+            "0.5 s with gravity and joint damping. Contacts, limits and dry friction are taken out in every engine, and so is what an "
+            "engine adds of its own (default motors, drag, speed limits); engines of first order are extrapolated to a step of zero "
+            "(twin/probes). Added joint inertia counts where the format and the engine carry it."
+        ),
+        "",
         "## Largest difference over all twins",
         "",
         ("Allowed is the largest difference that passes; ten times that for engines in single precision (\\*). axis_deg in degrees; pivot_m, "
