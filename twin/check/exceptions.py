@@ -46,23 +46,14 @@ TABLE: tuple[Unsupported, ...] = (
     Unsupported("drake", "mjcf", "armature", "Drake keeps it for joints that have an actuator; ours have none", instead=0.0),
     Unsupported("drake", "mjcf", "rolling friction", "Drake's contact has no torsional or rolling friction",
                 says="torsional and rolling friction"),
-    Unsupported("drake", "mjcf", "static link", "the static scene has no mass on purpose; Drake tries to make one up from its "
-                "visual mesh", says=r"CalcSpatialInertia\(\)"),
     Unsupported("drake", "mjcf", "texture", "not read from MJCF", says="'texturedir'|texture element"),
     Unsupported("drake", "mjcf", "grasp site", "sites are not read", says="tag 'site'"),
     Unsupported("drake", "mjcf", "keyframe", "keyframes are not read", says="tag 'keyframe'"),
-    *(
-        Unsupported("newton", fmt, "static link", "the static scene has no mass on purpose; Newton makes one up and rounds it",
-                    says="Inertia validation corrected")
-        for fmt in ("urdf", "mjcf", "usd")
-    ),
     Unsupported("physx", "usd", "mesh_bounds_m", "PhysX loads no visuals"),
     Unsupported("physx", "usd", "friction", "its tensors tell the friction of shapes, not whose they are"),
     Unsupported("physx", "usd", "GPU", "the probe computes on the CPU", says="GPU broadphase requires"),
     Unsupported("pybullet", "urdf", "mesh_bounds_m", "it tells the file of a visual shape, not its vertices"),
     Unsupported("pybullet", "urdf", "unit axis", "it warns of an axis whose length is off by rounding", says="not a unit axis"),
-    Unsupported("pybullet", "urdf", "static link", "the static scene has no mass on purpose; PyBullet gives it 1 kg",
-                says="No inertial data for link"),
     Unsupported("sapien", "urdf", "mesh_bounds_m", "SAPIEN loads visuals only on a GPU"),
     Unsupported("sapien", "urdf", "frictionloss", "its loader drops the joint's friction and leaves PhysX's default", instead=0.05),
     Unsupported("sapien", "urdf", "massless link", "a link without mass gets 1e-6 kg and 1e-6 kg m2; the probe takes them away"),
