@@ -1,143 +1,203 @@
-"""Finds boards in a triangle surface: flat regions, with the back side where it was seen, covered by few boxes.
+"""Finds boards in a triangle surface: flat regions, with their thickness, covered by few boxes.
 
 Furniture is made of boards, and a box is the best collision shape for one. The surface is searched along its three main
-directions for planes that hold much of it; each plane's region is covered by rectangles.
+directions for planes that hold much of it; each plane's region is covered by rectangles of even thickness. That comes from
+the other side of the board where it was seen, else from the depth of its edges, else from a table.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.convex import areas, cut, sample
+from twin.convex import areas, sample
 from twin.geometry import Array
 from twin.scene import Box
 
 _FACING = np.cos(np.deg2rad(25.0))  # chosen by us: noisy faces still belong to their plane
+_THINNEST = 0.003  # m
+_ENOUGH = 0.15  # share of a rectangle whose back was seen that speaks for the rest
+_EDGE = 0.3  # share of an edge whose depth was seen that speaks for the rest
 
 
 @dataclass(frozen=True)
 class BoardSearch:
-    """What counts as a board. Lengths in metres, areas in square metres; all chosen by us.
+    """What counts as a board. Lengths in metres, areas in square metres; all chosen by us but `thickness`.
 
-    deepest: front and back of one board are no further apart. thickness: given to a side whose back was not seen.
-    cell: grid on the board, finer than the smallest gap to keep. fill: least share of a rectangle that is surface.
-    smallest: a plane or rectangle with less surface is left for other shapes. noise: unevenness of a flat surface.
+    deepest: front and back of one board are no further apart. thickness: given to a board whose back and edges were not
+    seen; by default that of the thinnest usual cabinet front (assets/materials.toml, 12 to 22 mm), so that it claims no
+    space that may be free. cell: grid on the board, finer than the smallest gap to keep. fill: least share of a rectangle
+    that is surface. smallest: a plane or rectangle with less surface is left for other shapes. noise: unevenness of a flat
+    surface.
     """
 
-    deepest: float = 0.045
-    thickness: float = 0.006
+    deepest: float = 0.08
+    thickness: float = 0.012
     cell: float = 0.006
     fill: float = 0.9
     smallest: float = 0.006
+    narrowest: float = 0.015
     noise: float = 0.003
-    most: int = 40
+    most: int = 24
 
 
-def find_boards(triangles: Array, axes: Array, search: BoardSearch) -> tuple[list[Box], Array]:
-    """Boxes that cover the boards of a surface (n, 3, 3) along the columns of `axes`, and the surface they leave."""
-    boxes: list[Box] = []
-    skip: set[tuple[int, int]] = set()
-    while len(triangles) and len(boxes) < search.most:
-        found = _strongest_plane(triangles, axes, search, skip)
-        if found is None:
+@dataclass(frozen=True, eq=False)
+class Board:
+    """A box and what its thickness comes from: the back that was seen, the depth of its edges, or the table."""
+
+    box: Box
+    back: Literal["seen", "edge", "table"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """One side of a board: points with normal . x = offset, in a frame with columns u, v, normal."""
+
+    frame: Array
+    offset: float
+    key: tuple[int, int, int]
+
+    def local(self, points: Array) -> Array:
+        """Along u, along v, and how far behind the plane (..., 3)."""
+        out = points @ self.frame
+        out[..., 2] = self.offset - out[..., 2]
+        return np.asarray(out)
+
+
+def find_boards(triangles: Array, axes: Array, search: BoardSearch) -> tuple[list[Board], Array]:
+    """Boards of a surface (n, 3, 3) along the columns of `axes`, and the surface they leave."""
+    boards: list[Board] = []
+    skip: set[tuple[int, int, int]] = set()
+    while len(triangles) and len(boards) < search.most:
+        plane = _strongest_plane(triangles, axes, search, skip)
+        if plane is None:
             break
-        k, low, high, key = found
-        below, rest = cut(triangles, axes[:, k], low)
-        slab, above = cut(rest, axes[:, k], high)
-        new = _cover(slab, axes, k, search)
-        skip.add(key)
+        new = _cover(triangles, plane, search)[: search.most - len(boards)]
+        skip.add(plane.key)
         if new:
-            boxes += new
-            triangles = beyond(np.concatenate([below, slab, above]), new, 2 * search.noise)
-    return boxes, triangles
+            boards += new
+            triangles = beyond(triangles, [b.box for b in new], 2 * search.noise)
+    return boards, triangles
 
 
 def _strongest_plane(
-    triangles: Array, axes: Array, search: BoardSearch, skip: set[tuple[int, int]]
-) -> tuple[int, float, float, tuple[int, int]] | None:
-    """Axis number and slab low..high (m) of the plane with the most surface, and a key to skip it by."""
+    triangles: Array, axes: Array, search: BoardSearch, skip: set[tuple[int, int, int]]
+) -> _Plane | None:
+    """The plane with the most surface that faces one way along one of the axes."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     length = np.linalg.norm(normal, axis=1)
-    best: tuple[float, int, float] | None = None
+    best: tuple[float, int, int, int] | None = None
     for k in range(3):
         cos = normal @ axes[:, k] / length
-        facing = np.abs(cos) > _FACING
-        where = triangles[facing].mean(axis=1) @ axes[:, k]
-        bins: NDArray[np.int64] = np.floor(where / search.noise).astype(np.int64)
-        if not len(bins):
-            continue
-        held = np.bincount(bins - bins.min(), weights=length[facing] / 2)
-        weight = np.convolve(held, [1.0, 1.0, 1.0], "same")  # a plane between two bins is one plane
-        for b in np.argsort(-weight, kind="stable")[:30]:
-            if (k, int(b + bins.min())) not in skip:
-                if weight[b] > search.smallest and (best is None or weight[b] > best[0]):
-                    best = (float(weight[b]), k, float((b + bins.min() + 0.5) * search.noise))
-                break
+        along = triangles.mean(axis=1) @ axes[:, k]
+        for sign in (-1, 1):
+            facing = sign * cos > _FACING
+            if not facing.any():
+                continue
+            bins: NDArray[np.int64] = np.floor(along[facing] / search.noise).astype(np.int64)
+            held = np.bincount(bins - bins.min(), weights=length[facing] / 2)
+            weight = np.convolve(held, [1.0, 1.0, 1.0], "same")  # a plane between two bins is one plane
+            for b in np.argsort(-weight, kind="stable")[:30]:
+                if (k, sign, int(b + bins.min())) not in skip:
+                    if weight[b] > search.smallest and (best is None or weight[b] > best[0]):
+                        best = (float(weight[b]), k, sign, int(b + bins.min()))
+                    break
     if best is None:
         return None
-    _, k, plane = best
-    key = (k, int(np.floor(plane / search.noise)))
-    cos = normal @ axes[:, k] / length
-    where = triangles.mean(axis=1) @ axes[:, k]
-    near = np.abs(where - plane) < 2 * search.noise
-    front = near & (np.abs(cos) > _FACING)
-    sign = np.sign((cos * length)[front].sum()) or 1.0
-    plane = float(np.average(where[front], weights=length[front]))
-    behind = (plane - where) * sign
-    back = (cos * sign < -_FACING) & (behind > search.noise) & (behind < search.deepest)
-    depth = search.noise
-    if length[back].sum() > 0.15 * length[front].sum():
-        depth = float(np.average(behind[back], weights=length[back])) + search.noise
-    ends = (plane + sign * search.noise, plane - sign * depth)
-    return k, min(ends), max(ends), key
+    _, k, sign, row = best
+    along = triangles.mean(axis=1) @ axes[:, k]
+    near = np.abs(along - (row + 0.5) * search.noise) < 2 * search.noise
+    front = near & (sign * (normal @ axes[:, k]) > _FACING * length)
+    offset = sign * float(np.average(along[front], weights=length[front]))
+    frame = np.stack([axes[:, (k + 1) % 3], axes[:, (k + 2) % 3], sign * axes[:, k]], axis=1)
+    return _Plane(frame, offset, (k, sign, row))
 
 
-def _cover(slab: Array, axes: Array, k: int, search: BoardSearch) -> list[Box]:
-    """Boxes over the part of a slab that is surface facing along axis k."""
-    normal = np.cross(slab[:, 1] - slab[:, 0], slab[:, 2] - slab[:, 0])
-    cos = normal @ axes[:, k] / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
-    flat = slab[np.abs(cos) > _FACING]
-    if areas(flat).sum() < search.smallest:
+def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Board]:
+    """Boards behind the surface that lies in a plane and faces its way."""
+    local = plane.local(triangles)
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) @ plane.frame
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    depth = local[:, :, 2].mean(axis=1)
+    front = local[(normal[:, 2] > _FACING) & (np.abs(depth) < 2 * search.noise)]
+    if areas(front).sum() < search.smallest:
         return []
-    u, v = axes[:, (k + 1) % 3], axes[:, (k + 2) % 3]
-    points = sample(flat, search.cell * 0.7)
-    plane = points @ np.stack([u, v], axis=1)
-    origin = plane.min(axis=0)
-    index = np.floor((plane - origin) / search.cell).astype(np.int64)
+    points = sample(front, search.cell * 0.7)
+    origin = points[:, :2].min(axis=0)
+    index = np.floor((points[:, :2] - origin) / search.cell).astype(np.int64)
     grid = np.zeros(index.max(axis=0) + 1, bool)
     grid[index[:, 0], index[:, 1]] = True
-    sign = float(np.sign((cos * areas(slab))[np.abs(cos) > _FACING].sum()) or 1.0)
-    depth = points @ axes[:, k]
-    boxes = []
-    for i0, i1, j0, j1 in _rectangles(grid, search):
+    behind = (depth > search.noise) & (depth < search.deepest)
+    back = _nearest(local[(normal[:, 2] < -_FACING) & behind], origin, grid.shape, search.cell)
+    again = (normal[:, 2] > _FACING) & behind & (depth > 2.5 * search.noise)
+    hidden = _nearest(local[again], origin, grid.shape, search.cell)
+    thick = np.where(back < hidden, back, np.inf)  # behind another front there is another board
+    edges = local[np.abs(normal[:, 2]) < 0.5], normal[np.abs(normal[:, 2]) < 0.5]
+    boards = []
+    for i0, i1, j0, j1 in _rectangles(grid, thick, search):
         inside = (index >= (i0, j0)).all(axis=1) & (index < (i1, j1)).all(axis=1)
-        local = np.concatenate([plane[inside], depth[inside, None]], axis=1)
-        low, high = np.quantile(local, 0.005, axis=0), np.quantile(local, 0.995, axis=0)
-        low[2], high[2] = _sides(depth[inside], search, sign)
-        frame = np.stack([u, v, axes[:, k]], axis=1)
-        if np.all(high - low > 1e-3):
-            boxes.append(Box(geo.make_pose(frame, frame @ ((low + high) / 2)), high - low))
-    return boxes
+        low, high = np.quantile(points[inside], 0.005, axis=0), np.quantile(points[inside], 0.995, axis=0)
+        seen = thick[i0:i1, j0:j1][np.isfinite(thick[i0:i1, j0:j1]) & grid[i0:i1, j0:j1]]
+        source: Literal["seen", "edge", "table"] = "seen"
+        if len(seen) > _ENOUGH * (i1 - i0) * (j1 - j0):
+            far = float(np.median(seen))
+        else:
+            rim = _edge_depth(*edges, low, high, search)
+            source, far = ("edge", rim) if rim is not None else ("table", search.thickness)
+        low[2] = float(np.median(points[inside, 2]))
+        high[2] = low[2] + max(_THINNEST, far - low[2] if source == "seen" else far)
+        if np.all((high - low)[:2] > search.narrowest):
+            middle = (low + high) / 2
+            middle[2] = plane.offset - middle[2]
+            boards.append(Board(Box(geo.make_pose(plane.frame, plane.frame @ middle), high - low), source))
+    return boards
 
 
-def _sides(depth: Array, search: BoardSearch, sign: float) -> tuple[float, float]:
-    """Front and back of a board: the middles of its two clusters of depth, or one of them and the default thickness."""
-    low, high = float(np.quantile(depth, 0.1)), float(np.quantile(depth, 0.9))
-    if high - low > 1.5 * search.noise:
-        middle = (low + high) / 2
-        low, high = float(np.median(depth[depth < middle])), float(np.median(depth[depth >= middle]))
-    else:
-        low = high = float(np.median(depth))
-    missing = max(0.0, search.thickness - (high - low))
-    return (low - missing, high) if sign > 0 else (low, high + missing)
+def _nearest(local: Array, origin: Array, shape: tuple[int, ...], cell: float) -> Array:
+    """For each grid cell how far behind the plane the first of the triangles (n, 3, 3) lies; inf where there is none."""
+    out = np.full(shape, np.inf)
+    points = sample(local, cell * 0.7)
+    index = np.floor((points[:, :2] - origin) / cell).astype(np.int64)
+    inside = (index >= 0).all(axis=1) & (index < shape).all(axis=1)
+    np.minimum.at(out, (index[inside, 0], index[inside, 1]), points[inside, 2])
+    return out
 
 
-def _rectangles(grid: NDArray[np.bool_], search: BoardSearch) -> list[tuple[int, int, int, int]]:
-    """Cover the true cells with rectangles i0, i1, j0, j1 that are mostly true, by splitting where it saves most area."""
+def _edge_depth(local: Array, normal: Array, low: Array, high: Array, search: BoardSearch) -> float | None:
+    """How far (m) the edges of a rectangle run back from its front, from triangles across it (n, 3, 3); None if unseen.
+
+    An edge faces outward at the rectangle's border. What runs back further than a board is thick is a wall, and further than
+    the rectangle is wide a board seen from its narrow side.
+    """
+    middle = local.mean(axis=1)
+    found = []
+    for k in (0, 1):
+        for sign, border in ((-1.0, low[k]), (1.0, high[k])):
+            at = (sign * normal[:, k] > 0.7) & (np.abs(middle[:, k] - border) < 4 * search.noise)
+            at &= (middle[:, 1 - k] > low[1 - k]) & (middle[:, 1 - k] < high[1 - k])
+            at &= middle[:, 2] > -search.noise
+            count = max(1, int((high[1 - k] - low[1 - k]) / (2 * search.cell)))
+            row = ((middle[at, 1 - k] - low[1 - k]) / (high[1 - k] - low[1 - k]) * count).astype(np.int64)
+            reach = np.zeros(count)
+            np.maximum.at(reach, np.clip(row, 0, count - 1), middle[at, 2])
+            seen = reach[reach > 2 * search.noise]
+            if len(seen) >= _EDGE * count:
+                found.append(seen)
+    depth = float(np.median(np.concatenate(found))) if found else np.inf
+    return depth if depth <= min(search.deepest, *(high - low)[:2]) else None
+
+
+def _rectangles(
+    grid: NDArray[np.bool_], thick: Array, search: BoardSearch
+) -> list[tuple[int, int, int, int]]:
+    """Cover the true cells with rectangles i0, i1, j0, j1 that are mostly true and of even thickness (inf: unknown).
+
+    One that is not is split by the line that saves most area, one that is but for its thickness where that changes.
+    """
     from scipy.ndimage import binary_closing, binary_opening
 
     grid = binary_closing(np.pad(grid, 2), np.ones((3, 3)))[2:-2, 2:-2] | grid
@@ -153,17 +213,34 @@ def _rectangles(grid: NDArray[np.bool_], search: BoardSearch) -> list[tuple[int,
         rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
         i0, i1 = i0 + int(rows[0]), i0 + int(rows[-1]) + 1
         j0, j1 = j0 + int(columns[0]), j0 + int(columns[-1]) + 1
-        part = grid[i0:i1, j0:j1]
-        if part.mean() >= search.fill:
+        part, depth = grid[i0:i1, j0:j1], np.where(grid[i0:i1, j0:j1], thick[i0:i1, j0:j1], np.inf)
+        if part.mean() < search.fill:
+            (along_i, cost_i), (along_j, cost_j) = _best_line(part), _best_line(part.T)
+        elif _unevenness(depth, search) > _ENOUGH * part.size:
+            (along_i, cost_i), (along_j, cost_j) = _step_line(depth, search), _step_line(depth.T, search)
+        else:
             out.append((i0, i1, j0, j1))
             continue
-        along_i, cost_i = _best_line(part)
-        along_j, cost_j = _best_line(part.T)
-        if cost_i <= cost_j:
+        if not np.isfinite(min(cost_i, cost_j)):
+            out.append((i0, i1, j0, j1))
+        elif cost_i <= cost_j:
             todo += [(i0, i0 + along_i, j0, j1), (i0 + along_i, i1, j0, j1)]
         else:
             todo += [(i0, i1, j0, j0 + along_j), (i0, i1, j0 + along_j, j1)]
     return sorted(out)
+
+
+def _unevenness(depth: Array, search: BoardSearch) -> float:
+    """Number of cells of known depth that are off their median by more than the noise of two sides."""
+    known = depth[np.isfinite(depth)]
+    return float((np.abs(known - np.median(known)) > 2 * search.noise).sum()) if len(known) else 0.0
+
+
+def _step_line(depth: Array, search: BoardSearch) -> tuple[int, float]:
+    """Row at which to split so that fewest cells are off the median of their half, and their number."""
+    lines = np.unique(np.linspace(0, len(depth), 34).astype(int))[1:-1]
+    costs = [_unevenness(depth[:n], search) + _unevenness(depth[n:], search) for n in lines]
+    return (int(lines[int(np.argmin(costs))]), float(min(costs))) if len(lines) else (0, np.inf)
 
 
 def _best_line(part: NDArray[np.bool_]) -> tuple[int, float]:

@@ -7,27 +7,26 @@ A piece of a mesh that is closed is a body: one box or hull where it is convex, 
 
 from __future__ import annotations
 
-import hashlib
-import os
-import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.boards import BoardSearch, beyond, find_boards
+from twin import geometry as geo
+from twin.boards import Board, BoardSearch, beyond, find_boards
 from twin.clearance import make_clear, points_of, sweep_states
 from twin.closed_pieces import closed_piece_shapes
-from twin.convex import cut, thick_hull, triangles_of
+from twin.convex import areas, cut, thick_hull, triangles_of
 from twin.geometry import Array
 from twin.main_axes import main_axes, outline_axes
-from twin.scene import Box, Collision, Mesh, Twin
+from twin.scene import Collision, Mesh, Twin
+from twin.shape_cache import ShapeCache
 from twin.solid import pieces_of
 from twin.splitting import decompose, merge
 
-_VERSION = 3  # part of the cache key: raise it whenever the same input may give other shapes
+_SPECK = 3e-4  # m^2: less surface than on a knob of 1 cm is a shred of a scan
 _SPLITS = 3  # bodies of one part that CoACD may split, the largest: each takes seconds
 
 
@@ -55,13 +54,26 @@ class CollisionConfig:
     step: float = 0.02
     part_boards: BoardSearch = field(default_factory=BoardSearch)
     near_boards: BoardSearch = field(
-        default_factory=lambda: BoardSearch(cell=0.01, smallest=0.004, noise=0.004, most=120)
+        default_factory=lambda: BoardSearch(
+            deepest=0.045, thickness=0.006, cell=0.01, smallest=0.004, noise=0.004, most=120
+        )
     )
     far_boards: BoardSearch = field(
         default_factory=lambda: BoardSearch(
             deepest=0.06, thickness=0.01, cell=0.04, fill=0.85, smallest=0.08, noise=0.01, most=80
         )
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """Shapes of one part before anything gives way, the seconds they took on the clock, and, of the area of its boards, the
+    shares whose thickness is that of their edges or of the table because no camera saw their back."""
+
+    shapes: tuple[Collision, ...]
+    seconds: float = 0.0
+    edge: float = 0.0
+    table: float = 0.0
 
 
 def with_collision(
@@ -73,41 +85,60 @@ def with_collision(
     because the recording showed that the part moves there.
 
     Args:
-        cache_dir: shapes are kept there under a key of meshes, joints and config, and read back when they match.
+        cache_dir: shapes are kept there and read back when mesh and config match, each part's by itself, and all again
+            after they gave way to one another, under a key of all meshes and joints.
         renew: replace shapes that the twin has already; otherwise a twin in which everything has shapes is returned as is.
     """
     config = CollisionConfig() if config is None else config
     if not renew and twin.static.collision and all(p.collision for p in twin.parts):
         return twin
-    path = None if cache_dir is None else cache_dir / f"collision_{_key(twin, config)}.npz"
-    shapes = _read(path) if path is not None and path.exists() else _make(twin, config)
-    if path is not None and not path.exists():
-        _write(path, shapes)
+    cache = ShapeCache(cache_dir, asdict(config))
+    shapes = cache.kept(cache.key_of_twin(twin), lambda: _make(twin, config, cache))
     parts = tuple(replace(p, collision=tuple(s)) for p, s in zip(twin.parts, shapes[1:], strict=True))
     return replace(twin, static=replace(twin.static, collision=tuple(shapes[0])), parts=parts)
 
 
-def _make(twin: Twin, config: CollisionConfig) -> list[list[Collision]]:
-    parts = [part_shapes(p.mesh, config) for p in twin.parts]
-    reach = [np.concatenate([points_of(s) for s in shapes]) for shapes in parts if shapes]
+def _make(twin: Twin, config: CollisionConfig, cache: ShapeCache) -> list[list[Collision]]:
+    parts = [list(made_for(p.mesh, config, cache).shapes) for p in twin.parts]
     moved = [
-        q
-        for p, points in zip([p for p, s in zip(twin.parts, parts, strict=True) if s], reach, strict=True)
-        for q in (p.joint.pose(s)[:3, :3] @ points.T + p.joint.pose(s)[:3, 3:] for s in sweep_states(p, 0.1))
+        geo.transform(p.joint.pose(s), np.concatenate([points_of(x) for x in shapes]))
+        for p, shapes in zip(twin.parts, parts, strict=True)
+        if shapes
+        for s in sweep_states(p, 0.1)
     ]
-    corners = np.concatenate([q.T for q in moved]) if moved else np.zeros((0, 3))
-    static = static_shapes(twin.static.mesh, corners, config)
+    reach = np.concatenate(moved) if moved else np.zeros((0, 3))
+    static = static_shapes(twin.static.mesh, reach, config)
     return make_clear(twin, [static, *parts], config.clearance, config.step)
 
 
+def made_for(mesh: Mesh, config: CollisionConfig, cache: ShapeCache) -> Made:
+    """What `make_part` gives, from the cache where it is there."""
+    key, numbers = cache.key_of_mesh(mesh), ("seconds", "edge", "table")
+
+    def make() -> tuple[list[list[Collision]], dict[str, float]]:
+        started = time.perf_counter()
+        made = make_part(mesh, config)
+        return [list(made.shapes)], asdict(replace(made, shapes=(), seconds=time.perf_counter() - started))
+
+    shapes, told = cache.kept_with(key, make, numbers)
+    return Made(tuple(shapes[0]), **told)
+
+
 def part_shapes(mesh: Mesh, config: CollisionConfig) -> list[Collision]:
-    """Shapes of one part: boxes and hulls of its closed pieces; of open ones boxes where it is made of boards, hulls elsewhere."""
+    """The shapes that `make_part` gives."""
+    return list(make_part(mesh, config).shapes)
+
+
+def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
+    """Shapes of one part, at most `part_pieces`: boxes and hulls of its closed pieces; of what is open boxes where it is
+    made of boards, hulls elsewhere."""
     shapes: list[Collision] = []
     rest: list[Mesh] = []
     pieces = sorted(pieces_of(mesh), key=lambda row: -row[0].area)
     splits = 0
     for k, (piece, closed) in enumerate(pieces):
-        room = config.part_pieces - len(shapes) - (len(pieces) - 1 - k)
+        reserve = min(len(pieces) - 1 - k, config.part_pieces // 4)
+        room = config.part_pieces - len(shapes) - reserve
         found = None
         if closed and room > 0:
             found = closed_piece_shapes(piece, config.tolerance, room, splits < _SPLITS)
@@ -116,13 +147,17 @@ def part_shapes(mesh: Mesh, config: CollisionConfig) -> list[Collision]:
         else:
             shapes += found
             splits += len(found) > 1
-    if not rest:
-        return shapes
-    triangles = triangles_of(decimated(joined(rest), config.part_faces))
+    triangles = triangles_of(decimated(joined(rest), config.part_faces)) if rest else np.zeros((0, 3, 3))
     if not len(triangles):
-        return shapes
-    room = max(4, config.part_pieces - len(shapes))
-    return shapes + _cover(triangles, config.part_boards, config.tolerance, room, config.thickness, True)
+        return Made(tuple(shapes))
+    room = max(1, config.part_pieces - len(shapes))
+    covered, boards = _cover(triangles, config.part_boards, config.tolerance, room, config.thickness, True)
+    face = {b: float(np.prod(np.sort(b.box.size)[1:])) for b in boards}
+    share = {
+        s: sum(a for b, a in face.items() if b.back == s) / max(sum(face.values()), 1e-12)
+        for s in ("edge", "table")
+    }
+    return Made((*shapes, *covered), 0.0, share["edge"], share["table"])
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -150,25 +185,34 @@ def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Col
     if len(near):
         shapes += _cover(
             near, config.near_boards, config.near_tolerance, config.near_pieces, config.thickness, False
-        )
+        )[0]
     rest = np.concatenate(far) if far else np.zeros((0, 3, 3))
     if len(rest):
-        shapes += _cover(rest, config.far_boards, config.far_tolerance, config.far_pieces, 0.01, False)
+        shapes += _cover(rest, config.far_boards, config.far_tolerance, config.far_pieces, 0.01, False)[0]
     return shapes
 
 
 def _cover(
     triangles: Array, search: BoardSearch, tolerance: float, most: int, thickness: float, tidy: bool
-) -> list[Collision]:
-    boxes, rest = find_boards(triangles, outline_axes(triangles) if tidy else main_axes(triangles), search)
-    rest = beyond(rest, boxes, 2.5 * search.noise)
+) -> tuple[list[Collision], list[Board]]:
+    """Boxes and hulls of a surface, and the boards that the boxes are.
+
+    Args:
+        most: hulls, at most; when `tidy` shapes in all, and then what would take more, the smallest, is left uncovered.
+    """
+    boards, rest = find_boards(triangles, outline_axes(triangles) if tidy else main_axes(triangles), search)
+    boards = boards[:most] if tidy else boards
+    rest = beyond(rest, [b.box for b in boards], 3 * search.noise)
     pieces: list[Array] = []
-    if len(rest):
-        pieces = decompose(rest, lambda _: tolerance, thickness, most)
+    filled = search.deepest / 2 if tidy else 0.0
+    if len(rest) and most > len(boards) * tidy:
+        pieces = decompose(rest, tolerance, thickness, 2 * most if tidy else most, filled)
         if tidy:
-            pieces = merge(pieces, lambda _: tolerance, thickness)
+            pieces = merge(pieces, tolerance, thickness, filled)
+            pieces = [p for p in pieces if areas(p).sum() > _SPECK]
+            pieces = sorted(pieces, key=lambda p: -float(areas(p).sum()))[: most - len(boards)]
     hulls = [h for h in (thick_hull(p, thickness) for p in pieces) if h is not None]
-    return [*boxes, *(h.mesh for h in hulls)]
+    return [*(b.box for b in boards), *(h.mesh for h in hulls)], boards
 
 
 def decimated(mesh: Mesh, faces: int) -> Mesh:
@@ -181,41 +225,3 @@ def decimated(mesh: Mesh, faces: int) -> Mesh:
         mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32), target_count=faces
     )
     return Mesh(vertices.astype(np.float64), triangles)
-
-
-def _key(twin: Twin, config: CollisionConfig) -> str:
-    h = hashlib.sha256(f"{_VERSION}{asdict(config)}".encode())
-    for mesh in (twin.static.mesh, *(p.mesh for p in twin.parts)):
-        h.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
-    for p in twin.parts:
-        h.update(p.joint.pose(p.joint.upper).tobytes() + p.joint.pose(1.0).tobytes())
-        h.update(f"{p.id} {p.parent} {p.joint.lower!r} {p.joint.upper!r}".encode())
-    return h.hexdigest()[:24]
-
-
-def _write(path: Path, shapes: Sequence[Sequence[Collision]]) -> None:
-    arrays: dict[str, NDArray[np.generic]] = {"count": np.array([len(s) for s in shapes])}
-    for i, owner in enumerate(shapes):
-        for k, piece in enumerate(owner):
-            if isinstance(piece, Box):
-                arrays[f"{i}_{k}_pose"], arrays[f"{i}_{k}_size"] = piece.T_world_box, piece.size
-            else:
-                arrays[f"{i}_{k}_vertices"], arrays[f"{i}_{k}_faces"] = piece.vertices, piece.faces
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(suffix=".npz", dir=path.parent)
-    with os.fdopen(handle, "wb") as out:
-        np.savez(out, **arrays)  # type: ignore[arg-type]
-    Path(temporary).replace(path)
-
-
-def _read(path: Path) -> list[list[Collision]]:
-    with np.load(path, allow_pickle=False) as data:
-        return [
-            [
-                Box(data[f"{i}_{k}_pose"], data[f"{i}_{k}_size"])
-                if f"{i}_{k}_pose" in data
-                else Mesh(data[f"{i}_{k}_vertices"], data[f"{i}_{k}_faces"])
-                for k in range(int(n))
-            ]
-            for i, n in enumerate(data["count"])
-        ]

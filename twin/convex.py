@@ -102,16 +102,22 @@ def _with_area(triangles: Array) -> Array:
 
 def sample(triangles: Array, spacing: float) -> Array:
     """Points (m, 3) on triangles, no part of them further than about `spacing` from one; corners included."""
+    return sample_of(triangles, spacing)[0]
+
+
+def sample_of(triangles: Array, spacing: float) -> tuple[Array, NDArray[np.int64]]:
+    """Points (m, 3) as `sample` gives them, and the triangle (m,) that each lies on."""
     longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     steps = np.clip(np.ceil(longest / spacing).astype(int), 1, 200)
-    out = []
+    points, owners = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
     for n in np.unique(steps):
         i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
         keep = i + j <= n
         u, v = i[keep] / n, j[keep] / n
         weights = np.stack([1 - u - v, u, v], axis=1)
-        out.append(np.einsum("wk,tkx->twx", weights, triangles[steps == n]).reshape(-1, 3))
-    return np.concatenate(out) if out else np.zeros((0, 3))
+        points.append(np.einsum("wk,tkx->twx", weights, triangles[steps == n]).reshape(-1, 3))
+        owners.append(np.repeat(np.flatnonzero(steps == n), len(weights)))
+    return np.concatenate(points), np.concatenate(owners)
 
 
 def hull_distance(hull: Hull, points: Array) -> Array:

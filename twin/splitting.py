@@ -8,39 +8,52 @@ watertight first, and is deterministic.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from twin.convex import Hull, areas, cut, hull_of, sample, thick_hull
+from twin.convex import Hull, areas, cut, hull_of, sample, sample_of, thick_hull
 from twin.geometry import Array
 from twin.main_axes import main_axes
 
 _BOARD = 0.02  # m: a usual board is thinner than this
+_BEHIND = 0.5  # cosine: nearer to the plane of a face, whether a point is before or behind it is the noise of the face
 
 
-def bulge(hull: Hull, triangles: Array, tolerance: float) -> float:
-    """Greatest distance (m) of the hull's surface from the triangles it covers, good to about half the tolerance."""
+def bulge(hull: Hull, triangles: Array, tolerance: float, filled: float = 0.0) -> float:
+    """Greatest distance (m) of the hull's surface from the triangles it covers, good to about half the tolerance.
+
+    Args:
+        filled: what lies behind the surface by up to this (m) is the body, whose other side was not seen, and no bulge.
+    """
     shell = hull.vertices[hull.faces]
     spacing = max(tolerance / 2, float(np.sqrt(areas(shell).sum() / 2000.0)))
-    tree = cKDTree(
-        _thinned(sample(triangles, spacing), spacing / 4), balanced_tree=False, compact_nodes=False
-    )
-    near, _ = tree.query(_thinned(sample(shell, spacing), spacing / 4))
-    return max(0.0, float(near.max()) - spacing / 2)
+    points, owner = sample_of(triangles, spacing)
+    kept = _thinned(points, spacing / 4)
+    tree = cKDTree(points[kept], balanced_tree=False, compact_nodes=False)
+    outer = sample(shell, spacing)
+    outer = outer[_thinned(outer, spacing / 4)]
+    distance, near = tree.query(outer)
+    if filled > 0:
+        t = triangles[owner[kept[near]]]
+        normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        behind = np.einsum("ij,ij->i", outer - points[kept[near]], normal) < -_BEHIND * distance
+        distance = np.where(behind & (distance < filled), 0.0, distance)
+    return max(0.0, float(distance.max()) - spacing / 2)
 
 
-def _thinned(points: Array, cell: float) -> Array:
-    """One point (m, 3) of each grid cell; many equal points would make nearest-neighbour search slow."""
+def _thinned(points: Array, cell: float) -> NDArray[np.int64]:
+    """Index (m,) of one point of each grid cell; many equal points would make nearest-neighbour search slow."""
     key = np.floor((points - points.min(axis=0)) / cell).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
-    return points[np.unique(key, return_index=True)[1]]
+    return np.asarray(np.unique(key, return_index=True)[1])
 
 
 def decompose(
-    triangles: Array, tolerance: Callable[[Array], float], thickness: float, max_pieces: int
+    triangles: Array, tolerance: float, thickness: float, max_pieces: int, filled: float = 0.0
 ) -> list[Array]:
-    """Split triangles (n, 3, 3) into pieces whose hulls stay within tolerance(piece) metres of the surface.
+    """Split triangles (n, 3, 3) into pieces whose hulls stay within `tolerance` (m) of the surface, or behind it by `filled`.
 
     The worst piece is split first, until all are good or there are `max_pieces`.
     """
@@ -52,9 +65,8 @@ def decompose(
     def put(piece: Array) -> None:
         nonlocal count
         count += 1
-        allowed = tolerance(piece)
         hull = thick_hull(piece, thickness)
-        excess = bulge(hull, piece, allowed) / allowed if hull is not None else 0.0
+        excess = bulge(hull, piece, tolerance, filled) / tolerance if hull is not None else 0.0
         if excess <= 1.0:
             done.append((count, piece))
         else:
@@ -72,7 +84,7 @@ def decompose(
     return [piece for _, piece in sorted([*done, *((k, p) for _, k, p in heap)], key=lambda row: row[0])]
 
 
-def merge(pieces: list[Array], tolerance: Callable[[Array], float], thickness: float) -> list[Array]:
+def merge(pieces: list[Array], tolerance: float, thickness: float, filled: float = 0.0) -> list[Array]:
     """Join neighbouring pieces wherever the joint hull still keeps within the tolerance, small pieces first."""
     pieces = sorted(pieces, key=lambda p: float(areas(p).sum()))
     hulls = [thick_hull(p, thickness) for p in pieces]
@@ -84,7 +96,7 @@ def merge(pieces: list[Array], tolerance: Callable[[Array], float], thickness: f
                 continue
             both = np.concatenate([pieces[k], pieces[other]])
             joint = thick_hull(both, thickness)
-            if _keeps_close(joint, both, (hulls[k], hulls[other]), tolerance(both)):
+            if _keeps_close(joint, both, (hulls[k], hulls[other]), tolerance, filled):
                 pieces[other], hulls[other] = both, joint
                 del pieces[k], hulls[k]
                 k -= 1
@@ -94,15 +106,15 @@ def merge(pieces: list[Array], tolerance: Callable[[Array], float], thickness: f
 
 
 def _keeps_close(
-    joint: Hull | None, triangles: Array, parts: tuple[Hull | None, Hull | None], allowed: float
+    joint: Hull | None, triangles: Array, parts: tuple[Hull | None, Hull | None], allowed: float, filled: float
 ) -> bool:  # fmt: skip
     """Whether a joint hull stays within `allowed` of its triangles; the cheap test by volume comes first."""
     if joint is None:
         return True
     apart = sum(h.volume for h in parts if h is not None)
-    if joint.volume > apart + allowed * float(areas(joint.vertices[joint.faces]).sum()):
+    if joint.volume > apart + max(allowed, filled) * float(areas(joint.vertices[joint.faces]).sum()):
         return False
-    return bulge(joint, triangles, allowed) <= allowed
+    return bulge(joint, triangles, allowed, filled) <= allowed
 
 
 def _best_split(piece: Array, axes: Array, thickness: float) -> tuple[Array, Array] | None:

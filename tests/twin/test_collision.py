@@ -23,7 +23,7 @@ from tests.twin.scenes import (
 )
 from twin import geometry as geo
 from twin.clearance import find_touches, make_clear, points_of, sweep_states
-from twin.collision import CollisionConfig, part_shapes, with_collision
+from twin.collision import CollisionConfig, make_part, part_shapes, with_collision
 from twin.convex import areas, clip, cut, hull_distance, hull_of, thick_hull, triangles_of
 from twin.export import export
 from twin.main_axes import outline_axes
@@ -104,7 +104,7 @@ def test_shapes_cover_the_parts_and_little_else(shaped: Twin) -> None:
         assert 0.8 * true < volume(part.collision) < 1.35 * true, part.name
         assert distance(part.collision, part.mesh.vertices).max() < 0.02
         assert np.quantile(distance(part.collision, part.mesh.vertices), 0.98) < 0.008
-        assert len(part.collision) <= 40
+        assert len(part.collision) <= CONFIG.part_pieces
 
 
 def test_the_front_of_a_door_is_one_box(shaped: Twin) -> None:
@@ -186,8 +186,7 @@ def test_a_static_ghost_of_the_door_gives_way(bare: Twin) -> None:
 def test_equal_input_gives_equal_shapes_and_the_cache_gives_them_back(bare: Twin, tmp_path: Path) -> None:
     one = replace(bare, parts=bare.parts[:1])
     first, again = with_collision(one, cache_dir=tmp_path), with_collision(one)
-    files = list(tmp_path.iterdir())
-    assert len(files) == 1
+    assert sorted(f.name.partition("_")[0] for f in tmp_path.iterdir()) == ["part", "twin"]
     cached = with_collision(one, cache_dir=tmp_path)
     for a, b in ((first, again), (first, cached)):
         for x, y in zip((a.static, *a.parts), (b.static, *b.parts), strict=True):
@@ -197,7 +196,7 @@ def test_equal_input_gives_equal_shapes_and_the_cache_gives_them_back(bare: Twin
                 assert np.array_equal(getattr(s, "vertices", None), getattr(t, "vertices", None))
                 assert np.array_equal(getattr(s, "size", None), getattr(t, "size", None))
     with_collision(one, replace(CONFIG, tolerance=0.008), cache_dir=tmp_path)
-    assert len(list(tmp_path.iterdir())) == 2, "another config is another key"
+    assert len(list(tmp_path.iterdir())) == 4, "another config is another key"
 
 
 def test_given_shapes_are_kept() -> None:
@@ -210,10 +209,15 @@ def test_a_front_seen_from_one_side_gets_its_thickness_behind() -> None:
     triangles = triangles_of(mesh)
     facing = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 1] < -1e-9
     front = Mesh(mesh.vertices, mesh.faces[facing])
-    for shape in (part_shapes(front, CONFIG)[0], thick_hull(triangles_of(front), 0.006).mesh):
+    board = CONFIG.part_boards.thickness
+    for shape, want in (
+        (part_shapes(front, CONFIG)[0], board),
+        (thick_hull(triangles_of(front), 0.006).mesh, 0.006),
+    ):
         points = shape.corners if isinstance(shape, Box) else shape.vertices
         assert points[:, 1].min() == pytest.approx(0.0, abs=1e-6)
-        assert points[:, 1].max() == pytest.approx(0.006, abs=1e-6)
+        assert points[:, 1].max() == pytest.approx(want, abs=1e-6)
+    assert make_part(front, CONFIG).table == 1.0
 
 
 def test_cutting_keeps_the_area_and_the_sides() -> None:
@@ -241,13 +245,13 @@ def test_clipping_a_cube_is_exact() -> None:
 def test_a_ring_is_split_and_a_ball_is_not() -> None:
     ring = triangles_of(boards_mesh([Board((0, 0, 0), (0.3, 0.02, 0.02)), Board((0, 0, 0.28), (0.3, 0.02, 0.3)),
                                      Board((0, 0, 0.02), (0.02, 0.02, 0.28)), Board((0.28, 0, 0.02), (0.3, 0.02, 0.28))]))  # fmt: skip
-    hulls = [thick_hull(p, 0.006) for p in decompose(ring, lambda _: 0.006, 0.006, 32)]
+    hulls = [thick_hull(p, 0.006) for p in decompose(ring, 0.006, 0.006, 32)]
     middle = np.array([[0.15, 0.01, 0.15], [0.1, 0.01, 0.2], [0.2, 0.01, 0.1]])
     assert min(hull_distance(h, middle).min() for h in hulls) > 0.03
     whole = thick_hull(ring, 0.006)
     assert bulge(whole, ring, 0.006) > 0.1, "the middle of the hull's face is far from the ring"
     ball = hull_of(geo.unit(np.random.default_rng(1).normal(size=(300, 3))) * 0.1)
-    assert len(decompose(ball.vertices[ball.faces], lambda _: 0.006, 0.006, 20)) == 1
+    assert len(decompose(ball.vertices[ball.faces], 0.006, 0.006, 20)) == 1
 
 
 def test_main_axes_are_those_of_the_boards() -> None:
