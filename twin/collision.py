@@ -137,7 +137,7 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
     pieces = sorted(pieces_of(mesh), key=lambda row: -row[0].area)
     splits = 0
     for k, (piece, closed) in enumerate(pieces):
-        reserve = min(len(pieces) - 1 - k, config.part_pieces // 4)
+        reserve = min(len(pieces) - 1 - k + len(rest), config.part_pieces // 4)
         room = config.part_pieces - len(shapes) - reserve
         found = None
         if closed and room > 0:

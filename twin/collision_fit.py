@@ -18,9 +18,9 @@ class Fit:
     """Shapes against what they stand for; distances are 95th percentiles in metres.
 
     ratio: volume of the shapes' union over that of the solid, None where the surface encloses none. surface: from the
-    outside of the shapes to the surface, whichever side. outside: by how much it stands out of the solid, 0 within.
-    buried: by how much it lies within the solid, 0 outside; None without a closed piece. missed: from the surface to the
-    nearest shape, 0 where one covers it.
+    outside of the shapes to the surface, whichever side. outside: by how much it stands out of the solid, 0 within and
+    behind the faces of an open piece. buried: by how much it lies within the solid, 0 outside; None without a closed
+    piece. missed: from the surface to the nearest shape, 0 where one covers it.
     """
 
     shapes: int
@@ -46,13 +46,15 @@ def fit_of(shapes: Sequence[Collision], of: Solid, volume: float | None = None) 
         volume = of.volume()
     if not union.closed:
         return Fit(len(shapes), 0.0 if volume else None, np.inf, np.inf, None, np.inf)
-    d = of.signed_distance(union.surface(_POINTS))
+    points = union.surface(_POINTS)
+    d = of.signed_distance(points)
+    out = np.where(of.behind(points), 0.0, np.maximum(d, 0.0))
     missed = np.maximum(union.signed_distance(of.surface(_POINTS)), 0.0)
     return Fit(
         shapes=len(shapes),
         ratio=union.volume() / volume if volume else None,
         surface=_p95(np.abs(d)),
-        outside=_p95(np.maximum(d, 0.0)),
+        outside=_p95(out),
         buried=_p95(np.maximum(-d, 0.0)) if of.closed else None,
         missed=_p95(missed),
     )

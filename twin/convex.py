@@ -145,7 +145,7 @@ def box_of(hull: Hull, slack: float = 0.005) -> Box | None:
     best: tuple[float, Array] | None = None
     along = (hull.vertices[hull.faces] - hull.vertices[np.roll(hull.faces, 1, axis=1)]).reshape(-1, 3)
     flat = along[np.abs(along @ normal) < 1e-3 * np.linalg.norm(along, axis=1)] @ basis[:, :2]
-    for angle in np.unique(np.round(np.arctan2(flat[:, 1], flat[:, 0]) % (np.pi / 2), 6)):
+    for angle in np.unique(np.round(np.arctan2(flat[:, 1], flat[:, 0]) % (np.pi / 2), 9)):
         turned = basis @ geo.exp_so3([0.0, 0.0, float(angle)])
         size = np.ptp(hull.vertices @ turned, axis=0)
         if best is None or np.prod(size) < best[0]:

@@ -61,22 +61,34 @@ class Solid:
             out = np.minimum(out, scene.distance(points, signed=k < len(self.closed)))
         return out
 
+    def behind(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (n, 3) lie behind the nearest face, or, before closed pieces, inside: where material is."""
+        nearest = np.full(len(points), np.inf)
+        out = np.zeros(len(points), bool)
+        for k, scene in enumerate(self._scenes):
+            distance = scene.distance(points, signed=k < len(self.closed))
+            inside = distance < 0 if k < len(self.closed) else scene.behind(points)
+            out, nearest = np.where(distance < nearest, inside, out), np.minimum(distance, nearest)
+        return out
+
     def surface(self, count: int) -> Array:
         """About `count` points evenly on the outside of the union and on the open pieces; the same every time."""
         total = sum(float(areas(m.vertices[m.faces]).sum()) for m in (*self.closed, *self.open))
         out = []
         for k, mesh in enumerate((*self.closed, *self.open)):
             points, normals = _even_points(mesh, count / max(total, 1e-12))
-            if k < len(self.closed):
-                turned = self._scenes[k].distance(points + _JUST_OUTSIDE * normals, signed=True) < 0
-                normals = np.where(turned[:, None], -normals, normals)
-                inside = np.zeros(len(points), bool)
-                for j, other in enumerate(self._scenes[: len(self.closed)]):
-                    if j != k:
-                        inside |= other.distance(points + _JUST_OUTSIDE * normals, signed=True) < 0
-                points = points[~inside]
+            if k < len(self.closed):  # no outside where material is on both sides
+                sides = [self._holds(points + d * normals) for d in (_JUST_OUTSIDE, -_JUST_OUTSIDE)]
+                points = points[~(sides[0] & sides[1])]
             out.append(points)
         return np.concatenate(out) if out else np.zeros((0, 3))
+
+    def _holds(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (n, 3) lie in one of the closed pieces."""
+        out = np.zeros(len(points), bool)
+        for scene in self._scenes[: len(self.closed)]:
+            out |= scene.holds(points)
+        return out
 
     def volume(self, spacing: float = 0.0015) -> float:
         """Volume (m^3) of the union, from parallel lines `spacing` (m) apart: what each has inside, times the area it
@@ -117,12 +129,29 @@ class _Scene:
         query = np.ascontiguousarray(points - self._centre, dtype=np.float32)
         out = self._scene.compute_distance(o3d.core.Tensor.from_numpy(query), 1).numpy().astype(np.float64)
         if signed:
-            near = np.all((points > self._low) & (points < self._high), axis=1)
-            if near.any():
-                tensor = o3d.core.Tensor.from_numpy(np.ascontiguousarray(query[near]))
-                inside = self._scene.compute_occupancy(tensor, 1, _RAYS).numpy() > 0.5
-                out[near] = np.where(inside, -out[near], out[near])
+            out = np.where(self.holds(points), -out, out)
         return np.asarray(out)
+
+    def holds(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (n, 3) lie inside, by the parity of crossings."""
+        import open3d as o3d
+
+        out = np.all((points > self._low) & (points < self._high), axis=1)
+        if out.any():
+            query = np.ascontiguousarray(points[out] - self._centre, dtype=np.float32)
+            out[out] = (
+                self._scene.compute_occupancy(o3d.core.Tensor.from_numpy(query), 1, _RAYS).numpy() > 0.5
+            )
+        return np.asarray(out)
+
+    def behind(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (n, 3) lie behind the nearest face (n,)."""
+        import open3d as o3d
+
+        query = np.ascontiguousarray(points - self._centre, dtype=np.float32)
+        found = self._scene.compute_closest_points(o3d.core.Tensor.from_numpy(query), 1)
+        away = query - found["points"].numpy()
+        return np.asarray(np.einsum("ij,ij->i", away, found["primitive_normals"].numpy()) < 0)
 
 
 def hull_of_shape(shape: Collision) -> Hull | None:
@@ -133,7 +162,7 @@ def hull_of_shape(shape: Collision) -> Hull | None:
 def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:
     """The connected pieces of a mesh and whether each is closed: every edge is met by an even number of its faces.
 
-    Corners at the same place are one; faces without area are left out.
+    Corners at the same place are one, faces without area are left out, and bodies that touch along an edge are two.
     """
     if not len(mesh.faces):
         return []
@@ -143,17 +172,58 @@ def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:
     faces = joined.ravel()[mesh.faces]
     vertices = mesh.vertices[first]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
-    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(vertices),) * 2)
-    label = connected_components(graph, directed=False)[1]
-    edges, met = np.unique(ends, axis=0, return_counts=True)
-    leaky = np.unique(label[edges[met % 2 == 1, 0]])
     out = []
-    for piece in np.unique(label[faces[:, 0]]) if len(faces) else []:
-        own = faces[label[faces[:, 0]] == piece]
-        used, index = np.unique(own, return_inverse=True)
-        out.append((Mesh(vertices[used], index.reshape(-1, 3).astype(np.int32)), bool(piece not in leaky)))
+    for own in _split(faces, _linked_by_corners(faces)):
+        own = _without_seams(own, vertices)
+        apart = _split(own, _linked_by_edges(own))
+        bodies = apart if all(map(_is_closed, apart)) else [own]
+        for body in bodies:
+            used, index = np.unique(body, return_inverse=True)
+            piece = Mesh(vertices[used], index.reshape(-1, 3).astype(np.int32))
+            out.append((piece, _is_closed(body)))
     return out
+
+
+def _without_seams(faces: NDArray[np.int64], vertices: Array) -> NDArray[np.int64]:
+    """Without pairs of faces that coincide, as where two boards touch, unless more than such seams would go."""
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    left = faces[np.sort(first[count % 2 == 1])]
+    if len(left) in (0, len(faces)) or not _is_closed(left):
+        return faces
+    spans = [np.ptp(vertices[f.ravel()], axis=0) for f in (left, faces)]
+    return left if np.allclose(*spans) else faces
+
+
+def _sides(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Ends (3F, 2) of the faces' edges, the lower first; an edge of face k in rows 3k to 3k + 2."""
+    return np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+
+
+def _is_closed(faces: NDArray[np.int64]) -> bool:
+    return bool(np.all(np.unique(_sides(faces), axis=0, return_counts=True)[1] % 2 == 0))
+
+
+def _linked_by_corners(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number of the connected piece (F,) that each face is in."""
+    ends, n = _sides(faces), int(faces.max(initial=-1)) + 1
+    graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n))
+    return np.asarray(connected_components(graph, directed=False)[1][faces[:, 0]] if n else np.zeros(0, int))
+
+
+def _linked_by_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The same, but for edges at which other than two faces meet: there bodies touch."""
+    ends, owner = _sides(faces), np.repeat(np.arange(len(faces)), 3)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    edge, met = np.unique(ends[order], axis=0, return_inverse=True, return_counts=True)[1:]
+    first = np.flatnonzero(met[edge.ravel()] == 2)[::2]
+    joins = (owner[order[first]], owner[order[first + 1]])
+    graph = coo_matrix((np.ones(len(first)), joins), shape=(len(faces),) * 2)
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _split(faces: NDArray[np.int64], label: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    order = np.argsort(label, kind="stable")
+    return np.split(faces[order], np.flatnonzero(np.diff(label[order])) + 1) if len(faces) else []
 
 
 def _even_points(mesh: Mesh, density: float) -> tuple[Array, Array]:

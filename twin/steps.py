@@ -66,7 +66,8 @@ def export(
     twin = load(run)
     folder = run_folder(run) / "export"
     progress("collision", 0.0, "convex pieces")
-    complete = named("twin.export:complete")(twin, run_folder(run) / "stages" / "collision")
+    cache = run_folder(run) / "stages" / "collision"
+    complete = named("twin.export:complete")(twin, cache)
     if complete is not twin:
         save(complete, run_folder(run) / "twin")
     progress("collision", 1.0, f"{sum(len(p.collision) for p in complete.parts)} pieces on moving parts")
@@ -74,8 +75,18 @@ def export(
     files = named("twin.export:export")(complete, folder, formats, package, asset=asset)
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
-    data = {"files": {name: str(path) for name, path in files.items()}}
-    outcome = Outcome(data, [Table("export", ["format", "file"], rows)], warnings=files.warnings)
+    reports = named("twin.collision_report:collision_reports")(complete, cache)
+    data = {
+        "files": {name: str(path) for name, path in files.items()},
+        "collision": [r.to_json() for r in reports],
+    }
+    columns = named("twin.collision_report:COLUMNS")
+    tables = [
+        Table("export", ["format", "file"], rows),
+        Table("collision shapes", columns, [r.row() for r in reports]),
+    ]
+    warnings = [*files.warnings, *(r.warning for r in reports if r.warning)]
+    outcome = Outcome(data, tables, warnings=warnings)
     return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
 
 

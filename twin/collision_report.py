@@ -1,0 +1,87 @@
+"""What `twin export` tells about collision shapes: how many, how well they fit, how long they took, what was assumed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from twin.collision import CollisionConfig
+from twin.collision_fit import Fit, fit_of
+from twin.physics import read_materials, shell_inertial
+from twin.scene import Box, Mesh, Part, Twin
+from twin.shape_cache import ShapeCache
+from twin.solid import Solid
+
+_TOLD = 0.1  # share of the boards' area from which an unseen back is worth a warning
+
+
+@dataclass(frozen=True)
+class ShapeReport:
+    """A part's shapes against its own mesh.
+
+    closed: the fit's volume ratio refers to what the closed mesh encloses, else to area x thickness as its mass does.
+    seconds: on the clock when the shapes were made, None where that is not known. warning: of thickness that no camera saw.
+    """
+
+    part: str
+    boxes: int
+    fit: Fit
+    closed: bool
+    seconds: float | None
+    warning: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values; lengths in metres."""
+        out = asdict(self)
+        return {"part": out.pop("part"), "boxes": out.pop("boxes"), **out.pop("fit"), **out}
+
+    def row(self) -> list[str]:
+        """Cells under COLUMNS."""
+        f = self.fit
+        ratio = "" if f.ratio is None else f"{f.ratio:.2f}" + ("" if self.closed else " (estimated)")
+        mm = [f"{1e3 * v:.1f} mm" for v in (f.outside, f.missed)]
+        seconds = "" if self.seconds is None else f"{self.seconds:.1f} s"
+        return [self.part, str(f.shapes), str(self.boxes), ratio, *mm, seconds]
+
+
+COLUMNS = ["part", "shapes", "boxes", "volume ratio", "stands out, p95", "uncovered, p95", "made in"]
+
+
+def collision_reports(
+    twin: Twin, cache_dir: Path | None = None, config: CollisionConfig | None = None
+) -> list[ShapeReport]:
+    """One report for every part that has shapes; seconds and thickness come from what `with_collision` kept in cache_dir."""
+    cache = ShapeCache(cache_dir, asdict(CollisionConfig() if config is None else config))
+    return [_report(p, cache) for p in twin.parts if p.collision and len(p.mesh.faces)]
+
+
+def _report(part: Part, cache: ShapeCache) -> ShapeReport:
+    solid = Solid.of_mesh(part.mesh)
+    closed = bool(solid.closed) and not solid.open
+    fit = fit_of(part.collision, solid, None if closed else _slabs(part.mesh))
+    kept = cache.read(cache.key_of_mesh(part.mesh))
+    told = kept[1] if kept is not None else {}
+    boxes = sum(isinstance(s, Box) for s in part.collision)
+    return ShapeReport(part.name, boxes, fit, closed, told.get("seconds"), _warning(part.name, told))
+
+
+def _slabs(mesh: Mesh) -> float | None:
+    """Volume (m^3) of an open mesh as its mass is estimated: area x thickness of the table's default material."""
+    table = read_materials()
+    material = table.material(table.default)
+    if mesh.area < 1e-9:
+        return None
+    return float(shell_inertial(mesh, material).mass.value / material.density.value)
+
+
+def _warning(name: str, told: dict[str, float]) -> str:
+    unseen = told.get("edge", 0.0) + told.get("table", 0.0)
+    if unseen < _TOLD:
+        return ""
+    sources = [
+        text.format(told[key])
+        for key, text in (("edge", "edges for {:.0%}"), ("table", "a table for {:.0%}"))
+        if told.get(key, 0.0) > 0.005
+    ]
+    return f"{name}: the back of {unseen:.0%} of its boards was never seen; thickness from {' and '.join(sources)}"
