@@ -11,27 +11,35 @@ and its own filter between parent and child removed, one file a format. Seconds 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
 from recon.scores import camera_errors, match_parts
 from recon.truth import Truth, load_truth
-from twin.collision import CollisionConfig, part_shapes, with_collision
+from twin.boards import beyond, find_boards
+from twin.closed_pieces import closed_piece_shapes, coacd_pieces, outward
+from twin.collision import CollisionConfig, cover, decimated, part_shapes, surface_hulls, with_collision
 from twin.collision_fit import Fit, fit_of
+from twin.convex import triangles_of
 from twin.errors import FuntwinError
 from twin.export import FORMATS, export
+from twin.main_axes import outline_axes
 from twin.scene import Box, Collision, Mesh, Part, Twin
-from twin.solid import Solid
+from twin.solid import Solid, pieces_of
 from twin.storage import load
 
 STATES = 61
+CONFIG = CollisionConfig()
 
 
 @dataclass(frozen=True)
@@ -52,10 +60,15 @@ def moved(shape: Collision, T: np.ndarray) -> Collision:
     return shape.transformed(T) if isinstance(shape, Mesh) else Box(T @ shape.T_world_box, shape.size)
 
 
+def timed(make: Callable[[], list[Collision]]) -> tuple[list[Collision], float, float]:
+    """What `make` gives, seconds of processor time, those of its processes included, and seconds on the clock."""
+    cpu, wall = os.times(), time.perf_counter()
+    shapes = make()
+    return shapes, sum(os.times()[:4]) - sum(cpu[:4]), time.perf_counter() - wall
+
+
 def timed_shapes(mesh: Mesh) -> tuple[list[Collision], float, float]:
-    cpu, wall = time.process_time(), time.perf_counter()
-    shapes = part_shapes(mesh, CollisionConfig())
-    return shapes, time.process_time() - cpu, time.perf_counter() - wall
+    return timed(lambda: part_shapes(mesh, CONFIG))
 
 
 def true_meshes(truth: Truth) -> list[Measured]:
@@ -128,10 +141,71 @@ def sweep(model: Any, part: Part) -> int:
     return count
 
 
+def united(mesh: Mesh) -> Mesh:
+    """The closed pieces of a mesh as one body, as a CAD model would have it."""
+    pieces = [outward(m) for m, closed in pieces_of(mesh) if closed]
+    bodies = [trimesh.Trimesh(m.vertices, m.faces) for m in pieces if m is not None]
+    whole = trimesh.boolean.union(bodies, engine="manifold")
+    return Mesh(np.asarray(whole.vertices), np.asarray(whole.faces, dtype=np.int32))
+
+
+def compared_bodies(truth: Truth) -> list[Measured]:
+    """Every true part as one closed body: covered as scans are, and split by CoACD."""
+    out = []
+    for part in truth.parts:
+        body = united(part.mesh)
+        ways = {"scan splitter": lambda b=body: as_scan(b), "CoACD": lambda b=body: closed_body(b)}
+        for name, way in ways.items():
+            shapes, cpu, wall = timed(way)
+            fit, boxes = fit_of(shapes, Solid.of_mesh(body)), sum(isinstance(s, Box) for s in shapes)
+            out.append(Measured(truth.folder.parent.name, name, fit, boxes, cpu, wall))
+    return out
+
+
+def closed_body(body: Mesh) -> list[Collision]:
+    return closed_piece_shapes(body, CONFIG.tolerance, CONFIG.part_pieces) or []
+
+
+def as_scan(mesh: Mesh) -> list[Collision]:
+    return cover(triangles_of(decimated(mesh, CONFIG.part_faces)), CONFIG, CONFIG.part_pieces)[0]
+
+
+def compared_leftovers(twin: Twin, truth: Truth) -> list[Measured]:
+    """What boards leave of a reconstructed part, an open surface: our splitter, and CoACD after it closed the surface."""
+    T = camera_errors(twin.cameras, truth).T_truth_recon if twin.cameras else np.eye(4)
+    pairs = match_parts([(p.joint, p.motion) for p in twin.parts], T, truth)
+    out = []
+    for i, j in sorted(pairs.items()):
+        triangles = triangles_of(decimated(twin.parts[j].mesh, CONFIG.part_faces))
+        search = CONFIG.part_boards
+        boards, rest = find_boards(triangles, outline_axes(triangles), search)
+        rest = beyond(rest, [b.box for b in boards], 3 * search.noise)
+        corners, faces = np.unique(rest.reshape(-1, 3).round(7), axis=0, return_inverse=True)
+        mesh = Mesh(corners, faces.reshape(-1, 3).astype(np.int32))
+        most = CONFIG.part_pieces - len(boards)
+        ways = {
+            "our splitter": lambda t=rest, m=most: surface_hulls(t, CONFIG, m),
+            "CoACD": lambda m=mesh, n=most: list(
+                coacd_pieces(m, CONFIG.tolerance, n, preprocess_mode="on", preprocess_resolution=50)
+            ),
+        }
+        true = Solid.of_mesh(truth.parts[i].closed_mesh)
+        for name, way in ways.items():
+            shapes, cpu, wall = timed(way)
+            fit = fit_of([moved(s, T) for s in shapes], true)
+            covered = fit_of(shapes, Solid([], [mesh])).missed
+            out.append(
+                Measured(
+                    truth.folder.parent.name, name, replace(fit, missed=covered, ratio=None), 0, cpu, wall
+                )
+            )
+    return out
+
+
 def table(title: str, rows: list[Measured]) -> str:
     head = ["recording", "part", "shapes", "boxes", "volume ratio", "surface p95", "outside p95", "buried p95", "missed p95",
             "cpu s", "clock s", "contacts"]  # fmt: skip
-    lines = [f"### {title}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    lines = [f"## {title}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for r in rows:
         f = r.fit
         ratio = "-" if f.ratio is None else f"{f.ratio:.2f}"
@@ -146,16 +220,27 @@ def main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--truth", type=Path, nargs="+", default=[], help="truth folders: their true meshes")
     parser.add_argument("--twin", type=Path, nargs=2, action="append", default=[], metavar=("TWIN", "TRUTH"))
+    parser.add_argument(
+        "--coacd", action="store_true", help="also CoACD against our splitter, closed and open"
+    )
     parser.add_argument("--table", type=Path, help="also write the tables here")
     options = parser.parse_args(argv)
     text = []
     if options.truth:
         rows = [r for t in options.truth for r in true_meshes(load_truth(t))]
-        text.append(table("Shapes of true meshes", rows))
+        text.append(table("Shapes of true meshes, in millimetres", rows))
         print(text[-1], flush=True)
     if options.twin:
         rows = [r for run, t in options.twin for r in reconstructed(load(run), load_truth(t))]
         text.append(table("Shapes of reconstructed parts, in millimetres", rows))
+        print(text[-1], flush=True)
+    if options.coacd and options.truth:
+        rows = [r for t in options.truth for r in compared_bodies(load_truth(t))]
+        text.append(table("True parts united into one closed body", rows))
+        print(text[-1], flush=True)
+    if options.coacd and options.twin:
+        rows = [r for run, t in options.twin for r in compared_leftovers(load(run), load_truth(t))]
+        text.append(table("What boards leave of reconstructed parts", rows))
         print(text[-1], flush=True)
     if options.table:
         options.table.write_text("\n".join(text))

@@ -113,7 +113,8 @@ def _strongest_plane(
     near = np.abs(along - (row + 0.5) * search.noise) < 2 * search.noise
     front = near & (sign * (normal @ axes[:, k]) > _FACING * length)
     offset = sign * float(np.average(along[front], weights=length[front]))
-    frame = np.stack([axes[:, (k + 1) % 3], axes[:, (k + 2) % 3], sign * axes[:, k]], axis=1)
+    across = [axes[:, (k + 1) % 3], axes[:, (k + 2) % 3]][::sign]  # right-handed for either side
+    frame = np.stack([*across, sign * axes[:, k]], axis=1)
     return _Plane(frame, offset, (k, sign, row))
 
 

@@ -151,7 +151,7 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
     if not len(triangles):
         return Made(tuple(shapes))
     room = max(1, config.part_pieces - len(shapes))
-    covered, boards = _cover(triangles, config.part_boards, config.tolerance, room, config.thickness, True)
+    covered, boards = cover(triangles, config, room)
     face = {b: float(np.prod(np.sort(b.box.size)[1:])) for b in boards}
     share = {
         s: sum(a for b, a in face.items() if b.back == s) / max(sum(face.values()), 1e-12)
@@ -183,36 +183,43 @@ def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Col
             far += [outside, beyond_high]
     shapes: list[Collision] = []
     if len(near):
-        shapes += _cover(
-            near, config.near_boards, config.near_tolerance, config.near_pieces, config.thickness, False
-        )[0]
+        shapes += _static_cover(
+            near, config.near_boards, config.near_tolerance, config.near_pieces, config.thickness
+        )
     rest = np.concatenate(far) if far else np.zeros((0, 3, 3))
     if len(rest):
-        shapes += _cover(rest, config.far_boards, config.far_tolerance, config.far_pieces, 0.01, False)[0]
+        shapes += _static_cover(rest, config.far_boards, config.far_tolerance, config.far_pieces, 0.01)
     return shapes
 
 
-def _cover(
-    triangles: Array, search: BoardSearch, tolerance: float, most: int, thickness: float, tidy: bool
-) -> tuple[list[Collision], list[Board]]:
-    """Boxes and hulls of a surface, and the boards that the boxes are.
-
-    Args:
-        most: hulls, at most; when `tidy` shapes in all, and then what would take more, the smallest, is left uncovered.
-    """
-    boards, rest = find_boards(triangles, outline_axes(triangles) if tidy else main_axes(triangles), search)
-    boards = boards[:most] if tidy else boards
+def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Collision], list[Board]]:
+    """At most `most` boxes and hulls of a part's open surface (n, 3, 3), and the boards that the boxes are."""
+    search = config.part_boards
+    boards, rest = find_boards(triangles, outline_axes(triangles), search)
+    boards = boards[:most]
     rest = beyond(rest, [b.box for b in boards], 3 * search.noise)
-    pieces: list[Array] = []
-    filled = search.deepest / 2 if tidy else 0.0
-    if len(rest) and most > len(boards) * tidy:
-        pieces = decompose(rest, tolerance, thickness, 2 * most if tidy else most, filled)
-        if tidy:
-            pieces = merge(pieces, tolerance, thickness, filled)
-            pieces = [p for p in pieces if areas(p).sum() > _SPECK]
-            pieces = sorted(pieces, key=lambda p: -float(areas(p).sum()))[: most - len(boards)]
+    hulls = surface_hulls(rest, config, most - len(boards)) if len(rest) and most > len(boards) else []
+    return [*(b.box for b in boards), *hulls], boards
+
+
+def surface_hulls(triangles: Array, config: CollisionConfig, most: int) -> list[Collision]:
+    """Hulls of an open surface (n, 3, 3); what would take more than `most`, the smallest, is left out rather than bulge."""
+    filled = config.part_boards.deepest / 2
+    pieces = decompose(triangles, config.tolerance, config.thickness, 2 * config.part_pieces, filled)
+    pieces = merge(pieces, config.tolerance, config.thickness, filled)
+    pieces = [p for p in pieces if areas(p).sum() > _SPECK]
+    pieces = sorted(pieces, key=lambda p: -float(areas(p).sum()))[:most]
+    return [h.mesh for p in pieces if (h := thick_hull(p, config.thickness)) is not None]
+
+
+def _static_cover(
+    triangles: Array, search: BoardSearch, tolerance: float, most: int, thickness: float
+) -> list[Collision]:
+    boards, rest = find_boards(triangles, main_axes(triangles), search)
+    rest = beyond(rest, [b.box for b in boards], 2.5 * search.noise)
+    pieces = decompose(rest, tolerance, thickness, most) if len(rest) else []
     hulls = [h for h in (thick_hull(p, thickness) for p in pieces) if h is not None]
-    return [*(b.box for b in boards), *(h.mesh for h in hulls)], boards
+    return [*(b.box for b in boards), *(h.mesh for h in hulls)]
 
 
 def decimated(mesh: Mesh, faces: int) -> Mesh:
