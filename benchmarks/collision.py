@@ -3,7 +3,7 @@
     python benchmarks/collision.py --truth RECORDING/truth ... [--twin TWIN RECORDING/truth] ... [--table FILE]
 
 "true mesh": shapes made from the true part mesh, measured against it. "reconstructed": shapes made from a twin's part,
-measured against the true part after the worlds are aligned by the cameras. The solid of a true part is the union of what
+measured against the true part after the worlds are aligned by the cameras. --coacd adds CoACD against our own splitter. The solid of a true part is the union of what
 its closed pieces enclose (twin.solid). Contacts are those that MuJoCo finds in 61 states of each part's range, exclusions
 and its own filter between parent and child removed, one file a format. Seconds are of one core: processor, and on the clock.
 """

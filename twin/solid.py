@@ -172,6 +172,8 @@ def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:
     faces = joined.ravel()[mesh.faces]
     vertices = mesh.vertices[first]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    turn = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3  # a face given twice is one
+    faces = faces[np.sort(np.unique(np.take_along_axis(faces, turn, axis=1), axis=0, return_index=True)[1])]
     out = []
     for own in _split(faces, _linked_by_corners(faces)):
         own = _without_seams(own, vertices)
