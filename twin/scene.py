@@ -85,6 +85,9 @@ class Box:
         _set(self, "size", _frozen(self.size, (3,), "box size"))
         if np.any(self.size <= 0):
             raise SceneError(f"box size must be positive, got {self.size.tolist()}")
+        r = self.T_world_box[:3, :3]
+        if not np.allclose(r.T @ r, np.eye(3), atol=1e-6) or np.linalg.det(r) < 0:
+            raise SceneError("a box needs a pose with right-handed axes of length 1")
 
     @property
     def corners(self) -> Array:

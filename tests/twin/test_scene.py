@@ -105,6 +105,8 @@ def test_a_source_begins_with_a_known_word_or_counts_as_other() -> None:
         (lambda: Mesh(np.zeros((3, 2)), np.zeros((0, 3))), "shape"),
         (lambda: Mesh(np.zeros((3, 3)), np.zeros((0, 3)), np.zeros((2, 3))), "colors"),
         (lambda: Box(np.eye(4), np.array([1.0, 0, 1])), "positive"),
+        (lambda: Box(np.diag([-1.0, 1, 1, 1]), np.ones(3)), "right-handed"),
+        (lambda: Box(np.diag([2.0, 1, 1, 1]), np.ones(3)), "right-handed"),
         (lambda: Quantity(2.0, "x", (0.0, 1.0)), "inside its finite interval"),
         (lambda: Inertial(Quantity(0.0, "x", (0, 1)), np.zeros(3), np.eye(3)), "mass must be positive"),
         (lambda: Inertial(Quantity(1.0, "x", (0, 1)), np.zeros(3), np.diag([1, 1, 3.0])), "triangle"),
