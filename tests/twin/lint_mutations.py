@@ -324,7 +324,7 @@ _add("mjcf", "collider-missing", "none", drop(".//body[@name='door']/geom[@class
 def _(stage: Any, _: Path) -> None:
     from pxr import UsdPhysics
 
-    for p in stage.Traverse():
+    for p in list(stage.Traverse()):
         if "/door_collision_" in str(p.GetPath()):
             p.RemoveAPI(UsdPhysics.CollisionAPI)
 
