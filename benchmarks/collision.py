@@ -4,7 +4,7 @@
 
 "true mesh": shapes made from the true part mesh, measured against it. "reconstructed": shapes made from a twin's part,
 measured against the true part after the worlds are aligned by the cameras. --coacd adds CoACD against our own splitter. The solid of a true part is the union of what
-its closed pieces enclose (twin.solid). Contacts are those that MuJoCo finds in 61 states of each part's range, exclusions
+its closed pieces enclose (twin.collision.solid). Contacts are those that MuJoCo finds in 61 states of each part's range, exclusions
 and its own filter between parent and child removed, one file a format. Seconds are of one core: processor, and on the clock.
 """
 
@@ -26,16 +26,16 @@ import trimesh
 
 from recon.scores import camera_errors, match_parts
 from recon.truth import Truth, load_truth
-from twin.boards import beyond, find_boards
-from twin.closed_pieces import closed_piece_shapes, coacd_pieces, outward
 from twin.collision import CollisionConfig, cover, decimated, part_shapes, surface_hulls, with_collision
-from twin.collision_fit import Fit, fit_of
-from twin.convex import triangles_of
+from twin.collision.boards import beyond, find_boards
+from twin.collision.closed_pieces import closed_piece_shapes, coacd_pieces, outward
+from twin.collision.convex import triangles_of
+from twin.collision.fit import Fit, fit_of
+from twin.collision.main_axes import outline_axes
+from twin.collision.solid import Solid, pieces_of
 from twin.errors import FuntwinError
 from twin.export import FORMATS, export
-from twin.main_axes import outline_axes
 from twin.scene import Box, Collision, Mesh, Part, Twin
-from twin.solid import Solid, pieces_of
 from twin.storage import load
 
 STATES = 61

@@ -29,7 +29,7 @@ VERBS = {
     "lint": ("twin.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
     "replay": ("twin.verbs:replay", "let a robot open the twin's parts in simulation"),
     "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
-    "physics": ("twin.physics_verbs:physics", "show, set or estimate what parts weigh and how they resist"),
+    "physics": ("twin.physics.verbs:physics", "show, set or estimate what parts weigh and how they resist"),
     "doctor": ("twin.verbs:doctor", "say what this machine lacks, and how to get it"),
     "engines": (
         "twin.verbs:engines",
@@ -144,7 +144,7 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
     if verb in ("export", "check", "replay", "evaluate"):
         add("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
     if verb == "physics":
-        from twin.physics_options import add_options
+        from twin.physics.options import add_options
 
         add_options(parser)
     if verb == "demo":

@@ -75,12 +75,12 @@ def export(
     files = named("twin.export:export")(complete, folder, formats, package, asset=asset)
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
-    reports = named("twin.collision_report:collision_reports")(complete, cache)
+    reports = named("twin.collision.report:collision_reports")(complete, cache)
     data = {
         "files": {name: str(path) for name, path in files.items()},
         "collision": [r.to_json() for r in reports],
     }
-    columns = named("twin.collision_report:COLUMNS")
+    columns = named("twin.collision.report:COLUMNS")
     tables = [
         Table("export", ["format", "file"], rows),
         Table("collision shapes", columns, [r.row() for r in reports]),
@@ -101,7 +101,7 @@ def check(
         raise InputError(
             f"{files[missing[0]]} does not exist", f"run `twin export {run} --format {' '.join(missing)}`"
         )
-    proofs = named("twin.proofs:prove")(progress, twin, files, engines)
+    proofs = named("twin.check.proofs:prove")(progress, twin, files, engines)
     ok, summary = all(p.ok for p in proofs), "; ".join(p.summary for p in proofs)
     outcome = Outcome(
         {"ok": ok, **{p.key: p.data for p in proofs}},

@@ -13,7 +13,7 @@ from recon.pipeline import _run, reconstruct
 from recon.recording import open_recording
 from tests.recon import tiny
 from tests.twin.scenes import cabinet_twin
-from twin.physics_edit import given, set_physics
+from twin.physics.edit import given, set_physics
 from twin.stages import MANIFEST, read_json
 from twin.storage import load, save
 

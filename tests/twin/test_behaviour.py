@@ -15,7 +15,7 @@ import pytest
 from tests.twin.scenes import Board, cabinet_twin, world_from_cabinet
 from twin import cli
 from twin import geometry as geo
-from twin.behaviour import HAND, BehaviourReport, BehaviourRow, behave
+from twin.check.behaviour import HAND, BehaviourReport, BehaviourRow, behave
 from twin.errors import InputError
 from twin.export import FORMATS, Exported, export
 from twin.scene import Motion, Part, Quantity, Twin

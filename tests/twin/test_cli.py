@@ -441,7 +441,7 @@ def test_check_shows_the_worst_of_each_quantity_and_what_fails(
     assert "run `twin export" in capsys.readouterr().err
     (run / "export" / "urdf").mkdir(parents=True)
     (run / "export" / "urdf" / "cabinet.urdf").write_text("<robot/>")
-    monkeypatch.setattr("twin.proofs.check", check)
+    monkeypatch.setattr("twin.check.proofs.check", check)
     assert cli.run(["check", str(run), "--format", "urdf"]) == 2
     out = capsys.readouterr().out
     for words in (

@@ -11,15 +11,14 @@ from scipy.spatial import ConvexHull
 
 from tests.twin.scenes import Board, boards_mesh, cabinet_twin, door_boards, drawer_boards, world_from_cabinet
 from tests.twin.test_collision import CONFIG, scanned
-from twin import closed_pieces
 from twin import geometry as geo
-from twin.closed_pieces import coacd_pieces, concave_share, enclosed, outward
-from twin.collision import make_part, part_shapes, with_collision
-from twin.collision_fit import fit_of
-from twin.collision_report import collision_reports
-from twin.convex import box_of, hull_of
+from twin.collision import closed_pieces, make_part, part_shapes, with_collision
+from twin.collision.closed_pieces import coacd_pieces, concave_share, enclosed, outward
+from twin.collision.convex import box_of, hull_of
+from twin.collision.fit import fit_of
+from twin.collision.report import collision_reports
+from twin.collision.solid import Solid, pieces_of
 from twin.scene import Box, Mesh
-from twin.solid import Solid, pieces_of
 
 T = world_from_cabinet()
 

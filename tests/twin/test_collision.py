@@ -22,14 +22,14 @@ from tests.twin.scenes import (
     world_from_cabinet,
 )
 from twin import geometry as geo
-from twin.boards import find_boards
-from twin.clearance import find_touches, make_clear, points_of, sweep_states
 from twin.collision import CollisionConfig, make_part, part_shapes, with_collision
-from twin.convex import areas, clip, cut, hull_distance, hull_of, thick_hull, triangles_of
+from twin.collision.boards import find_boards
+from twin.collision.clearance import find_touches, make_clear, points_of, sweep_states
+from twin.collision.convex import areas, clip, cut, hull_distance, hull_of, thick_hull, triangles_of
+from twin.collision.main_axes import outline_axes
+from twin.collision.splitting import bulge, decompose
 from twin.export import export
-from twin.main_axes import outline_axes
 from twin.scene import Box, Collision, Mesh, Revolute, Twin
-from twin.splitting import bulge, decompose
 
 CONFIG = CollisionConfig()
 T = world_from_cabinet()

@@ -11,7 +11,7 @@ import pytest
 from tests.twin.scenes import cabinet_twin
 from twin.errors import ConfigError, SceneError
 from twin.physics import keep_known, read_materials, with_physics
-from twin.physics_edit import given, set_physics
+from twin.physics.edit import given, set_physics
 
 
 def test_with_physics_fills_what_is_missing_and_names_its_sources() -> None:

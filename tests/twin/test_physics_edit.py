@@ -14,7 +14,7 @@ from tests.twin.scenes import cabinet_twin
 from twin import cli
 from twin.errors import InputError
 from twin.physics import with_physics
-from twin.physics_edit import given, set_physics
+from twin.physics.edit import given, set_physics
 from twin.quantities import Inertial
 from twin.scene import Twin
 from twin.storage import load, save, save_values

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin import proofs
-from twin.behaviour import BehaviourReport, BehaviourRow
-from twin.check import ENGINES, OURS, CheckReport, CheckRow
+from twin.check import ENGINES, OURS, CheckReport, CheckRow, proofs
+from twin.check.behaviour import BehaviourReport, BehaviourRow
 from twin.cli import run
 from twin.export import export
 from twin.scene import Twin

@@ -7,10 +7,10 @@ import pytest
 
 from tests.twin.scenes import Board, boards_mesh, world_from_cabinet
 from twin import geometry as geo
-from twin.collision_fit import fit_of
+from twin.collision.fit import fit_of
+from twin.collision.solid import Solid, pieces_of
 from twin.geometry import Array
 from twin.scene import Box, Mesh
-from twin.solid import Solid, pieces_of
 
 T = world_from_cabinet()
 CUBE = Board((0.0, 0.0, 0.0), (0.2, 0.2, 0.2))

@@ -13,11 +13,11 @@ from tests.twin.scenes import Board, boards_inertial, boards_mesh, door_boards, 
 from twin import geometry as geo
 from twin.errors import SceneError
 from twin.geometry import Array
-from twin.mass_bounds import shape_bounds
-from twin.materials import Material, read_materials
+from twin.physics.mass_bounds import shape_bounds
+from twin.physics.materials import Material, read_materials
+from twin.physics.surface_mass import shell_inertial
 from twin.quantities import Inertial, Quantity
 from twin.scene import Mesh
-from twin.surface_mass import shell_inertial
 
 PANEL = Board((0.1, -0.2, 0.3), (0.5, -0.182, 0.9))
 TILTED = geo.make_pose(geo.exp_so3([0.3, -0.5, 0.9]), [1.0, 2.0, 0.5])

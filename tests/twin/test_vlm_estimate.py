@@ -18,9 +18,9 @@ from tests.twin.scenes import cabinet_twin
 from tests.twin.vlm_server import KEY, Reply, Server, completion, serving
 from twin import cli
 from twin.errors import InputError, SceneError, ServiceError
-from twin.materials import read_materials
 from twin.physics import with_physics
-from twin.physics_edit import given, set_physics
+from twin.physics.edit import given, set_physics
+from twin.physics.materials import read_materials
 from twin.quantities import Quantity
 from twin.report import save_key_frames
 from twin.scene import Twin

@@ -13,7 +13,7 @@ import numpy as np
 
 from twin.errors import ServiceError
 from twin.geometry import Array
-from twin.materials import MaterialTable
+from twin.physics.materials import MaterialTable
 from twin.scene import Part
 
 INSTRUCTIONS = """\

@@ -15,12 +15,12 @@ import numpy as np
 
 from twin.errors import SceneError, ServiceError
 from twin.geometry import Array
-from twin.materials import Material, MaterialTable, read_materials
 from twin.physics import KEPT, joint_and_contact
-from twin.physics_edit import Edited, changes
+from twin.physics.edit import Edited, changes
+from twin.physics.materials import Material, MaterialTable, read_materials
+from twin.physics.surface_mass import shell_inertial
 from twin.quantities import Quantity
 from twin.scene import Mesh, Part, Twin
-from twin.surface_mass import shell_inertial
 from twin.vlm.answer import PhysicalAnswer
 
 MEAN_LOG_ERROR = 0.77

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
-from twin.convex import Hull, clip, hull_of
+from twin.collision.convex import Hull, clip, hull_of
 from twin.geometry import Array
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from twin.console import Console, Outcome
 from twin.errors import InputError
-from twin.materials import read_materials
-from twin.physics_edit import Change, Edited, given, set_physics
-from twin.physics_options import UNITS
-from twin.physics_text import described
+from twin.physics.edit import Change, Edited, given, set_physics
+from twin.physics.materials import read_materials
+from twin.physics.options import UNITS
+from twin.physics.text import described
 from twin.report.sections import Table
 from twin.scene import Part, Twin
 from twin.steps import named, run_folder

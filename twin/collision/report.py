@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from twin.collision import CollisionConfig
-from twin.collision_fit import Fit, fit_of
+from twin.collision.cache import ShapeCache
+from twin.collision.fit import Fit, fit_of
+from twin.collision.solid import Solid
 from twin.physics import read_materials, shell_inertial
 from twin.scene import Box, Mesh, Part, Twin
-from twin.shape_cache import ShapeCache
-from twin.solid import Solid
 
 _TOLD = 0.1  # share of the boards' area from which an unseen back is worth a warning
 

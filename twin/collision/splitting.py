@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from twin.convex import Hull, areas, cut, hull_of, sample, sample_of, thick_hull
+from twin.collision.convex import Hull, areas, cut, hull_of, sample, sample_of, thick_hull
+from twin.collision.main_axes import main_axes
 from twin.geometry import Array
-from twin.main_axes import main_axes
 
 _BOARD = 0.02  # m: a usual board is thinner than this
 _BEHIND = 0.5  # cosine: nearer to the plane of a face, whether a point is before or behind it is the noise of the face

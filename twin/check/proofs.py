@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from twin import behaviour_tables
-from twin.behaviour import behave
-from twin.check import OURS, check, chosen_engines
+from twin.check import OURS, behaviour_tables, check, chosen_engines
 from twin.check import tables as check_tables
+from twin.check.behaviour import behave
 from twin.engines import interpreter
 from twin.report.sections import Table
 from twin.scene import Twin

@@ -1,8 +1,8 @@
 """Collision shapes: boxes for boards, convex hulls for the rest, clear of one another over the whole opening.
 
 A piece of a mesh that is closed is a body: one box or hull where it is convex, CoACD's pieces where it is not
-(twin.closed_pieces). What a camera saw is open: there boards are found first (twin.boards) and the rest is split
-(twin.splitting). CoACD would close such a surface with voxels first, which thickens it: benchmarks/collision.md.
+(twin.collision.closed_pieces). What a camera saw is open: there boards are found first (twin.collision.boards) and the rest is split
+(twin.collision.splitting). CoACD would close such a surface with voxels first, which thickens it: benchmarks/collision.md.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from twin import geometry as geo
-from twin.boards import Board, BoardSearch, beyond, find_boards
-from twin.clearance import make_clear, points_of, sweep_states
-from twin.closed_pieces import closed_piece_shapes
-from twin.convex import areas, cut, thick_hull, triangles_of
+from twin.collision.boards import Board, BoardSearch, beyond, find_boards
+from twin.collision.cache import ShapeCache
+from twin.collision.clearance import make_clear, points_of, sweep_states
+from twin.collision.closed_pieces import closed_piece_shapes
+from twin.collision.convex import areas, cut, thick_hull, triangles_of
+from twin.collision.main_axes import main_axes, outline_axes
+from twin.collision.solid import pieces_of
+from twin.collision.splitting import decompose, merge
 from twin.geometry import Array
-from twin.main_axes import main_axes, outline_axes
 from twin.scene import Collision, Mesh, Twin
-from twin.shape_cache import ShapeCache
-from twin.solid import pieces_of
-from twin.splitting import decompose, merge
 
 _SPECK = 3e-4  # m^2: less surface than on a knob of 1 cm is a shred of a scan
 _SPLITS = 3  # bodies of one part that CoACD may split, the largest: each takes seconds

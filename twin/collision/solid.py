@@ -17,7 +17,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from twin import geometry as geo
-from twin.convex import Hull, areas, hull_of
+from twin.collision.convex import Hull, areas, hull_of
 from twin.geometry import Array
 from twin.scene import Box, Collision, Mesh
 

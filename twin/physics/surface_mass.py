@@ -17,8 +17,8 @@ import numpy as np
 
 from twin.errors import SceneError
 from twin.geometry import Array
-from twin.mass_bounds import shape_bounds
-from twin.materials import Material
+from twin.physics.mass_bounds import shape_bounds
+from twin.physics.materials import Material
 from twin.quantities import Inertial, Quantity
 from twin.scene import Mesh
 

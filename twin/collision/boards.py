@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.convex import areas, sample
+from twin.collision.convex import areas, sample
 from twin.geometry import Array
 from twin.scene import Box
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from twin.materials import Material as Material
-from twin.materials import MaterialTable as MaterialTable
-from twin.materials import read_materials as read_materials
+from twin.physics.materials import Material as Material
+from twin.physics.materials import MaterialTable as MaterialTable
+from twin.physics.materials import read_materials as read_materials
+from twin.physics.surface_mass import shell_inertial as shell_inertial
 from twin.scene import Part, PartPhysics, Twin
-from twin.surface_mass import shell_inertial as shell_inertial
 
 # Numbers that somebody took the trouble to find out: nothing but the user replaces them.
 KEPT = ("measured", "user")

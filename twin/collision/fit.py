@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from twin.collision.solid import Solid
 from twin.scene import Collision
-from twin.solid import Solid
 
 _POINTS = 20_000  # on each side: a 95th percentile then rests on a thousand points
 

@@ -11,7 +11,7 @@ from typing import Any
 from twin.errors import ConfigError, SceneError, nearest_name
 from twin.quantities import Quantity, origin_of
 
-_TABLE = Path(__file__).resolve().parents[1] / "assets" / "materials.toml"
+_TABLE = Path(__file__).resolve().parents[2] / "assets" / "materials.toml"
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.convex import areas, box_of, hull_of, triangles_of
+from twin.collision.convex import areas, box_of, hull_of, triangles_of
+from twin.collision.main_axes import main_axes, outline_axes
+from twin.collision.splitting import bulge
 from twin.geometry import Array
-from twin.main_axes import main_axes, outline_axes
 from twin.scene import Box, Collision, Mesh
-from twin.splitting import bulge
 
 _SECONDS = (
     8  # of processor time in CoACD, where bodies of furniture take 1-6; not of the clock: load must not tell

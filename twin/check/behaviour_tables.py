@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin.behaviour import BehaviourReport
+from twin.check.behaviour import BehaviourReport
 from twin.report.sections import Table
 
 
