@@ -192,6 +192,8 @@ def _inertial(n: Node) -> Inertial:
     xx, yy, zz, xy, xz, yz = n.array("inertia", (6,))
     low, high = n.array("mass_interval", (2,))
     factors = None if n.value.get("inertia_interval") is None else n.array("inertia_interval", (2,))
+    if not n.number("mass") > 0:
+        raise n.error(f"must be positive, is {n.number('mass')} kg", "mass")
     with n.building():
         return Inertial(
             Quantity(n.number("mass"), _source(n, "source"), (float(low), float(high))),

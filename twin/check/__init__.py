@@ -52,7 +52,9 @@ def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:
         if n not in ENGINES and n != "all":
             close = nearest_name(n, list(ENGINES))
             hint = f"did you mean {close!r}? " if close else ""
-            raise InputError(f"engine {n!r} is not known", f"{hint}known: {', '.join(ENGINES)}, all")
+            raise InputError(
+                f"engine {n!r} is not known", f"{hint}known: {', '.join(ENGINES)}, all; validators for USD"
+            )
     return tuple(ENGINES) if "all" in names else tuple(dict.fromkeys(names))
 
 
@@ -113,7 +115,7 @@ def _report(
             ]
             versions[engine], seconds[engine, fmt] = told["version"], told["seconds"]
             if told["error"]:
-                warnings.append(f"{fmt}/{engine}: can't be loaded: {told['error']}")
+                warnings.append(f"{fmt}/{engine}: can't be loaded: {' '.join(told['error'].split())}")
             else:
                 rows += compare(engine, fmt, truth, told["parts"])
     return CheckReport(tuple(rows), tuple(warnings), versions, seconds)

@@ -113,7 +113,7 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
     warnings: list[str] = []
     for fmt, answer in zip(files, answers, strict=True):
         if answer["error"]:
-            warnings.append(f"{fmt}: can't be simulated: {answer['error']}")
+            warnings.append(f"{fmt}: can't be simulated: {' '.join(answer['error'].split())}")
             continue
         for part in twin.parts:
             rows += _judge(fmt, twin, part, answer["parts"][part.name])
