@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ovphysx import PhysX
+from ovphysx import PhysX, PhysXConfig
 from ovphysx.types import TensorType
 
 from .common import Array, keep, pose, rotation_xyzw, tensor, without_step_error
 
 VERSION = version("ovphysx")
-PHYSX = PhysX(device="cpu")
+PHYSX = PhysX(PhysXConfig(num_threads=1), device="cpu")  # more threads only wait for each other
 STEP = 2e-3  # s
 _NUDGE = 0.5  # rad or m: how far a joint is moved to see what moves
 _WITHOUT_CONTACT = """#usda 1.0
