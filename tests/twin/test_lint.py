@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,20 @@ def test_our_exports_have_no_finding(clean: Exported) -> None:
     report = lint(list(clean.values()))
     assert report.findings == ()
     assert report.notes == (), "everything was looked at, in MuJoCo too"
+
+
+def test_what_a_file_says_does_not_depend_on_loaded_schemas(clean: Exported, tmp_path: Path) -> None:
+    """MuJoCo's collision schema, once this process knows it, brings UsdPhysics' along where the file does not say so."""
+    (mutation,) = (m for m in MUTATIONS if m.id == "usd-collider-missing-none")
+    path = planted(clean, mutation, tmp_path)
+    code = (
+        "import sys, mujoco._usd; from pathlib import Path; from twin.lint import lint; "
+        "print({f.rule for f in lint([Path(sys.argv[1])], ignore=sys.argv[2:]).findings})"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code, str(path), *SIMULATED], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.strip() == "{'collider-missing'}"
 
 
 def test_every_rule_has_a_planted_fault() -> None:

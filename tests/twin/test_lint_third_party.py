@@ -37,7 +37,7 @@ def marked(model: dict[str, Any]) -> Any:
     return pytest.param(model, id=model["name"].replace(" ", "-"), marks=slow)
 
 
-@pytest.mark.parametrize("model", map(marked, MODELS))
+@pytest.mark.parametrize("model", list(map(marked, MODELS)))
 def test_findings_are_those_that_were_judged(model: dict[str, Any]) -> None:
     left = [(f.rule, f.element, f.value) for f in lint([located(model)]).findings]
     for listed in model.get("finding", []):

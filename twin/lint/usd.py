@@ -33,22 +33,19 @@ def read(path: Path) -> LintModel:
     rigid = {
         p
         for p in prims
-        if p.HasAPI(UsdPhysics.RigidBodyAPI)
-        and _enabled(UsdPhysics.RigidBodyAPI(p).GetRigidBodyEnabledAttr())
+        if _has(p, "PhysicsRigidBodyAPI") and _enabled(UsdPhysics.RigidBodyAPI(p).GetRigidBodyEnabledAttr())
     }
     bodies = tuple(_body(p, cache) for p in prims if p in rigid)
     enabled = [
         p for p in prims if p.IsA(UsdPhysics.Joint) and _enabled(UsdPhysics.Joint(p).GetJointEnabledAttr())
     ]
-    loops = not any(
-        p.HasAPI(UsdPhysics.ArticulationRootAPI) for p in prims
-    )  # only articulations must be trees
+    loops = not any(_has(p, "PhysicsArticulationRootAPI") for p in prims)  # only articulations must be trees
     joints = [_joint(UsdPhysics.Joint(p), rigid, cache, loops) for p in enabled]
     held = {j.child for j in joints} | {j.parent for j in joints}
     free = [Joint(f"{b.name} (free)", b.element, "free", WORLD, b.name) for b in bodies if b.name not in held]
     shapes = [s for p in prims if p.IsA(UsdGeom.Gprim) for s in _shapes(p, rigid, cache)]
     units = None
-    if bodies or any(p.IsA(UsdPhysics.Joint) or p.HasAPI(UsdPhysics.CollisionAPI) for p in prims):
+    if bodies or any(p.IsA(UsdPhysics.Joint) or _has(p, "PhysicsCollisionAPI") for p in prims):
         units = _units(stage)
     return LintModel(
         path, "usd", bodies, (*joints, *free), tuple(shapes), tuple(_references(stage)), units=units
@@ -100,6 +97,12 @@ def _body_of(prim: Any, rigid: set[Any]) -> str:
     return WORLD
 
 
+def _has(prim: Any, schema: str) -> bool:
+    """Whether the file applies a schema. `HasAPI` also counts what another schema brings along, which depends on the plugins
+    that this process has loaded: MuJoCo's collision schema brings UsdPhysics' with it."""
+    return schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+
+
 def _authored(attribute: Any) -> Any:
     return attribute.Get() if attribute and attribute.HasAuthoredValue() else None
 
@@ -110,7 +113,7 @@ def _body(prim: Any, cache: Any) -> Body:
     name, scale = str(prim.GetPath()), _scales(_matrix(prim, cache))
     told = any(_told_density(p) for p in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()))
     inferred = "density" if told else "default density"
-    if not prim.HasAPI(UsdPhysics.MassAPI):
+    if not _has(prim, "PhysicsMassAPI"):
         return Body(name, name, inferred=inferred, scale=scale)
     api = UsdPhysics.MassAPI(prim)
     mass, moments = _authored(api.GetMassAttr()), _authored(api.GetDiagonalInertiaAttr())
@@ -125,9 +128,9 @@ def _told_density(prim: Any) -> bool:
     from pxr import UsdPhysics, UsdShade
 
     api = UsdPhysics.MassAPI(prim)
-    if prim.HasAPI(UsdPhysics.MassAPI) and (_authored(api.GetMassAttr()) or _authored(api.GetDensityAttr())):
+    if _has(prim, "PhysicsMassAPI") and (_authored(api.GetMassAttr()) or _authored(api.GetDensityAttr())):
         return True
-    if not prim.HasAPI(UsdPhysics.CollisionAPI):
+    if not _has(prim, "PhysicsCollisionAPI"):
         return False
     material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
     return bool(material and _authored(UsdPhysics.MaterialAPI(material.GetPrim()).GetDensityAttr()))
@@ -226,7 +229,7 @@ def _shapes(prim: Any, rigid: set[Any], cache: Any) -> Iterator[Shape]:
     """A gprim as a collision shape, or as a visual one when it is drawn."""
     from pxr import UsdGeom, UsdPhysics
 
-    collides = prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(
+    collides = _has(prim, "PhysicsCollisionAPI") and _enabled(
         UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr()
     )
     if not collides and str(UsdGeom.Imageable(prim).ComputePurpose()) in ("guide", "proxy"):
@@ -238,7 +241,7 @@ def _shapes(prim: Any, rigid: set[Any], cache: Any) -> Iterator[Shape]:
         surface, problem = _surface(UsdGeom.Mesh(prim))
         local = None if surface is None or not len(surface.vertices) else surface.vertices
         approximation = ""
-        if prim.HasAPI(UsdPhysics.MeshCollisionAPI):
+        if _has(prim, "PhysicsMeshCollisionAPI"):
             approximation = str(_authored(UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr()) or "")
     points = None if local is None else geo.transform(matrix, local)
     name = str(prim.GetPath())
