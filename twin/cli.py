@@ -28,6 +28,7 @@ VERBS = {
     "check": ("twin.verbs:check", "load the exported files in other programs and compare them with the twin"),
     "lint": ("twin.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
     "replay": ("twin.verbs:replay", "let a robot open the twin's parts in simulation"),
+    "trajectory": ("twin.verbs:trajectory", "hand a planned trajectory over in robots' own formats"),
     "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
     "physics": ("twin.physics.verbs:physics", "show, set or estimate what parts weigh and how they resist"),
     "doctor": ("twin.verbs:doctor", "say what this machine lacks, and how to get it"),
@@ -141,7 +142,7 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
     parser = _Parser(prog=f"twin {verb}", description=f"{VERBS[verb][1][0].upper()}{VERBS[verb][1][1:]}.")
     add = parser.add_argument
     add("--json", action="store_true", help="print one JSON object instead of tables")
-    if verb in ("export", "check", "replay", "evaluate"):
+    if verb in ("export", "check", "replay", "trajectory", "evaluate"):
         add("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
     if verb == "physics":
         from twin.physics.options import add_options
@@ -208,10 +209,21 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
         )
         add("--ignore", metavar="RULE", nargs="+", default=[], help="rules to leave out")
         add("--rules", dest="show_rules", action="store_true", help="list the rules")
-    if verb in ("replay", "demo"):
+    if verb in ("replay", "trajectory", "demo"):
         add("--robot", default="franka", help="name of a robot [franka]")
     if verb == "replay":
         add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to open [all]")
+    if verb == "trajectory":
+        add("--part", metavar="NAME", help="part that it opens [all, each in a folder of its name]")
+        add(
+            "--format",
+            dest="formats",
+            metavar="FORMAT",
+            nargs="+",
+            required=True,
+            help="json npz csv ros2 moveit spot lerobot",
+        )
+        add("-o", "--out", metavar="FOLDER", type=Path, required=True, help="folder to write")
     if verb == "engines":
         add("--install", metavar="NAME", nargs="+", default=[], help="environments to make, or all")
     if verb == "evaluate":

@@ -160,6 +160,35 @@ def _replay_part(
     return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else []
 
 
+def trajectory(
+    progress: Progress, run: Path, robot: str, name: str | None, formats: Sequence[str], out: Path
+) -> Outcome:
+    """Hand over what `replay` left of one part into `out`, or of all parts into folders of their names."""
+    twin, spec = load(run), named("robots:resolve")(robot)
+    parts = [_partnamed(twin, name)] if name else list(twin.parts)
+    if not parts:
+        raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+    sources = []
+    for part in parts:
+        path = run_folder(run) / "replay" / Path(robot).stem / part.name / "trajectory.json"
+        if not path.is_file():
+            raise InputError(
+                f"{path} does not exist: no trajectory of {robot} for {part.name} yet",
+                f"run `twin replay {run} --robot {robot} --part {part.name}`",
+            )
+        planned = named("robots.formats.native:load")(path)
+        sources.append(named("robots.formats:Handover")(planned, part, spec))
+    rows, files = [], {}
+    for k, source in enumerate(sources):
+        part_name = source.part.name
+        progress("trajectory", k / len(sources), part_name)
+        written = named("robots.formats:hand_over")(source, formats, out if name else out / part_name)
+        files[part_name] = {f: [str(p) for p in paths] for f, paths in written.items()}
+        rows += [[part_name, f, path] for f, paths in files[part_name].items() for path in paths]
+    progress("trajectory", 1.0, f"{len(rows)} files")
+    return Outcome({"files": files}, [Table(f"trajectories of {robot}", ["part", "format", "file"], rows)])
+
+
 def evaluate(progress: Progress, run: Path, truth: Path) -> Step:
     started = time.perf_counter()
     twin = load(run)

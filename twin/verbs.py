@@ -123,6 +123,14 @@ def replay(console: Console, run: Path, robot: str, parts: Sequence[str]) -> Out
         return steps.replay(progress, run, robot, parts).outcome
 
 
+def trajectory(
+    console: Console, run: Path, robot: str, part: str | None, formats: Sequence[str], out: Path
+) -> Outcome:
+    """What a replay planned, in robots' formats."""
+    with console.progress() as progress:
+        return steps.trajectory(progress, run, robot, part, formats, out)
+
+
 def evaluate(console: Console, run: Path, truth: Path) -> Outcome:
     """Twin against truth."""
     with console.progress() as progress, _page(run):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from robots.formats.handover import Handover
 from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import InputError, PlanningError
 
@@ -25,6 +27,27 @@ def save(trajectory: RobotTrajectory, folder: Path) -> tuple[Path, Path]:
     Raises InputError when the folder can't be written.
     """
     json_path, npz_path = folder / "trajectory.json", folder / "trajectory.npz"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        json_path.write_bytes(json_bytes(trajectory))
+        npz_path.write_bytes(npz_bytes(trajectory))
+    except OSError as e:
+        raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
+    return json_path, npz_path
+
+
+def render_json(source: Handover) -> dict[str, bytes]:
+    """trajectory.json alone."""
+    return {"trajectory.json": json_bytes(source.trajectory)}
+
+
+def render_npz(source: Handover) -> dict[str, bytes]:
+    """trajectory.npz alone."""
+    return {"trajectory.npz": npz_bytes(source.trajectory)}
+
+
+def json_bytes(trajectory: RobotTrajectory) -> bytes:
+    """Contents of trajectory.json; arrays to nine decimals."""
     document: dict[str, Any] = {"format": FORMAT}
     for f in fields(trajectory):
         value = getattr(trajectory, f.name)
@@ -33,14 +56,15 @@ def save(trajectory: RobotTrajectory, folder: Path) -> tuple[Path, Path]:
         elif f.name == "rejected":
             value = [asdict(r) for r in value]
         document[f.name] = value
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        json_path.write_text(json.dumps(document, indent=None, allow_nan=False) + "\n", encoding="utf-8")
-        arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
-        np.savez_compressed(npz_path, phases=np.array(trajectory.phases), **arrays)
-    except OSError as e:
-        raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
-    return json_path, npz_path
+    return (json.dumps(document, indent=None, allow_nan=False) + "\n").encode()
+
+
+def npz_bytes(trajectory: RobotTrajectory) -> bytes:
+    """Contents of trajectory.npz: the arrays, and phases (n,) as text."""
+    out = io.BytesIO()
+    arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
+    np.savez_compressed(out, phases=np.array(trajectory.phases), **arrays)
+    return out.getvalue()
 
 
 def load(path: Path) -> RobotTrajectory:

@@ -30,6 +30,7 @@ ARGUMENTS: dict[str, list[str]] = {
     "export": ["run"],
     "check": ["run"],
     "replay": ["run"],
+    "trajectory": ["run", "--format", "csv", "-o", "out"],
     "evaluate": ["run", "--truth", "truth"],
     "doctor": [],
     "physics": ["show", "run"],

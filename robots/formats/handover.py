@@ -1,0 +1,100 @@
+"""What every format is written from: a trajectory with the part that it moves and the robot that moves it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robots.spec import RobotSpec
+from robots.trajectory import RobotTrajectory
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.scene import Part
+
+_DECIMALS = 9  # a nanometre, a nanoradian, a nanosecond
+
+
+@dataclass(frozen=True, eq=False)
+class Handover:
+    """A trajectory, the part that it moves and the robot that it was planned for.
+
+    Raises InputError when they don't belong together.
+    """
+
+    trajectory: RobotTrajectory
+    part: Part
+    robot: RobotSpec
+
+    def __post_init__(self) -> None:
+        t, p, r = self.trajectory, self.part, self.robot
+        if (t.part_id, t.part) != (p.id, p.name):
+            raise InputError(
+                f"the trajectory moves part {t.part!r} ({t.part_id}), not {p.name!r} ({p.id})",
+                "give the part that it was planned for, or plan again",
+            )
+        if t.joint_names != r.arm_joints:
+            raise InputError(
+                f"the trajectory moves {t.joint_names}, robot {r.name!r} has {r.arm_joints}",
+                "give the robot that it was planned for",
+            )
+
+    @property
+    def state_unit(self) -> str:
+        """Unit of the part's state: "rad" of a revolute joint, "m" of a prismatic one."""
+        return "rad" if self.part.joint.kind == "revolute" else "m"
+
+    @property
+    def T_base_tool(self) -> Array:
+        """Tool poses (n, 4, 4) in the robot's base frame, where its base stands by plan."""
+        return np.asarray(geo.invert_pose(self.trajectory.T_world_base) @ self.trajectory.T_world_tool)
+
+
+def number(value: float) -> float:
+    """Rounded to nine decimals, without a negative zero."""
+    return round(float(value), _DECIMALS) + 0.0
+
+
+def seconds_nanoseconds(seconds: float) -> dict[str, int]:
+    """`builtin_interfaces/Duration`: whole seconds, and nanoseconds 0..999999999."""
+    sec, nanosec = divmod(round(seconds * 1e9), 1_000_000_000)
+    return {"sec": sec, "nanosec": nanosec}
+
+
+def smooth_quaternions_wxyz(rotations: Array) -> Array:
+    """Unit quaternions (n, 4), order wxyz, of rotations (n, 3, 3); each has the sign that is nearer to the one before.
+
+    The first has w >= 0. Readers interpolate between neighbours, so a change of sign would be a full turn to them.
+    """
+    q = geo.quat_wxyz_from_matrix(rotations)
+    steps = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)
+    first = -1.0 if q[0, 0] < 0 else 1.0
+    return np.asarray(q * (first * np.cumprod([1.0, *steps]))[:, None])
+
+
+def yaml_bytes(message: Mapping[str, Any], comments: Sequence[str]) -> bytes:
+    """A ROS message as YAML: one line for each field, and for each element of an array of messages.
+
+    Strings are quoted and numbers written without exponent, which YAML 1.1 readers would take for text (1e-05).
+    """
+    lines = [f"# {c}" for c in comments]
+    for key, value in message.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            lines += [f"{key}:", *(f"- {_flow(v)}" for v in value)]
+        else:
+            lines.append(f"{key}: {_flow(value)}")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k}: {_flow(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, float):
+        return f"{number(value):.{_DECIMALS}f}"
+    return json.dumps(value)

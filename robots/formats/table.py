@@ -1,0 +1,100 @@
+"""The formats by name, and writing several of them so that a folder never holds a part of one."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from robots.formats import delimited, lerobot, moveit, native, ros2, spot
+from robots.formats.handover import Handover
+from twin.errors import InputError, nearest_name
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format: what it is, every file it may write (paths in the output folder), and the function that makes them.
+
+    `render` returns the contents of those that this trajectory needs.
+    """
+
+    what: str
+    files: tuple[str, ...]
+    render: Callable[[Handover], Mapping[str, bytes]]
+
+
+FORMATS: dict[str, Format] = {
+    "json": Format("everything, readable", ("trajectory.json",), native.render_json),
+    "npz": Format("the arrays, for NumPy", ("trajectory.npz",), native.render_npz),
+    "csv": Format("a table, one line a sample", delimited.FILES, delimited.render),
+    "ros2": Format("trajectory_msgs/JointTrajectory of arm and gripper", ros2.FILES, ros2.render),
+    "moveit": Format("moveit_msgs/CartesianTrajectory of the tool", moveit.FILES, moveit.render),
+    "spot": Format("bosdyn.api.ArmImpedanceCommand.Request, one a leg", spot.FILES, spot.render),
+    "lerobot": Format("LeRobot v3.0 dataset of one episode", lerobot.FILES, lerobot.render),
+}
+
+
+def hand_over(source: Handover, formats: Sequence[str], folder: Path) -> dict[str, list[Path]]:
+    """Write a trajectory in the named formats; returns the files of each, in the order asked for.
+
+    Everything is made before anything is written, then moved into place; files of an earlier call are replaced.
+
+    Raises:
+        InputError: an unknown format, or a folder that can't be written or holds something else where a format
+            has its own folder.
+        MissingDependencyError: a format needs an optional package; the message names the extra.
+    """
+    chosen = [_known(name) for name in dict.fromkeys(formats)]
+    rendered = {name: dict(FORMATS[name].render(source)) for name in chosen}
+    folder = Path(folder)
+    for name in chosen:
+        _refuse_strangers(folder, name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        staging = Path(tempfile.mkdtemp(prefix=".trajectory-", dir=folder))
+        try:
+            for path, data in (item for files in rendered.values() for item in files.items()):
+                (staging / path).parent.mkdir(parents=True, exist_ok=True)
+                (staging / path).write_bytes(data)
+            for name in chosen:
+                _place(staging, folder, name, rendered[name])
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+    except OSError as e:
+        raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
+    return {name: [folder / path for path in files] for name, files in rendered.items()}
+
+
+def _known(name: str) -> str:
+    if name not in FORMATS:
+        near = nearest_name(name, list(FORMATS))
+        hint = f"; did you mean {near!r}?" if near else ""
+        raise InputError(f"there is no trajectory format {name!r}", f"formats: {', '.join(FORMATS)}{hint}")
+    return name
+
+
+def _refuse_strangers(folder: Path, name: str) -> None:
+    """A format's own folder is read as a whole, so a file of somebody else in it would be taken for a part."""
+    own = FORMATS[name].files
+    for top in {path.split("/")[0] for path in own if "/" in path}:
+        found = (p.relative_to(folder).as_posix() for p in (folder / top).rglob("*") if not p.is_dir())
+        strange = sorted(set(found) - set(own))
+        if strange:
+            raise InputError(
+                f"{folder / strange[0]} is not of a {name} trajectory", "choose another output folder"
+            )
+    blocked = [folder / path for path in own if (folder / path).is_dir()]
+    if blocked:
+        raise InputError(f"{blocked[0]} is a folder", "choose another output folder")
+
+
+def _place(staging: Path, folder: Path, name: str, files: Mapping[str, bytes]) -> None:
+    for path in FORMATS[name].files:
+        target = folder / path
+        if path in files:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            (staging / path).replace(target)
+        else:
+            target.unlink(missing_ok=True)
