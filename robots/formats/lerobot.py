@@ -101,8 +101,10 @@ def frames(source: Handover) -> tuple[dict[str, NDArray[Any]], dict[str, list[st
 
 
 def statistics(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """What LeRobot normalises with, each (d,) over the frames, and their count (1,)."""
-    table = values.reshape(len(values), -1).astype(np.float64)
+    """What LeRobot normalises with, each (d,) over the frames, and their count (1,); extremes of integers are integers."""
+    table = values.reshape(len(values), -1)
+    if not np.issubdtype(table.dtype, np.integer):
+        table = table.astype(np.float64)
     found = {"min": table.min(0), "max": table.max(0), "mean": table.mean(0), "std": table.std(0)}
     quantiles = np.quantile(table, _QUANTILES, axis=0)
     named = {f"q{round(100 * p):02d}": q for p, q in zip(_QUANTILES, quantiles, strict=True)}
