@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
@@ -166,13 +167,14 @@ def test_moveit_velocities_are_those_of_a_door(source, folder):
     assert set(last["linear"].values()) | set(last["angular"].values()) == {0.0}
 
 
-def test_velocities_of_even_motion_are_exact_on_uneven_steps():
+def test_velocities_are_exact_up_to_even_acceleration_on_uneven_steps():
     t = np.cumsum([0, 0.02, 0.013, 0.02, 0.005, 0.04])
     axis, line = np.array([0.6, 0, 0.8]), np.array([0.1, -0.2, 0.3])
-    poses = stacked(geo.exp_so3(0.7 * t[:, None] * axis), t[:, None] * line)
-    linear, angular = velocities(t, poses)
-    assert np.abs(linear - line).max() < 1e-12
-    assert np.abs(angular - 0.7 * axis).max() < 1e-12
+    for way, rate, inside in ((t, np.ones(6), slice(None)), (t**2, 2 * t, slice(1, -1))):
+        poses = stacked(geo.exp_so3(0.7 * way[:, None] * axis), way[:, None] * line)
+        linear, angular = velocities(t, poses)
+        assert np.abs(linear - rate[:, None] * line)[inside].max() < 1e-12
+        assert np.abs(angular - 0.7 * rate[:, None] * axis)[inside].max() < 1e-12
 
 
 def test_native_files_come_back(source, folder):
@@ -204,6 +206,22 @@ def test_bad_output_is_told_and_changes_nothing(source, tmp_path):
     with pytest.raises(InputError, match="is a folder"):
         hand_over(source, ["json", "csv"], tmp_path / "blocked")
     assert contents(tmp_path) == {"file": b"", "out/spot/notes.txt": b"mine"}
+
+
+def test_a_full_disk_leaves_the_earlier_files(source, tmp_path, monkeypatch):
+    hand_over(source, ["csv", "ros2"], tmp_path)
+    before, write = contents(tmp_path), Path.write_bytes
+
+    def full(path, data):
+        if path.name == "joint_trajectory.yaml":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    short = replace(source.trajectory, part_state=source.trajectory.part_state * 0.5)
+    with pytest.raises(InputError, match="No space left"):
+        hand_over(Handover(short, source.part, source.robot), ["csv", "ros2"], tmp_path)
+    assert contents(tmp_path) == before
 
 
 def test_what_does_not_belong_together_is_refused(source):
