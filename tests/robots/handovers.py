@@ -41,7 +41,7 @@ def door():
     pieces = [
         piece("approach", 0.8, (c, a), 0.08, lambda u: along(grip, u), lambda _: 0.0),
         piece("close", 1.0, (a, a), 0.0, lambda _: grip, lambda _: 0.0),
-        piece("move", 4.0, (a, b), 0.0, lambda u: joint.pose(u * joint.upper) @ grip, lambda u: u * joint.upper),
+        piece("move", 4.0123456789, (a, b), 0.0, lambda u: joint.pose(u * joint.upper) @ grip, lambda u: u * joint.upper),
         piece("hold", 0.5, (b, b), 0.0, lambda _: end, lambda _: joint.upper),
         piece("open", 0.8, (b, b), 0.08, lambda _: end, lambda _: joint.upper),
         piece("retreat", 0.8, (b, d), 0.08, lambda u: along(end, 1 - u), lambda _: joint.upper),

@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robots.formats import FORMATS, Handover, hand_over, native
-from robots.formats.handover import yaml_bytes
+from robots.formats.handover import smooth_quaternions_wxyz, yaml_bytes
 from robots.formats.moveit import velocities
 from tests.robots import furniture, handovers
 from tests.robots.handovers import contents, stacked
@@ -76,6 +76,15 @@ def test_numbers_stay_numbers_in_yaml_1_1(tmp_path):
     path = tmp_path / "m.yaml"
     path.write_bytes(yaml_bytes({"small": [1e-5, -1e-12, 0.1], "text": "no", "points": [{"a": 1.0}]}, ["x"]))
     assert read_yaml(path) == {"small": [1e-5, 0.0, 0.1], "text": "no", "points": [{"a": 1.0}]}
+
+
+def test_quaternions_of_a_whole_turn_do_not_jump():
+    turns = np.linspace(0, 2 * np.pi, 100)
+    rotations = geo.exp_so3(turns[:, None] * np.array([0, 0.6, 0.8]))
+    q = smooth_quaternions_wxyz(rotations)
+    assert np.abs(np.diff(q, axis=0)).max() < 0.04
+    assert np.allclose(q[:, 0], np.cos(turns / 2))
+    assert np.abs(Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix() - rotations).max() < 1e-12
 
 
 def test_csv_reads_back_the_same_numbers(source, folder):
