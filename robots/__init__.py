@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from robots.replayer import replay as replay
     from robots.report import ReplayReport as ReplayReport
     from robots.trajectory import RobotTrajectory as RobotTrajectory
+    from robots.trials import TrialReport as TrialReport
+    from robots.trials import run_trials as run_trials
 
 # name -> module; imported when first used, because MuJoCo and mink take a second to load
 _HOME = {
@@ -29,6 +31,8 @@ _HOME = {
     "replay": "replayer",
     "ReplayReport": "report",
     "RobotTrajectory": "trajectory",
+    "TrialReport": "trials",
+    "run_trials": "trials",
 }
 
 __all__ = [
@@ -36,10 +40,12 @@ __all__ = [
     "ReplayConfig",
     "ReplayReport",
     "RobotTrajectory",
+    "TrialReport",
     "names",
     "plan",
     "replay",
     "resolve",
+    "run_trials",
 ]
 
 

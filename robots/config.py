@@ -63,9 +63,11 @@ class PlanConfig:
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """How `robots.replay` records. settle: s of simulation after the last command. video_size: width, height in pixels.
+    """How `robots.replay` plays and records. stiffness: share of the robot's own servo stiffness; the damping ratio stays.
+    settle: s of simulation after the last command. video_size: width, height in pixels.
     video_rate: frames per second of the file; video_frames: at most so many frames."""
 
+    stiffness: float = 1.0
     settle: float = 0.6
     video_size: tuple[int, int] = (640, 480)
     video_rate: int = 25
@@ -74,3 +76,5 @@ class ReplayConfig:
     def __post_init__(self) -> None:
         if self.settle < 0 or self.video_rate <= 0 or self.video_frames < 2 or min(self.video_size) < 32:
             raise ConfigError(f"replay settings out of range: {self}")
+        if not 0 < self.stiffness <= 100:
+            raise ConfigError(f"stiffness must be in (0, 100], got {self.stiffness}", "1 is the robot's own")

@@ -58,6 +58,7 @@ def replay(
     world = build_world(
         twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None
     )
+    world.set_stiffness(config.stiffness)
     record, frames = simulate(world, trajectory, config)
     wall = time.perf_counter() - started
     written: str | None = None

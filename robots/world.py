@@ -68,6 +68,12 @@ class World:
         self.model.body_pos[self.mount] = T_world_base[:3, 3]
         self.model.body_quat[self.mount] = geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
 
+    def set_stiffness(self, share: float) -> None:
+        """Scale the arm's servos: stiffness by `share`, damping by its square root, so that the damping ratio stays."""
+        self.model.actuator_gainprm[self.arm_ctrl, 0] *= share
+        self.model.actuator_biasprm[self.arm_ctrl, 1] *= share
+        self.model.actuator_biasprm[self.arm_ctrl, 2] *= np.sqrt(share)
+
 
 def with_collision(twin: Twin) -> Twin:
     """The twin with collision geometry for its static part and every part; made, with masses, when missing.
@@ -154,7 +160,7 @@ def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: 
             f"part {part.name!r} has no collision geometry", "make it with twin.collision.with_collision"
         )
     body = parent.add_body(name=f"part_{part.id}")
-    joint, physics = part.joint, part.physics
+    joint = part.joint
     kind = mujoco.mjtJoint.mjJNT_HINGE if isinstance(joint, Revolute) else mujoco.mjtJoint.mjJNT_SLIDE
     body.add_joint(
         name=f"part_{part.id}",
@@ -163,14 +169,13 @@ def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: 
         pos=joint.pivot if isinstance(joint, Revolute) else [0, 0, 0],
         limited=True,
         range=[joint.lower, joint.upper],
-        damping=physics.damping.value if physics else _DEFAULT_DAMPING[joint.kind],
+        damping=joint_damping(part),
         frictionloss=frictionloss(part),
         armature=0.01,
     )
     _add_inertia(body, part)
-    friction = physics.friction.value if physics else _DEFAULT_FRICTION
     for k, shape in enumerate(part.collision):
-        _add_shape(scene, body, shape, f"part_{part.id}_{k}", PART, friction)
+        _add_shape(scene, body, shape, f"part_{part.id}_{k}", PART, part_friction(part))
     if visual:
         _add_paint(scene, body, part.mesh, f"part_{part.id}", 12, 20_000)
     return body
@@ -179,6 +184,16 @@ def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: 
 def frictionloss(part: Part) -> float:
     """Dry friction of the joint in N or N m: the part's own, else a default."""
     return part.physics.frictionloss.value if part.physics else _DEFAULT_FRICTIONLOSS[part.joint.kind]
+
+
+def joint_damping(part: Part) -> float:
+    """Viscous damping of the joint in N s/m or N m s/rad: the part's own, else a default."""
+    return part.physics.damping.value if part.physics else _DEFAULT_DAMPING[part.joint.kind]
+
+
+def part_friction(part: Part) -> float:
+    """Sliding friction of the part's surface: the part's own, else a default."""
+    return part.physics.friction.value if part.physics else _DEFAULT_FRICTION
 
 
 def mass_and_com(part: Part) -> tuple[float, Array]:

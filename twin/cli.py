@@ -213,6 +213,10 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
         add("--robot", default="franka", help="name of a robot [franka]")
     if verb == "replay":
         add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to open [all]")
+        add("--stiffness", type=float, metavar="SHARE", help="share of the robot's own servo stiffness")
+        add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
+        add("--grid", action="store_true", help="trials also of each kind of error alone")
+        add("--seed", type=int, default=0, metavar="S", help="of the trials [0]")
     if verb == "trajectory":
         add("--part", metavar="NAME", help="part that it opens [all, each in a folder of its name]")
         add(

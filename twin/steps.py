@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -113,40 +113,57 @@ def check(
     return Step("check", outcome, summary, started).kept(run_folder(run))
 
 
-def replay(progress: Progress, run: Path, robot: str, names: Sequence[str]) -> Step:
+def replay(
+    progress: Progress,
+    run: Path,
+    robot: str,
+    names: Sequence[str],
+    stiffness: float | None = None,
+    trials: Mapping[str, Any] | None = None,
+) -> Step:
+    """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin."""
     started = time.perf_counter()
     twin = load(run)
     parts = [_partnamed(twin, n) for n in names] or list(twin.parts)
     if not parts:
         raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
-    rows, reports, notes = [], {}, []
+    rows, reports, notes, tables = [], {}, [], []
+    config = named("robots:ReplayConfig")(**({} if stiffness is None else {"stiffness": stiffness}))
     for part in parts:
-        row, report, note = _replay_part(progress, twin, part, robot, run_folder(run))
+        row, report, note, trajectory = _replay_part(progress, twin, part, robot, run_folder(run), config)
         rows.append([part.name, *row])
         reports[part.name] = report
         notes += note
+        if trials and trajectory is not None:
+            table, report["trials"], assumed = _trials(
+                progress, twin, trajectory, robot, run_folder(run), config, trials
+            )
+            tables.append(table)
+            notes += assumed
     columns = ["part", "opened", "open at the end", "slip", "torque used", "grasp", "pedestal", "result"]
     ok = all(r["ok"] for r in reports.values())
     summary = "; ".join(f"{r[0]} opened {r[1]}" for r in rows)
-    outcome = Outcome({"parts": reports}, [Table(f"replay with {robot}", columns, rows)], notes, ok=ok)
+    tables = [Table(f"replay with {robot}", columns, rows), *tables]
+    outcome = Outcome({"parts": reports}, tables, notes, ok=ok)
     return Step("replay", outcome, summary, started).kept(run_folder(run))
 
 
 def _replay_part(
-    progress: Progress, twin: Twin, part: Part, robot: str, run: Path
-) -> tuple[list[str], dict[str, Any], list[str]]:
-    """Table row, report and notes of one part; no way to open it is a missed goal, not a wrong input."""
+    progress: Progress, twin: Twin, part: Part, robot: str, run: Path, config: Any
+) -> tuple[list[str], dict[str, Any], list[str], Any]:
+    """Table row, report, notes and trajectory of one part; no way to open it is a missed goal, not a wrong input."""
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
     try:
         trajectory = named("robots:plan")(twin, part.id, robot)
     except PlanningError as e:
         progress(f"plan {part.name}", 1.0, "found none")
         row = ["0 %", "0 %", "", "", "", "", "FAILED"]
-        return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"]
+        return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
-    folder = run / "replay" / Path(robot).stem / part.name
-    r = named("robots:replay")(twin, trajectory, folder, robot=robot)
+    r = named("robots:replay")(
+        twin, trajectory, _replay_folder(run, robot, part.name), robot=robot, config=config
+    )
     progress(f"replay {part.name}", 1.0, f"{100 * r.opening_peak:.0f} % opened")
     row = [
         f"{100 * r.opening_peak:.0f} %",
@@ -157,7 +174,36 @@ def _replay_part(
         f"{r.pedestal:.2f} m",
         "ok" if r.ok else "FAILED",
     ]
-    return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else []
+    return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else [], trajectory
+
+
+def _trials(
+    progress: Progress,
+    twin: Twin,
+    trajectory: Any,
+    robot: str,
+    run: Path,
+    config: Any,
+    options: Mapping[str, Any],
+) -> tuple[Table, dict[str, Any], list[str]]:
+    """Table, data and notes of the trials of one part."""
+    name = f"trials {trajectory.part}"
+    progress(name, 0.0, "")
+
+    def tell(done: int, total: int) -> None:
+        progress(name, done / total, f"{done} of {total}")
+
+    folder = _replay_folder(run, robot, trajectory.part)
+    report = named("robots:run_trials")(
+        twin, trajectory, folder, robot=robot, config=config, tell=tell, **options
+    )
+    columns = named("robots.trials:COLUMNS")
+    table = Table(f"{name}: {options['trials']} for each error", columns, [r.cells() for r in report.rows])
+    return table, report.summary(), [*report.assumed, f"{name}: {folder / 'trials.png'}"]
+
+
+def _replay_folder(run: Path, robot: str, part: str) -> Path:
+    return run / "replay" / Path(robot).stem / part
 
 
 def trajectory(

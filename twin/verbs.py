@@ -117,10 +117,25 @@ def lint(console: Console, paths: Sequence[Path], ignore: Sequence[str], show_ru
     return Outcome(report.to_dict(), tables, [*report.notes, counted], ok=report.ok)
 
 
-def replay(console: Console, run: Path, robot: str, parts: Sequence[str]) -> Outcome:
+def replay(
+    console: Console,
+    run: Path,
+    robot: str,
+    parts: Sequence[str],
+    stiffness: float | None = None,
+    trials: int | None = None,
+    grid: bool = False,
+    seed: int = 0,
+) -> Outcome:
     """A robot opens the parts."""
+    options = None
+    if trials is not None:
+        steps.named("robots.trials:check_request")(trials, seed)
+        options = {"trials": trials, "grid": grid, "seed": seed}
+    elif grid or seed:
+        raise InputError("--grid and --seed belong to trials", "add --trials 100")
     with console.progress() as progress, _page(run):
-        return steps.replay(progress, run, robot, parts).outcome
+        return steps.replay(progress, run, robot, parts, stiffness, options).outcome
 
 
 def trajectory(

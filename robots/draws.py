@@ -1,0 +1,222 @@
+"""What the real part may be like when its twin is not exact: sizes of errors, draws from them, and the scene they make."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from robots.world import World, frictionloss, joint_damping, mass_and_com, part_friction
+from twin import geometry as geo
+from twin.errors import ConfigError
+from twin.geometry import Array
+from twin.scene import Joint, Part, Revolute
+
+# Used where the twin says nothing; all chosen by us. Contact: half the thickness of a bar. Axis and pivot: several times
+# what reconstructed twins state. Factors: what the twin's own physics tables span around their defaults.
+CONTACT_SIGMA = 0.005  # m, along each axis
+AXIS_SIGMA = np.deg2rad(1.0)
+PIVOT_SIGMA = 0.005  # m
+MASS_FACTORS = (0.5, 1.5)
+FRICTION_FACTORS = (0.5, 1.5)
+DAMPING_FACTORS = (0.1, 4.0)
+FRICTIONLOSS_FACTORS = (0.0, 4.0)
+
+_QUANTITIES = ("mass", "friction", "damping", "frictionloss")
+
+
+@dataclass(frozen=True)
+class ErrorSizes:
+    """Lengths of the errors of one row of a table: axis (rad), pivot (m), contact (m).
+
+    Directions are random, lengths are exact. A slide has no pivot: that error is left out.
+    """
+
+    axis: float = 0.0
+    pivot: float = 0.0
+    contact: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.axis, self.pivot, self.contact)
+        if not all(np.isfinite(v) and v >= 0 for v in values):
+            raise ConfigError(f"error sizes must be finite and not negative, got {values}")
+
+    @property
+    def text(self) -> str:
+        """In words; "none" for no error at all."""
+        said = [
+            f"axis {np.rad2deg(self.axis):g}°" if self.axis else "",
+            f"pivot {1000 * self.pivot:g} mm" if self.pivot else "",
+            f"contact {1000 * self.contact:g} mm" if self.contact else "",
+        ]
+        return " + ".join(s for s in said if s) or "none"
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How uncertain one part is. joint: (4, 4) covariance of axis tilts (rad) and shifts (m) in the basis of
+    `Joint.covariance`, rows and columns of the shifts zero for a slide; contact: m, one sigma along each axis; mass (kg),
+    friction, damping, frictionloss: (low, high). missing: one line for each that the twin did not state."""
+
+    joint: Array
+    contact: float
+    mass: tuple[float, float]
+    friction: tuple[float, float]
+    damping: tuple[float, float]
+    frictionloss: tuple[float, float]
+    missing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """One real part: its joint, the shift (3,) m of its geometry against the twin's, mass (kg) and joint physics."""
+
+    joint: Joint
+    contact: Array
+    mass: float
+    friction: float
+    damping: float
+    frictionloss: float
+
+
+def spread_of(part: Part) -> Spread:
+    """The uncertainty that a part states, and what stands in for what it does not state."""
+    missing: list[str] = []
+    covariance = _joint_covariance(part, missing)
+    missing.append(
+        f"{part.name}: contact states no uncertainty; used {1000 * CONTACT_SIGMA:g} mm along each axis"
+    )
+    mass = part.inertial.mass.interval if part.inertial else None
+    if mass is None:
+        mass = _around(mass_and_com(part)[0], MASS_FACTORS, part, "mass", missing)
+    values = {}
+    stand_in = {
+        "friction": (part_friction(part), FRICTION_FACTORS),
+        "damping": (joint_damping(part), DAMPING_FACTORS),
+        "frictionloss": (frictionloss(part), FRICTIONLOSS_FACTORS),
+    }
+    for key, (value, factors) in stand_in.items():
+        stated = getattr(part.physics, key).interval if part.physics else None
+        values[key] = stated or _around(value, factors, part, key, missing)
+    return Spread(covariance, CONTACT_SIGMA, mass, **values, missing=tuple(missing))
+
+
+def _joint_covariance(part: Part, missing: list[str]) -> Array:
+    joint = part.joint
+    out = np.zeros((4, 4))
+    if joint.covariance is not None:
+        n = len(joint.covariance)
+        out[:n, :n] = joint.covariance
+        return out
+    axis, pivot = AXIS_SIGMA, PIVOT_SIGMA
+    source = "the default"
+    if joint.sigma is not None:
+        axis, source = joint.sigma.axis, "its sigma"
+        pivot = joint.sigma.pivot if joint.sigma.pivot is not None else PIVOT_SIGMA
+    said = f"axis {np.rad2deg(axis):.2g}°"
+    out[:2, :2] = np.eye(2) * axis**2
+    if isinstance(joint, Revolute):
+        out[2:, 2:] = np.eye(2) * pivot**2
+        said += f", pivot {1000 * pivot:.2g} mm"
+    missing.append(f"{part.name}: joint states no covariance; used {source} in every direction ({said})")
+    return out
+
+
+def _around(
+    value: float, factors: tuple[float, float], part: Part, what: str, missing: list[str]
+) -> tuple[float, float]:
+    low, high = value * factors[0], value * factors[1]
+    missing.append(f"{part.name}: {what} states no interval; used {low:.3g} to {high:.3g}")
+    return low, high
+
+
+def nominal(part: Part) -> Draw:
+    """The part as its twin says."""
+    return Draw(
+        part.joint,
+        np.zeros(3),
+        mass_and_com(part)[0],
+        part_friction(part),
+        joint_damping(part),
+        frictionloss(part),
+    )
+
+
+def draw(part: Part, spread: Spread, sizes: ErrorSizes | None, seed: int, trial: int) -> Draw:
+    """One real part; equal for equal arguments.
+
+    Axis and pivot are normal with the joint's covariance, the contact normal along each axis, the rest uniform in its
+    interval. With `sizes` the first three have exactly these lengths and a uniform direction. A trial's directions and
+    physics are the same in every row, so rows differ by the sizes of their errors alone.
+    """
+    rng = np.random.default_rng([seed, trial])
+    z, c, u = rng.normal(size=4), rng.normal(size=3), rng.uniform(size=4)
+    if sizes is None:
+        shift = _root(spread.joint) @ z
+        contact = spread.contact * c
+    else:
+        shift = np.concatenate([sizes.axis * geo.unit(z[:2]), sizes.pivot * geo.unit(z[2:])])
+        contact = sizes.contact * geo.unit(c)
+    low, high = np.array([getattr(spread, key) for key in _QUANTITIES]).T
+    mass, friction, damping, loss = (low + u * (high - low)).tolist()
+    return Draw(moved_joint(part.joint, shift), contact, mass, friction, damping, loss)
+
+
+def _root(covariance: Array) -> Array:
+    """Matrix A with A A^T = covariance, also of a singular one."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def moved_joint(joint: Joint, shift: Array) -> Joint:
+    """The joint moved along its tangent: shift (4,) = tilts (rad) about, then shifts (m) along, the first two columns of
+    `geometry.orthogonal_basis(axis)`; a slide has no shifts."""
+    if not np.any(shift):
+        return joint
+    basis = geo.orthogonal_basis(joint.axis)[:, :2]
+    axis = geo.unit(geo.exp_so3(basis @ shift[:2]) @ joint.axis)
+    if isinstance(joint, Revolute):
+        return replace(joint, axis=axis, pivot=joint.pivot + basis @ shift[2:])
+    return replace(joint, axis=axis)
+
+
+def perturbed(world: World, part: Part, drawn: Draw) -> World:
+    """A copy of the scene in which one part is the drawn one; the robot and everything else stay.
+
+    The part's shapes keep their place at state 0 but for the contact's shift, whatever the joint: an axis error shows
+    only once the part moves.
+    """
+    model = copy.copy(world.model)
+    body = model.body(f"part_{part.id}").id
+    joint = model.joint(f"part_{part.id}").id
+    dof = world.part_dof[part.id]
+    model.jnt_axis[joint] = drawn.joint.axis
+    if isinstance(drawn.joint, Revolute):
+        model.jnt_pos[joint] = drawn.joint.pivot
+    factor = drawn.mass / mass_and_com(part)[0]
+    model.body_mass[body] = drawn.mass
+    model.body_inertia[body] *= factor
+    model.dof_damping[dof] = drawn.damping
+    model.dof_frictionloss[dof] = drawn.frictionloss
+    geoms = world.geom_part == part.id
+    # MuJoCo takes the larger friction of a pair, which is the finger pads': what makes the part slippery must reach them.
+    model.geom_friction[geoms | world.finger, 0] *= drawn.friction / part_friction(part)
+    if np.any(drawn.contact):
+        # Shapes and centre of mass together: MuJoCo's bounding volumes are relative to the latter.
+        model.geom_pos[geoms] += drawn.contact
+        model.body_ipos[body] += drawn.contact
+        model.geom_sameframe[geoms] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return replace(world, model=model)
+
+
+def path_error(part: Part, drawn: Draw, point: Array, goal: float) -> float:
+    """Largest distance (m) between where the robot expects the held point (3,) of the part and where it is, from state 0
+    to the goal: axis, pivot and contact error in one length."""
+    states = np.linspace(0.0, goal, 33)
+    expected = geo.transform(part.joint.poses(states), point[None])[:, 0]
+    real = geo.transform(drawn.joint.poses(states), (point + drawn.contact)[None])[:, 0]
+    return float(np.linalg.norm(real - expected, axis=1).max())
