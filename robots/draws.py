@@ -24,6 +24,7 @@ FRICTION_FACTORS = (0.5, 1.5)
 DAMPING_FACTORS = (0.1, 4.0)
 FRICTIONLOSS_FACTORS = (0.0, 4.0)
 
+GRAVITY = 9.81  # m/s^2, as in MuJoCo
 _QUANTITIES = ("mass", "friction", "damping", "frictionloss")
 
 
@@ -220,3 +221,10 @@ def path_error(part: Part, drawn: Draw, point: Array, goal: float) -> float:
     expected = geo.transform(part.joint.poses(states), point[None])[:, 0]
     real = geo.transform(drawn.joint.poses(states), (point + drawn.contact)[None])[:, 0]
     return float(np.linalg.norm(real - expected, axis=1).max())
+
+
+def closes_itself(part: Part, drawn: Draw, state: float) -> bool:
+    """True when the drawn part's weight overcomes its dry friction at `state` and pulls it shut."""
+    com = mass_and_com(part)[1] + drawn.contact
+    lift = float(drawn.joint.velocity(state, com)[2])  # height gained per unit of state
+    return drawn.mass * GRAVITY * lift > drawn.frictionloss

@@ -18,7 +18,7 @@ import numpy as np
 from robots.batch import Tell, replay_all
 from robots.catalog import resolve
 from robots.config import ReplayConfig
-from robots.draws import Draw, ErrorSizes, Spread, draw, path_error, spread_of
+from robots.draws import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of
 from robots.report import ReplayReport
 from robots.statistics import CONFIDENCE, Estimate, mean, wilson
 from robots.trajectory import RobotTrajectory
@@ -49,11 +49,21 @@ GRID = (
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One draw and what came of it. path_error: m, see `draws.path_error`."""
+    """One draw and what came of it. path_error: m, see `draws.path_error`. closes_itself: the drawn part's own weight
+    closes it when nothing holds it at the goal."""
 
     drawn: Draw
     path_error: float
+    closes_itself: bool
     report: ReplayReport
+
+    @property
+    def reason(self) -> str:
+        """What went wrong; of a part that was opened and let go, that it falls shut is said instead."""
+        r = self.report
+        if self.closes_itself and r.opening_peak >= 0.90 and not r.success_90 and "came back" in r.reason:
+            return f"let go at {r.opening_peak:.2f} of the range, its own weight closed it to {r.opening_final:.2f}"
+        return r.reason or ("" if r.at_rest else "still moving at the end")
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types."""
@@ -79,7 +89,8 @@ class Trial:
             "success_75": r.success_75,
             "success_90": r.success_90,
             "ok": r.ok,
-            "reason": r.reason,
+            "closes_itself": self.closes_itself,
+            "reason": self.reason,
         }
 
 
@@ -118,8 +129,8 @@ class TrialRow:
 
     @property
     def reasons(self) -> dict[str, int]:
-        failed = [t.report for t in self.trials if not (t.report.success_75 and t.report.success_90)]
-        counted = Counter(kind_of(r.reason) for r in failed)
+        failed = [t for t in self.trials if not (t.report.success_75 and t.report.success_90)]
+        counted = Counter(kind_of(t.reason) for t in failed)
         return dict(sorted(counted.items(), key=lambda item: (-item[1], item[0])))
 
     def cells(self) -> list[str]:
@@ -225,9 +236,10 @@ def run_trials(
     rows = rows_of(part, grid)
     draws = [draw(part, spread, sizes, seed, k) for sizes in rows for k in range(trials)]
     reports = replay_all(world, trajectory, part, draws, config, workers=workers, tell=tell)
-    held = trajectory.T_world_tool[trajectory.phases.index("move"), :3, 3]
+    held, goal = trajectory.T_world_tool[trajectory.phases.index("move"), :3, 3], trajectory.goal
     done = [
-        Trial(d, path_error(part, d, held, trajectory.goal), r) for d, r in zip(draws, reports, strict=True)
+        Trial(d, path_error(part, d, held, goal), closes_itself(part, d, goal), r)
+        for d, r in zip(draws, reports, strict=True)
     ]
     table = tuple(TrialRow(sizes, tuple(done[k * trials : (k + 1) * trials])) for k, sizes in enumerate(rows))
     report = TrialReport(trajectory.robot, twin.name, part.name, seed, config.stiffness, spread, table)
@@ -257,8 +269,6 @@ def rows_of(part: Part, grid: bool) -> list[ErrorSizes | None]:
 
 def kind_of(reason: str) -> str:
     """A reason without its numbers, so that equal ones can be counted; names that end in a number keep it."""
-    if not reason:
-        return "still moving at the end"
     return re.sub(r"(?<![\w.])-?\d+(\.\d+)?", "x", reason)
 
 
