@@ -331,7 +331,7 @@ def test_replay_opens_every_part_and_keeps_the_result(
             raise PlanningError("the drawer is out of reach by 0.30 m", "raise the base")
         return Trajectory()
 
-    def replay(twin: Any, trajectory: Trajectory, out: Path, *, robot: str) -> Replayed:
+    def replay(twin: Any, trajectory: Trajectory, out: Path, *, robot: str, config: Any) -> Replayed:
         assert out == run / "replay" / "franka" / "door"
         return Replayed(0.98, ok=True)
 
