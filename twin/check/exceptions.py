@@ -49,6 +49,11 @@ TABLE: tuple[Unsupported, ...] = (
     Unsupported("drake", "mjcf", "texture", "not read from MJCF", says="'texturedir'|texture element"),
     Unsupported("drake", "mjcf", "grasp site", "sites are not read", says="tag 'site'"),
     Unsupported("drake", "mjcf", "keyframe", "keyframes are not read", says="tag 'keyframe'"),
+    *(
+        Unsupported("newton", fmt, "flat body", "a sheet's moments meet the triangle inequality as an equation, which single precision "
+                    "can miss by a digit; Newton says that it mends it", says="Inertia validation corrected")
+        for fmt in ("urdf", "mjcf", "usd")
+    ),
     Unsupported("physx", "usd", "mesh_bounds_m", "PhysX loads no visuals"),
     Unsupported("physx", "usd", "friction", "its tensors tell the friction of shapes, not whose they are"),
     Unsupported("physx", "usd", "GPU", "the probe computes on the CPU", says="GPU broadphase requires"),

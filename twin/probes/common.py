@@ -50,11 +50,12 @@ def without_step_error(simulate: Callable[[float], Array], step: float, enough: 
     """The joints' course (t, n) as the step (s), which divides the times, goes to zero, for an integrator of first order.
 
     Richardson's extrapolation, 2 f(h / 2) - f(h), with the step halved until that moves by less than `enough` of the way (up
-    to six times); then once more, (4 b - a) / 3, for the error of second order. When it moves more than the time before,
-    rounding has taken over (engines in single precision lose what a short step adds), and the one before is taken.
+    to six times); then once more, (4 b - a) / 3, for the error of second order. When it never gets there, what moved least is
+    taken: at long steps a stiff joint, at short ones rounding in single precision is in the way.
     """
     last = simulate(step)
-    before, moved = np.full_like(last, np.inf), np.inf
+    before = calmest = np.full_like(last, np.inf)
+    least = np.inf
     for _ in range(6):
         step /= 2
         now = simulate(step)
@@ -62,10 +63,10 @@ def without_step_error(simulate: Callable[[float], Array], step: float, enough: 
         change = float(np.max(np.abs(best - before) / np.maximum(np.ptp(best, axis=0), 0.05)))
         if change <= enough:
             return (4 * best - before) / 3
-        if change > moved:
-            return before
-        last, before, moved = now, best, change
-    return best
+        if not change > least:
+            calmest, least = best, change
+        last, before = now, best
+    return calmest
 
 
 def runge_kutta(
