@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from robots.config import PlanConfig
+from robots.goals import Task
 from robots.placement import Base
 from robots.spec import RobotSpec
 from robots.world import ROBOT, build_world
@@ -24,11 +25,11 @@ _HOPELESS = -0.02  # m of overlap at which a path is given up
 class ClearanceCheck:
     """Sorts base poses into those whose rough path touches nothing and the others."""
 
-    def __init__(self, twin: Twin, part: Part, spec: RobotSpec, goal: float, config: PlanConfig) -> None:
+    def __init__(self, twin: Twin, part: Part, spec: RobotSpec, task: Task, config: PlanConfig) -> None:
         self._world = build_world(twin, spec, np.eye(4), _PEDESTAL)
         self._world.model.geom_margin[self._world.owner == ROBOT] = config.clearance
         self._data = mujoco.MjData(self._world.model)
-        self._part, self._opening, self._reach, self._goal = part.id, spec.stroke, config.clearance, goal
+        self._part, self._opening, self._reach, self._task = part.id, spec.stroke, config.clearance, task
 
     def sort(self, bases: Sequence[Base]) -> tuple[list[Base], list[Base]]:
         """Accepted bases, best first, and rejected ones with their reasons. `bases` come best first."""
@@ -43,10 +44,10 @@ class ClearanceCheck:
 
     def checked(self, base: Base) -> Base:
         """The base with its clearance in the score, and a reason when the arm would touch something."""
-        states = np.linspace(0.0, self._goal, len(base.q) - 2)
+        states = self._task.states(len(base.q) - 2)
         self._world.move_base(base.T_world_base)
         least, where = np.inf, ""
-        for q, state in zip(base.q, [0.0, *states, self._goal], strict=True):
+        for q, state in zip(base.q, [states[0], *states, states[-1]], strict=True):
             distance, names = self._nearest(q, float(state))
             if distance < least:
                 least, where = distance, f"{names} would meet at state {state:.2f}"

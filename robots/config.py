@@ -17,7 +17,8 @@ class PlanConfig:
     mesh; over_insert_blind: when only the hand's contact is known. approach: length of the straight way in and out.
     turn: shares of a revolute joint's angle by which the hand may lag behind the handle. lean: turns of the hand about
     the closing direction. clearance: wanted between arm and everything else. tool_speed: peak speed of the tool while
-    it moves the part. velocity_share, acceleration_share: of the robot's limits. position_tolerance,
+    it moves the part. velocity_share, acceleration_share: of the robot's limits. torque_share: of the torque
+    limits, for the arm's own dynamics and the part's estimated resistance; the rest is for contact. position_tolerance,
     angle_tolerance: largest error of the path. release: let go and retreat at the end; None: unless the part's weight
     would close it again. seed: of every random draw.
     """
@@ -35,6 +36,7 @@ class PlanConfig:
     tool_speed: float = 0.25
     velocity_share: float = 0.5
     acceleration_share: float = 0.3
+    torque_share: float = 0.9
     position_tolerance: float = 0.003
     angle_tolerance: float = 0.05
     release: bool | None = None
@@ -54,7 +56,7 @@ class PlanConfig:
         ):
             if getattr(self, key) <= 0:
                 raise ConfigError(f"{key} must be positive, got {getattr(self, key)}")
-        for key in ("velocity_share", "acceleration_share"):
+        for key in ("velocity_share", "acceleration_share", "torque_share"):
             if not 0 < getattr(self, key) <= 1:
                 raise ConfigError(f"{key} must be in (0, 1], got {getattr(self, key)}")
         if not self.turn or not self.lean:

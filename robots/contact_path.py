@@ -13,6 +13,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
+_ROLL = 0.010  # m; a hand that lags rolls its fingers about the handle, and this much is a slip
 _TIP_ROOM = 0.004  # m that the fingertips keep from the surface behind a handle
 
 
@@ -49,8 +50,14 @@ def backed_off(T_world_tool: Array, distance: float) -> Array:
     return T_world_tool @ geo.make_pose(translation=[0, 0, -distance])
 
 
-def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, rank: int = 0) -> list[Grasp]:
+def make_grasps(
+    hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, rank: int = 0, way: float | None = None
+) -> list[Grasp]:
     """Both flips of the hand, leant as configured, with and without lag. rank: how many better holds there are.
+    way: length of the motion in m or rad, default the joint's whole range.
+
+    Flat fingers that turn about a thick handle roll off its middle by half its thickness times the angle; so a lag costs
+    the more, the thicker the handle.
 
     The tool point goes deeper than the middle of the handle, as far as the stand-off and the palm allow.
     """
@@ -59,6 +66,7 @@ def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, r
     closing, along, out = hold.rotation.T
     turns = config.turn if isinstance(joint, Revolute) and abs(joint.axis @ along) > 0.5 else (0.0,)
     freedom = np.array([0.15 if hold.kind == "bar" else 0.4, 0.4, 0.4])
+    way = joint.upper - joint.lower if way is None else way
     grasps = []
     for flip in (1.0, -1.0):
         for lean in config.lean:
@@ -67,7 +75,9 @@ def make_grasps(hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, r
             palm = spec.palm - hold.depth - spec.palm_width / 2 * np.tan(abs(lean))
             tool = tool @ geo.make_pose(translation=[0, 0, min(deepest, palm)])
             for turn in turns:
-                cost = abs(lean) / 0.45 * 0.3 + 1.2 * turn + 0.5 * rank + (hold.thickness / spec.stroke) ** 2
+                roll = hold.thickness / 2 * turn * abs(way) / _ROLL
+                cost = abs(lean) / 0.45 * 0.3 + 1.2 * turn + roll + 0.5 * rank
+                cost += (hold.thickness / spec.stroke) ** 2
                 label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"
                 grasps.append(Grasp(hold, tool, along, turn, freedom, cost, label))
     return grasps

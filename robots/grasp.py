@@ -147,20 +147,23 @@ def _protruding(points: Array, plane: Plane, contact: ContactPath, spec: RobotSp
     return _knobs(outer, basis, base, top, contact)
 
 
-def _nearest_cluster(points: Array, near: Array) -> Array | None:
-    """The connected group of points nearest to `near`, None when it is too far or too small."""
+def clusters(points: Array) -> list[Array]:
+    """Connected groups of points, each (n, 3) with at least 20 points and 1 cm across."""
     if len(points) < 20:
-        return None
+        return []
     cells = np.floor((points - points.min(axis=0)) / _CELL).astype(int)
     grid = np.zeros(cells.max(axis=0) + 1, dtype=bool)
     grid[tuple(cells.T)] = True
     label, count = ndimage.label(grid, structure=np.ones((3, 3, 3)))
     group = label[tuple(cells.T)]
+    found = [points[group == g] for g in range(1, count + 1)]
+    return [m for m in found if len(m) >= 20 and np.ptp(m, axis=0).max() >= 0.01]
+
+
+def _nearest_cluster(points: Array, near: Array) -> Array | None:
+    """The connected group of points nearest to `near`, None when it is too far or too small."""
     best, best_cost = None, np.inf
-    for g in range(1, count + 1):
-        members = points[group == g]
-        if len(members) < 20 or np.ptp(members, axis=0).max() < 0.01:
-            continue
+    for members in clusters(points):
         distance = float(cKDTree(members).query(near)[0])
         if distance < min(_NEAR, best_cost):
             best, best_cost = members, distance

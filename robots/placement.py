@@ -12,11 +12,12 @@ from scipy.stats import qmc
 from robots.chain import Chain
 from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
+from robots.goals import Task
 from robots.grasp import sample_surface
 from robots.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import Joint, Mesh
+from twin.scene import Joint, Mesh, Revolute
 
 _WAYPOINTS = 8
 _START_STEPS, _FOLLOW_STEPS = 45, 7
@@ -30,6 +31,7 @@ _POINTS = 80_000  # surface samples of the static scene
 _ROOM = 0.03  # m kept around the pedestal
 _SHOULDER = 0.5  # m above the base that must be free
 _FURNITURE_COST = 1.0  # of the score: standing on a table is possible, on the floor is better
+_AT_LIMIT = 1e-3  # rad
 _BELOW = (-0.15, 0.75)  # m by which the base lies below the handle
 
 
@@ -77,7 +79,7 @@ class BaseSearch:
     def __init__(
         self,
         joint: Joint,
-        goal: float,
+        task: Task,
         grasps: Sequence[Grasp],
         chain: Chain,
         spec: RobotSpec,
@@ -85,8 +87,9 @@ class BaseSearch:
         config: PlanConfig,
     ) -> None:
         self._grasps, self._chain, self._spec, self._config = grasps, chain, spec, config
-        states = np.linspace(0.0, goal, _WAYPOINTS)
-        self._states = np.concatenate([[0.0], states, [goal]])
+        states = task.states(_WAYPOINTS)
+        self._states = np.concatenate([states[:1], states, states[-1:]])
+        self._unit = "rad" if isinstance(joint, Revolute) else "m"
         self._paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
         self._ground = _Ground(static, spec.footprint)
         self._handle = float(self._paths[0, 1:-1, 2, 3].min()) - 0.05
@@ -146,7 +149,7 @@ class BaseSearch:
                 _blocked(poses[k], pedestals[k], int(choice[k])),
                 q[k],
                 error[k],
-                self._states,
+                _Ways(self._states, self._unit, chain.lower, chain.upper, self._spec.arm_joints),
                 float(margin[k]),
                 float(manipulability[k]),
                 grasps[choice[k]],
@@ -244,11 +247,37 @@ def _starts(target: Array, chain: Chain, spec: RobotSpec) -> list[Array]:
     return starts
 
 
+def unreachable(state: float, unit: str, short: float, turned: float) -> str:
+    """The words for a tool pose that an arm misses by `short` m and `turned` rad."""
+    reach = f"reach {short:.2f} m short" if short >= 0.01 else f"tool {1000 * short:.0f} mm off"
+    return f"unreachable at state {state:.2f} {unit}: {reach}, hand {np.rad2deg(turned):.0f} deg off"
+
+
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """What a reason is told in: states (w,) along the path, their unit, joint limits (n,) and names."""
+
+    states: Array
+    unit: str
+    lower: Array
+    upper: Array
+    joints: tuple[str, ...]
+
+    def stopped(self, q: Array) -> str:
+        """The joints of a configuration that are at a limit."""
+        low, high = q - self.lower < _AT_LIMIT, self.upper - q < _AT_LIMIT
+        names = [
+            f"{self.joints[k]} at its {'lower' if low[k] else 'upper'} limit"
+            for k in np.flatnonzero(low | high)
+        ]
+        return f" ({', '.join(names)})" if names else ""
+
+
 def _rated(
     base: Base,
     q: Array,
     error: Array,
-    states: Array,
+    ways: _Ways,
     margin: float,
     manipulability: float,
     grasp: Grasp,
@@ -258,14 +287,13 @@ def _rated(
     position = np.linalg.norm(error[:, :3], axis=1)
     angle = np.abs(error[:, 3:] * (grasp.freedom >= 0.3)).max(axis=1)
     free_angle = float(np.abs(error[:, 3:]).max())
-    worst = int(np.argmax(position + 0.1 * angle))
+    states, worst = ways.states, int(np.argmax(position + 0.1 * angle))
     jump = float(np.abs(np.diff(q, axis=0)).max())
     reason = ""
     if position.max() > 0.006 or angle.max() > 0.10 or free_angle > 0.5:
-        reason = (
-            f"out of reach at state {states[worst]:.2f}: {1000 * position[worst]:.0f} mm short, "
-            f"{np.rad2deg(angle[worst]):.0f} deg off"
-        )
+        turned = max(float(angle[worst]), free_angle if free_angle > 0.5 else 0.0)
+        told = unreachable(float(states[worst]), ways.unit, float(position[worst]), turned)
+        reason = told + ways.stopped(q[worst])
     elif jump > 1.0:
         reason = f"the arm would have to reconfigure on the way (one joint jumps by {jump:.1f} rad)"
     # Terms of about equal weight: a third of a radian from the limits and a manipulability of 0.06 count as plenty.

@@ -8,12 +8,13 @@ from scipy.interpolate import CubicSpline
 from robots.chain import Chain
 from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
+from robots.goals import Task, unit
 from robots.ik import PathSolver
-from robots.placement import Base
+from robots.placement import Base, unreachable
 from robots.spec import RobotSpec
-from robots.timing import Leg, timed
+from robots.timing import Effort, Leg, timed
 from robots.trajectory import RobotTrajectory
-from robots.world import frictionloss, mass_and_com
+from robots.world import frictionloss, weight_load
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array
@@ -21,7 +22,7 @@ from twin.scene import Part, Twin
 
 _WAYPOINTS = 41
 _STRAIGHT_WAYPOINTS = 9
-_GRAVITY = 9.81
+_ROOM = 0.006  # m that the fingers leave about a part that the hand holds from the start
 
 
 def refined(
@@ -32,17 +33,18 @@ def refined(
     solver: PathSolver,
     base: Base,
     grasp: Grasp,
-    goal: float,
+    task: Task,
+    effort: Effort,
     config: PlanConfig,
 ) -> RobotTrajectory:
-    """The precise path over a base, timed. Raises PlanningError when it misses the tolerances."""
-    states = np.linspace(0.0, goal, _WAYPOINTS)
+    """The precise path over a base, timed. Raises PlanningError when it misses the tolerances or a joint is too weak."""
+    states = task.states(_WAYPOINTS)
     tool = grasp.path(part.joint, states)
-    rough = CubicSpline(np.linspace(0.0, goal, len(base.q) - 2), base.q[1:-1])
+    rough = CubicSpline(np.linspace(0.0, 1.0, len(base.q) - 2), base.q[1:-1])
     back = np.linspace(0.0, config.approach, _STRAIGHT_WAYPOINTS)
 
     def leg(poses: Array, at: Array, hint: Array) -> Leg:
-        return _leg(solver, base, poses, at, grasp, hint, config)
+        return _leg(solver, base, poses, at, grasp, hint, config, unit(part))
 
     def straight(pose: Array, state: float, q: Array) -> Leg:
         poses = np.stack([backed_off(pose, d) for d in back])
@@ -50,12 +52,20 @@ def refined(
         found.q[0] = q
         return found
 
-    move = leg(tool, states, rough(states))
-    approach = straight(tool[0], 0.0, move.q[0]).reversed()
-    retreat = straight(tool[-1], goal, move.q[-1])
+    move = leg(tool, states, rough(np.linspace(0.0, 1.0, _WAYPOINTS)))
+    approach = straight(tool[0], task.start, move.q[0]).reversed()
+    retreat = straight(tool[-1], task.goal, move.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
-    release = not falls_shut(part, goal) if config.release is None else config.release
-    samples = timed(approach, move, retreat, spec, config, release)
+    release = not moves_alone(part, task.goal) if config.release is None else config.release
+    samples = timed(
+        None if moves_alone(part, task.start) else approach,
+        move,
+        retreat if release else None,
+        spec,
+        config,
+        held=min(grasp.hold.thickness + _ROOM, spec.stroke),
+        effort=effort,
+    )
     return RobotTrajectory(
         robot=spec.name,
         twin=twin.name,
@@ -74,7 +84,8 @@ def refined(
         pedestal=base.pedestal,
         limits=np.stack([chain.lower, chain.upper]),
         velocity_limits=spec.velocity,
-        goal=goal,
+        start=task.start,
+        goal=task.goal,
         grasp=f"{grasp.label}, {1000 * grasp.hold.thickness:.0f} mm thick",
         score=base.score + min(margin, 0.35) - 50.0 * float(move.error.max()),
         clearance=base.clearance,
@@ -82,23 +93,34 @@ def refined(
 
 
 def _leg(
-    solver: PathSolver, base: Base, tool: Array, states: Array, grasp: Grasp, hint: Array, config: PlanConfig
+    solver: PathSolver,
+    base: Base,
+    tool: Array,
+    states: Array,
+    grasp: Grasp,
+    hint: Array,
+    config: PlanConfig,
+    of: str,
 ) -> Leg:
     solution = solver.follow(geo.invert_pose(base.T_world_base) @ tool, grasp.freedom, hint)
     worst = int(np.argmax(solution.position_error))
     strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
     if solution.position_error[worst] > config.position_tolerance or strict > config.angle_tolerance:
         raise PlanningError(
-            f"out of reach at state {states[worst]:.2f}: {1000 * solution.position_error[worst]:.0f} mm short, "
-            f"{np.rad2deg(strict):.0f} deg off"
+            unreachable(float(states[worst]), of, float(solution.position_error[worst]), strict)
         )
     if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
         raise PlanningError("the arm would have to reconfigure on the way")
     return Leg(solution.q, states, solution.position_error, tool)
 
 
-def falls_shut(part: Part, state: float) -> bool:
-    """True when the part's weight would close it again from `state`, so that the hand must keep holding it."""
-    mass, com = mass_and_com(part)
-    pull = mass * _GRAVITY * float(part.joint.velocity(state, com)[2])  # > 0: opening lifts the part
-    return pull > 0.8 * frictionloss(part)
+def moves_alone(part: Part, state: float) -> bool:
+    """True when the part's weight would move it away from `state`, so that a hand must hold it there.
+
+    A lid falls shut, an oven's door falls open; at the ends of the range the stops hold against one of the two.
+    """
+    load, friction = weight_load(part, state), 0.8 * frictionloss(part)
+    least = 1e-3 * (part.joint.upper - part.joint.lower)
+    shuts = load > friction and state > part.joint.lower + least
+    opens = -load > friction and state < part.joint.upper - least
+    return shuts or opens

@@ -86,6 +86,7 @@ def simulate(world: World, trajectory: RobotTrajectory, config: ReplayConfig) ->
     phases = np.array([PHASES.index(p) for p in trajectory.phases])[phase_at]
     phases[times > trajectory.times[-1]] = -1
     data.qpos[world.arm_qpos] = trajectory.q[0]
+    data.qpos[world.part_qpos[trajectory.part_id]] = trajectory.start
     data.qpos[world.gripper_qpos] = trajectory.gripper[0] / len(world.gripper_qpos)
     mujoco.mj_forward(model, data)
     recorder = _Recorder(world, trajectory.part_id, spec)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from robots.goals import Task
 from robots.spec import RobotSpec
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
@@ -65,7 +66,9 @@ class UnintendedContact:
 class ReplayReport:
     """Outcome of a replay. Openings are fractions of the demonstrated range (joint.upper).
 
-    success_75: at least 0.75 open and at rest at the end (ManiSkill3); success_90: at least 0.90 open at the end.
+    start, goal: m or rad; reached: share of the way from start to goal that is done at the end, 1 = at the goal.
+    success_75: reached >= 0.75 and at rest (ManiSkill3); success_90: reached >= 0.90. For the default task, from closed
+    to the end of the demonstrated range, that is the share open; for closing, the share closed.
     ok: success_90 with slip, torque and joint limits kept. slip_mm: largest displacement of the tool point in the
     part's frame between grasp and release. torque_share, torque_peak: of the limits, per joint. limit_margin: rad.
     tracking: of the tool against the plan while the part is moved. reason: what went wrong, empty when ok.
@@ -74,7 +77,9 @@ class ReplayReport:
     robot: str
     twin: str
     part: str
+    start: float
     goal: float
+    reached: float
     state_peak: float
     state_final: float
     opening_peak: float
@@ -122,21 +127,25 @@ def measure(
     final, peak = float(record.state[-1]), float(record.state.max())
     limit = STATIC_ANGULAR if part.joint.kind == "revolute" else STATIC_LINEAR
     at_rest = bool(abs(record.speed[-1]) <= limit)
-    success_90 = bool(final >= 0.90 * upper)
+    task = Task(trajectory.start, trajectory.goal)
+    reached = task.reached(final)
+    success_90 = bool(reached >= 0.90)
     unintended = _unintended(record)
-    reason = _reason(record, upper, slip, share, margin, unintended, spec)
+    reason = _reason(record, task, slip, share, margin, unintended, spec)
     p = trajectory.T_world_base[:3, 3]
     return ReplayReport(
         robot=trajectory.robot,
         twin=trajectory.twin,
         part=trajectory.part,
-        goal=trajectory.goal,
+        start=task.start,
+        goal=task.goal,
+        reached=reached,
         state_peak=peak,
         state_final=final,
         opening_peak=peak / upper,
         opening_final=final / upper,
         at_rest=at_rest,
-        success_75=bool(final >= 0.75 * upper) and at_rest,
+        success_75=bool(reached >= 0.75) and at_rest,
         success_90=success_90,
         ok=success_90 and not reason,
         slip_mm=1000 * slip,
@@ -207,7 +216,7 @@ def _rows(record: Record, error: Array, share: Array) -> tuple[PhaseRow, ...]:
 
 def _reason(
     record: Record,
-    upper: float,
+    task: Task,
     slip: float,
     share: Array,
     margin: float,
@@ -226,15 +235,18 @@ def _reason(
     if margin < 0:
         return f"a joint goes {-margin:.3f} rad beyond its limit"
     lost = np.flatnonzero(move & (record.touching == 0))
-    if record.state[-1] < 0.90 * upper:
+    final = task.reached(float(record.state[-1]))
+    if final < 0.90:
+        done = "opened" if task.direction > 0 else "closed"
+        peak = max(task.reached(float(s)) for s in record.state)
         if len(lost):
             return f"the hand lost the part at state {record.state[lost[0]]:.2f}"
-        if record.state.max() >= 0.90 * upper:
-            return f"the part opened to {record.state.max() / upper:.2f} and came back to {record.state[-1] / upper:.2f}"
+        if peak >= 0.90:
+            return f"the part {done} {peak:.2f} of the way and ended at {final:.2f}"
         if unintended:
             a, b = unintended[0].bodies
-            return f"opened {record.state.max() / upper:.2f} of the range; {a} pressed against {b}"
-        return f"opened {record.state.max() / upper:.2f} of the range; the part did not follow the hand"
+            return f"{done} {peak:.2f} of the way; {a} pressed against {b}"
+        return f"{done} {peak:.2f} of the way; the part did not follow the hand"
     if slip > SLIP_LIMIT:
         return f"the grip slipped by {1000 * slip:.0f} mm"
     return ""

@@ -8,8 +8,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robots.config import PlanConfig
+from robots.dynamics import ArmDynamics, PartLoad
 from robots.spec import RobotSpec
 from twin import geometry as geo
+from twin.errors import PlanningError
 from twin.geometry import Array
 
 STEP = 0.02  # s between samples
@@ -51,19 +53,45 @@ class Samples:
     phases: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """What timing needs to keep the torque limits: the arm, and the part it moves."""
+
+    arm: ArmDynamics
+    load: PartLoad
+
+
 def timed(
-    approach: Leg, move: Leg, retreat: Leg, spec: RobotSpec, config: PlanConfig, release: bool
+    approach: Leg | None,
+    move: Leg,
+    retreat: Leg | None,
+    spec: RobotSpec,
+    config: PlanConfig,
+    *,
+    held: float = 0.0,
+    effort: Effort | None = None,
 ) -> Samples:
-    """Samples of all phases; without `release` the hand keeps holding at the end."""
-    pieces = [
-        _travel("approach", approach, spec.stroke, spec, config),
-        _rest("close", move, 0, CLOSE, 0.0),
-        _travel("move", move, 0.0, spec, config),
+    """Samples of all phases.
+
+    Without `approach` the motion starts with the hand about the part, opened to `held` (m); without `retreat` the hand
+    keeps holding at the end. effort: also keep the torques within their share.
+
+    Raises PlanningError when a joint is too weak for the way however slowly it is taken.
+    """
+    pieces = []
+    if approach is not None:
+        pieces.append(_travel("approach", approach, spec.stroke, spec, config, effort, loaded=False))
+    closing = _rest("close", move, 0, CLOSE, 0.0)
+    if approach is None:
+        closing.gripper[0] = held
+    pieces += [
+        closing,
+        _travel("move", move, 0.0, spec, config, effort, loaded=True),
         _rest("hold", move, -1, HOLD, 0.0),
     ]
-    if release:
+    if retreat is not None:
         pieces.append(_rest("open", move, -1, OPEN, spec.stroke))
-        pieces.append(_travel("retreat", retreat, spec.stroke, spec, config))
+        pieces.append(_travel("retreat", retreat, spec.stroke, spec, config, effort, loaded=False))
     clock = 0.0
     starts, first = [], True
     for p in pieces:
@@ -96,10 +124,22 @@ def quintic(duration: float, step: float) -> tuple[Array, Array, Array]:
     return times, u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / duration
 
 
-def _travel(name: str, leg: Leg, gripper: float, spec: RobotSpec, config: PlanConfig) -> Samples:
+def _travel(
+    name: str,
+    leg: Leg,
+    gripper: float,
+    spec: RobotSpec,
+    config: PlanConfig,
+    effort: Effort | None,
+    *,
+    loaded: bool,
+) -> Samples:
     share = np.linspace(0.0, 1.0, len(leg.q))
     spline = CubicSpline(share, leg.q, bc_type="natural")
-    times, s, rate = quintic(_duration(spline, leg, spec, config), STEP)
+    duration = _duration(spline, leg, spec, config)
+    if effort is not None:
+        duration = max(duration, _by_torque(spline, leg, spec, config, effort, loaded))
+    times, s, rate = quintic(duration, STEP)
     return Samples(
         times=times,
         q=spline(s),
@@ -137,6 +177,28 @@ def _duration(spline: CubicSpline, leg: Leg, spec: RobotSpec, config: PlanConfig
         ((5.774 * first + 1.875**2 * second) / (config.acceleration_share * spec.acceleration)).max()
     )
     return float(max(by_speed, by_velocity, by_acceleration, SHORTEST))
+
+
+def _by_torque(
+    spline: CubicSpline, leg: Leg, spec: RobotSpec, config: PlanConfig, effort: Effort, loaded: bool
+) -> float:
+    """Shortest quintic time that keeps every joint torque within its share of the limit."""
+    u, s, rate = quintic(1.0, 1.0 / 60)
+    states = np.interp(s, np.linspace(0.0, 1.0, len(leg.state)), leg.state)
+    acceleration = 60 * u - 180 * u**2 + 120 * u**3
+    terms = effort.arm.terms(
+        spline(s), spline(s, 1), spline(s, 2), rate, acceleration, states, effort.load if loaded else None
+    )
+    limit = config.torque_share * spec.effort
+    shortest = terms.shortest(limit)
+    if np.isfinite(shortest):
+        return shortest
+    share = np.abs(terms.still) / spec.effort
+    k, joint = np.unravel_index(int(np.argmax(share)), share.shape)
+    raise PlanningError(
+        f"{spec.arm_joints[joint]} is too weak at state {states[k]:.2f}: arm{' and part' if loaded else ''} take "
+        f"{abs(terms.still[k, joint]):.1f} N m at rest, {limit[joint]:.1f} of {spec.effort[joint]:.0f} N m may be used"
+    )
 
 
 def _between(tool: Array, share: Array) -> Array:

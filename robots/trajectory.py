@@ -25,13 +25,13 @@ class RejectedBase:
 
 @dataclass(frozen=True, eq=False)
 class RobotTrajectory:
-    """Joint trajectory of an arm that opens one part; n samples, j arm joints.
+    """Joint trajectory of an arm that moves one part; n samples, j arm joints.
 
     times: (n,) s from 0. q, qd: (n, j) rad and rad/s. gripper: (n,) commanded opening in m, 0 = closed with full force.
     phases: (n,) names out of PHASES. part_state: (n,) commanded state, m or rad. T_world_tool: (n, 4, 4).
     position_error: (n,) m between the wanted and the reachable tool position. T_world_base: (4, 4).
     pedestal: m, height of the base above the floor. limits: (2, j) rad. velocity_limits: (j,) rad/s.
-    goal: state to reach. grasp: how the hand holds the part. score, clearance (m): of the chosen base.
+    start, goal: states from which and to which the part is brought. grasp: how the hand holds the part. score, clearance (m): of the chosen base.
     """
 
     robot: str
@@ -56,6 +56,7 @@ class RobotTrajectory:
     score: float
     clearance: float
     rejected: tuple[RejectedBase, ...] = ()
+    start: float = 0.0
 
     def __post_init__(self) -> None:
         n, j = len(self.times), len(self.joint_names)

@@ -33,6 +33,7 @@ TIMESTEP = 0.002  # s; 4 ms still works, 2 ms leaves room for stiff contacts
 _DEFAULT_FRICTION = 0.6
 _DEFAULT_DAMPING = {"prismatic": 5.0, "revolute": 0.5}  # N s/m, N m s/rad
 _DEFAULT_FRICTIONLOSS = {"prismatic": 4.0, "revolute": 0.8}  # N, N m
+GRAVITY = 9.81  # m/s^2
 _PANEL_MASS = 6.0  # kg per m^2 of surface: both faces of a 16 mm board of 750 kg/m^3
 
 
@@ -194,6 +195,12 @@ def joint_damping(part: Part) -> float:
 def part_friction(part: Part) -> float:
     """Sliding friction of the part's surface: the part's own, else a default."""
     return part.physics.friction.value if part.physics else _DEFAULT_FRICTION
+
+
+def weight_load(part: Part, state: float) -> float:
+    """Force along the joint (N or N m) that the part's weight asks for at a state; > 0 where opening lifts it."""
+    mass, com = mass_and_com(part)
+    return mass * GRAVITY * float(part.joint.velocity(state, com)[2])
 
 
 def mass_and_com(part: Part) -> tuple[float, Array]:

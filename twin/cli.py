@@ -27,7 +27,7 @@ VERBS = {
     "export": ("twin.verbs:export", "write the twin as URDF, MJCF and USD"),
     "check": ("twin.verbs:check", "load the exported files in other programs and compare them with the twin"),
     "lint": ("twin.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
-    "replay": ("twin.verbs:replay", "let a robot open the twin's parts in simulation"),
+    "replay": ("twin.verbs:replay", "let a robot open or close the twin's parts in simulation"),
     "trajectory": ("twin.verbs:trajectory", "hand a planned trajectory over in robots' own formats"),
     "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
     "physics": ("twin.physics.verbs:physics", "show, set or estimate what parts weigh and how they resist"),
@@ -212,7 +212,9 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
     if verb in ("replay", "trajectory", "demo"):
         add("--robot", default="franka", help="name of a robot [franka]")
     if verb == "replay":
-        add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to open [all]")
+        add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to move [all]")
+        add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
+        add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
         add("--stiffness", type=float, metavar="SHARE", help="share of the robot's own servo stiffness")
         add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
         add("--grid", action="store_true", help="trials also of each kind of error alone")

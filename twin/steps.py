@@ -120,6 +120,8 @@ def replay(
     names: Sequence[str],
     stiffness: float | None = None,
     trials: Mapping[str, Any] | None = None,
+    goal: str = "open",
+    start: str | None = None,
 ) -> Step:
     """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin."""
     started = time.perf_counter()
@@ -130,7 +132,9 @@ def replay(
     rows, reports, notes, tables = [], {}, [], []
     config = named("robots:ReplayConfig")(**({} if stiffness is None else {"stiffness": stiffness}))
     for part in parts:
-        row, report, note, trajectory = _replay_part(progress, twin, part, robot, run_folder(run), config)
+        row, report, note, trajectory = _replay_part(
+            progress, twin, part, robot, run_folder(run), config, goal, start
+        )
         rows.append([part.name, *row])
         reports[part.name] = report
         notes += note
@@ -142,29 +146,29 @@ def replay(
             notes += assumed
     columns = ["part", "opened", "open at the end", "slip", "torque used", "grasp", "pedestal", "result"]
     ok = all(r["ok"] for r in reports.values())
-    summary = "; ".join(f"{r[0]} opened {r[1]}" for r in rows)
+    summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
     tables = [Table(f"replay with {robot}", columns, rows), *tables]
     outcome = Outcome({"parts": reports}, tables, notes, ok=ok)
     return Step("replay", outcome, summary, started).kept(run_folder(run))
 
 
 def _replay_part(
-    progress: Progress, twin: Twin, part: Part, robot: str, run: Path, config: Any
+    progress: Progress, twin: Twin, part: Part, robot: str, run: Path, config: Any, goal: str, start: str | None
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
-    """Table row, report, notes and trajectory of one part; no way to open it is a missed goal, not a wrong input."""
+    """Table row, report, notes and trajectory of one part; no way to move it is a missed goal, not a wrong input."""
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
     try:
-        trajectory = named("robots:plan")(twin, part.id, robot)
+        trajectory = named("robots:plan")(twin, part.id, robot, goal=goal, start=start)
     except PlanningError as e:
         progress(f"plan {part.name}", 1.0, "found none")
-        row = ["0 %", "0 %", "", "", "", "", "FAILED"]
+        row = ["", "", "", "", "", "", "FAILED"]
         return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
-    r = named("robots:replay")(
-        twin, trajectory, _replay_folder(run, robot, part.name), robot=robot, config=config
-    )
-    progress(f"replay {part.name}", 1.0, f"{100 * r.opening_peak:.0f} % opened")
+    task = "" if (goal, start) == ("open", None) else f"_{goal}" + (f"_from_{start}" if start else "")
+    folder = _replay_folder(run, robot, f"{part.name}{task.replace('%', '_percent')}")
+    r = named("robots:replay")(twin, trajectory, folder, robot=robot, config=config)
+    progress(f"replay {part.name}", 1.0, f"{100 * r.reached:.0f} % of the way")
     row = [
         f"{100 * r.opening_peak:.0f} %",
         f"{100 * r.opening_final:.0f} %",

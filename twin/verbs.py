@@ -126,8 +126,10 @@ def replay(
     trials: int | None = None,
     grid: bool = False,
     seed: int = 0,
+    goal: str = "open",
+    start: str | None = None,
 ) -> Outcome:
-    """A robot opens the parts."""
+    """A robot opens or closes the parts."""
     options = None
     if trials is not None:
         steps.named("robots.trials:check_request")(trials, seed)
@@ -135,7 +137,7 @@ def replay(
     elif grid or seed:
         raise InputError("--grid and --seed belong to trials", "add --trials 100")
     with console.progress() as progress, _page(run):
-        return steps.replay(progress, run, robot, parts, stiffness, options).outcome
+        return steps.replay(progress, run, robot, parts, stiffness, options, goal, start).outcome
 
 
 def trajectory(

@@ -16,7 +16,7 @@ import pytest
 import robots
 from robots.config import PlanConfig
 from robots.placement import floor_height
-from robots.refine import falls_shut
+from robots.refine import moves_alone
 from robots.world import build_world
 from tests.robots import furniture
 from twin import geometry as geo
@@ -123,15 +123,15 @@ def test_a_partial_goal_is_reached_and_no_more(drawer):
     trajectory = robots.plan(twin, 2, goal=0.15, config=FAST)
     report = robots.replay(twin, trajectory, video=False)
     assert report.state_final == pytest.approx(0.15, abs=0.01)
-    assert not report.success_90
-    assert report.reason.startswith("opened 0.4")
+    assert report.opening_final < 0.5
+    assert report.success_90, "the goal, not the whole range, is what was asked"
 
 
 def test_a_lid_is_held_because_it_would_fall_shut():
     lid, drawer = furniture.lid().parts[0], furniture.drawer().parts[0]
-    assert falls_shut(lid, lid.joint.upper)
-    assert not falls_shut(drawer, drawer.joint.upper)
-    assert not falls_shut(furniture.door().parts[0], 1.0)
+    assert moves_alone(lid, lid.joint.upper)
+    assert not moves_alone(drawer, drawer.joint.upper)
+    assert not moves_alone(furniture.door().parts[0], 1.0)
 
 
 def test_unknown_part_and_robot_and_missing_contact_are_named(drawer):
@@ -140,16 +140,19 @@ def test_unknown_part_and_robot_and_missing_contact_are_named(drawer):
         robots.plan(twin, "fridge")
     with pytest.raises(InputError, match="known robots: franka"):
         robots.plan(twin, 2, "spoot")
-    bare = replace(twin, parts=(replace(twin.parts[0], contact=None),))
-    with pytest.raises(InputError, match="has no contact"):
-        robots.plan(bare, 2)
+    with pytest.raises(InputError, match="no share of its range"):
+        robots.plan(twin, 2, goal="ajar")
+    with pytest.raises(InputError, match="no way to go"):
+        robots.plan(twin, 2, goal=0.1, start=0.1)
     with pytest.raises(InputError, match=r"at most 0\.350 m"):
         robots.plan(twin, 2, goal=0.5)
 
 
 def test_an_unreachable_part_says_at_which_state_and_by_how_much():
     wide = furniture.door("left", width=2.4, angle=1.5)
-    with pytest.raises(PlanningError, match=r"at state \d\.\d\d: \d+ mm short"):
+    with pytest.raises(
+        PlanningError, match=r"unreachable at state \d\.\d\d rad: reach \d\.\d\d m short.*nearest base at"
+    ):
         robots.plan(wide, 2, config=PlanConfig(candidates=60))
 
 

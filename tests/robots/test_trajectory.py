@@ -34,7 +34,7 @@ def franka():
 def trajectory(franka):
     home = franka.home
     moved = home + np.array([0.6, 0.3, -0.2, 0.4, 0.1, 0.2, -0.5])
-    s = timed(leg(home - 0.1, home), leg(home, moved), leg(moved, moved - 0.1), franka, PlanConfig(), True)
+    s = timed(leg(home - 0.1, home), leg(home, moved), leg(moved, moved - 0.1), franka, PlanConfig())
     return RobotTrajectory(
         "franka", "twin", 2, "door", franka.arm_joints, s.times, s.q, s.qd, s.gripper, s.phases, s.part_state,
         s.T_world_tool, s.position_error, geo.make_pose(translation=[1, 2, 0.5]), 0.5,
@@ -91,7 +91,7 @@ def test_phases_come_in_order_and_the_hand_is_closed_while_it_moves_the_part(tra
 def test_without_release_the_hand_keeps_holding(franka):
     home = franka.home
     piece = leg(home, home + 0.2)
-    s = timed(piece.reversed(), piece, piece, franka, PlanConfig(), release=False)
+    s = timed(piece.reversed(), piece, None, franka, PlanConfig())
     assert s.phases[-1] == "hold"
     assert s.gripper[-1] == 0
 

@@ -1,0 +1,149 @@
+"""Torques that a motion asks of the arm: its own weight and inertia, and the part that it carries along.
+
+The part is one degree of freedom. What moves it is taken as a force at the tool point along the tool's way, the
+smallest that does the same work; grip and friction forces across it cancel in the hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robots.spec import RobotSpec
+from robots.world import frictionloss, joint_damping, mass_and_com, weight_load
+from twin.geometry import Array
+from twin.scene import Part, Revolute
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Joint torques (n, j) in N m along a path that takes T seconds: still + viscous / T + inertial / T^2."""
+
+    still: Array
+    viscous: Array
+    inertial: Array
+
+    def shortest(self, limit: Array) -> float:
+        """The least T from which on every torque is within +- limit (j,); infinite where `still` alone is not."""
+        a = np.concatenate([self.inertial, -self.inertial]).ravel()
+        b = np.concatenate([self.viscous, -self.viscous]).ravel()
+        c = (np.concatenate([self.still, -self.still]) - limit).ravel()
+        if np.any(c >= 0):
+            return float("inf")
+        # First x = 1 / T > 0 at which a x^2 + b x + c leaves the negative; in this form it holds for a = 0 as well.
+        root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
+        crosses = (b * b - 4 * a * c >= 0) & (b + root > 0)
+        rate = np.full(len(c), np.inf)
+        rate[crosses] = -2 * c[crosses] / (b[crosses] + root[crosses])
+        return float(1.0 / rate.min())
+
+
+@dataclass(frozen=True, eq=False)
+class PartLoad:
+    """How a part resists: generalised force (N or N m) along its joint.
+
+    inertia: kg or kg m^2. damping: N s/m or N m s/rad. friction: N or N m. Source of the values: the part's physics and
+    inertial properties, else the replay's defaults.
+    """
+
+    part: Part
+    inertia: float
+    damping: float
+    friction: float
+
+    def still(self, states: Array, direction: float) -> Array:
+        """Force (n,) that moves the part slowly: dry friction and weight."""
+        return np.array([direction * self.friction + weight_load(self.part, s) for s in states])
+
+
+def part_load(part: Part) -> PartLoad:
+    """What a part's physics say about the force it takes to move it."""
+    mass, com = mass_and_com(part)
+    inertia = mass
+    if isinstance(part.joint, Revolute):
+        axis, arm = part.joint.axis, com - part.joint.pivot
+        inertia = mass * float(arm @ arm - (arm @ axis) ** 2)
+        if part.inertial is not None:
+            inertia += float(axis @ part.inertial.inertia @ axis)
+    return PartLoad(part, inertia, joint_damping(part), frictionloss(part))
+
+
+class ArmDynamics:
+    """Inverse dynamics of one robot, base level and at rest (MuJoCo's recursive Newton-Euler).
+
+    MuJoCo's `mj_rne` leaves out reflected rotor inertia and joint damping; both are added.
+    """
+
+    def __init__(self, spec: RobotSpec, model: mujoco.MjModel) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        ids = [model.joint(j).id for j in spec.arm_joints]
+        self._qpos, self._dof = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
+        self._site = model.site(spec.tool).id
+
+    def torque(self, q: Array, qd: Array, qdd: Array) -> Array:
+        """Joint torques (n, j) in N m of a motion q, qd, qdd (n, j); gravity is -z of the base."""
+        m, d = self._model, self._data
+        full, out = np.zeros(m.nv), np.empty_like(q)
+        for k in range(len(q)):
+            self._place(q[k])
+            d.qvel[:], d.qacc[:] = 0.0, 0.0
+            d.qvel[self._dof], d.qacc[self._dof] = qd[k], qdd[k]
+            mujoco.mj_comVel(m, d)
+            mujoco.mj_rne(m, d, 1, full)
+            out[k] = full[self._dof]
+        armature, viscous = m.dof_armature[self._dof], m.dof_damping[self._dof]
+        return np.asarray(out + armature * qdd + viscous * qd)
+
+    def work(self, q: Array, direction: Array) -> tuple[Array, Array]:
+        """For tool velocities J direction (n, 3): J^T J direction (n, j) and their squared lengths (n,)."""
+        m, d = self._model, self._data
+        jacobian = np.zeros((3, m.nv))
+        torque, square = np.empty_like(q), np.empty(len(q))
+        for k in range(len(q)):
+            self._place(q[k])
+            mujoco.mj_jacSite(m, d, jacobian, None, self._site)
+            j = jacobian[:, self._dof]
+            tool = j @ direction[k]
+            torque[k], square[k] = j.T @ tool, tool @ tool
+        return torque, square
+
+    def _place(self, q: Array) -> None:
+        self._data.qpos[:] = self._model.qpos0
+        self._data.qpos[self._qpos] = q
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+
+    def terms(
+        self,
+        q: Array,
+        first: Array,
+        second: Array,
+        rate: Array,
+        acceleration: Array,
+        states: Array,
+        load: PartLoad | None,
+    ) -> Terms:
+        """Torques along a path over a share s that takes one second.
+
+        Args:
+            q, first, second: (n, j) configuration and its derivatives by s.
+            rate, acceleration: (n,) of s. states: (n,) of the part, linear in s. load: the part, None for empty hands.
+        """
+        none = np.zeros_like(q)
+        qd, qdd = first * rate[:, None], first * acceleration[:, None] + second * (rate**2)[:, None]
+        still = self.torque(q, none, none)
+        viscous = self._model.dof_damping[self._dof] * qd
+        inertial = self.torque(q, qd, qdd) - still - viscous
+        way = float(states[-1] - states[0])
+        if load is None or way == 0.0:
+            return Terms(still, viscous, inertial)
+        # d(tool)/d(state) = J q' / way; the force that gives `f` along the joint is f t / |t|^2
+        torque, square = self.work(q, first / way)
+        per_force = torque / np.maximum(square, 1e-6)[:, None]
+        return Terms(
+            still + load.still(states, np.sign(way))[:, None] * per_force,
+            viscous + (load.damping * way * rate)[:, None] * per_force,
+            inertial + (load.inertia * way * acceleration)[:, None] * per_force,
+        )
