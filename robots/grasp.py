@@ -25,6 +25,7 @@ _CELL = 0.012  # m; protruding points closer than this belong together, above th
 _MIN_HEIGHT = 0.010  # m above the plane: twice the 5 mm noise of a fused mesh
 _MAX_HEIGHT = 0.15
 _PINCH = 0.03  # m of a rim between the fingers and behind them: a fingertip is 2 cm long
+_SIDE = 0.06  # m to either side of a contact within which a rim is looked for
 _ELONGATED = 1.8  # length over width from which a handle is a bar
 
 
@@ -254,7 +255,7 @@ def _edges(points: Array, plane: Plane, contact: ContactPath) -> list[Hold]:
 def _rim(points: Array, rotation: Array, near: Array) -> Hold | None:
     """The outermost strip of the part near a point, seen along the third column of `rotation`."""
     local = (points - near) @ rotation
-    column = local[(np.abs(local[:, 1]) < 0.02) & (np.abs(local[:, 0]) < 0.06)]
+    column = local[(np.abs(local[:, 1]) < 0.02) & (np.abs(local[:, 0]) < _SIDE)]
     if len(column) < 20:
         return None
     rim = float(np.quantile(column[:, 2], 0.99))
@@ -262,6 +263,8 @@ def _rim(points: Array, rotation: Array, near: Array) -> Hold | None:
     if abs(rim) > 0.12 or len(strip) < 20:
         return None
     low, high = (float(q) for q in np.quantile(strip[:, 0], [0.02, 0.98]))
+    if max(high, -low) > _SIDE - 0.004:
+        return None  # it goes on beyond what was looked at: a solid body or a face seen on edge, no rim
     depth = 0.4 * _PINCH
     centre = near + rotation @ np.array([(low + high) / 2, 0.0, rim - depth])
     return Hold("edge", centre, rotation, max(high - low, 0.004), depth, _PINCH, refined=True)

@@ -161,12 +161,13 @@ def _replay_part(
         trajectory = named("robots:plan")(twin, part.id, robot, goal=goal, start=start)
     except PlanningError as e:
         progress(f"plan {part.name}", 1.0, "found none")
-        row = ["", "", "", "", "", "", "FAILED"]
+        row = ["-", "not", "-", "-", "-", "-", "FAILED"]
         return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
-    task = "" if (goal, start) == ("open", None) else f"_{goal}" + (f"_from_{start}" if start else "")
-    folder = _replay_folder(run, robot, f"{part.name}{task.replace('%', '_percent')}")
+    ends = tuple(round(100 * s / part.joint.upper) for s in (trajectory.start, trajectory.goal))
+    task = {(0, 100): "", (100, 0): "_close"}.get(ends, f"_{ends[0]}_to_{ends[1]}")
+    folder = _replay_folder(run, robot, f"{part.name}{task}")
     r = named("robots:replay")(twin, trajectory, folder, robot=robot, config=config)
     progress(f"replay {part.name}", 1.0, f"{100 * r.reached:.0f} % of the way")
     row = [
