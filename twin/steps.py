@@ -153,7 +153,14 @@ def replay(
 
 
 def _replay_part(
-    progress: Progress, twin: Twin, part: Part, robot: str, run: Path, config: Any, goal: str, start: str | None
+    progress: Progress,
+    twin: Twin,
+    part: Part,
+    robot: str,
+    run: Path,
+    config: Any,
+    goal: str,
+    start: str | None,
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
     """Table row, report, notes and trajectory of one part; no way to move it is a missed goal, not a wrong input."""
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")

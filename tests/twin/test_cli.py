@@ -290,6 +290,8 @@ def test_missing_settings_file_is_named(tmp_path: Path) -> None:
 
 @dataclass(frozen=True)
 class Trajectory:
+    goal: float
+    start: float = 0.0
     grasp: str = "bar"
 
 
@@ -303,6 +305,7 @@ class Replayed:
     torque_share: tuple[float, ...] = (0.1, 0.5)
     grasp: str = "bar"
     pedestal: float = 0.4
+    reached: float = 0.9
 
     def to_json(self) -> dict[str, Any]:
         return {"ok": self.ok, "opening_peak": self.opening_peak}
@@ -324,15 +327,19 @@ def test_replay_opens_every_part_and_keeps_the_result(
     run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     planned: list[tuple[int, str]] = []
+    tasks: list[tuple[str, str | None]] = []
 
-    def plan(twin: Any, part: int, robot: str) -> Trajectory:
+    def plan(twin: Any, part: int, robot: str, *, goal: str, start: str | None) -> Trajectory:
+        tasks.append((goal, start))
         planned.append((part, robot))
         if part == 3:
             raise PlanningError("the drawer is out of reach by 0.30 m", "raise the base")
-        return Trajectory()
+        upper = twin.part(part).joint.upper
+        return Trajectory(0.0, upper) if goal == "close" else Trajectory(upper)
 
     def replay(twin: Any, trajectory: Trajectory, out: Path, *, robot: str, config: Any) -> Replayed:
-        assert out == run / "replay" / "franka" / "door"
+        name = "door_close" if trajectory.goal == 0 else "door"
+        assert out == run / "replay" / "franka" / name
         return Replayed(0.98, ok=True)
 
     stand_in(monkeypatch, plan=plan, replay=replay)
@@ -346,13 +353,17 @@ def test_replay_opens_every_part_and_keeps_the_result(
     assert "out of reach" in page
     assert cli.run(["replay", str(run / "twin"), "--part", "door"]) == 0
     assert planned[2:] == [(2, "franka")]
+    assert cli.run(["replay", str(run), "--part", "door", "--goal", "close"]) == 0
+    assert tasks == [("open", None)] * 3 + [("close", None)]
     assert cli.run(["replay", str(run), "--part", "window"]) == 1
     assert "its parts are: door (id 2), drawer (id 3)" in capsys.readouterr().err
 
 
 def test_replay_of_a_missed_goal_exits_with_two(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(
-        monkeypatch, plan=lambda *_: Trajectory(), replay=lambda *_, **__: Replayed(0.5, False, "slipped")
+        monkeypatch,
+        plan=lambda *_, **__: Trajectory(1.0),
+        replay=lambda *_, **__: Replayed(0.5, False, "slipped"),
     )
     assert cli.run(["replay", str(run), "--part", "2"]) == 2
 
