@@ -1,5 +1,7 @@
 """Forward kinematics, Jacobian and inverse kinematics of a serial arm for many configurations at once (numpy).
 
+The joints of a planar base, two slides and a hinge, come first in the chain: base and arm are solved together.
+
 The planner screens hundreds of base poses with it; the final path comes from `robots.ik`. The chain is read from the
 compiled MJCF model, so there is one description of the arm.
 """
@@ -10,18 +12,26 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.spec import RobotSpec
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 
+# A base walks where the arm alone would end at its limits, and no farther: beside errors of weight 1 (1/m), a metre of
+# way costs what 3 cm of error do, and it damps steps as much as an arm joint with a lever of 17 cm would take (chosen
+# by us).
+_BASE_PULL = 1e-3
+_BASE_DAMPING = 3e-2
+
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """n hinges from the base to the tool: T_base_tool = prod_i(fixed_i exp(axes_i q_i)) last.
+    """n joints from the base to the tool: T_base_tool = prod_i(fixed_i exp(axes_i q_i)) last.
 
-    fixed: (n, 4, 4); axes: (n, 3) unit, in the joint's own frame; last: (4, 4); lower, upper: (n,) rad.
+    fixed: (n, 4, 4); axes: (n, 3) unit, in the joint's own frame; last: (4, 4); lower, upper: (n,) rad or m;
+    slides: (n,) True where a joint slides; base: how many leading joints move a planar base.
     """
 
     fixed: Array
@@ -29,6 +39,8 @@ class Chain:
     last: Array
     lower: Array
     upper: Array
+    slides: NDArray[np.bool_]
+    base: int = 0
 
     def forward(self, q: Array) -> tuple[Array, Array]:
         """Poses T_base_tool (B, 4, 4) and geometric Jacobians (B, 6, n) in tool axes (linear, angular), q (B, n)."""
@@ -40,11 +52,18 @@ class Chain:
             p = p + r @ self.fixed[i, :3, 3]
             r = r @ self.fixed[i, :3, :3]
             origins[:, i], directions[:, i] = p, r @ self.axes[i]
-            r = r @ _rotations(self.axes[i], q[:, i])
+            if self.slides[i]:
+                p = p + directions[:, i] * q[:, i, None]
+            else:
+                r = r @ _rotations(self.axes[i], q[:, i])
         p = p + r @ self.last[:3, 3]
         r = r @ self.last[:3, :3]
         linear = np.cross(directions, p[:, None] - origins)
-        jacobian = np.concatenate([linear @ r, directions @ r], axis=2).transpose(0, 2, 1)
+        angular = directions
+        if self.slides.any():
+            linear = np.where(self.slides[:, None], directions, linear)
+            angular = np.where(self.slides[:, None], 0.0, directions)
+        jacobian = np.concatenate([linear @ r, angular @ r], axis=2).transpose(0, 2, 1)
         pose = np.zeros((batch, 4, 4))
         pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = r, p, 1.0
         return pose, jacobian
@@ -58,11 +77,14 @@ class Chain:
         w2 = weights**2
         middle, span = (self.lower + self.upper) / 2, self.upper - self.lower
         pull = 3e-5 / (span / 2) ** 2
-        eye = np.eye(q.shape[1])
+        pull[: self.base] = _BASE_PULL
+        damping = np.full(q.shape[1], 3e-5)
+        damping[: self.base] = _BASE_DAMPING
+        damping = np.diag(damping)
         for _ in range(steps):
             error, jacobian = self._error(q, target)
             jw = jacobian.transpose(0, 2, 1) * w2
-            hessian = jw @ jacobian + 3e-5 * eye + np.diag(pull)
+            hessian = jw @ jacobian + damping + np.diag(pull)
             gradient = (jw @ error[:, :, None])[:, :, 0] + pull * (middle - q)
             step = np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
             largest = np.abs(step).max(axis=1, keepdims=True)
@@ -77,13 +99,14 @@ class Chain:
         return np.concatenate([linear, geo.log_so3(rt @ target[:, :3, :3])], axis=1), jacobian
 
     def manipulability(self, q: Array) -> Array:
-        """sqrt(det(J J^T)) (B,), Yoshikawa 1985; 0 at a singularity."""
+        """sqrt(det(J J^T)) (B,) of the arm without its base, Yoshikawa 1985; 0 at a singularity."""
         _, j = self.forward(q)
+        j = j[:, :, self.base :]
         return np.sqrt(np.maximum(np.linalg.det(j @ j.transpose(0, 2, 1)), 0.0))
 
     def limit_margin(self, q: Array) -> Array:
-        """Smallest distance (...,) in rad of q (..., n) from its limits."""
-        return np.minimum(q - self.lower, self.upper - q).min(axis=-1)
+        """Smallest distance (...,) in rad of the arm's part of q (..., n) from its limits."""
+        return np.asarray(np.minimum(q - self.lower, self.upper - q)[..., self.base :].min(axis=-1))
 
 
 def _rotations(axis: Array, angles: Array) -> Array:
@@ -115,7 +138,9 @@ def read_chain(model: mujoco.MjModel, spec: RobotSpec) -> Chain:
                     f"robot {spec.name!r}: arm.joints must list the joints from base to tool in order; "
                     f"{model.joint(j).name!r} comes after {len(fixed)} of them"
                 )
-            if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_HINGE or np.any(model.jnt_pos[j]):
+            slide = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and len(fixed) < len(spec.base_joints)
+            hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+            if not (slide or hinge) or np.any(model.jnt_pos[j]):
                 raise InputError(
                     f"robot {spec.name!r}: joint {model.joint(j).name!r} must be a hinge at its body's origin"
                 )
@@ -128,7 +153,13 @@ def read_chain(model: mujoco.MjModel, spec: RobotSpec) -> Chain:
     last = pose @ _pose(model.site_pos[site], model.site_quat[site])
     limits = model.jnt_range[joints]
     return Chain(
-        np.stack(fixed), model.jnt_axis[joints].copy(), last, limits[:, 0].copy(), limits[:, 1].copy()
+        np.stack(fixed),
+        model.jnt_axis[joints].copy(),
+        last,
+        limits[:, 0].copy(),
+        limits[:, 1].copy(),
+        model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE,
+        len(spec.base_joints),
     )
 
 

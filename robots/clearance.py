@@ -26,10 +26,11 @@ class ClearanceCheck:
     """Sorts base poses into those whose rough path touches nothing and the others."""
 
     def __init__(self, twin: Twin, part: Part, spec: RobotSpec, task: Task, config: PlanConfig) -> None:
-        self._world = build_world(twin, spec, np.eye(4), _PEDESTAL)
+        self._world = build_world(twin, spec, np.eye(4), 0.0 if spec.planar else _PEDESTAL)
         self._world.model.geom_margin[self._world.owner == ROBOT] = config.clearance
         self._data = mujoco.MjData(self._world.model)
-        self._part, self._opening, self._reach, self._task = part.id, spec.stroke, config.clearance, task
+        self._part, self._reach, self._task = part.id, config.clearance, task
+        self._open = spec.jaws(spec.stroke)
 
     def sort(self, bases: Sequence[Base]) -> tuple[list[Base], list[Base]]:
         """Accepted bases, best first, and rejected ones with their reasons. `bases` come best first."""
@@ -61,7 +62,7 @@ class ClearanceCheck:
         """Least distance (m, at most the reach of the check) and the two bodies that have it."""
         w, d, m = self._world, self._data, self._world.model
         d.qpos[w.arm_qpos] = q
-        d.qpos[w.gripper_qpos] = self._opening / len(w.gripper_qpos)
+        d.qpos[w.gripper_qpos] = self._open
         d.qpos[w.part_qpos[self._part]] = state
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)

@@ -73,7 +73,7 @@ def make_grasps(
             upright = np.stack([along * flip, closing * flip, -out], axis=1)
             tool = geo.make_pose(geo.exp_so3(lean * closing) @ upright, hold.centre)
             palm = spec.palm - hold.depth - spec.palm_width / 2 * np.tan(abs(lean))
-            tool = tool @ geo.make_pose(translation=[0, 0, min(deepest, palm)])
+            tool = tool @ geo.make_pose(translation=[0, spec.beside(hold.thickness), min(deepest, palm)])
             for turn in turns:
                 roll = hold.thickness / 2 * turn * abs(way) / _ROLL
                 cost = abs(lean) / 0.45 * 0.3 + 1.2 * turn + roll + 0.5 * rank

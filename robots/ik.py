@@ -14,6 +14,7 @@ from twin.geometry import Array
 
 _STEPS = 12  # at most, a waypoint; neighbours differ by little, so 3-5 are the rule
 _LIMIT_MARGIN = 0.02  # rad kept free of each joint limit, so that a compliant arm does not run into its stops
+_BASE_COST = 0.05  # of a planar base's way from its hint (1/m, 1/rad), beside 1 for the tool
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,9 @@ class PathSolver:
         self._spec = spec
         self._configuration = mink.Configuration(model)
         self._address = np.array([model.jnt_qposadr[model.joint(j).id] for j in spec.arm_joints])
+        self._posture = np.full(model.nv, 3e-3)
+        for name in spec.base_joints:  # the base keeps to its rough way, the arm makes up for the rest
+            self._posture[model.jnt_dofadr[model.joint(name).id]] = _BASE_COST
         self._limits = [mink.ConfigurationLimit(model, min_distance_from_limits=_LIMIT_MARGIN)]
 
     def follow(self, targets: Array, freedom: Array, hint: Array) -> PathSolution:
@@ -43,7 +47,7 @@ class PathSolver:
             hint: (n, joints) rough solution; it settles the redundancy.
         """
         tool = mink.FrameTask(self._spec.tool, "site", position_cost=1.0, orientation_cost=freedom, gain=1.0)
-        posture = mink.PostureTask(self._configuration.model, cost=3e-3)
+        posture = mink.PostureTask(self._configuration.model, cost=self._posture)
         solution = PathSolution(np.empty_like(hint), np.empty(len(targets)), np.empty((len(targets), 3)))
         q = hint[0]
         for k, target in enumerate(targets):

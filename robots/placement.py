@@ -14,6 +14,7 @@ from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
 from robots.goals import Task
 from robots.grasp import sample_surface
+from robots.planar import planar_starts
 from robots.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
@@ -21,10 +22,6 @@ from twin.scene import Joint, Mesh, Revolute
 
 _WAYPOINTS = 8
 _START_STEPS, _FOLLOW_STEPS = 45, 7
-_RADII = (
-    0.35,
-    0.78,
-)  # m from the handle's middle to the base axis, horizontally: half to nine tenths of the reach
 _OVERSAMPLED = 10  # in a furnished room nine of ten places around a handle are taken
 _BLOCKED_KEPT = 20
 _POINTS = 80_000  # surface samples of the static scene
@@ -86,6 +83,8 @@ class BaseSearch:
         static: Mesh,
         config: PlanConfig,
     ) -> None:
+        if spec.planar:  # feet stand on the floor, never on a pedestal
+            config = replace(config, pedestal=(0.0, 0.0))
         self._grasps, self._chain, self._spec, self._config = grasps, chain, spec, config
         states = task.states(_WAYPOINTS)
         self._states = np.concatenate([states[:1], states, states[-1:]])
@@ -101,9 +100,10 @@ class BaseSearch:
     def everywhere(self) -> list[Base]:
         """Bases from all around the handle, best score first, rejected ones (with a reason) last."""
         n = _OVERSAMPLED * self._config.candidates
+        near, far = self._spec.distance
         u = qmc.Halton(5, seed=self._config.seed).random(n)
         middle = self._paths[0, 1:-1, :3, 3].mean(axis=0)
-        angle, radius = 2 * np.pi * u[:, 0], _RADII[0] + (_RADII[1] - _RADII[0]) * u[:, 1]
+        angle, radius = 2 * np.pi * u[:, 0], near + (far - near) * u[:, 1]
         z = middle[2] - (_BELOW[0] + (_BELOW[1] - _BELOW[0]) * u[:, 2])
         xy = middle[:2] + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         yaw = angle + np.pi + (u[:, 3] - 0.5) * 2.0
@@ -237,6 +237,8 @@ def _starts(target: Array, chain: Chain, spec: RobotSpec) -> list[Array]:
     """Start configurations: home turned towards the target, and with the elbow out to either side."""
     facing = np.arctan2(target[:, 1, 3], target[:, 0, 3])
     starts = []
+    if spec.planar:
+        return planar_starts(target, chain, spec)
     for elbow, wrist in ((0.0, 0.0), (1.2, 1.5), (-1.2, -1.5)):
         q = np.tile(spec.home, (len(target), 1))
         q[:, 0] += facing - 0.5 * elbow

@@ -22,7 +22,6 @@ from twin.geometry import Array
 from twin.scene import Twin
 
 _RECORD_EVERY = 5  # simulation steps between samples: 10 ms
-_SQUEEZE = -0.02  # m; command that saturates the gripper's force whatever it holds
 
 
 def replay(
@@ -87,7 +86,7 @@ def simulate(world: World, trajectory: RobotTrajectory, config: ReplayConfig) ->
     phases[times > trajectory.times[-1]] = -1
     data.qpos[world.arm_qpos] = trajectory.q[0]
     data.qpos[world.part_qpos[trajectory.part_id]] = trajectory.start
-    data.qpos[world.gripper_qpos] = trajectory.gripper[0] / len(world.gripper_qpos)
+    data.qpos[world.gripper_qpos] = spec.jaws(float(trajectory.gripper[0]))
     mujoco.mj_forward(model, data)
     recorder = _Recorder(world, trajectory.part_id, spec)
     frame_at = set(np.linspace(0, steps - 1, config.video_frames).astype(int).tolist())
@@ -111,7 +110,7 @@ def _commands(world: World, trajectory: RobotTrajectory, times: Array) -> Array:
     ctrl = np.zeros((len(times), model.nu))
     low, high = model.actuator_ctrlrange[world.arm_ctrl].T
     ctrl[:, world.arm_ctrl] = np.clip(q + kd / kp * qd, low - 0.5, high + 0.5)
-    ctrl[:, world.gripper_ctrl] = np.where(gripper > 1e-6, gripper, _SQUEEZE)
+    ctrl[:, world.gripper_ctrl] = world.spec.gripper_command(gripper)
     return ctrl
 
 
@@ -137,7 +136,7 @@ class _Recorder:
                 data.qpos[w.arm_qpos].copy(),
                 data.qfrc_actuator[w.arm_dof].copy(),
                 tool,
-                float(data.actuator_force[w.gripper_ctrl]),
+                float(data.actuator_force[w.gripper_ctrl]) / self._spec.lever,
                 touching,
             )
         )

@@ -231,7 +231,8 @@ def _reason(
     if share.max() >= 1.0 - 1e-6:
         k = int(np.argmax(share.max(axis=0)))
         t = record.times[int(np.argmax(share[:, k]))]
-        return f"{spec.arm_joints[k]} is at its torque limit of {spec.effort[k]:.0f} N m at {t:.1f} s"
+        unit = "N" if k < len(spec.base_joints) - 1 else "N m"  # a planar base slides twice, then turns
+        return f"{spec.arm_joints[k]} is at its torque limit of {spec.effort[k]:.0f} {unit} at {t:.1f} s"
     if margin < 0:
         return f"a joint goes {-margin:.3f} rad beyond its limit"
     lost = np.flatnonzero(move & (record.touching == 0))

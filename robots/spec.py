@@ -5,26 +5,45 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any
 
 import numpy as np
 
-from twin.errors import InputError
+from twin.errors import InputError, nearest_name
 from twin.geometry import Array
 
-_SECTIONS = {"name", "description", "model", "arm", "base", "tool", "gripper"}
+BASE_KINDS = ("fixed", "planar")
+GRIPPER_KINDS = ("parallel", "claw")
+_SQUEEZE = 0.02  # m beyond closed; a command that saturates the gripper's force whatever it holds
+_JAW_ROOM = 0.006  # m between a handle and the jaw that does not move, before the claw closes (chosen by us)
+
+_ARM = {"joints", "actuators", "velocity", "acceleration", "effort", "home"}
+_BASE = {"kind", "body", "footprint", "distance"}
+_PLANAR = {"joints", "actuators", "velocity", "acceleration", "effort"}
+_TOOL = {"site", "palm", "palm_width", "tip", "finger_width"}
+_GRIPPER = {"kind", "actuator", "joints", "bodies", "stroke", "force"}
+_CLAW = {"open", "closed", "lever", "fixed_jaw"}
+_TOP = {"name", "description", "model", "arm", "base", "tool", "gripper"}
 
 
 @dataclass(frozen=True, eq=False)
 class RobotSpec:
-    """An arm with a gripper.
+    """An arm with a gripper, on a fixed or a planar base.
 
-    Joint arrays are (n,) in the order of `arm_joints`: velocity rad/s, acceleration rad/s^2, effort N m, home rad.
+    Joint arrays are (n,) in the order of `arm_joints`: velocity rad/s, acceleration rad/s^2, effort N m, home rad. A
+    planar base is two slides and a hinge; they are the first three of `arm_joints` (m, N for the slides; home 0) and
+    repeated in `base_joints`, which is empty for a fixed base.
     The tool frame is the MJCF site `tool`: z out of the hand, y the direction in which the fingers close, origin
     between the finger pads. palm: free depth (m) from the tool point back to the palm, palm_width: its extent along x;
     tip: how far the fingers reach
     beyond the tool point; finger_width: extent of a finger along x. stroke: full opening (m); force: grip force (N).
-    footprint: radius (m) of the pedestal under a fixed base.
+    footprint: radius (m) of the pedestal under a fixed base, or of what must be free around a planar one. distance:
+    nearest and farthest (m, horizontally) of the base from a handle that is worth trying.
+
+    A parallel gripper's actuator takes the opening in metres, shared evenly by its joints. A claw has one hinge whose
+    angle (rad) is `jaw_open` at full opening and `jaw_closed` when shut; its actuator takes the angle. lever: m from that
+    hinge to the tool point (1 for a parallel gripper); fixed_jaw: m from the tool point to the face of the jaw that does
+    not move, on the side of -y (0 for a parallel gripper).
     """
 
     name: str
@@ -36,19 +55,26 @@ class RobotSpec:
     acceleration: Array
     effort: Array
     home: Array
-    base_kind: Literal["fixed"]
+    base_kind: str
     base_body: str
     footprint: float
+    distance: tuple[float, float]
     tool: str
     palm: float
     palm_width: float
     tip: float
     finger_width: float
+    gripper_kind: str
     gripper_actuator: str
     gripper_joints: tuple[str, ...]
     finger_bodies: tuple[str, ...]
     stroke: float
     force: float
+    base_joints: tuple[str, ...] = ()
+    jaw_open: float = 0.0
+    jaw_closed: float = 0.0
+    lever: float = 1.0
+    fixed_jaw: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.arm_joints)
@@ -65,11 +91,69 @@ class RobotSpec:
                 raise InputError(f"robot {self.name!r}: arm.{key} must be positive, got {values.tolist()}")
             values.flags.writeable = False
             object.__setattr__(self, key, values)
-        for key in ("footprint", "palm", "palm_width", "finger_width", "stroke", "force"):
-            if not getattr(self, key) > 0:
+        for key in ("footprint", "palm", "palm_width", "finger_width", "stroke", "force", "lever"):
+            if not 0 < getattr(self, key) < np.inf:
                 raise InputError(f"robot {self.name!r}: {key} must be positive, got {getattr(self, key)}")
-        if self.base_kind != "fixed":
-            raise InputError(f"robot {self.name!r} has base kind {self.base_kind!r}", "known kinds: fixed")
+        self._check_kinds()
+
+    def _check_kinds(self) -> None:
+        for key, kind, known in (
+            ("base", self.base_kind, BASE_KINDS),
+            ("gripper", self.gripper_kind, GRIPPER_KINDS),
+        ):
+            if kind not in known:
+                raise InputError(
+                    f"robot {self.name!r} has {key} kind {kind!r}", f"known kinds: {', '.join(known)}"
+                )
+        if not 0 <= self.distance[0] < self.distance[1]:
+            raise InputError(
+                f"robot {self.name!r}: base.distance must be nearest < farthest, got {self.distance}"
+            )
+        if self.planar != (len(self.base_joints) == 3) or self.arm_joints[: len(self.base_joints)] != (
+            self.base_joints
+        ):
+            raise InputError(
+                f"robot {self.name!r}: a planar base has three joints, two slides and a hinge, "
+                f"got {list(self.base_joints)}"
+            )
+        if not self.gripper_joints or not self.finger_bodies:
+            raise InputError(f"robot {self.name!r}: gripper.joints and gripper.bodies must not be empty")
+        if self.gripper_kind == "claw" and (
+            len(self.gripper_joints) != 1 or self.jaw_open == self.jaw_closed
+        ):
+            raise InputError(
+                f"robot {self.name!r}: a claw has one joint, whose angle differs between gripper.open and "
+                f"gripper.closed"
+            )
+
+    @property
+    def planar(self) -> bool:
+        """True when the base moves on the floor."""
+        return self.base_kind == "planar"
+
+    def jaws(self, opening: float) -> Array:
+        """Gripper joint positions (k,) at an opening in m."""
+        if self.gripper_kind == "claw":
+            share = opening / self.stroke
+            return np.array([self.jaw_closed + share * (self.jaw_open - self.jaw_closed)])
+        return np.full(len(self.gripper_joints), opening / len(self.gripper_joints))
+
+    def gripper_command(self, opening: Array) -> Array:
+        """Actuator command (n,) for openings (n,) in m; where 0 is asked, one that presses with the full force."""
+        if self.gripper_kind == "claw":
+            span = self.jaw_open - self.jaw_closed
+            squeeze = self.jaw_closed - np.sign(span) * 0.5  # rad
+            return np.where(opening > 1e-6, self.jaw_closed + opening / self.stroke * span, squeeze)
+        return np.where(opening > 1e-6, opening, -_SQUEEZE)
+
+    def beside(self, thickness: float) -> float:
+        """How far (m, along y) the tool point stands off the middle of a handle of this thickness before closing.
+
+        0 for fingers that close evenly; a claw brings its fixed jaw near the handle, so closing moves it little.
+        """
+        if self.gripper_kind == "parallel":
+            return 0.0
+        return self.fixed_jaw - _JAW_ROOM - thickness / 2
 
 
 def load_spec(path: Path) -> RobotSpec:
@@ -79,7 +163,8 @@ def load_spec(path: Path) -> RobotSpec:
         path: the TOML file; `model` in it is relative to its folder.
 
     Raises:
-        InputError: the file is missing, not TOML, lacks a section (such as the gripper) or a key.
+        InputError: the file is missing, not TOML, lacks a section (such as the gripper) or a key, or has one that
+            is not known.
     """
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -87,10 +172,18 @@ def load_spec(path: Path) -> RobotSpec:
         raise InputError(f"robot file {path} can't be read ({e.strerror})", "give a .toml robot file") from e
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
         raise InputError(f"robot file {path} is not TOML: {e}") from e
-    unknown = sorted(set(raw) - _SECTIONS)
-    if unknown:
-        raise InputError(f"robot file {path} has unknown keys {unknown}", f"known: {sorted(_SECTIONS)}")
+    _check_keys(raw, _TOP, "", path)
     sections = {s: _section(raw, s, path) for s in ("arm", "base", "tool", "gripper")}
+    _check_keys(sections["arm"], _ARM, "arm.", path)
+    _check_keys(
+        sections["base"],
+        _BASE | (_PLANAR if sections["base"].get("kind") == "planar" else set()),
+        "base.",
+        path,
+    )
+    _check_keys(sections["tool"], _TOOL, "tool.", path)
+    claw = _CLAW if sections["gripper"].get("kind") == "claw" else set()
+    _check_keys(sections["gripper"], _GRIPPER | claw, "gripper.", path)
     try:
         return _build(raw, sections, path)
     except KeyError as e:
@@ -99,6 +192,15 @@ def load_spec(path: Path) -> RobotSpec:
         ) from e
     except (TypeError, ValueError) as e:
         raise InputError(f"robot file {path} has a value of the wrong kind: {e}") from e
+
+
+def _check_keys(section: dict[str, Any], known: set[str], where: str, path: Path) -> None:
+    for key in sorted(set(section) - known):
+        near = nearest_name(key, sorted(known))
+        raise InputError(
+            f"robot file {path} has an unknown key '{where}{key}'",
+            f"did you mean {where + near!r}?" if near else f"known: {', '.join(sorted(known))}",
+        )
 
 
 def _section(raw: dict[str, Any], name: str, path: Path) -> dict[str, Any]:
@@ -118,27 +220,40 @@ def _build(raw: dict[str, Any], s: dict[str, dict[str, Any]], path: Path) -> Rob
     model = path.parent / str(raw["model"])
     if not model.is_file():
         raise InputError(f"robot file {path} names the model {model.name}, which is not beside it")
+    planar, claw = base["kind"] == "planar", gripper.get("kind") == "claw"
+    nearest, farthest = base["distance"]
+
+    def joined(key: str) -> list[Any]:
+        return [*(base[key] if planar else []), *arm[key]]
+
     return RobotSpec(
         name=str(raw["name"]),
         description=str(raw.get("description", "")),
         model=model,
-        arm_joints=tuple(arm["joints"]),
-        arm_actuators=tuple(arm["actuators"]),
-        velocity=np.asarray(arm["velocity"], dtype=np.float64),
-        acceleration=np.asarray(arm["acceleration"], dtype=np.float64),
-        effort=np.asarray(arm["effort"], dtype=np.float64),
-        home=np.asarray(arm["home"], dtype=np.float64),
-        base_kind=cast(Literal["fixed"], base["kind"]),
+        arm_joints=tuple(joined("joints")),
+        arm_actuators=tuple(joined("actuators")),
+        velocity=np.asarray(joined("velocity"), dtype=np.float64),
+        acceleration=np.asarray(joined("acceleration"), dtype=np.float64),
+        effort=np.asarray(joined("effort"), dtype=np.float64),
+        home=np.asarray([0.0] * (3 if planar else 0) + list(arm["home"]), dtype=np.float64),
+        base_kind=str(base["kind"]),
         base_body=str(base["body"]),
         footprint=float(base["footprint"]),
+        distance=(float(nearest), float(farthest)),
         tool=str(tool["site"]),
         palm=float(tool["palm"]),
         palm_width=float(tool["palm_width"]),
         tip=float(tool["tip"]),
         finger_width=float(tool["finger_width"]),
+        gripper_kind=str(gripper["kind"]),
         gripper_actuator=str(gripper["actuator"]),
         gripper_joints=tuple(gripper["joints"]),
         finger_bodies=tuple(gripper["bodies"]),
         stroke=float(gripper["stroke"]),
         force=float(gripper["force"]),
+        base_joints=tuple(base["joints"]) if planar else (),
+        jaw_open=float(gripper["open"]) if claw else 0.0,
+        jaw_closed=float(gripper["closed"]) if claw else 0.0,
+        lever=float(gripper["lever"]) if claw else 1.0,
+        fixed_jaw=float(gripper["fixed_jaw"]) if claw else 0.0,
     )
