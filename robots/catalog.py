@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import logging
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 from robots.spec import RobotSpec, load_spec
-from twin.errors import InputError, nearest_name
+from twin.errors import InputError, MissingDependencyError, nearest_name
 
 _LOG = logging.getLogger(__name__)
 _ASSETS = Path(__file__).resolve().parent.parent / "assets" / "robots"
+# the real models' modules in the package robot_descriptions, which clones MuJoCo Menagerie when one is imported
+_FETCHED = {"franka": "panda_mj_description", "spot": "spot_mj_description"}
 
 
 def names() -> list[str]:
@@ -18,10 +22,10 @@ def names() -> list[str]:
 
 
 def resolve(robot: str | Path) -> RobotSpec:
-    """The robot of this name or file.
+    """The robot of this name or file. What was taken is logged.
 
     Args:
-        robot: a bundled name (`names()`), a `.toml` robot file, or an MJCF file with its `.toml` beside it.
+        robot: a bundled name (`names()`), a `.toml` robot file, or an MJCF or URDF file with its `.toml` beside it.
 
     Raises:
         InputError: nothing of that name; the message lists what exists.
@@ -34,15 +38,45 @@ def resolve(robot: str | Path) -> RobotSpec:
                 f"robot model {path} has no {toml.name} beside it that names its arm, tool and gripper",
                 f"write one like {_ASSETS / 'franka.toml'}",
             )
-        _LOG.info("robot %s from %s", path.stem, toml)
-        return load_spec(toml)
-    known = names()
-    if str(robot) not in known:
-        near = nearest_name(str(robot), known)
-        raise InputError(
-            f"there is no robot {str(robot)!r}",
-            f"known robots: {', '.join(known)}{f'; did you mean {near!r}?' if near else ''}"
-            " (or give the path of a .toml robot file)",
+        spec = load_spec(toml)
+        _LOG.info("robot %s from %s, model %s", spec.name, toml, spec.model)
+        return spec
+    known = _known(str(robot), names())
+    _LOG.info("robot %s is the bundled model", known)
+    return load_spec(_ASSETS / f"{known}.toml")
+
+
+def fetch(robot: str) -> Path:
+    """Download the real model of a bundled robot, the only place where robots need a network; returns its file.
+
+    It is done by the package robot_descriptions, which clones MuJoCo Menagerie into its cache; a robot file may then
+    name the model by its path in Menagerie.
+
+    Raises:
+        InputError: no such robot, or the download failed. MissingDependencyError: robot_descriptions is not installed.
+    """
+    module = _FETCHED[_known(robot, sorted(_FETCHED))]
+    if find_spec("robot_descriptions") is None:
+        raise MissingDependencyError(
+            "fetching a robot model needs the package robot_descriptions, which is not installed",
+            "pip install robot_descriptions (it needs git), or check out MuJoCo Menagerie and set FUNTWIN_MENAGERIE; "
+            "the bundled models need neither",
         )
-    _LOG.info("robot %s is the bundled model", robot)
-    return load_spec(_ASSETS / f"{robot}.toml")
+    try:
+        return Path(str(import_module(f"robot_descriptions.{module}").MJCF_PATH))
+    except Exception as e:  # git, the network or the package's own faults: its errors have no common base
+        raise InputError(
+            f"the model of {robot!r} can't be fetched: {' '.join(str(e).split()) or type(e).__name__}",
+            "see that git and the network work, or set FUNTWIN_MENAGERIE to a checkout",
+        ) from e
+
+
+def _known(robot: str, known: list[str]) -> str:
+    if robot in known:
+        return robot
+    near = nearest_name(robot, known)
+    raise InputError(
+        f"there is no robot {robot!r}",
+        f"known robots: {', '.join(known)}{f'; did you mean {near!r}?' if near else ''}"
+        " (or give the path of a .toml robot file)",
+    )

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from robots.catalog import resolve
@@ -18,6 +17,7 @@ from robots.contact_path import make_grasps
 from robots.dynamics import ArmDynamics, part_load
 from robots.goals import Goal, Task, task_of
 from robots.ik import PathSolver
+from robots.model import compiled
 from robots.placement import Base, BaseSearch
 from robots.refine import refined
 from robots.replayer import replay
@@ -74,7 +74,7 @@ def plan(
     holds = holds_of(twin, target, spec, contact, config.seed)
     twin = with_collision(twin)
     target = twin.part(part)
-    alone = mujoco.MjModel.from_xml_path(str(spec.model))
+    alone = compiled(spec)
     chain = read_chain(alone, spec)
     way = task.goal - task.start
     grasps = [g for k, h in enumerate(holds) for g in make_grasps(h, target.joint, spec, config, k, way)]
@@ -105,7 +105,7 @@ def plan(
             _why(spec, target, task, bases, rejected),
             "clear the scene, choose another goal, or give another contact",
         )
-    best = _best(twin, candidates, config.rehearse)
+    best = _best(twin, candidates, config.rehearse, robot)
     nearest = sorted(rejected, key=lambda b: -b.score)[:_REPORTED]
     _LOG.info(
         "%s moves %s from %.2f to %.2f: %s, base score %.2f",
@@ -145,7 +145,9 @@ def _unlike(accepted: Sequence[Base], count: int) -> list[Base]:
     return chosen
 
 
-def _best(twin: Twin, candidates: list[RobotTrajectory], rehearse: bool) -> RobotTrajectory:
+def _best(
+    twin: Twin, candidates: list[RobotTrajectory], rehearse: bool, robot: str | Path
+) -> RobotTrajectory:
     """The first, by score, that succeeds in a rehearsal with half the slip allowed; else the success that slips least,
     else the one that came nearest to the goal."""
     candidates = sorted(candidates, key=lambda t: -t.score)
@@ -153,7 +155,7 @@ def _best(twin: Twin, candidates: list[RobotTrajectory], rehearse: bool) -> Robo
         return candidates[0]
     outcomes: list[tuple[bool, float, float, int]] = []
     for k, trajectory in enumerate(candidates):
-        report = replay(twin, trajectory, video=False)
+        report = replay(twin, trajectory, robot=robot, video=False)
         if report.ok and report.slip_mm <= 500 * SLIP_LIMIT:
             return trajectory
         reason = report.reason or f"slips by {report.slip_mm:.1f} mm"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from robots.sources import locate
 from twin.errors import InputError, nearest_name
 from twin.geometry import Array
 
@@ -17,10 +18,10 @@ GRIPPER_KINDS = ("parallel", "claw")
 _SQUEEZE = 0.02  # m beyond closed; a command that saturates the gripper's force whatever it holds
 _JAW_ROOM = 0.006  # m between a handle and the jaw that does not move, before the claw closes (chosen by us)
 
-_ARM = {"joints", "actuators", "velocity", "acceleration", "effort", "home"}
+_ARM = {"joints", "actuators", "velocity", "acceleration", "effort", "home", "stiffness", "damping"}
 _BASE = {"kind", "body", "footprint", "distance"}
 _PLANAR = {"joints", "actuators", "velocity", "acceleration", "effort"}
-_TOOL = {"site", "palm", "palm_width", "tip", "finger_width"}
+_TOOL = {"site", "body", "position", "quat_wxyz", "palm", "palm_width", "tip", "finger_width"}
 _GRIPPER = {"kind", "actuator", "joints", "bodies", "stroke", "force"}
 _CLAW = {"open", "closed", "lever", "fixed_jaw"}
 _TOP = {"name", "description", "model", "arm", "base", "tool", "gripper"}
@@ -44,6 +45,10 @@ class RobotSpec:
     angle (rad) is `jaw_open` at full opening and `jaw_closed` when shut; its actuator takes the angle. lever: m from that
     hinge to the tool point (1 for a parallel gripper); fixed_jaw: m from the tool point to the face of the jaw that does
     not move, on the side of -y (0 for a parallel gripper).
+
+    A model without a tool site gets one: on `tool_body` (empty: it has one), at tool_position (3,) m, turned by
+    tool_quat_wxyz (4,). stiffness, damping: (n,) of servos that replace the model's actuators (N m/rad, N m s/rad), or
+    empty: it has its own. See robots/model.py.
     """
 
     name: str
@@ -75,6 +80,11 @@ class RobotSpec:
     jaw_closed: float = 0.0
     lever: float = 1.0
     fixed_jaw: float = 0.0
+    tool_body: str = ""
+    tool_position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    tool_quat_wxyz: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    stiffness: tuple[float, ...] = ()
+    damping: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.arm_joints)
@@ -95,6 +105,24 @@ class RobotSpec:
             if not 0 < getattr(self, key) < np.inf:
                 raise InputError(f"robot {self.name!r}: {key} must be positive, got {getattr(self, key)}")
         self._check_kinds()
+        self._check_additions()
+
+    def _check_additions(self) -> None:
+        n = len(self.arm_joints)
+        if len(self.tool_position) != 3 or len(self.tool_quat_wxyz) != 4 or not any(self.tool_quat_wxyz):
+            raise InputError(
+                f"robot {self.name!r}: tool.position takes 3 numbers and tool.quat_wxyz 4, not all zero"
+            )
+        if not (self.stiffness or self.damping):
+            return
+        if self.planar or self.gripper_kind != "parallel":
+            raise InputError(
+                f"robot {self.name!r}: arm.stiffness makes servos for a fixed arm with a parallel gripper only",
+                "write the actuators into the MJCF file",
+            )
+        for key, values in (("stiffness", self.stiffness), ("damping", self.damping)):
+            if len(values) != n or min(values) <= 0 or not np.all(np.isfinite(values)):
+                raise InputError(f"robot {self.name!r}: arm.{key} must hold {n} positive numbers")
 
     def _check_kinds(self) -> None:
         for key, kind, known in (
@@ -217,9 +245,7 @@ def _section(raw: dict[str, Any], name: str, path: Path) -> dict[str, Any]:
 
 def _build(raw: dict[str, Any], s: dict[str, dict[str, Any]], path: Path) -> RobotSpec:
     arm, base, tool, gripper = s["arm"], s["base"], s["tool"], s["gripper"]
-    model = path.parent / str(raw["model"])
-    if not model.is_file():
-        raise InputError(f"robot file {path} names the model {model.name}, which is not beside it")
+    model = locate(str(raw["model"]), path.parent)
     planar, claw = base["kind"] == "planar", gripper.get("kind") == "claw"
     nearest, farthest = base["distance"]
 
@@ -256,4 +282,9 @@ def _build(raw: dict[str, Any], s: dict[str, dict[str, Any]], path: Path) -> Rob
         jaw_closed=float(gripper["closed"]) if claw else 0.0,
         lever=float(gripper["lever"]) if claw else 1.0,
         fixed_jaw=float(gripper["fixed_jaw"]) if claw else 0.0,
+        tool_body=str(tool.get("body", "")),
+        tool_position=tuple(float(v) for v in tool.get("position", (0, 0, 0))),
+        tool_quat_wxyz=tuple(float(v) for v in tool.get("quat_wxyz", (1, 0, 0, 0))),
+        stiffness=tuple(float(v) for v in arm.get("stiffness", ())),
+        damping=tuple(float(v) for v in arm.get("damping", ())),
     )

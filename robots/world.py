@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.model import robot_model
 from robots.paint import painted
 from robots.spec import RobotSpec
 from twin import geometry as geo
@@ -286,7 +287,7 @@ def _add_robot(scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedes
             group=3,
             rgba=[0.45, 0.47, 0.5, 1],
         )
-    child = mujoco.MjSpec.from_file(str(spec.model))
+    child = robot_model(spec)
     for geom in child.geoms:
         if geom.contype or geom.conaffinity:
             geom.contype, geom.conaffinity = ROBOT, ROBOT | PART | STATIC

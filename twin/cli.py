@@ -32,6 +32,10 @@ VERBS = {
     "evaluate": ("twin.verbs:evaluate", "compare a run with the truth"),
     "physics": ("twin.physics.verbs:physics", "show, set or estimate what parts weigh and how they resist"),
     "doctor": ("twin.verbs:doctor", "say what this machine lacks, and how to get it"),
+    "robots": (
+        "robots.verbs:robots",
+        "list or show the robots that can open parts, or fetch a model from the net",
+    ),
     "engines": (
         "twin.verbs:engines",
         "list or install the programs that judge exports in environments of their own",
@@ -230,6 +234,9 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
             help="json npz csv ros2 moveit spot lerobot",
         )
         add("-o", "--out", metavar="FOLDER", type=Path, required=True, help="folder to write")
+    if verb == "robots":
+        add("action", choices=("list", "show", "fetch"), help="what to do")
+        add("name", metavar="NAME", nargs="?", help="name of a robot, or a robot file")
     if verb == "engines":
         add("--install", metavar="NAME", nargs="+", default=[], help="environments to make, or all")
     if verb == "evaluate":

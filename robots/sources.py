@@ -1,0 +1,65 @@
+"""Finds robot model files on this machine. Nothing is imported from other packages, nothing is downloaded.
+
+The search goes from what the user said to what happens to be installed: beside the robot file, the folder named by
+FUNTWIN_MENAGERIE (a checkout of MuJoCo Menagerie), a cache that robot_descriptions has filled, installed packages.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from importlib.metadata import distributions
+from pathlib import Path, PurePosixPath
+
+from twin.errors import InputError
+
+MENAGERIE = "FUNTWIN_MENAGERIE"
+_LOG = logging.getLogger(__name__)
+
+
+def locate(model: str, beside: Path) -> Path:
+    """The file of a robot file's `model`, a relative path such as "panda.xml" or "franka_emika_panda/panda.xml".
+
+    Raises InputError when the path leaves the folders it is looked for in, or no folder has it.
+    """
+    relative = PurePosixPath(model)
+    if relative.is_absolute() or ".." in relative.parts or not relative.parts:
+        raise InputError(
+            f"robot model {model!r} must be a path below the robot file's folder or below a Menagerie checkout",
+            "give it without a leading / and without ..",
+        )
+    for root in (beside, *checkouts()):
+        if (root / relative).is_file():
+            if root != beside:
+                _LOG.info("robot model %s from %s", model, root)
+            return root / relative
+    installed = _installed(relative) if len(relative.parts) > 1 else None
+    if installed is not None:
+        _LOG.info("robot model %s from the installed package file %s", model, installed)
+        return installed
+    raise InputError(
+        f"robot file names the model {model}, which is not beside it",
+        f"put it there, or set {MENAGERIE} to a checkout that has it",
+    )
+
+
+def checkouts() -> list[Path]:
+    """Folders of MuJoCo Menagerie on this machine, the user's own first."""
+    cache = Path(os.environ.get("ROBOT_DESCRIPTIONS_CACHE", "~/.cache/robot_descriptions")).expanduser()
+    named = os.environ.get(MENAGERIE)
+    if named and not Path(named).expanduser().is_dir():
+        raise InputError(f"{MENAGERIE} names {named}, which is no folder", "unset it or correct it")
+    folders = [Path(named).expanduser()] if named else []
+    return [*folders, *(f for f in (cache / "mujoco_menagerie",) if f.is_dir())]
+
+
+def _installed(relative: PurePosixPath) -> Path | None:
+    """The first file, by package name, of an installed package whose path ends with `relative`."""
+    tail = relative.parts
+    for package in sorted(distributions(), key=lambda d: str(d.name)):
+        for file in package.files or ():
+            if file.parts[-len(tail) :] == tail:
+                path = Path(str(package.locate_file(file)))
+                if path.is_file():
+                    return path
+    return None

@@ -1,0 +1,229 @@
+"""The bundled Spot against an independent computation of the published table (Pinocchio), and what it opens."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import robots
+from robots.catalog import resolve
+from robots.chain import read_chain
+from robots.config import PlanConfig
+from robots.placement import floor_height
+from robots.world import build_world
+from tests.robots import furniture
+from twin import geometry as geo
+from twin.errors import InputError
+
+pin = pytest.importorskip("pinocchio")
+
+FAST = PlanConfig(candidates=150, finalists=2)
+# joint, type, origin in the frame before it, lower, upper, torque: the manufacturer's robot description
+ARM = [
+    ("arm_sh0", "RZ", (0.292, 0.0, 0.188), -2.61799, 3.14159, 90.9),
+    ("arm_sh1", "RY", (0.0, 0.0, 0.0), -3.14159, 0.523599, 181.8),
+    ("arm_el0", "RY", (0.3385, 0.0, 0.0), 0.0, 3.14159, 90.9),
+    ("arm_el1", "RX", (0.4033, 0.0, 0.075), -2.79253, 2.79253, 30.3),
+    ("arm_wr0", "RY", (0.0, 0.0, 0.0), -1.8326, 1.8326, 30.3),
+    ("arm_wr1", "RX", (0.0, 0.0, 0.0), -2.87979, 2.87979, 30.3),
+]
+HAND = (0.19557, 0.0, 0.0)  # of the hand frame in the last link
+
+
+def reference() -> pin.Model:
+    """Planar base and arm, from the table alone; frame "tool" has the hand's axes, x out of it."""
+    model = pin.Model()
+    body = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.515]))
+    parent = model.addJoint(0, pin.JointModelPX(), body, "base_x")
+    parent = model.addJoint(parent, pin.JointModelPY(), pin.SE3.Identity(), "base_y")
+    parent = model.addJoint(parent, pin.JointModelRZ(), pin.SE3.Identity(), "base_yaw")
+    for name, kind, origin, *_ in ARM:
+        joint = getattr(pin, f"JointModel{kind}")()
+        parent = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(origin)), name)
+    hand = pin.SE3(np.eye(3), np.array(HAND))
+    model.addFrame(pin.Frame("tool", parent, 0, hand, pin.FrameType.OP_FRAME))
+    return model
+
+
+# tool axes in the hand's: z is the hand's x (out), y its z (the claw closes downwards), x its y
+TOOL_AXES = np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def spot():
+    spec = resolve("spot")
+    model = mujoco.MjModel.from_xml_path(str(spec.model))
+    return spec, model, read_chain(model, spec)
+
+
+@pytest.fixture(scope="module")
+def drawer():
+    twin = furniture.drawer(error=0.02, seed=1)
+    return twin, robots.plan(twin, "part", "spot", config=FAST)
+
+
+@pytest.fixture(scope="module")
+def door():
+    twin = furniture.door("left")
+    return twin, robots.plan(twin, 2, "spot", config=FAST)
+
+
+def samples(chain, n=30):
+    return np.random.default_rng(5).uniform(chain.lower, chain.upper, (n, 9))
+
+
+def test_forward_kinematics_and_jacobian_are_the_published_tables(spot):
+    spec, model, chain = spot
+    ref = reference()
+    rdata, data, frame = ref.createData(), mujoco.MjData(model), ref.getFrameId("tool")
+    q = samples(chain)
+    poses, jacobians = chain.forward(q)
+    to_tool = TOOL_AXES[:3, :3].T
+    for k in range(len(q)):
+        pin.framesForwardKinematics(ref, rdata, q[k])
+        expected = rdata.oMf[frame].homogeneous @ TOOL_AXES
+        data.qpos[:9] = q[k]
+        mujoco.mj_kinematics(model, data)
+        site = data.site(spec.tool)
+        assert np.abs(poses[k] - expected).max() < 1e-12
+        assert np.abs(site.xpos - expected[:3, 3]).max() < 1e-12
+        assert np.abs(site.xmat.reshape(3, 3) - expected[:3, :3]).max() < 1e-12
+        local = pin.computeFrameJacobian(ref, rdata, q[k], frame, pin.ReferenceFrame.LOCAL)
+        assert np.abs(jacobians[k][:3] - to_tool @ local[:3]).max() < 1e-12
+        assert np.abs(jacobians[k][3:] - to_tool @ local[3:]).max() < 1e-12
+
+
+def test_gravity_torque_is_pinocchios_from_the_same_masses(spot):
+    spec, model, chain = spot
+    data, ref = mujoco.MjData(model), pin.buildModelFromMJCF(str(spec.model))
+    rdata = ref.createData()
+    largest = 0.0
+    for q in samples(chain, 10):
+        full = np.append(q, -0.3)
+        data.qpos[:], data.qvel[:] = full, 0.0
+        mujoco.mj_forward(model, data)
+        expected = pin.computeGeneralizedGravity(ref, rdata, full)
+        assert np.abs(data.qfrc_bias - expected).max() < 1e-6
+        # arm and claw are compensated; the slides and the turn of the base don't feel gravity
+        assert np.abs(data.qfrc_gravcomp - expected).max() < 1e-6
+        largest = max(largest, np.abs(expected[3:9]).max())
+    assert 10 < largest < 0.5 * 181.8  # the real arm carries itself with ease
+
+
+def test_limits_and_masses_are_the_published_ones(spot):
+    spec, model, chain = spot
+    assert spec.arm_joints[3:] == tuple(row[0] for row in ARM)
+    assert np.allclose(chain.lower[3:], [row[3] for row in ARM])
+    assert np.allclose(chain.upper[3:], [row[4] for row in ARM])
+    assert np.allclose(spec.effort[3:], [row[5] for row in ARM])
+    assert np.allclose(model.actuator_forcerange[:9, 1], spec.effort)
+    assert np.allclose(model.jnt_actfrcrange[3:9, 1], spec.effort[3:])
+    arm = model.body_subtreemass[model.body("shoulder").id]
+    assert arm == pytest.approx(2.596 + 1.450 + 0.980 + 0.785 + 0.200, abs=2e-3)
+    assert model.body("body").mass[0] == pytest.approx(32.86 + 4 * (1.68 + 2.34 + 0.35))
+    assert spec.force <= 130  # the real claw's peak
+    assert model.actuator(spec.gripper_actuator).forcerange[1] == pytest.approx(spec.force * spec.lever)
+
+
+def test_inertias_are_physical(spot):
+    _, model, _ = spot
+    for k in range(1, model.nbody):
+        i = np.sort(model.body_inertia[k])
+        assert i[0] > 0
+        assert i[2] <= i[0] + i[1] + 1e-9
+
+
+def test_the_claw_closes_on_its_tool_point(spot):
+    """Jaws meet where spec.fixed_jaw says, and open by the stroke at the tool point."""
+    spec, model, _ = spot
+    data = mujoco.MjData(model)
+    data.qpos[9] = spec.jaws(0.0)[0]
+    mujoco.mj_kinematics(model, data)
+    low, high = model.geom("lower_jaw_blade").id, model.geom("upper_jaw_blade").id
+    assert abs(mujoco.mj_geomDistance(model, data, low, high, 1.0, None)) < 0.006
+    tool = data.site(spec.tool)
+    frame = geo.make_pose(tool.xmat.reshape(3, 3), tool.xpos)
+    face = geo.make_pose(data.geom_xmat[low].reshape(3, 3), data.geom_xpos[low])
+    in_tool = geo.invert_pose(frame) @ face
+    assert in_tool[1, 3] + model.geom_size[low][2] == pytest.approx(-spec.fixed_jaw, abs=1e-9)
+    data.qpos[9] = spec.jaws(spec.stroke)[0]
+    mujoco.mj_kinematics(model, data)
+    assert mujoco.mj_geomDistance(model, data, low, high, 1.0, None) > 0.06
+
+
+def test_spot_stands_on_the_floor_and_keeps_to_itself(spot):
+    spec, model, _ = spot
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    assert np.allclose(data.qpos[:9], spec.home)
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0
+    feet = [g for g in range(model.ngeom) if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_SPHERE]
+    lowest = sorted(data.geom_xpos[g][2] - model.geom_size[g][0] for g in feet)[:4]
+    assert np.allclose(lowest, 0.0, atol=1e-3)
+
+
+def check(report):
+    assert report.ok, report.reason
+    assert report.opening_final >= 0.90
+    assert report.success_75
+    assert report.slip_mm <= 10
+    assert max(report.torque_share) < 1
+    assert report.limit_margin > 0
+    assert 0 < report.grip_force_max <= 70 + 1e-9
+    assert not report.unintended
+
+
+def test_spot_opens_a_drawer_though_the_contact_is_off(drawer):
+    twin, trajectory = drawer
+    report = robots.replay(twin, trajectory, video=False)
+    check(report)
+    again = robots.replay(twin, trajectory, video=False)
+    assert again.to_json() == report.to_json()
+
+
+def test_spot_opens_a_door(door):
+    twin, trajectory = door
+    check(robots.replay(twin, trajectory, video=False))
+
+
+def test_only_the_claw_moves_the_part(drawer):
+    twin, trajectory = drawer
+    world = build_world(twin, resolve("spot"), trajectory.T_world_base, trajectory.pedestal)
+    assert world.model.neq == 0
+    assert world.model.nu == 10
+    open_hand = replace(trajectory, gripper=np.full(len(trajectory.times), 0.1))
+    report = robots.replay(twin, open_hand, video=False)
+    assert not report.ok
+    assert "did not get hold" in report.reason
+
+
+def test_the_base_stays_on_the_floor_and_inside_its_limits(door):
+    twin, trajectory = door
+    assert trajectory.pedestal == 0.0
+    assert trajectory.T_world_base[2, 3] == pytest.approx(floor_height(twin.static.mesh), abs=1e-9)
+    assert np.all(np.abs(trajectory.qd) <= trajectory.velocity_limits)
+    assert trajectory.joint_names[:3] == ("base_x", "base_y", "base_yaw")
+    assert trajectory.position_error.max() <= PlanConfig().position_tolerance
+
+
+def test_the_stance_does_not_give_way(door):
+    """The servos hold the base within 5 mm and 0.5 degrees of the plan while the door pulls on the arm."""
+    twin, trajectory = door
+    world = build_world(twin, resolve("spot"), trajectory.T_world_base, trajectory.pedestal)
+    from robots.replayer import simulate
+
+    record, _ = simulate(world, trajectory, robots.ReplayConfig())
+    wanted, _, _ = trajectory.at(record.times)
+    error = np.abs(record.q - wanted)[:, :3].max(axis=0)
+    assert error[:2].max() < 0.005
+    assert error[2] < np.deg2rad(0.5)
+
+
+def test_an_arm_trajectory_is_not_replayed_by_another_robot(door):
+    twin, trajectory = door
+    with pytest.raises(InputError, match="planned for"):
+        robots.replay(twin, trajectory, robot="franka", video=False)
