@@ -208,6 +208,17 @@ def test_equal_input_gives_equal_shapes_and_the_cache_gives_them_back(bare: Twin
     assert len(list(tmp_path.iterdir())) == 4, "another config is another key"
 
 
+def test_shapes_that_are_the_same_stay_once() -> None:
+    twin = cabinet_twin(T)
+    board, *others = twin.static.collision
+    hull = hull_of(points_of(board)).mesh
+    again = Mesh(hull.vertices[::-1].copy(), len(hull.vertices) - 1 - hull.faces)
+    shapes = [[board, *others, hull, again], *(list(p.collision) for p in twin.parts)]
+    clear = make_clear(twin, shapes, 0.001, 0.05)
+    assert len(clear[0]) == 1 + len(others)
+    assert [len(s) for s in clear[1:]] == [len(p.collision) for p in twin.parts]
+
+
 def test_given_shapes_are_kept() -> None:
     twin = cabinet_twin()
     assert with_collision(twin) is twin

@@ -57,20 +57,30 @@ def make_clear(
 ) -> list[list[Collision]]:
     """Cut shapes (static first, then one list per part) until parts keep `clearance` from others over their range.
 
-    Static shapes give way to parts; of two parts, the later one in the twin. A part and its parent may touch.
+    Static shapes give way to parts; of two parts, the later one in the twin. A part and its parent may touch. Shapes that
+    overlapped can be cut down to the same rest: it stays once.
     """
     shapes = [list(s) for s in shapes]
     for _ in range(_ROUNDS):
         touches = find_touches(twin, shapes, clearance, step)
         if not touches:
-            return shapes
+            return [_distinct(s) for s in shapes]
         _give_way(shapes, touches, clearance)
     for owner, index in sorted(
         {(t.owner, t.index) for t in find_touches(twin, shapes, clearance, step)}, reverse=True
     ):
         if owner == 0:  # could not be cut free in all rounds
             del shapes[0][index]
-    return shapes
+    return [_distinct(s) for s in shapes]
+
+
+def _distinct(shapes: list[Collision]) -> list[Collision]:
+    """Each shape once, to a micrometre."""
+    seen: dict[bytes, Collision] = {}
+    for s in shapes:
+        points = np.round(points_of(s) / 1e-6) + 0.0
+        seen.setdefault(points[np.lexsort(points.T)].tobytes(), s)
+    return list(seen.values())
 
 
 def _give_way(shapes: list[list[Collision]], touches: list[Touch], clearance: float) -> None:
