@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -74,8 +75,16 @@ def replay(
     return report
 
 
-def simulate(world: World, trajectory: RobotTrajectory, config: ReplayConfig) -> tuple[Record, Array]:
-    """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames moments."""
+def simulate(
+    world: World,
+    trajectory: RobotTrajectory,
+    config: ReplayConfig,
+    observe: Callable[[mujoco.MjData], None] | None = None,
+) -> tuple[Record, Array]:
+    """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames moments.
+
+    observe: called with the simulation before each step, its commands set; it must leave the simulation as it is.
+    """
     model, spec = world.model, world.spec
     data = mujoco.MjData(model)
     steps = int(np.ceil((trajectory.duration + config.settle) / model.opt.timestep))
@@ -93,6 +102,8 @@ def simulate(world: World, trajectory: RobotTrajectory, config: ReplayConfig) ->
     frames = []
     for k in range(steps):
         data.ctrl[:] = ctrl[k]
+        if observe:
+            observe(data)
         mujoco.mj_step(model, data)
         if k % _RECORD_EVERY == _RECORD_EVERY - 1 or k == steps - 1:
             recorder.take(data, int(phases[k]))
