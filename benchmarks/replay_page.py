@@ -4,5 +4,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+
 def page(rows: Sequence[dict[str, Any]], trials: int) -> str:
     return ""

@@ -23,11 +23,13 @@ class Grasp:
 
     T_world_tool: (4, 4) at state 0, tool axes x along the handle, y closing, z out of the hand. turn: share of a
     revolute angle by which the hand lags behind the handle, about `handle` (3,) through hold.centre. freedom: (3,)
-    orientation weights about the tool axes for inverse kinematics. cost: what makes it less natural, 0 = best.
+    orientation weights about the tool axes for inverse kinematics. room: m by which the open hand stays to the side (-y of
+    the tool) before it closes and after it opened. cost: what makes it less natural, 0 = best.
     """
 
     hold: Hold
     T_world_tool: Array
+    room: float
     handle: Array
     turn: float
     freedom: Array
@@ -45,9 +47,9 @@ class Grasp:
         return joint.poses(states) @ from_centre @ turned @ to_centre @ self.T_world_tool
 
 
-def backed_off(T_world_tool: Array, distance: float) -> Array:
-    """The tool pose drawn back along its own z."""
-    return T_world_tool @ geo.make_pose(translation=[0, 0, -distance])
+def backed_off(T_world_tool: Array, distance: float, aside: float = 0.0) -> Array:
+    """The tool pose drawn back along its own z and, by `aside`, to its own -y."""
+    return T_world_tool @ geo.make_pose(translation=[0, -aside, -distance])
 
 
 def make_grasps(
@@ -79,5 +81,5 @@ def make_grasps(
                 cost = abs(lean) / 0.45 * 0.3 + 1.2 * turn + roll + 0.5 * rank
                 cost += (hold.thickness / spec.stroke) ** 2
                 label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"
-                grasps.append(Grasp(hold, tool, along, turn, freedom, cost, label))
+                grasps.append(Grasp(hold, tool, spec.room(hold.thickness), along, turn, freedom, cost, label))
     return grasps

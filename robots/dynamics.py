@@ -17,6 +17,9 @@ from twin.geometry import Array
 from twin.scene import Part, Revolute
 
 
+_SETS_IN = 0.1  # of the highest rate, at which dry friction is fully fed forward (chosen by us)
+
+
 @dataclass(frozen=True, eq=False)
 class Terms:
     """Joint torques (n, j) in N m along a path that takes T seconds: still + viscous / T + inertial / T^2."""
@@ -54,7 +57,7 @@ class PartLoad:
     friction: float
 
     def still(self, states: Array, direction: float) -> Array:
-        """Force (n,) that moves the part slowly: dry friction and weight."""
+        """Force (n,) that moves the part slowly, dry friction and weight; holds it still for a direction of 0."""
         return np.array([direction * self.friction + weight_load(self.part, s) for s in states])
 
 
@@ -139,11 +142,39 @@ class ArmDynamics:
         way = float(states[-1] - states[0])
         if load is None or way == 0.0:
             return Terms(still, viscous, inertial)
-        # d(tool)/d(state) = J q' / way; the force that gives `f` along the joint is f t / |t|^2
-        torque, square = self.work(q, first / way)
-        per_force = torque / np.maximum(square, 1e-6)[:, None]
+        per_force = self._per_force(q, first / way)
         return Terms(
             still + load.still(states, np.sign(way))[:, None] * per_force,
             viscous + (load.damping * way * rate)[:, None] * per_force,
             inertial + (load.inertia * way * acceleration)[:, None] * per_force,
         )
+
+    def _per_force(self, q: Array, direction: Array) -> Array:
+        """Torques (n, j) that give a force of 1 along the part's joint; direction: (n, j) dq / d(state).
+
+        d(tool)/d(state) = t = J direction; the force that gives `f` along the joint is f t / |t|^2.
+        """
+        torque, square = self.work(q, direction)
+        return np.asarray(torque / np.maximum(square, 1e-6)[:, None])
+
+    def beyond_gravity(
+        self,
+        q: Array,
+        first: Array,
+        second: Array,
+        rate: Array,
+        acceleration: Array,
+        states: Array,
+        load: PartLoad | None,
+    ) -> Array:
+        """Torques (n, j) of the same motion that gravity compensation does not give: the arm's inertia and damping, and
+        the part. Its dry friction sets in with the motion: what does not move yet must not be pushed."""
+        qd, qdd = first * rate[:, None], first * acceleration[:, None] + second * (rate**2)[:, None]
+        arm = self.torque(q, qd, qdd) - self.torque(q, np.zeros_like(q), np.zeros_like(q))
+        way = float(states[-1] - states[0])
+        if load is None or way == 0.0:
+            return arm
+        moving = np.clip(rate / (_SETS_IN * max(float(rate.max()), 1e-9)), 0.0, 1.0)
+        force = load.still(states, 0.0) + np.sign(way) * load.friction * moving
+        force = force + way * (load.damping * rate + load.inertia * acceleration)
+        return np.asarray(arm + force[:, None] * self._per_force(q, first / way))

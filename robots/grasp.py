@@ -23,7 +23,7 @@ _SAMPLES = 60_000
 _NEAR = 0.08  # m; a handle farther from the contact than this is another handle: 3 cm error plus the fist
 _CELL = 0.012  # m; protruding points closer than this belong together, above the voxel of a fused mesh
 _MIN_HEIGHT = 0.010  # m above the plane: twice the 5 mm noise of a fused mesh
-_MAX_HEIGHT = 0.15
+_MAX_HEIGHT = 0.15  # what stands out farther is a wall of the part, such as a drawer's front seen from above
 _PINCH = 0.03  # m of a rim between the fingers and behind them: a fingertip is 2 cm long
 _SIDE = 0.06  # m to either side of a contact within which a rim is looked for
 _ELONGATED = 1.8  # length over width from which a handle is a bar
@@ -133,9 +133,8 @@ def dominant_plane(points: Array, normals: Array, contact: ContactPath) -> Plane
 def _protruding(points: Array, plane: Plane, contact: ContactPath, spec: RobotSpec) -> list[Hold]:
     height = points @ plane.normal - plane.offset
     floor = max(_MIN_HEIGHT, 3.0 * plane.noise)
-    out = points[(height > floor) & (height < _MAX_HEIGHT)]
-    cluster = _nearest_cluster(out, contact.point)
-    if cluster is None:
+    cluster = _nearest_cluster(points[height > floor], contact.point)
+    if cluster is None or float(np.quantile(cluster @ plane.normal, 0.99)) - plane.offset > _MAX_HEIGHT:
         return []
     basis = _plane_basis(cluster, plane.normal, contact)
     local = (cluster - contact.point) @ basis  # closing, along, out

@@ -195,7 +195,8 @@ class _Ground:
 
 def _tool_path(grasp: Grasp, joint: Joint, states: Array, approach: float) -> Array:
     path = grasp.path(joint, states)
-    return np.stack([backed_off(path[0], approach), *path, backed_off(path[-1], approach)])
+    first, last = (backed_off(p, approach, grasp.room) for p in (path[0], path[-1]))
+    return np.stack([first, *path, last])
 
 
 def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:

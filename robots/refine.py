@@ -46,15 +46,23 @@ def refined(
     def leg(poses: Array, at: Array, hint: Array) -> Leg:
         return _leg(solver, base, poses, at, grasp, hint, config, unit(part))
 
-    def straight(pose: Array, state: float, q: Array) -> Leg:
-        poses = np.stack([backed_off(pose, d) for d in back])
-        found = leg(poses, np.full(len(back), state), np.tile(q, (len(back), 1)))
+    def straight(poses: Array, state: float, q: Array) -> Leg:
+        found = leg(poses, np.full(len(poses), state), np.tile(q, (len(poses), 1)))
         found.q[0] = q
         return found
 
+    def away(pose: Array, state: float, q: Array) -> tuple[Leg | None, Leg]:
+        """Aside until the jaws are clear of the part, if they need it, and back."""
+        if grasp.room == 0.0:
+            return None, straight(np.stack([backed_off(pose, d) for d in back]), state, q)
+        aside = np.linspace(0.0, grasp.room, _STRAIGHT_WAYPOINTS)
+        clear = straight(np.stack([backed_off(pose, 0.0, d) for d in aside]), state, q)
+        poses = np.stack([backed_off(pose, d, grasp.room) for d in back])
+        return clear, straight(poses, state, clear.q[-1])
+
     move = leg(tool, states, rough(np.linspace(0.0, 1.0, _WAYPOINTS)))
-    approach = straight(tool[0], task.start, move.q[0]).reversed()
-    retreat = straight(tool[-1], task.goal, move.q[-1])
+    around, approach = (x if x is None else x.reversed() for x in away(tool[0], task.start, move.q[0]))
+    clear, retreat = away(tool[-1], task.goal, move.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
     release = not moves_alone(part, task.goal) if config.release is None else config.release
     samples = timed(
@@ -63,6 +71,8 @@ def refined(
         retreat if release else None,
         spec,
         config,
+        around=around,
+        clear=clear,
         held=min(grasp.hold.thickness + _ROOM, spec.stroke),
         effort=effort,
     )
@@ -80,6 +90,7 @@ def refined(
         part_state=samples.part_state,
         T_world_tool=samples.T_world_tool,
         position_error=samples.position_error,
+        effort=samples.effort,
         T_world_base=base.T_world_base,
         pedestal=base.pedestal,
         limits=np.stack([chain.lower, chain.upper]),

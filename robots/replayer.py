@@ -113,14 +113,15 @@ def simulate(
 
 
 def _commands(world: World, trajectory: RobotTrajectory, times: Array) -> Array:
-    """Actuator commands (steps, nu): q + kd/kp qd feeds the velocity forward through the servo's own damping."""
+    """Actuator commands (steps, nu): q + kd/kp qd feeds the velocity forward through the servo's own damping, effort / kp
+    the torque that the motion is known to take through its stiffness."""
     model = world.model
     q, qd, gripper = trajectory.at(times)
+    effort = trajectory.effort_at(times)
     kp = model.actuator_gainprm[world.arm_ctrl, 0]
     kd = -model.actuator_biasprm[world.arm_ctrl, 2]
     ctrl = np.zeros((len(times), model.nu))
-    low, high = model.actuator_ctrlrange[world.arm_ctrl].T
-    ctrl[:, world.arm_ctrl] = np.clip(q + kd / kp * qd, low - 0.5, high + 0.5)
+    ctrl[:, world.arm_ctrl] = q + (kd * qd + effort) / kp
     ctrl[:, world.gripper_ctrl] = world.spec.gripper_command(gripper)
     return ctrl
 

@@ -16,7 +16,7 @@ from twin.geometry import Array
 BASE_KINDS = ("fixed", "planar")
 GRIPPER_KINDS = ("parallel", "claw")
 _SQUEEZE = 0.02  # m beyond closed; a command that saturates the gripper's force whatever it holds
-_JAW_ROOM = 0.006  # m between a handle and the jaw that does not move, before the claw closes (chosen by us)
+_JAW_ROOM = 0.020  # m, at most, between a handle and the jaw that does not move, before the hand closes (chosen by us)
 
 _ARM = {"joints", "actuators", "velocity", "acceleration", "effort", "home", "stiffness", "damping"}
 _BASE = {"kind", "body", "footprint", "distance"}
@@ -175,13 +175,17 @@ class RobotSpec:
         return np.where(opening > 1e-6, opening, -_SQUEEZE)
 
     def beside(self, thickness: float) -> float:
-        """How far (m, along y) the tool point stands off the middle of a handle of this thickness before closing.
+        """How far (m, along y) the tool point stands off the middle of a handle of this thickness when it is held.
 
-        0 for fingers that close evenly; a claw brings its fixed jaw near the handle, so closing moves it little.
+        0 for fingers that close evenly; the jaw of a claw that does not move lies on the handle.
         """
-        if self.gripper_kind == "parallel":
-            return 0.0
-        return self.fixed_jaw - _JAW_ROOM - thickness / 2
+        return 0.0 if self.gripper_kind == "parallel" else self.fixed_jaw - thickness / 2
+
+    def room(self, thickness: float) -> float:
+        """How far (m, along -y) the hand stays from where it holds until it closes, so that both jaws clear the handle."""
+        return (
+            0.0 if self.gripper_kind == "parallel" else min(_JAW_ROOM, max(self.stroke - thickness, 0.0) / 2)
+        )
 
 
 def load_spec(path: Path) -> RobotSpec:

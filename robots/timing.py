@@ -50,6 +50,7 @@ class Samples:
     part_state: Array
     T_world_tool: Array
     position_error: Array
+    effort: Array
     phases: tuple[str, ...]
 
 
@@ -68,29 +69,34 @@ def timed(
     spec: RobotSpec,
     config: PlanConfig,
     *,
+    around: Leg | None = None,
+    clear: Leg | None = None,
     held: float = 0.0,
     effort: Effort | None = None,
 ) -> Samples:
     """Samples of all phases.
 
     Without `approach` the motion starts with the hand about the part, opened to `held` (m); without `retreat` the hand
-    keeps holding at the end. effort: also keep the torques within their share.
+    keeps holding at the end. around, clear: ways of the hand while it closes and while it opens. effort: also keep the torques within their share.
 
     Raises PlanningError when a joint is too weak for the way however slowly it is taken.
     """
     pieces = []
+    moving = _travel("move", move, 0.0, spec, config, effort, loaded=True)
+    nothing = np.zeros(move.q.shape[1])
     if approach is not None:
         pieces.append(_travel("approach", approach, spec.stroke, spec, config, effort, loaded=False))
-    closing = _rest("close", move, 0, CLOSE, 0.0)
-    if approach is None:
+        if around is not None:
+            pieces.append(_travel("close", around, 0.0, spec, config, effort, loaded=False))
+        closing = _rest("close", move, 0, CLOSE, 0.0, nothing)
+    else:
+        closing = _rest("close", move, 0, CLOSE, 0.0, moving.effort[0])
         closing.gripper[0] = held
-    pieces += [
-        closing,
-        _travel("move", move, 0.0, spec, config, effort, loaded=True),
-        _rest("hold", move, -1, HOLD, 0.0),
-    ]
+    pieces += [closing, moving, _rest("hold", move, -1, HOLD, 0.0, moving.effort[-1])]
     if retreat is not None:
-        pieces.append(_rest("open", move, -1, OPEN, spec.stroke))
+        if clear is not None:
+            pieces.append(_travel("open", clear, spec.stroke, spec, config, effort, loaded=False))
+        pieces.append(_rest("open", clear or move, -1, OPEN, spec.stroke, nothing))
         pieces.append(_travel("retreat", retreat, spec.stroke, spec, config, effort, loaded=False))
     clock = 0.0
     starts, first = [], True
@@ -109,6 +115,7 @@ def timed(
         part_state=column("part_state"),
         T_world_tool=column("T_world_tool"),
         position_error=column("position_error"),
+        effort=column("effort"),
         phases=tuple(name for p, (_, s) in zip(pieces, starts, strict=True) for name in p.phases[s]),
     )
 
@@ -140,19 +147,29 @@ def _travel(
     if effort is not None:
         duration = max(duration, _by_torque(spline, leg, spec, config, effort, loaded))
     times, s, rate = quintic(duration, STEP)
+    states = np.interp(s, share, leg.state)
+    torque = np.zeros((len(s), leg.q.shape[1]))
+    if effort is not None:
+        u = times / duration
+        acceleration = (60 * u - 180 * u**2 + 120 * u**3) / duration**2
+        load = effort.load if loaded else None
+        torque = effort.arm.beyond_gravity(
+            spline(s), spline(s, 1), spline(s, 2), rate, acceleration, states, load
+        )
     return Samples(
         times=times,
         q=spline(s),
         qd=spline(s, 1) * rate[:, None],
         gripper=np.full(len(s), gripper),
-        part_state=np.interp(s, share, leg.state),
+        part_state=states,
         T_world_tool=_between(leg.tool, s),
         position_error=np.interp(s, share, leg.error),
+        effort=torque,
         phases=(name,) * len(s),
     )
 
 
-def _rest(name: str, leg: Leg, at: int, seconds: float, gripper: float) -> Samples:
+def _rest(name: str, leg: Leg, at: int, seconds: float, gripper: float, effort: Array) -> Samples:
     n = int(np.ceil(seconds / STEP)) + 1
     return Samples(
         times=np.linspace(0.0, seconds, n),
@@ -162,6 +179,7 @@ def _rest(name: str, leg: Leg, at: int, seconds: float, gripper: float) -> Sampl
         part_state=np.full(n, leg.state[at]),
         T_world_tool=np.tile(leg.tool[at], (n, 1, 1)),
         position_error=np.full(n, leg.error[at]),
+        effort=np.tile(effort, (n, 1)),
         phases=(name,) * n,
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +31,8 @@ class RobotTrajectory:
     phases: (n,) names out of PHASES. part_state: (n,) commanded state, m or rad. T_world_tool: (n, 4, 4).
     position_error: (n,) m between the wanted and the reachable tool position. T_world_base: (4, 4).
     pedestal: m, height of the base above the floor. limits: (2, j) rad. velocity_limits: (j,) rad/s.
+    effort: (n, j) N m (N for a slide) that the motion and the part ask of the joints beside gravity compensation, by the
+    twin's physics; zeros when left out.
     start, goal: states from which and to which the part is brought. grasp: how the hand holds the part. score, clearance (m): of the chosen base.
     """
 
@@ -57,14 +59,17 @@ class RobotTrajectory:
     clearance: float
     rejected: tuple[RejectedBase, ...] = ()
     start: float = 0.0
+    effort: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n, j = len(self.times), len(self.joint_names)
         shapes = {
             "times": (n,), "q": (n, j), "qd": (n, j), "gripper": (n,), "part_state": (n,),
             "T_world_tool": (n, 4, 4), "position_error": (n,), "T_world_base": (4, 4),
-            "limits": (2, j), "velocity_limits": (j,),
+            "limits": (2, j), "velocity_limits": (j,), "effort": (n, j),
         }  # fmt: skip
+        if np.size(self.effort) == 0:
+            object.__setattr__(self, "effort", np.zeros((n, j)))
         for key, shape in shapes.items():
             values = np.array(getattr(self, key), dtype=np.float64)
             if values.shape != shape or not np.all(np.isfinite(values)):
@@ -94,6 +99,10 @@ class RobotTrajectory:
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.times[-1] - self.times[0])
+
+    def effort_at(self, times: Array) -> Array:
+        """Effort (m, j) at any times, linear between samples, held beyond the ends."""
+        return np.stack([np.interp(times, self.times, e) for e in self.effort.T], axis=1)
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
         """Joint positions (m, j), velocities (m, j) and gripper command (m,) at any times, held beyond the ends.

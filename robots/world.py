@@ -291,6 +291,8 @@ def _add_robot(scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedes
     for geom in child.geoms:
         if geom.contype or geom.conaffinity:
             geom.contype, geom.conaffinity = ROBOT, ROBOT | PART | STATIC
+    for name in spec.arm_actuators:  # commands carry velocity and torque too; the force stays limited
+        child.actuator(name).ctrllimited = 0
     scene.attach(child, prefix=PREFIX, frame=mount.add_frame())
 
 

@@ -17,7 +17,7 @@ from twin.errors import InputError, PlanningError
 FORMAT = "funtwin-trajectory/1"
 _ARRAYS = (
     "times", "q", "qd", "gripper", "part_state", "T_world_tool", "position_error", "T_world_base", "limits",
-    "velocity_limits",
+    "velocity_limits", "effort",
 )  # fmt: skip
 
 

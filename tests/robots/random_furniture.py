@@ -54,7 +54,9 @@ def _handle(rng, handle, face, rim, vertical):
     """Boxes, grip point, direction along, direction out, thickness; `rim`: (outermost point, direction) of a bare board."""
     along = _Z if vertical else _X
     if handle == "bar":
-        boxes, grip = bar(face, rng.uniform(0.10, 0.22), vertical, rng.uniform(0.010, 0.020), rng.uniform(0.03, 0.045))
+        boxes, grip = bar(
+            face, rng.uniform(0.10, 0.22), vertical, rng.uniform(0.010, 0.020), rng.uniform(0.03, 0.045)
+        )
         return boxes, grip, along, _OUT, 0.016
     if handle == "knob":
         boxes, grip = _knob(face)
@@ -135,10 +137,17 @@ def _drawer(low: float, high: float) -> Callable[..., Made]:
         front = box([0, 0.012, z], [width - _GAP, _BOARD, tall - _GAP])
         inner = tall - over - 0.05
         tray = [box([0, 0.25, z - over / 2 - inner / 2 + 0.005], [width - 0.06, 0.44, 0.01])]
-        tray += [box([s * (width / 2 - 0.035), 0.25, z - over / 2 - 0.01], [0.012, 0.44, inner - 0.02]) for s in (-1, 1)]
+        tray += [
+            box([s * (width / 2 - 0.035), 0.25, z - over / 2 - 0.01], [0.012, 0.44, inner - 0.02])
+            for s in (-1, 1)
+        ]
         at, top = rng.uniform(-0.1, 0.1) * width, z + tall / 2 - _GAP / 2
         boxes, grip, along, out, thick = _handle(
-            rng, handle, [at, 0.003, z], (np.array([at, 0.012, top]), np.array([0.0, 0.0, 1.0])), vertical=False
+            rng,
+            handle,
+            [at, 0.003, z],
+            (np.array([at, 0.012, top]), np.array([0.0, 0.0, 1.0])),
+            vertical=False,
         )
         joint = Prismatic(_OUT, 0.0, rng.uniform(0.2, 0.42))
         around = _neighbours(rng, z - tall / 2, z + tall / 2, width, 0.0)
@@ -150,17 +159,17 @@ def _drawer(low: float, high: float) -> Callable[..., Made]:
 def _sliding(rng, handle) -> Made:
     width, tall = rng.uniform(0.4, 0.6), rng.uniform(0.4, 1.1)
     z = rng.uniform(max(0.06 + tall / 2, 0.45), 1.3)
+    z = min(z, 1.55 - tall / 2) if handle == "edge" else z
     side = rng.choice([-1.0, 1.0])
     travel = rng.uniform(0.6, 0.85) * width
     over = _OVERHANG if handle == "edge" else 0.0
-    # the cabinet is two doors wide; the door begins at one end of it, over which a door without handle stands
-    middle = side * (width / 2 - over / 2)
-    cabinet = shell(2 * width - over, 0.4, tall + 0.04, [middle + side * over / 2, 0.24, z])
+    # the cabinet is two doors wide; a door without handle stands over its top
+    cabinet = shell(2 * width, 0.4, tall + 0.04 - 2 * over, [side * width / 2, 0.24, z - over / 2])
     front = box([0, 0.012, z], [width, _BOARD, tall])
-    at = z + rng.uniform(-0.2, 0.2) * tall
+    at, across = z + rng.uniform(-0.2, 0.2) * tall, rng.uniform(-0.3, 0.3) * width
     boxes, grip, along, out, thick = _handle(
         rng, handle, [-side * (width / 2 - 0.06), 0.003, at],
-        (np.array([-side * width / 2, 0.012, at]), np.array([-side, 0.0, 0.0])), vertical=True,
+        (np.array([across, 0.012, z + tall / 2]), _Z), vertical=handle != "edge",
     )  # fmt: skip
     joint = Prismatic(np.array([side, 0.0, 0.0]), 0.0, travel)
     return [front, *boxes], cabinet, joint, grip, along, out, thick
@@ -170,9 +179,7 @@ def _lid(rng, handle) -> Made:
     width, depth, tall = rng.uniform(0.4, 0.8), rng.uniform(0.3, 0.45), rng.uniform(0.4, 0.8)
     over = _OVERHANG if handle == "edge" else 0.01
     # an open box, top at z = tall; the lid's front rim stands over it
-    walls = [
-        box([s * (width / 2 - _BOARD / 2), depth / 2, tall / 2], [_BOARD, depth, tall]) for s in (-1, 1)
-    ]
+    walls = [box([s * (width / 2 - _BOARD / 2), depth / 2, tall / 2], [_BOARD, depth, tall]) for s in (-1, 1)]
     walls += [box([0, y, tall / 2], [width, _BOARD, tall]) for y in (_BOARD / 2, depth - _BOARD / 2)]
     walls.append(box([0, depth / 2, 0.03], [width, depth, _BOARD]))
     top = tall + _GAP + _BOARD / 2
@@ -193,7 +200,10 @@ def _lid(rng, handle) -> Made:
 
 def _upright(rng, handle, face):
     if handle == "knob":
-        return [box(face + 0.012 * _Z, [0.012, 0.012, 0.024]), box(face + 0.030 * _Z, [0.03, 0.03, 0.018])], face + 0.030 * _Z
+        return [
+            box(face + 0.012 * _Z, [0.012, 0.012, 0.024]),
+            box(face + 0.030 * _Z, [0.03, 0.03, 0.018]),
+        ], face + 0.030 * _Z
     long, off = rng.uniform(0.10, 0.20), 0.04
     posts = [box(face + off / 2 * _Z + s * (long / 2 - 0.01) * _X, [0.012, 0.012, off]) for s in (-1, 1)]
     middle = face + (off + 0.007) * _Z
