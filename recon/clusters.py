@@ -16,10 +16,11 @@ from sklearn.cluster import HDBSCAN
 from recon.joint_config import JointConfig
 from recon.joint_type import decide
 from recon.motion_frame import orient
-from recon.track_bundle import CHI3_MEDIAN, Kind, Model, Observations, residuals
 from recon.track_fit import TrackFit, compare_kinds, fit_kinds
+from recon.track_following import follows, predicted_travel, row_medians
+from recon.track_model import CHI3_MEDIAN, Kind, Model, Observations, residuals
 from recon.track_shapes import track_shapes
-from recon.track_start import follows, predicted_travel, row_medians, travel_and_noise
+from recon.track_start import travel_and_noise
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.scene import Prismatic, Revolute

@@ -10,7 +10,7 @@ from recon.contact import ContactConfig
 from recon.fusion import FusionConfig
 from recon.gravity import GravityConfig
 from recon.labels import LabelConfig
-from recon.motion import MotionConfig
+from recon.motion_config import MotionConfig
 from recon.refine_terms import RefineConfig
 from recon.tracks import TrackConfig
 

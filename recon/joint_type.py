@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recon.joint_config import JointConfig
-from recon.track_bundle import Kind
+from recon.track_model import Kind
 from twin.errors import ConfigError
 from twin.geometry import Array
 

@@ -20,8 +20,8 @@ from recon.joint_type import TypeEvidence, TypeHint, decide, hint_about
 from recon.motion_fit import MotionFit
 from recon.motion_frame import orient
 from recon.pose_fit import fit_motion_poses
-from recon.track_bundle import Kind, Observations
 from recon.track_fit import TrackFit, agreeing_rms, compare_kinds, fit_kinds, movers
+from recon.track_model import Kind, Observations
 from recon.track_start import travel_and_noise
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError

@@ -10,71 +10,33 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.hand_color import HandColorConfig, hand_tracks
-from recon.intervals import Interval, IntervalConfig, Movers, find_movers, state_intervals
+from recon.hand_color import hand_tracks
+from recon.intervals import Movers, find_movers, state_intervals
 from recon.joint_type import TypeHint
-from recon.joints import JointConfig, MotionFit, fit_motion
+from recon.joints import MotionFit, fit_motion
+from recon.motion_config import MotionConfig
+from recon.part_identity import is_another_part, same_part
 from recon.parts import MovingPart
 from recon.recording import Recording
-from recon.track_bundle import Model, Observations
-from recon.track_start import track_support
+from recon.rests import known_rest_spans, rest_spans, restless
+from recon.track_following import track_support
+from recon.track_model import Model, Observations
 from recon.tracks import Tracks
 from twin import geometry as geo
-from twin.errors import ConfigError, ReconstructionError
+from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.scene import FIRST_PART_ID, Motion, Revolute, Trajectory
 
-REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
+_DEFAULT = MotionConfig()
 _AS_WELL = 0.9  # a fit to more tracks is kept when the tracks follow it nearly as well; wrong ones have a quarter or less
 _CALM_ROUNDS = (
     2  # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 )
-
-
-@dataclass(frozen=True)
-class MotionConfig:
-    """Finding parts among tracks. Chosen by us unless the comment says otherwise.
-
-    far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
-    last fits. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
-    further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
-    max_residual: m, RMS that its fit may leave. max_looseness: most times the RMS of the first part, which the same camera
-    sees. max_moving_share: of the frames that see it, those in which it moves.
-    max_axis_sigma: rad, uncertainty of its axis. same_axis, same_pivot: rad and m, two fits nearer than this that move
-    at the same time are two faces of one part.
-    """
-
-    far_share: float = 0.3
-    rest_tolerance: float = 0.012
-    max_parts: int = 8
-    min_tracks: int = 15
-    min_share: float = 0.1
-    min_travel: float = 0.04
-    max_residual: float = 0.008
-    max_looseness: float = 2.5
-    max_moving_share: float = 0.8
-    max_axis_sigma: float = float(np.radians(2.0))
-    same_axis: float = float(np.radians(10.0))
-    same_pivot: float = 0.06
-    joint: JointConfig = field(default_factory=JointConfig)
-    interval: IntervalConfig = field(default_factory=IntervalConfig)
-    hand: HandColorConfig = field(default_factory=HandColorConfig)
-
-    def __post_init__(self) -> None:
-        if (
-            not 0 < self.far_share < 1
-            or self.rest_tolerance <= 0
-            or self.max_parts < 1
-            or self.min_tracks < 3
-        ):
-            raise ConfigError(
-                f"motion: far_share in 0..1, positive rest_tolerance, max_parts >= 1, min_tracks >= 3 are needed: {self}"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +61,7 @@ def find_parts(
     recording: Recording,
     tracks: Tracks,
     cameras: Trajectory,
-    config: MotionConfig = MotionConfig(),
+    config: MotionConfig = _DEFAULT,
     hints: Sequence[TypeHint] = (),
 ) -> FoundParts:
     """Find every part that moves by a joint. hints: joint types that somebody expects; see `recon.joint_type`.
@@ -127,13 +89,13 @@ def find_parts(
             if not found:
                 raise
             break
-        known = _same_part(fit, members, movers, found, config)
+        known = same_part(fit, members, movers, [f.part for f in found], config)
         if known is not None:
             both = found[known].members | members
             fits[known] = _fit_of_both(fits[known], both, movers, config)
             part = _moving_part(found[known].part.id, fits[known], recording, cameras, config)
             found[known] = replace(found[known], part=part, members=both)
-        elif found and not _is_another_part(fit, members, movers, fits[0], found[0].members, config):
+        elif found and not is_another_part(fit, members, movers, fits[0], found[0].members, config):
             break
         else:
             circling = members | (free & ~hand & _on_course(fit, movers, config))
@@ -161,12 +123,12 @@ def _fit_one(
     first, frames = bool((free == movers.moving).all()), len(recording)
     free = free & ~hand
     best = _fit_first((_far(free, travel, config), free), free, movers, config, hints)
-    hand = hand | hand_tracks(recording, cameras, tracks, _rests(best.fit, frames, config), config.hand)
+    hand = hand | hand_tracks(recording, cameras, tracks, rest_spans(best.fit, frames, config), config.hand)
     free = free & ~hand
     try:
         best = _fit_first((_far(free, travel, config), free), free, movers, config, hints)
         for _ in range(_CALM_ROUNDS):
-            calm = free & ~_restless(movers, free, _known_rests(best.fit, frames, config), config)
+            calm = free & ~restless(movers, free, known_rest_spans(best.fit, frames, config), config)
             every = _fit_first((calm,), free, movers, config, hints)
             if every.support < _AS_WELL * best.support:  # led astray by what slips along edges
                 break
@@ -245,91 +207,6 @@ def _far(free: NDArray[np.bool_], travel: Array, config: MotionConfig) -> NDArra
     return free & (travel > max(config.interval.min_displacement, config.far_share * reach))
 
 
-def _rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
-    """Spans of frames in which the fitted part rests, a few frames away from its motion."""
-    spans, start = [], 0
-    for interval in (*_spans(fit, config), Interval(frames + 1, frames + 2)):
-        first, last = start, min(interval.first - REST_MARGIN, frames - 1)
-        if last - first >= REST_MARGIN:
-            spans.append((first, last))
-        start = interval.last + REST_MARGIN
-    return spans
-
-
-def _known_rests(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
-    """Spans of rest cut to the frames whose state is known: past the last of these the part may well move on."""
-    spans = []
-    for first, last in _rests(fit, frames, config):
-        known = fit.frames[(fit.frames >= first) & (fit.frames <= last)]
-        if len(known) and known[-1] - known[0] >= REST_MARGIN:
-            spans.append((int(known[0]), int(known[-1])))
-    return spans
-
-
-def _restless(
-    movers: Movers, chosen: NDArray[np.bool_], rests: Sequence[tuple[int, int]], config: MotionConfig
-) -> NDArray[np.bool_]:
-    """Tracks (K,) that move while the part rests: on the hand, or slipping along an edge."""
-    out = np.zeros_like(chosen)
-    for k in np.flatnonzero(chosen):
-        for first, last in rests:
-            p = movers.points_world[first : last + 1, k][movers.visible[first : last + 1, k]]
-            if len(p) >= 6:
-                d = np.linalg.norm(p - np.median(p, axis=0), axis=1)
-                out[k] |= bool(np.quantile(d, 0.9) > config.rest_tolerance)
-    return out
-
-
-def _same_part(
-    fit: MotionFit,
-    members: NDArray[np.bool_],
-    movers: Movers,
-    found: Sequence[PartTracks],
-    config: MotionConfig,
-) -> int | None:
-    """Index of the found part that the new tracks belong to, if there is one: its joint and states carry most of them,
-    or the new fit found its joint again at the same time (from the tracks on its other face)."""
-    for number, other in enumerate(found):
-        T_part_world = geo.invert_pose(other.part.joint.poses(other.part.motion.state))
-        frames = other.part.motion.frames
-        rigid = 0
-        for k in np.flatnonzero(members):
-            seen = movers.visible[frames, k]
-            back = geo.transform(T_part_world[seen], movers.points_world[frames[seen], k][:, None])[:, 0]
-            spread = np.linalg.norm(back - np.median(back, axis=0), axis=1)
-            rigid += bool(np.median(spread) < 2.0 * config.rest_tolerance)
-        if rigid > 0.5 * int(members.sum()) or _same_joint(fit, other, config):
-            return number
-    return None
-
-
-def _same_joint(fit: MotionFit, other: PartTracks, config: MotionConfig) -> bool:
-    """Whether a fit has the joint of a found part and moves together with it, or right before or after it."""
-    joint, known = fit.joint, other.part.joint
-    if joint.kind != known.kind or geo.line_angle(joint.axis, known.axis) > config.same_axis:
-        return False
-    if isinstance(joint, Revolute) and isinstance(known, Revolute):
-        centre = np.nanmedian(fit.landmarks, axis=0)
-        feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, known)]
-        if np.linalg.norm(feet[0] - feet[1]) > config.same_pivot:
-            return False
-    gap = 2 * REST_MARGIN
-    spans = _spans(fit, config)
-    return any(
-        i.first <= last + gap and first <= i.last + gap
-        for i in spans
-        for first, last in other.part.motion.intervals
-    )
-
-
-def _spans(fit: MotionFit, config: MotionConfig) -> tuple[Interval, ...]:
-    """When the fitted part surely moves: its slow starts and ends count as rest."""
-    # Each frame's own uncertainty would call slow starts rest; 5 % of the range is well above both.
-    careful = replace(config.interval, rest_share=0.05)
-    noise = fit.joint.sigma.state if fit.joint.sigma else 0.0
-    return state_intervals(fit.frames, fit.state, noise, careful)
-
-
 def _on_course(fit: MotionFit, movers: Movers, config: MotionConfig) -> NDArray[np.bool_]:
     """Tracks (K,) that keep their distance from the fitted joint's axis and their place along it, or move along the slide.
 
@@ -365,28 +242,6 @@ def _fit_of_both(
     before, after = (float(_support(f, members, movers, config).sum()) for f in (fit, both))
     # its type was handed on, not given by anybody: what decided the first fit's type still does
     return replace(both, type_source=fit.type_source) if better and after >= _AS_WELL * before else fit
-
-
-def _is_another_part(
-    fit: MotionFit,
-    members: NDArray[np.bool_],
-    movers: Movers,
-    first: MotionFit,
-    of_first: NDArray[np.bool_],
-    config: MotionConfig,
-) -> bool:
-    """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
-
-    Points that slip along edges while the camera sways also follow some joint, but loosely and without ever resting.
-    """
-    enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(of_first.sum()))
-    lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))
-    far = float(fit.joint.upper * lever) >= config.min_travel
-    moving = sum(i.last - i.first + 1 for i in _spans(fit, config))
-    rests = 0 < moving <= config.max_moving_share * len(fit.frames) and bool(np.any(members & movers.rested))
-    sure = fit.joint.sigma is not None and fit.joint.sigma.axis <= config.max_axis_sigma
-    loose = fit.residual > min(config.max_residual, config.max_looseness * first.residual)
-    return enough and far and rests and sure and not loose
 
 
 def _moving_part(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.pose_graph import CHI6_MEDIAN, motion_jacobian, right_inverse, twist_of
-from recon.track_bundle import Kind
+from recon.track_model import Kind
 from twin import geometry as geo
 from twin.geometry import Array
 

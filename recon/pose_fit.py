@@ -12,7 +12,7 @@ from recon.motion_frame import orient
 from recon.pose_bundle import FLOOR, PoseBundle, chi2, refine_poses
 from recon.pose_edges import edges_from_poses, graph_pairs
 from recon.pose_graph import PoseGraph, edge_errors, solve_pose_graph, twist_of
-from recon.track_bundle import Kind, Model
+from recon.track_model import Kind, Model
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array

@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 from recon.joint_config import JointConfig
 from recon.joint_type import TypeEvidence, delta_bic, truncated_chi2
-from recon.track_bundle import Bundle, Kind, Model, Observations, refine, residuals
-from recon.track_start import Hypothesis, follows, pair_hypotheses, states_of, track_support, travel_and_noise
+from recon.track_bundle import Bundle, refine
+from recon.track_following import follows, track_support
+from recon.track_model import Kind, Model, Observations, residuals
+from recon.track_start import Hypothesis, pair_hypotheses, travel_and_noise
+from recon.track_states import states_of
 from twin.errors import ReconstructionError
 from twin.geometry import Array
 

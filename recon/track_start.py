@@ -1,4 +1,4 @@
-"""From raw 3D tracks to candidate joints: which tracks move, how pairs of frames move, what most tracks follow."""
+"""From raw 3D tracks to candidate joints: which tracks move, and how they move between pairs of frames."""
 
 from __future__ import annotations
 
@@ -7,19 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from recon.joint_config import JointConfig
-from recon.track_bundle import (
+from recon.track_model import (
     CHI3_MEDIAN,
     SIGMA_MIN,
     Kind,
-    Model,
     Observations,
-    median_landmarks,
-    pull_back,
-    residuals,
-    squared_residuals,
 )
 from twin import geometry as geo
 from twin.geometry import Array
@@ -28,7 +22,6 @@ _WINDOW = 5  # observations in the running median that measures travel (by us)
 _PAIR_ROUNDS = (
     3  # rigid motions sought in one frame pair: the part, the hand that moves with it, what is at rest
 )
-_LEVER = 0.3  # m; tracks farther from an axis have no more say in its states (by us)
 _NOISE_MIN = 1e-4  # m; thresholds never get finer than this
 
 
@@ -237,192 +230,3 @@ def joints_of_motion(pose: Array, before: Array, after: Array) -> list[Hypothesi
         pivot = centre + 0.5 * moved + 0.5 / np.tan(angle / 2) * np.cross(axis, moved)
         out.append(Hypothesis("revolute", axis, pivot))
     return out
-
-
-@njit(cache=True)
-def _weighted_median(values, weights):  # type: ignore[no-untyped-def]
-    order = np.argsort(values)
-    total = weights.sum()
-    run = 0.0
-    for m in order:
-        run += weights[m]
-        if run >= 0.5 * total:
-            return values[m]
-    return values[order[-1]]
-
-
-@njit(cache=True)
-def _wrap(angle, revolute):  # type: ignore[no-untyped-def]
-    if revolute:
-        return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
-    return angle
-
-
-@njit(cache=True)
-def _additive_states(coord, lever, weight, revolute, sigma, rounds):  # type: ignore[no-untyped-def]
-    """States (T,) from coord[k, t] = offset[k] + state[t], by medians then reweighted means.
-
-    coord: angle about the axis or distance along it; lever (K, T): metres per unit. The model is linear, so what most
-    tracks share wins whatever the chained start was.
-    """
-    n_tracks, n_frames = coord.shape
-    state = np.zeros(n_frames)
-    values, masses = np.empty(n_tracks), np.empty(n_tracks)
-    last = -1
-    for t in range(n_frames):
-        n = 0
-        if last >= 0:
-            for k in range(n_tracks):
-                if weight[k, t] > 0.0 and weight[k, last] > 0.0:
-                    values[n] = _wrap(coord[k, t] - coord[k, last], revolute)
-                    masses[n] = lever[k, t] * weight[k, t]
-                    n += 1
-            state[t] = state[last]
-            if n:
-                state[t] += _weighted_median(values[:n], masses[:n])
-        for k in range(n_tracks):
-            if weight[k, t] > 0.0:
-                last = t
-                break
-    offset = np.zeros(n_tracks)
-    buffer = np.empty(n_frames)
-    for _round in range(rounds):
-        for k in range(n_tracks):
-            n = 0
-            first = 0.0
-            for t in range(n_frames):
-                if weight[k, t] > 0.0:
-                    d = coord[k, t] - state[t]
-                    if n == 0:
-                        first = d
-                    buffer[n] = _wrap(d - first, revolute)
-                    n += 1
-            if n:
-                offset[k] = first + np.median(buffer[:n])
-        for t in range(n_frames):
-            n = 0
-            for k in range(n_tracks):
-                if weight[k, t] > 0.0:
-                    d = _wrap(coord[k, t] - offset[k] - state[t], revolute)
-                    values[n] = d
-                    m = d * lever[k, t] / (3.0 * sigma)
-                    masses[n] = weight[k, t] * lever[k, t] / (1.0 + m * m)
-                    n += 1
-            if n:
-                state[t] += _weighted_median(values[:n], masses[:n])
-    return state
-
-
-def states_of(obs: Observations, joint: Hypothesis, sigma: float, rounds: int = 4) -> Array:
-    """State (T,) in every frame under a joint hypothesis, by what most tracks share."""
-    if joint.kind == "prismatic":
-        coord = obs.points @ joint.axis
-        lever = np.ones_like(coord)
-    else:
-        basis = geo.orthogonal_basis(joint.axis)
-        plane = (obs.points - joint.pivot) @ basis[:, :2]
-        coord = np.arctan2(plane[..., 1], plane[..., 0])
-        lever = np.minimum(
-            np.linalg.norm(plane, axis=-1), _LEVER
-        )  # or a few far tracks would outvote the part
-    return np.asarray(_additive_states(coord, lever, obs.weight, joint.kind == "revolute", sigma, rounds))
-
-
-def track_support(obs: Observations, model: Model, sigma: float, config: JointConfig) -> Array:
-    """How much better each track (K,) follows a model, over everything it was seen, than standing still: 0..1.
-
-    Following is the mean over its observations of 1 - r^2 / tau^2 (not below 0). Standing still is judged alike, and taken
-    off: else a model that hardly moves wins by all the tracks that rest most of the time.
-    """
-    square, _, marks = residuals(obs, model, sigma, rounds=2)
-    seen = obs.weight > 0
-    count = np.maximum(seen.sum(axis=1), 1)
-    tau2 = (config.prune_sigmas * CHI3_MEDIAN * sigma) ** 2
-    still = squared_residuals(obs.points, obs.weight, median_landmarks(obs.points, obs.weight))
-    moving, resting = (
-        (np.clip(1.0 - q / tau2, 0.0, 1.0) * seen).sum(axis=1) / count for q in (square, still)
-    )
-    gain = np.maximum(moving**2 - resting**2, 0.0)
-    return np.asarray(np.where(predicted_travel(obs, model, marks) > config.mover_sigmas * sigma, gain, 0.0))
-
-
-def predicted_travel(obs: Observations, model: Model, landmarks: Array) -> Array:
-    """Path extent (K,) m that the model gives each track over the frames in which it is seen."""
-    seen = obs.weight > 0
-    state = median_filter(
-        model.state, size=min(5, len(model.state)), mode="nearest"
-    )  # single frames may jump
-    high = np.where(seen, state, -np.inf).max(axis=1)
-    low = np.where(seen, state, np.inf).min(axis=1)
-    span = np.where(seen.any(axis=1), high - low, 0.0)
-    if model.kind == "prismatic":
-        return np.asarray(span)
-    away = landmarks - model.pivot
-    radius = np.linalg.norm(away - np.outer(away @ model.axis, model.axis), axis=1)
-    return np.asarray(2.0 * radius * np.sin(np.minimum(span, np.pi) / 2.0))
-
-
-@njit(cache=True)
-def row_medians(values, weight):  # type: ignore[no-untyped-def]
-    """Median (K,) of values (K, T) where the weight is positive; infinite for an empty row."""
-    out = np.full(len(values), np.inf)
-    for k in range(len(values)):
-        known = values[k][weight[k] > 0.0]
-        if len(known):
-            out[k] = np.median(known)
-    return out
-
-
-@njit(cache=True)
-def _creep(z, weight, landmarks, state):  # type: ignore[no-untyped-def]
-    """Per track: length of the slope of z over the state, its information (sum of squared states), state range."""
-    n_tracks, n_frames = weight.shape
-    out = np.zeros((n_tracks, 3))
-    for k in range(n_tracks):
-        total, mean = 1e-300, 0.0
-        low, high = np.inf, -np.inf
-        for t in range(n_frames):
-            if weight[k, t] > 0.0:
-                total += weight[k, t]
-                mean += weight[k, t] * state[t]
-                low, high = min(low, state[t]), max(high, state[t])
-        mean /= total
-        square = 0.0
-        product = np.zeros(3)
-        for t in range(n_frames):
-            if weight[k, t] > 0.0:
-                c = state[t] - mean
-                square += weight[k, t] * c * c
-                for i in range(3):
-                    product[i] += weight[k, t] * c * (z[k, t, i] - landmarks[k, i])
-        if square > 1e-18:
-            out[k, 0] = np.sqrt((product * product).sum()) / square
-            out[k, 1] = square
-            out[k, 2] = high - low
-    return out
-
-
-def creeping(
-    obs: Observations, model: Model, sigma: float, members: NDArray[np.bool_], config: JointConfig
-) -> NDArray[np.bool_]:
-    """Tracks (K,) that move against the part in step with its state, as a hand that turns about the handle does.
-
-    The slope of a track's pulled-back points over the state is zero for a rigid member. It counts when it exceeds four
-    standard deviations (one in a thousand by chance; the deviation is rescaled by the members' own median, since real
-    tracks creep) and adds up to more than `search_sigma` metres over the motion.
-    """
-    _, weight, marks = residuals(obs, model, sigma)
-    z = pull_back(obs.points, weight, model.kind == "revolute", model.axis, model.pivot, model.state)
-    slope, information, span = _creep(z, weight, marks, model.state).T
-    score = slope * np.sqrt(information) / sigma
-    scale = max(1.0, float(np.median(score[members])) / CHI3_MEDIAN) if members.any() else 1.0
-    return np.asarray((score > 4.0 * scale) & (slope * span > config.search_sigma))
-
-
-def follows(obs: Observations, model: Model, sigma: float, config: JointConfig) -> NDArray[np.bool_]:
-    """Tracks (K,) whose median residual stays within `prune_sigmas` times that of pure noise and that do not creep."""
-    square, _, marks = residuals(obs, model, sigma)
-    middle = np.sqrt(row_medians(square, obs.weight))
-    moved = predicted_travel(obs, model, marks) > config.mover_sigmas * sigma
-    near = middle < config.prune_sigmas * CHI3_MEDIAN * sigma
-    return np.asarray(near & moved & ~creeping(obs, model, sigma, near & moved, config))

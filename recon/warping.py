@@ -46,6 +46,48 @@ def median_depth(depth: F32, factor: int) -> F32:
     return out
 
 
+@numba.njit(cache=True, inline="always")
+def _landing(m: F32, px: float, py: float, z: float, camera: F32, h: int, w: int) -> Any:
+    """Nearest pixel (u, v) and depth (m) of a point in a reference camera; u is -1 where its 3x3 are not all in view."""
+    ui, vi = -1, -1
+    qz = m[2, 0] * px + m[2, 1] * py + m[2, 2] * z + m[2, 3]
+    if qz >= np.float32(0.05):
+        u = (m[0, 0] * px + m[0, 1] * py + m[0, 2] * z + m[0, 3]) / qz * camera[0] + camera[2]
+        v = (m[1, 0] * px + m[1, 1] * py + m[1, 2] * z + m[1, 3]) / qz * camera[1] + camera[3]
+        if not (u < 0.5 or v < 0.5 or u > w - 1.6 or v > h - 1.6):
+            ui, vi = int(u + np.float32(0.5)), int(v + np.float32(0.5))
+    return ui, vi, qz
+
+
+@numba.njit(cache=True, inline="always")
+def _neighbourhood(
+    ref_depth: F32, ref_color: F32, r: int, ui: int, vi: int, qz: float, c0: float, c1: float, c2: float,
+    inv_var: float, inv_color: np.float32,
+) -> Any:  # fmt: skip
+    """What 3x3 pixels of reference frame r say of a point with depth qz and colour c: how far behind it the nearest
+    reading lies (m), how well the best one agrees (0..1), how many are known."""
+    one = np.float32(1.0)
+    nearest, best, known = np.float32(1e9), np.float32(0), 0
+    for b in range(vi - 1, vi + 2):
+        for a in range(ui - 1, ui + 2):
+            zr = ref_depth[r, b, a]
+            if zr <= 0:
+                continue
+            known += 1
+            gap = zr - qz
+            nearest = min(nearest, gap)
+            t2 = gap * gap * inv_var
+            if t2 < 9:
+                d0, d1, d2 = (
+                    c0 - ref_color[r, b, a, 0],
+                    c1 - ref_color[r, b, a, 1],
+                    c2 - ref_color[r, b, a, 2],
+                )
+                like = (d0 * d0 + d1 * d1 + d2 * d2) * inv_color
+                best = max(best, one / ((one + np.float32(0.15) * t2) * (one + like)))
+    return nearest, best, known
+
+
 @numba.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"})
 def compare(
     depth: F32,
@@ -93,35 +135,14 @@ def compare(
             for r in range(moves.shape[0]):
                 if np.isnan(moves[r, 0, 0]):
                     continue
-                m = moves[r]
-                qz = m[2, 0] * px + m[2, 1] * py + m[2, 2] * z + m[2, 3]
-                if qz < np.float32(0.05):
+                ui, vi, qz = _landing(moves[r], px, py, z, camera, h, w)
+                if ui < 0:
                     continue
-                u = (m[0, 0] * px + m[0, 1] * py + m[0, 2] * z + m[0, 3]) / qz * fx + cx
-                v = (m[1, 0] * px + m[1, 1] * py + m[1, 2] * z + m[1, 3]) / qz * fy + cy
-                if u < 0.5 or v < 0.5 or u > w - 1.6 or v > h - 1.6:
-                    continue
-                ui, vi = int(u + np.float32(0.5)), int(v + np.float32(0.5))
                 s2 = pixel_sigma(qz)
                 inv_var = one / (var + s2 * s2)
-                nearest, best, known = np.float32(1e9), np.float32(0), 0
-                for b in range(vi - 1, vi + 2):
-                    for a in range(ui - 1, ui + 2):
-                        zr = ref_depth[r, b, a]
-                        if zr <= 0:
-                            continue
-                        known += 1
-                        gap = zr - qz
-                        nearest = min(nearest, gap)
-                        t2 = gap * gap * inv_var
-                        if t2 < 9:
-                            d0, d1, d2 = (
-                                c0 - ref_color[r, b, a, 0],
-                                c1 - ref_color[r, b, a, 1],
-                                c2 - ref_color[r, b, a, 2],
-                            )
-                            like = (d0 * d0 + d1 * d1 + d2 * d2) * inv_color
-                            best = max(best, one / ((one + np.float32(0.15) * t2) * (one + like)))
+                nearest, best, known = _neighbourhood(
+                    ref_depth, ref_color, r, ui, vi, qz, c0, c1, c2, inv_var, inv_color
+                )
                 if can_support[r]:
                     out[0, y, x] += best
                 if side[r] != 0:

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+pytest.register_assert_rewrite(
+    "tests.robots.replays"
+)  # or a failed assertion there would not tell its numbers
+
 
 @pytest.fixture(scope="session")
 def funtwin_data() -> Path:

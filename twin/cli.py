@@ -13,12 +13,11 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import Any, NoReturn
 
 from twin.errors import FuntwinError, InputError, nearest_name
+from twin.options import OPTIONS
 
-FORMATS = ("urdf", "mjcf", "usd")
 # verb -> (function that carries it out, what it does). Named as strings: their imports take seconds.
 VERBS = {
     "demo": ("twin.verbs:demo", "the whole chain on the recording shipped with Funtwin"),
@@ -144,103 +143,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def _verb_parser(verb: str) -> argparse.ArgumentParser:
     parser = _Parser(prog=f"twin {verb}", description=f"{VERBS[verb][1][0].upper()}{VERBS[verb][1][1:]}.")
-    add = parser.add_argument
-    add("--json", action="store_true", help="print one JSON object instead of tables")
-    if verb in ("export", "check", "replay", "trajectory", "evaluate"):
-        add("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
-    if verb == "physics":
-        from twin.physics.options import add_options
-
-        add_options(parser)
-    if verb == "demo":
-        add("--recording", type=Path, help="another recording than the shipped one")
-        add("-o", "--out", metavar="RUN", type=Path, default=Path("out/demo"), help="run folder [out/demo]")
-    if verb == "simulate":
-        add("scene", metavar="SCENE.xml", type=Path, help="MJCF file with a hinge or slide joint")
-        add("--joint", required=True, help="name of the joint that the hand moves")
-        add("-o", "--out", metavar="RECORDING", type=Path, required=True, help="folder to write")
-    if verb == "reconstruct":
-        add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
-        add(
-            "-o",
-            "--out",
-            metavar="RUN",
-            type=Path,
-            required=True,
-            help="run folder; an earlier run is resumed",
-        )
-        add(
-            "--format",
-            dest="layout",
-            metavar="NAME",
-            help="layout of the recording [recognised from its files]",
-        )
-        add(
-            "--joint-hint",
-            metavar="vlm|FILE",
-            help="expected joint types, which clear motion overrules: vlm sends frames to FUNTWIN_VLM_URL",
-        )
-    if verb in ("simulate", "reconstruct", "demo"):
-        add(
-            "--config",
-            metavar="FILE.toml",
-            type=Path,
-            help="settings; keys that are left out keep their defaults",
-        )
-        add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting, e.g. --set seed=3")
-    if verb in ("export", "check"):
-        known = {"nargs": "+", "choices": FORMATS, "default": list(FORMATS), "metavar": "FORMAT"}
-        add("--format", dest="formats", help="urdf mjcf usd [all]", **known)  # type: ignore[arg-type]
-    if verb == "check":
-        add(
-            "--engines",
-            metavar="NAME",
-            nargs="+",
-            help="engines to ask, validators (of USD), or all [the engines that need no `twin engines`]",
-        )
-    if verb == "export":
-        add("--package", metavar="NAME", default="", help="make the URDF's folder the ROS package NAME")
-        add(
-            "--asset",
-            metavar="KEY=VALUE",
-            action="append",
-            default=[],
-            help="what the files state: author, license, category, qcode (of Wikidata) or date",
-        )
-    if verb == "lint":
-        add(
-            "paths", metavar="FILE|RUN", type=Path, nargs="*", help="files, or run folders with their exports"
-        )
-        add("--ignore", metavar="RULE", nargs="+", default=[], help="rules to leave out")
-        add("--rules", dest="show_rules", action="store_true", help="list the rules")
-    if verb in ("replay", "trajectory", "demo"):
-        add("--robot", default="franka", help="name of a robot [franka]")
-    if verb == "replay":
-        add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to move [all]")
-        add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
-        add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
-        add("--stiffness", type=float, metavar="SHARE", help="share of the robot's own servo stiffness")
-        add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
-        add("--grid", action="store_true", help="trials also of each kind of error alone")
-        add("--seed", type=int, default=0, metavar="S", help="of the trials [0]")
-    if verb == "trajectory":
-        add("--part", metavar="NAME", help="part that it opens [all, each in a folder of its name]")
-        add(
-            "--format",
-            dest="formats",
-            metavar="FORMAT",
-            nargs="+",
-            required=True,
-            help="json npz csv ros2 moveit spot lerobot",
-        )
-        add("-o", "--out", metavar="FOLDER", type=Path, required=True, help="folder to write")
-    if verb == "robots":
-        add("action", choices=("list", "show", "fetch"), help="what to do")
-        add("name", metavar="NAME", nargs="?", help="name of a robot, or a robot file")
-    if verb == "engines":
-        add("--install", metavar="NAME", nargs="+", default=[], help="environments to make, or all")
-    if verb == "evaluate":
-        add("--truth", metavar="FOLDER", type=Path, required=True, help="truth/ of a simulated recording")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    if verb in OPTIONS:
+        OPTIONS[verb](parser)
     return parser
 
 

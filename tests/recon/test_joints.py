@@ -13,7 +13,7 @@ from scipy.sparse import lil_matrix
 from recon.joint_config import JointConfig
 from recon.joint_type import TypeEvidence, decide
 from recon.joints import MotionFit, fit_motion, fit_motion_poses
-from recon.track_bundle import Observations
+from recon.track_model import Observations
 from recon.track_start import travel_and_noise
 from tests.laws import EXACT, EXACT_DEG, axis_error_deg, pivot_error, random_joint, random_pose, state_error
 from tests.synth import (

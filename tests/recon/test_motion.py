@@ -10,7 +10,8 @@ import pytest
 from recon.cameras import estimate_cameras
 from recon.intervals import Movers
 from recon.joints import fit_motion
-from recon.motion import FoundParts, MotionConfig, _fit_of_both, _on_course, find_parts
+from recon.motion import FoundParts, _fit_of_both, _on_course, find_parts
+from recon.motion_config import MotionConfig
 from recon.recording import Recording, open_recording
 from recon.tracks import Tracks, track_points
 from tests.recon import tiny

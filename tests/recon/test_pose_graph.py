@@ -18,7 +18,7 @@ from recon.pose_graph import (
     error_jacobians,
     solve_pose_graph,
 )
-from recon.track_bundle import Kind
+from recon.track_model import Kind
 from tests.laws import EXACT, random_joint
 from tests.synth import minimum_jerk, moved_points, part_poses
 from twin import geometry as geo

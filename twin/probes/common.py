@@ -69,6 +69,19 @@ def without_step_error(simulate: Callable[[float], Array], step: float, enough: 
     return calmest
 
 
+def stepped(
+    times: Sequence[float], step: float, advance: Callable[[], object], read: Callable[[], ArrayLike]
+) -> Array:
+    """What is read (t, n) at `times` (s, increasing) of a simulation that `advance` takes on by one step (s)."""
+    course, done = [], 0
+    for until in times:
+        for _ in range(round(until / step) - done):
+            advance()
+        done = round(until / step)
+        course.append(np.asarray(read(), dtype=np.float64))
+    return np.array(course)
+
+
 def runge_kutta(
     acceleration: Callable[[Array, Array], Array], position: ArrayLike, velocity: ArrayLike,
     times: Sequence[float], step: float,

@@ -13,7 +13,7 @@ wp.config.log_level = wp.LOG_WARNING  # it would tell of every kernel that it lo
 wp.init()
 import newton  # noqa: E402  (after the setting)
 
-from .common import Array, bounds, keep, pose, rotation_xyzw, tensor, without_step_error  # noqa: E402
+from .common import Array, bounds, keep, pose, rotation_xyzw, stepped, tensor, without_step_error  # noqa: E402
 
 VERSION = version("newton")
 KINDS = {int(newton.JointType.REVOLUTE): "revolute", int(newton.JointType.PRISMATIC): "prismatic"}
@@ -125,12 +125,11 @@ def _simulate(model: Any, index: list[int], job: dict[str, Any], step: float) ->
     model.joint_limit_kd.zero_()
     solver = newton.solvers.SolverFeatherstone(model, angular_damping=0.0)
     now, then = _state(model, index, job["position"], job["velocity"]), model.state()
-    course, done = [], 0
-    for until in job["times"]:
-        for _ in range(round(until / step) - done):
-            now.clear_forces()
-            solver.step(now, then, None, None, step)
-            now, then = then, now
-        done = round(until / step)
-        course.append(now.joint_q.numpy()[index].astype(np.float64))
-    return np.array(course)
+
+    def advance() -> None:
+        nonlocal now, then
+        now.clear_forces()
+        solver.step(now, then, None, None, step)
+        now, then = then, now
+
+    return stepped(job["times"], step, advance, lambda: now.joint_q.numpy()[index])

@@ -16,7 +16,7 @@ import numpy as np
 from ovphysx import PhysX, PhysXConfig
 from ovphysx.types import TensorType
 
-from .common import Array, keep, pose, rotation_xyzw, tensor, without_step_error
+from .common import Array, keep, pose, rotation_xyzw, stepped, tensor, without_step_error
 
 VERSION = version("ovphysx")
 PHYSX = PhysX(PhysXConfig(num_threads=1), device="cpu")  # more threads only wait for each other
@@ -167,11 +167,9 @@ def _simulate(a: _Articulation, index: list[int], job: dict[str, Any], step: flo
     still = np.zeros(len(a.joints))
     a.placed(_all(still, index, job["position"]))
     a.put("DOF_VELOCITY", _all(still, index, job["velocity"]))
-    course, done = [], 0
-    for until in job["times"]:
-        for _ in range(round(until / step) - done):
-            a.physx.step(step, 0.0)
+
+    def read() -> Array:
         a.physx.wait_all()
-        done = round(until / step)
-        course.append(a.get("DOF_POSITION")[index])
-    return np.array(course)
+        return a.get("DOF_POSITION")[index]
+
+    return stepped(job["times"], step, lambda: a.physx.step(step, 0.0), read)

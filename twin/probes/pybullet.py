@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pybullet as bullet
 
-from .common import Array, edited_urdf, keep, pose, rotation_xyzw, tensor, without_step_error
+from .common import Array, edited_urdf, keep, pose, rotation_xyzw, stepped, tensor, without_step_error
 
 VERSION = version("pybullet")
 KINDS = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
@@ -138,14 +138,13 @@ def _rollout(body: int, found: dict[str, int], job: dict[str, Any], out: dict[st
 
     def simulate(step: float) -> Array:
         bullet.setTimeStep(step)
-        course, done = [], 0
         for j, q, v in zip(found.values(), job["position"], job["velocity"], strict=True):
             bullet.resetJointState(body, j, q, v)
-        for until in job["times"]:
-            for _ in range(round(until / step) - done):
-                bullet.stepSimulation()
-            done = round(until / step)
-            course.append([bullet.getJointState(body, j)[0] for j in found.values()])
-        return np.array(course)
+        return stepped(
+            job["times"],
+            step,
+            bullet.stepSimulation,
+            lambda: [bullet.getJointState(body, j)[0] for j in found.values()],
+        )
 
     keep(out, "rollout", without_step_error(simulate, STEP, enough=1e-4), list(found))

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import sapien
 
-from .common import Array, edited_urdf, keep, pose, rotation_xyzw, tensor, without_step_error
+from .common import Array, edited_urdf, keep, pose, rotation_xyzw, stepped, tensor, without_step_error
 
 VERSION = version("sapien")
 STEP = 2e-3  # s, the largest
@@ -65,13 +65,7 @@ def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
     def simulate(step: float) -> Array:
         scene.set_timestep(step)
         put(job["position"], job["velocity"])
-        course, done = [], 0
-        for until in job["times"]:
-            for _ in range(round(until / step) - done):
-                scene.step()
-            done = round(until / step)
-            course.append(model.get_qpos()[index].astype(np.float64))
-        return np.array(course)
+        return stepped(job["times"], step, scene.step, lambda: model.get_qpos()[index])
 
     keep(out, "rollout", without_step_error(simulate, STEP, enough=1e-3), parts)
     return out

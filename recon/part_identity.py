@@ -1,0 +1,80 @@
+"""Whether a fit found a known part again, or another one that moves as a part does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.intervals import Movers
+from recon.motion_config import MotionConfig
+from recon.motion_fit import MotionFit
+from recon.parts import MovingPart
+from recon.rests import REST_MARGIN, moving_spans
+from twin import geometry as geo
+from twin.scene import Revolute
+
+
+def same_part(
+    fit: MotionFit,
+    members: NDArray[np.bool_],
+    movers: Movers,
+    found: Sequence[MovingPart],
+    config: MotionConfig,
+) -> int | None:
+    """Index of the found part that the new tracks belong to, if there is one: its joint and states carry most of them,
+    or the new fit found its joint again at the same time (from the tracks on its other face)."""
+    for number, other in enumerate(found):
+        T_part_world = geo.invert_pose(other.joint.poses(other.motion.state))
+        frames = other.motion.frames
+        rigid = 0
+        for k in np.flatnonzero(members):
+            seen = movers.visible[frames, k]
+            back = geo.transform(T_part_world[seen], movers.points_world[frames[seen], k][:, None])[:, 0]
+            spread = np.linalg.norm(back - np.median(back, axis=0), axis=1)
+            rigid += bool(np.median(spread) < 2.0 * config.rest_tolerance)
+        if rigid > 0.5 * int(members.sum()) or _same_joint(fit, other, config):
+            return number
+    return None
+
+
+def _same_joint(fit: MotionFit, other: MovingPart, config: MotionConfig) -> bool:
+    """Whether a fit has the joint of a found part and moves together with it, or right before or after it."""
+    joint, known = fit.joint, other.joint
+    if joint.kind != known.kind or geo.line_angle(joint.axis, known.axis) > config.same_axis:
+        return False
+    if isinstance(joint, Revolute) and isinstance(known, Revolute):
+        centre = np.nanmedian(fit.landmarks, axis=0)
+        feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, known)]
+        if np.linalg.norm(feet[0] - feet[1]) > config.same_pivot:
+            return False
+    gap = 2 * REST_MARGIN
+    spans = moving_spans(fit, config)
+    return any(
+        i.first <= last + gap and first <= i.last + gap
+        for i in spans
+        for first, last in other.motion.intervals
+    )
+
+
+def is_another_part(
+    fit: MotionFit,
+    members: NDArray[np.bool_],
+    movers: Movers,
+    first: MotionFit,
+    of_first: NDArray[np.bool_],
+    config: MotionConfig,
+) -> bool:
+    """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
+
+    Points that slip along edges while the camera sways also follow some joint, but loosely and without ever resting.
+    """
+    enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(of_first.sum()))
+    lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))
+    far = float(fit.joint.upper * lever) >= config.min_travel
+    moving = sum(i.last - i.first + 1 for i in moving_spans(fit, config))
+    rests = 0 < moving <= config.max_moving_share * len(fit.frames) and bool(np.any(members & movers.rested))
+    sure = fit.joint.sigma is not None and fit.joint.sigma.axis <= config.max_axis_sigma
+    loose = fit.residual > min(config.max_residual, config.max_looseness * first.residual)
+    return enough and far and rests and sure and not loose

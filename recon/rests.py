@@ -1,0 +1,58 @@
+"""When a fitted part surely moves and surely rests, and which tracks move while it rests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.intervals import Interval, Movers, state_intervals
+from recon.motion_config import MotionConfig
+from recon.motion_fit import MotionFit
+
+REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
+
+
+def moving_spans(fit: MotionFit, config: MotionConfig) -> tuple[Interval, ...]:
+    """When the fitted part surely moves: its slow starts and ends count as rest."""
+    # Each frame's own uncertainty would call slow starts rest; 5 % of the range is well above both.
+    careful = replace(config.interval, rest_share=0.05)
+    noise = fit.joint.sigma.state if fit.joint.sigma else 0.0
+    return state_intervals(fit.frames, fit.state, noise, careful)
+
+
+def rest_spans(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
+    """Spans of frames in which the fitted part rests, a few frames away from its motion."""
+    spans, start = [], 0
+    for interval in (*moving_spans(fit, config), Interval(frames + 1, frames + 2)):
+        first, last = start, min(interval.first - REST_MARGIN, frames - 1)
+        if last - first >= REST_MARGIN:
+            spans.append((first, last))
+        start = interval.last + REST_MARGIN
+    return spans
+
+
+def known_rest_spans(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
+    """Spans of rest cut to the frames whose state is known: past the last of these the part may well move on."""
+    spans = []
+    for first, last in rest_spans(fit, frames, config):
+        known = fit.frames[(fit.frames >= first) & (fit.frames <= last)]
+        if len(known) and known[-1] - known[0] >= REST_MARGIN:
+            spans.append((int(known[0]), int(known[-1])))
+    return spans
+
+
+def restless(
+    movers: Movers, chosen: NDArray[np.bool_], rests: Sequence[tuple[int, int]], config: MotionConfig
+) -> NDArray[np.bool_]:
+    """Tracks (K,) that move while the part rests: on the hand, or slipping along an edge."""
+    out = np.zeros_like(chosen)
+    for k in np.flatnonzero(chosen):
+        for first, last in rests:
+            p = movers.points_world[first : last + 1, k][movers.visible[first : last + 1, k]]
+            if len(p) >= 6:
+                d = np.linalg.norm(p - np.median(p, axis=0), axis=1)
+                out[k] |= bool(np.quantile(d, 0.9) > config.rest_tolerance)
+    return out

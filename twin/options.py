@@ -1,0 +1,183 @@
+"""Options of the command line's verbs; imports nothing heavy, so that it answers at once."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+from collections.abc import Callable
+from pathlib import Path
+
+FORMATS = ("urdf", "mjcf", "usd")
+
+
+def _demo(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--recording", type=Path, help="another recording than the shipped one")
+    add("-o", "--out", metavar="RUN", type=Path, default=Path("out/demo"), help="run folder [out/demo]")
+    _settings(parser)
+    _robot(parser)
+
+
+def _simulate(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("scene", metavar="SCENE.xml", type=Path, help="MJCF file with a hinge or slide joint")
+    add("--joint", required=True, help="name of the joint that the hand moves")
+    add("-o", "--out", metavar="RECORDING", type=Path, required=True, help="folder to write")
+    _settings(parser)
+
+
+def _reconstruct(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
+    add(
+        "-o",
+        "--out",
+        metavar="RUN",
+        type=Path,
+        required=True,
+        help="run folder; an earlier run is resumed",
+    )
+    add(
+        "--format",
+        dest="layout",
+        metavar="NAME",
+        help="layout of the recording [recognised from its files]",
+    )
+    add(
+        "--joint-hint",
+        metavar="vlm|FILE",
+        help="expected joint types, which clear motion overrules: vlm sends frames to FUNTWIN_VLM_URL",
+    )
+    _settings(parser)
+
+
+def _export(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    _run(parser)
+    _formats(parser)
+    add("--package", metavar="NAME", default="", help="make the URDF's folder the ROS package NAME")
+    add(
+        "--asset",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="what the files state: author, license, category, qcode (of Wikidata) or date",
+    )
+
+
+def _check(parser: ArgumentParser) -> None:
+    _run(parser)
+    _formats(parser)
+    parser.add_argument(
+        "--engines",
+        metavar="NAME",
+        nargs="+",
+        help="engines to ask, validators (of USD), or all [the engines that need no `twin engines`]",
+    )
+
+
+def _lint(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("paths", metavar="FILE|RUN", type=Path, nargs="*", help="files, or run folders with their exports")
+    add("--ignore", metavar="RULE", nargs="+", default=[], help="rules to leave out")
+    add("--rules", dest="show_rules", action="store_true", help="list the rules")
+
+
+def _replay(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    _run(parser)
+    _robot(parser)
+    add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to move [all]")
+    add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
+    add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
+    add("--stiffness", type=float, metavar="SHARE", help="share of the robot's own servo stiffness")
+    add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
+    add("--grid", action="store_true", help="trials also of each kind of error alone")
+    add("--seed", type=int, default=0, metavar="S", help="of the trials [0]")
+
+
+def _trajectory(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    _run(parser)
+    _robot(parser)
+    add("--part", metavar="NAME", help="part that it opens [all, each in a folder of its name]")
+    add(
+        "--format",
+        dest="formats",
+        metavar="FORMAT",
+        nargs="+",
+        required=True,
+        help="json npz csv ros2 moveit spot lerobot",
+    )
+    add("-o", "--out", metavar="FOLDER", type=Path, required=True, help="folder to write")
+
+
+def _evaluate(parser: ArgumentParser) -> None:
+    _run(parser)
+    parser.add_argument(
+        "--truth", metavar="FOLDER", type=Path, required=True, help="truth/ of a simulated recording"
+    )
+
+
+def _physics(parser: ArgumentParser) -> None:
+    from twin.physics.options import add_options
+
+    add_options(parser)
+
+
+def _robots(parser: ArgumentParser) -> None:
+    parser.add_argument("action", choices=("list", "show", "fetch"), help="what to do")
+    parser.add_argument("name", metavar="NAME", nargs="?", help="name of a robot, or a robot file")
+
+
+def _engines(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--install", metavar="NAME", nargs="+", default=[], help="environments to make, or all"
+    )
+
+
+def _run(parser: ArgumentParser) -> None:
+    parser.add_argument("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
+
+
+def _settings(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add(
+        "--config",
+        metavar="FILE.toml",
+        type=Path,
+        help="settings; keys that are left out keep their defaults",
+    )
+    add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting, e.g. --set seed=3")
+
+
+def _formats(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--format",
+        dest="formats",
+        help="urdf mjcf usd [all]",
+        nargs="+",
+        choices=FORMATS,
+        default=list(FORMATS),
+        metavar="FORMAT",
+    )
+
+
+def _robot(parser: ArgumentParser) -> None:
+    parser.add_argument("--robot", default="franka", help="name of a robot [franka]")
+
+
+# verb -> adds its options, beside --json, which every verb has
+OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
+    "demo": _demo,
+    "simulate": _simulate,
+    "reconstruct": _reconstruct,
+    "export": _export,
+    "check": _check,
+    "lint": _lint,
+    "replay": _replay,
+    "trajectory": _trajectory,
+    "evaluate": _evaluate,
+    "physics": _physics,
+    "robots": _robots,
+    "engines": _engines,
+}
