@@ -16,11 +16,11 @@ class PlanConfig:
     over_insert: how much deeper than the middle of the handle the tool point goes when the handle was found on the
     mesh; over_insert_blind: when only the hand's contact is known. approach: length of the straight way in and out.
     turn: shares of a revolute joint's angle by which the hand may lag behind the handle. lean: turns of the hand about
-    the closing direction. clearance: wanted between arm and everything else. tool_speed: peak speed of the tool while
+    the closing direction; lean_rim: more of them where a rim is held, which has nothing beside it. clearance: wanted between arm and everything else. tool_speed: peak speed of the tool while
     it moves the part. velocity_share, acceleration_share: of the robot's limits. torque_share: of the torque
     limits, for the arm's own dynamics and the part's estimated resistance; the rest is for contact. position_tolerance,
     angle_tolerance: largest error of the path. release: let go and retreat at the end; None: unless the part's weight
-    would close it again. seed: of every random draw.
+    would move it again, were its axis off by two sigma of what the twin says. seed: of every random draw.
     """
 
     candidates: int = 500
@@ -30,8 +30,9 @@ class PlanConfig:
     over_insert: float = 0.005
     over_insert_blind: float = 0.020
     approach: float = 0.10
-    turn: tuple[float, ...] = (0.0, 0.25, 0.5)
+    turn: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75)
     lean: tuple[float, ...] = (0.0, 0.45, -0.45)
+    lean_rim: tuple[float, ...] = (0.8, -0.8)
     clearance: float = 0.02
     tool_speed: float = 0.25
     velocity_share: float = 0.5

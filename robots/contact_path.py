@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
 _ROLL = 0.010  # m; a hand that lags rolls its fingers about the handle, and this much is a slip
+_STEEPEST = 0.8  # rad by which the hand may lean away from a part's outward direction (chosen by us)
 _TIP_ROOM = 0.004  # m that the fingertips keep from the surface behind a handle
 
 
@@ -22,7 +24,7 @@ class Grasp:
     """A tool pose on a hold and how it follows the part.
 
     T_world_tool: (4, 4) at state 0, tool axes x along the handle, y closing, z out of the hand. turn: share of a
-    revolute angle by which the hand lags behind the handle, about `handle` (3,) through hold.centre. freedom: (3,)
+    revolute angle by which the hand lags behind the part, about the line `handle` (3,) through hold.centre. freedom: (3,)
     orientation weights about the tool axes for inverse kinematics. room: m by which the open hand stays to the side (-y of
     the tool) before it closes and after it opened. cost: what makes it less natural, 0 = best.
     """
@@ -66,20 +68,36 @@ def make_grasps(
     wanted = config.over_insert if hold.refined else config.over_insert_blind
     deepest = min(wanted, hold.stand_off - spec.tip - _TIP_ROOM)
     closing, along, out = hold.rotation.T
-    turns = config.turn if isinstance(joint, Revolute) and abs(joint.axis @ along) > 0.5 else (0.0,)
+    about, turns = _lags(hold, joint, config)
     freedom = np.array([0.15 if hold.kind == "bar" else 0.4, 0.4, 0.4])
     way = joint.upper - joint.lower if way is None else way
+    leans = (*config.lean, *config.lean_rim) if hold.kind == "edge" else config.lean
     grasps = []
-    for flip in (1.0, -1.0):
-        for lean in config.lean:
-            upright = np.stack([along * flip, closing * flip, -out], axis=1)
-            tool = geo.make_pose(geo.exp_so3(lean * closing) @ upright, hold.centre)
-            palm = spec.palm - hold.depth - spec.palm_width / 2 * np.tan(abs(lean))
-            tool = tool @ geo.make_pose(translation=[0, spec.beside(hold.thickness), min(deepest, palm)])
-            for turn in turns:
-                roll = hold.thickness / 2 * turn * abs(way) / _ROLL
-                cost = abs(lean) / 0.45 * 0.3 + 1.2 * turn + roll + 0.5 * rank
-                cost += (hold.thickness / spec.stroke) ** 2
-                label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"
-                grasps.append(Grasp(hold, tool, spec.room(hold.thickness), along, turn, freedom, cost, label))
+    for flip, lean, turn in product((1.0, -1.0), leans, turns):
+        pivots = about is closing and turn > 0.0
+        end = lean - turn * abs(way) * float(np.sign(joint.axis @ closing)) * np.sign(way) if pivots else lean
+        if abs(end) > _STEEPEST:
+            continue  # the hand would lie down on the part
+        upright = np.stack([along * flip, closing * flip, -out], axis=1)
+        tool = geo.make_pose(geo.exp_so3(lean * closing) @ upright, hold.centre)
+        palm = spec.palm - hold.depth - spec.palm_width / 2 * np.tan(max(abs(lean), abs(end)))
+        tool = tool @ geo.make_pose(translation=[0, spec.beside(hold.thickness), min(deepest, palm)])
+        roll = 0.0 if pivots else hold.thickness / 2 * turn * abs(way) / _ROLL
+        cost = abs(lean) / 0.45 * 0.3 + 1.2 * turn + roll + 0.5 * rank
+        cost += (hold.thickness / spec.stroke) ** 2
+        label = f"{hold.kind}, flip {flip:+.0f}, lean {np.rad2deg(lean):.0f} deg, lag {turn:.2f}"
+        grasps.append(Grasp(hold, tool, spec.room(hold.thickness), about, turn, freedom, cost, label))
     return grasps
+
+
+def _lags(hold: Hold, joint: Joint, config: PlanConfig) -> tuple[Array, tuple[float, ...]]:
+    """The line about which the hand may lag behind a turning handle, and by which shares of the angle.
+
+    Along the handle the fingers roll over it; about the closing direction a knob pivots between them.
+    """
+    closing, along, _ = hold.rotation.T
+    if isinstance(joint, Revolute) and abs(joint.axis @ along) > 0.5:
+        return along, config.turn
+    if isinstance(joint, Revolute) and hold.kind == "knob" and abs(joint.axis @ closing) > 0.5:
+        return closing, config.turn
+    return along, (0.0,)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robots.chain import Chain
 from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
+from robots.draws import moved_joint
 from robots.goals import Task, unit
 from robots.ik import PathSolver
 from robots.placement import Base, unreachable
@@ -64,7 +67,7 @@ def refined(
     around, approach = (x if x is None else x.reversed() for x in away(tool[0], task.start, move.q[0]))
     clear, retreat = away(tool[-1], task.goal, move.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
-    release = not moves_alone(part, task.goal) if config.release is None else config.release
+    release = not may_move_alone(part, task.goal) if config.release is None else config.release
     samples = timed(
         None if moves_alone(part, task.start) else approach,
         move,
@@ -135,3 +138,13 @@ def moves_alone(part: Part, state: float) -> bool:
     shuts = load > friction and state > part.joint.lower + least
     opens = -load > friction and state < part.joint.upper - least
     return shuts or opens
+
+
+def may_move_alone(part: Part, state: float) -> bool:
+    """True when the part would move alone with its axis as the twin has it, or two sigma off in any direction."""
+    if part.joint.covariance is None:
+        return moves_alone(part, state)
+    values, vectors = np.linalg.eigh(part.joint.covariance[:2, :2])
+    tilts = 2.0 * np.sqrt(np.maximum(values, 0.0)) * vectors
+    shifts = [np.zeros(4), *(np.append(sign * t, [0.0, 0.0]) for t in tilts.T for sign in (1.0, -1.0))]
+    return any(moves_alone(replace(part, joint=moved_joint(part.joint, s)), state) for s in shifts)

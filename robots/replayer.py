@@ -98,10 +98,15 @@ def simulate(
     data.qpos[world.gripper_qpos] = spec.jaws(float(trajectory.gripper[0]))
     mujoco.mj_forward(model, data)
     recorder = _Recorder(world, trajectory.part_id, spec)
+    # A trajectory without approach begins with the part in the hand: until the fingers have closed it is held still.
+    gripped = times[phases == PHASES.index("close")][-1] if trajectory.phases[0] == "close" else -1.0
     frame_at = set(np.linspace(0, steps - 1, config.video_frames).astype(int).tolist())
     frames = []
     for k in range(steps):
         data.ctrl[:] = ctrl[k]
+        if times[k] <= gripped:
+            data.qpos[world.part_qpos[trajectory.part_id]] = trajectory.start
+            data.qvel[world.part_dof[trajectory.part_id]] = 0.0
         if observe:
             observe(data)
         mujoco.mj_step(model, data)

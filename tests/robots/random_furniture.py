@@ -132,6 +132,7 @@ def _drawer(low: float, high: float) -> Callable[..., Made]:
     def make(rng, handle):
         width, tall, z = rng.uniform(0.3, 0.8), rng.uniform(0.12, 0.28), rng.uniform(low, high)
         z = max(z, tall / 2 + 0.03)
+        z = min(z, 1.1 - tall / 2) if handle == "edge" else z  # taken from above
         over = _OVERHANG if handle == "edge" else 0.0
         cabinet = shell(width, 0.5, tall - over, [0, 0.275, z - over / 2])
         front = box([0, 0.012, z], [width - _GAP, _BOARD, tall - _GAP])
@@ -159,7 +160,7 @@ def _drawer(low: float, high: float) -> Callable[..., Made]:
 def _sliding(rng, handle) -> Made:
     width, tall = rng.uniform(0.4, 0.6), rng.uniform(0.4, 1.1)
     z = rng.uniform(max(0.06 + tall / 2, 0.45), 1.3)
-    z = min(z, 1.55 - tall / 2) if handle == "edge" else z
+    z = min(z, 1.2 - tall / 2) if handle == "edge" else z  # taken from above
     side = rng.choice([-1.0, 1.0])
     travel = rng.uniform(0.6, 0.85) * width
     over = _OVERHANG if handle == "edge" else 0.0
