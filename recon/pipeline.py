@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +32,7 @@ from twin.errors import InputError
 from twin.physics import keep_known, with_physics
 from twin.scene import Trajectory, Twin
 from twin.settings import as_dict
-from twin.stages import Progress, Run, versions
+from twin.stages import Progress, Run, update_manifest, versions
 from twin.storage import load, save
 
 T = TypeVar("T")
@@ -66,6 +67,7 @@ def reconstruct(
         if out is not None:
             twin = _with_what_is_known(run, twin, out)
             _write(twin, recording, out)
+            _say_where(recording, out)
     return twin
 
 
@@ -241,6 +243,17 @@ def _with_what_is_known(run: Run, twin: Twin, out: Path) -> Twin:
             f"the earlier twin is replaced, with what was measured about it if anything was: {e.problem}"
         )
         return twin
+
+
+def _say_where(recording: Recording, out: Path) -> None:
+    """Note in the manifest where the recording lies, for a film that shows its frames again.
+
+    Relative to the run folder, so that it holds when both are moved together. twin.json, whose bytes don't depend on the
+    machine, knows the recording by its fingerprint only.
+    """
+    if Path(recording.source).exists():
+        path = os.path.relpath(Path(recording.source).resolve(), out.resolve())
+        update_manifest(out, recording=Path(path).as_posix())
 
 
 def _write(twin: Twin, recording: Recording, out: Path) -> None:

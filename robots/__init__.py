@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from robots.catalog import resolve as resolve
     from robots.config import PlanConfig as PlanConfig
     from robots.config import ReplayConfig as ReplayConfig
+    from robots.demonstration import Demonstration as Demonstration
     from robots.planner import plan as plan
     from robots.replayer import replay as replay
     from robots.report import ReplayReport as ReplayReport
@@ -27,6 +28,7 @@ _HOME = {
     "resolve": "catalog",
     "PlanConfig": "config",
     "ReplayConfig": "config",
+    "Demonstration": "demonstration",
     "plan": "planner",
     "replay": "replayer",
     "ReplayReport": "report",
@@ -36,6 +38,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Demonstration",
     "PlanConfig",
     "ReplayConfig",
     "ReplayReport",

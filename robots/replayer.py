@@ -12,6 +12,7 @@ import numpy as np
 
 from robots.catalog import resolve
 from robots.config import ReplayConfig
+from robots.demonstration import Demonstration
 from robots.formats import native
 from robots.report import Record, ReplayReport, measure
 from robots.spec import RobotSpec
@@ -33,6 +34,7 @@ def replay(
     robot: str | Path | None = None,
     video: bool = True,
     config: ReplayConfig | None = None,
+    demonstration: Demonstration | None = None,
 ) -> ReplayReport:
     """Replay a trajectory and measure what happened. Deterministic.
 
@@ -40,6 +42,7 @@ def replay(
         twin: the one that was planned for. out: folder for trajectory.json, trajectory.npz, report.json and
             replay.mp4 (usually RUN/replay/<robot>/<part>); nothing is written without it.
         robot: name or robot file when it is not the trajectory's own name. video: write replay.mp4.
+        demonstration: the recording's frames; the film then shows the person beside the robot, at the same state.
 
     Raises:
         SceneError: the twin has no such part. InputError: no such robot, another arm, or an unwritable folder.
@@ -67,7 +70,7 @@ def replay(
         if video:
             from robots.video import write_video
 
-            if write_video(out / "replay.mp4", world, trajectory, part, frames, config):
+            if write_video(out / "replay.mp4", world, trajectory, part, frames, config, demonstration):
                 written = "replay.mp4"
     report = measure(record, trajectory, part, spec, wall, written)
     if out is not None:

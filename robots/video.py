@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.config import ReplayConfig
+from robots.demonstration import Demonstration
+from robots.film import side_by_side
 from robots.trajectory import RobotTrajectory
 from robots.world import STATIC, World
 from twin.errors import InputError, MissingDependencyError
@@ -29,11 +31,18 @@ _GROUPS = (1, 0, 1, 1, 0, 0)  # 2 visual meshes, 3 the robot; collision shapes o
 
 
 def write_video(
-    path: Path, world: World, trajectory: RobotTrajectory, part: Part, frames: Array, config: ReplayConfig
+    path: Path,
+    world: World,
+    trajectory: RobotTrajectory,
+    part: Part,
+    frames: Array,
+    config: ReplayConfig,
+    demonstration: Demonstration | None = None,
 ) -> bool:
-    """Draw joint positions `frames` (f, nq) and write them to `path`.
+    """Draw joint positions `frames` (f, nq), beside what the person did if that is given, and write them to `path`.
 
-    Returns False, after one warning, when no OpenGL is found: the replay itself doesn't need it.
+    Returns False, after one warning, when no OpenGL is found: the replay itself doesn't need it. A demonstration that
+    doesn't fit costs one warning and its half of the film.
     Raises InputError when the file can't be written.
     """
     try:
@@ -41,6 +50,13 @@ def write_video(
     except MissingDependencyError as e:
         _LOG.warning("no video: %s", e)
         return False
+    if demonstration is not None:
+        try:
+            images = side_by_side(
+                images, frames[:, world.part_qpos[part.id]], trajectory, part, demonstration
+            )
+        except (InputError, OSError) as e:
+            _LOG.warning("the film of %s shows the robot alone: %s", part.name, e)
     encode(path, images, config.video_rate)
     return True
 

@@ -89,6 +89,7 @@ def _replay(parser: ArgumentParser) -> None:
     add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to move [all]")
     add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
     add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
+    add("--recording", metavar="FOLDER", type=Path, help="shown beside the robot [where RUN has it from]")
     add("--stiffness", type=float, metavar="SHARE", help="share of the robot's own servo stiffness")
     add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
     add("--grid", action="store_true", help="trials also of each kind of error alone")

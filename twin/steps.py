@@ -122,6 +122,7 @@ def replay(
     trials: Mapping[str, Any] | None = None,
     goal: str = "open",
     start: str | None = None,
+    recording: Path | None = None,
 ) -> Step:
     """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin."""
     started = time.perf_counter()
@@ -129,11 +130,12 @@ def replay(
     parts = [_partnamed(twin, n) for n in names] or list(twin.parts)
     if not parts:
         raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
-    rows, reports, notes, tables = [], {}, [], []
+    demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
+    rows, reports, tables = [], {}, []
     config = named("robots:ReplayConfig")(**({} if stiffness is None else {"stiffness": stiffness}))
     for part in parts:
         row, report, note, trajectory = _replay_part(
-            progress, twin, part, robot, run_folder(run), config, goal, start
+            progress, twin, part, robot, run_folder(run), config, goal, start, demonstration
         )
         rows.append([part.name, *row])
         reports[part.name] = report
@@ -148,8 +150,31 @@ def replay(
     ok = all(r["ok"] for r in reports.values())
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
     tables = [Table(f"replay with {robot}", columns, rows), *tables]
-    outcome = Outcome({"parts": reports}, tables, notes, ok=ok)
+    outcome = Outcome({"parts": reports}, tables, notes, warnings, ok)
     return Step("replay", outcome, summary, started).kept(run_folder(run))
+
+
+def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, list[str], list[str]]:
+    """Frames of the recording for the film, notes and warnings; without any the film shows the robot alone.
+
+    Without `recording` it is looked for where the run's manifest says that it was. Raises InputError when `recording`
+    can't be read.
+    """
+    known = read_json(run / MANIFEST).get("recording")
+    path = recording or (run / known if isinstance(known, str) else None)
+    hint = "give the twin's recording with --recording to see the person beside the robot"
+    if path is None or (recording is None and not path.exists()):
+        return None, [f"the film shows the robot alone; {hint}"], []
+    try:
+        opened = named("recon.recording:open_recording")(path)
+    except InputError as e:
+        if recording is not None:
+            raise
+        return None, [], [f"the film shows the robot alone: {e.problem}; {hint}"]
+    if twin.recorded is not None and twin.recorded.fingerprint != opened.fingerprint:
+        other = f"{path} is not, or no longer, what the twin was made from (its files differ)"
+        return None, [], [f"the film shows the robot alone: {other}; {hint}"]
+    return named("robots:Demonstration")(len(opened), lambda k: opened.frame(k).color), [], []
 
 
 def _replay_part(
@@ -161,6 +186,7 @@ def _replay_part(
     config: Any,
     goal: str,
     start: str | None,
+    demonstration: Any,
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
     """Table row, report, notes and trajectory of one part; no way to move it is a missed goal, not a wrong input."""
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
@@ -175,7 +201,9 @@ def _replay_part(
     ends = tuple(round(100 * s / part.joint.upper) for s in (trajectory.start, trajectory.goal))
     task = {(0, 100): "", (100, 0): "_close"}.get(ends, f"_{ends[0]}_to_{ends[1]}")
     folder = _replay_folder(run, robot, f"{part.name}{task}")
-    r = named("robots:replay")(twin, trajectory, folder, robot=robot, config=config)
+    r = named("robots:replay")(
+        twin, trajectory, folder, robot=robot, config=config, demonstration=demonstration
+    )
     progress(f"replay {part.name}", 1.0, f"{100 * r.reached:.0f} % of the way")
     row = [
         f"{100 * r.opening_peak:.0f} %",

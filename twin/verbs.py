@@ -128,6 +128,7 @@ def replay(
     seed: int = 0,
     goal: str = "open",
     start: str | None = None,
+    recording: Path | None = None,
 ) -> Outcome:
     """A robot opens or closes the parts."""
     options = None
@@ -137,7 +138,7 @@ def replay(
     elif grid or seed:
         raise InputError("--grid and --seed belong to trials", "add --trials 100")
     with console.progress() as progress, _page(run):
-        return steps.replay(progress, run, robot, parts, stiffness, options, goal, start).outcome
+        return steps.replay(progress, run, robot, parts, stiffness, options, goal, start, recording).outcome
 
 
 def trajectory(

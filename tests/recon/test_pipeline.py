@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -52,3 +53,18 @@ def test_a_weighed_mass_outlives_another_reconstruction(
     (out / "twin" / "twin.json").write_text("{}")
     assert reconstruct(recording, out=out) is twin
     assert "the earlier twin is replaced" in read_json(out / MANIFEST)["warnings"][-1]
+
+
+def test_the_manifest_says_where_the_recording_is_from_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "_run", lambda *_: cabinet_twin())
+    tiny.write_recording(tmp_path / "data" / "r", ("door",), frames=40, scale=1, still=True)
+    monkeypatch.chdir(tmp_path / "data")
+    out = tmp_path / "runs" / "run"
+    reconstruct(open_recording(Path("r")), out=out)
+    assert read_json(out / MANIFEST)["recording"] == "../../data/r"
+    assert str(tmp_path) not in (out / "twin" / "twin.json").read_text()
+    elsewhere = replace(open_recording(Path("r")), source="a camera")
+    reconstruct(elsewhere, out=tmp_path / "b")
+    assert "recording" not in read_json(tmp_path / "b" / MANIFEST)

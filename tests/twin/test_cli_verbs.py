@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from tests.twin.scenes import cabinet_twin
 from tests.twin.stand_ins import Settings, stand_in
 from twin import cli
 from twin.errors import InputError, PlanningError
-from twin.stages import Run
+from twin.stages import Run, update_manifest
 from twin.storage import load, save
 
 
@@ -68,7 +69,10 @@ def test_replay_opens_every_part_and_keeps_the_result(
         upper = twin.part(part).joint.upper
         return Trajectory(0.0, upper) if goal == "close" else Trajectory(upper)
 
-    def replay(twin: Any, trajectory: Trajectory, out: Path, *, robot: str, config: Any) -> Replayed:
+    def replay(
+        twin: Any, trajectory: Trajectory, out: Path, *, robot: str, config: Any, demonstration: Any
+    ) -> Replayed:
+        assert demonstration is None
         name = "door_close" if trajectory.goal == 0 else "door"
         assert out == run / "replay" / "franka" / name
         return Replayed(0.98, ok=True)
@@ -97,6 +101,75 @@ def test_replay_of_a_missed_goal_exits_with_two(run: Path, monkeypatch: pytest.M
         replay=lambda *_, **__: Replayed(0.5, False, "slipped"),
     )
     assert cli.run(["replay", str(run), "--part", "2"]) == 2
+
+
+class Opened:
+    """A recording with frames that are their own index."""
+
+    def __init__(self, fingerprint: str) -> None:
+        self.fingerprint = fingerprint
+
+    def __len__(self) -> int:
+        return 30
+
+    def frame(self, index: int) -> Any:
+        return SimpleNamespace(color=index)
+
+
+@pytest.fixture
+def films(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The demonstrations that replays are given; a folder is a recording whose fingerprint is its name."""
+    given: list[Any] = []
+    (tmp_path / "data" / cabinet_twin().recorded.fingerprint).mkdir(parents=True)
+    (tmp_path / "data" / "another").mkdir()
+
+    def replay(*_: Any, demonstration: Any, **__: Any) -> Replayed:
+        given.append(demonstration)
+        return Replayed(1.0, ok=True)
+
+    def open_recording(path: Path) -> Opened:
+        if not path.is_dir():
+            raise InputError(f"recording {path} does not exist", "check the path")
+        return Opened(path.resolve().name)
+
+    stand_in(monkeypatch, plan=lambda *_, **__: Trajectory(1.0), replay=replay, open_recording=open_recording)
+    return given
+
+
+def test_a_replay_finds_the_recording_that_the_run_was_made_from(
+    run: Path, films: list[Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = cabinet_twin().recorded.fingerprint
+    replay = ["replay", str(run), "--part", "door"]
+    assert cli.run(replay) == 0
+    assert films == [None]
+    assert "--recording" in capsys.readouterr().out
+    update_manifest(run, recording=f"../data/{own}")
+    assert cli.run(replay) == 0
+    assert films[1].frames == 30
+    assert films[1].image(7) == 7
+    assert "alone" not in capsys.readouterr().out
+    (tmp_path / "data" / own).rename(tmp_path / own)
+    assert cli.run(replay) == 0
+    assert films[2] is None
+    assert cli.run([*replay, "--recording", str(tmp_path / own)]) == 0
+    assert films[3].frames == 30
+
+
+def test_another_recording_is_not_shown_and_a_wrong_path_is_told_before_planning(
+    run: Path, films: list[Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replay = ["replay", str(run), "--part", "door", "--recording"]
+    assert cli.run([*replay, str(tmp_path / "data" / "another")]) == 0
+    assert films == [None]
+    shown = " ".join("".join(capsys.readouterr()).split())
+    assert "is not, or no longer, what the twin was made from" in shown
+    assert cli.run([*replay, str(tmp_path / "data" / "nowhere")]) == 1
+    assert "nowhere does not exist" in capsys.readouterr().err
+    assert len(films) == 1
+    update_manifest(run, recording="twin/twin.json")
+    assert cli.run(replay[:-1]) == 0, "a manifest that points at something else costs the picture alone"
+    assert films == [None, None]
 
 
 def test_a_failed_reconstruction_still_renders_the_page(
