@@ -8,25 +8,25 @@ import platform
 from fractions import Fraction
 from pathlib import Path
 
+import cv2
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.camera import choose_view
 from robots.config import ReplayConfig
-from robots.demonstration import Demonstration
+from robots.demonstration import Demonstration, Image
 from robots.film import side_by_side
 from robots.trajectory import RobotTrajectory
-from robots.world import STATIC, World
+from robots.world import World
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array
 from twin.scene import Part, Revolute
 
 _LOG = logging.getLogger(__name__)
 _AXIS_COLOUR = np.array([0.95, 0.25, 0.1, 1.0], dtype=np.float32)
-# points on the fingers and on the handle to both sides of them, in tool axes (m)
-_GRIP = np.array(
-    [[0, 0.03, 0], [0, -0.03, 0], [0.05, 0, 0], [-0.05, 0, 0], [0, 0.02, -0.03], [0, -0.02, -0.03]]
-)
+_AXIS_WIDTH = 0.004  # of the distance from which it is seen
+_DASHES = 9
 _GROUPS = (1, 0, 1, 1, 0, 0)  # 2 visual meshes, 3 the robot; collision shapes of the twin (5) stay hidden
 
 
@@ -69,7 +69,9 @@ def draw(
     _finish_looks(model, size)
     renderer = _renderer(model, size)
     data = mujoco.MjData(model)
-    camera = _camera(world, data, trajectory, frames)
+    arrow = axis_arrow(part)
+    view = choose_view(world, trajectory, frames, size, np.array(arrow))
+    camera, width = view.camera(), _AXIS_WIDTH * view.distance
     option = mujoco.MjvOption()
     option.geomgroup[:] = _GROUPS
     images = []
@@ -79,8 +81,8 @@ def draw(
             mujoco.mj_kinematics(model, data)
             mujoco.mj_camlight(model, data)
             renderer.update_scene(data, camera, option)
-            _draw_axis(renderer.scene, part)
-            images.append(renderer.render().copy())
+            _draw_axis(renderer.scene, arrow, width)
+            images.append(_with_hidden_axis(renderer.render().copy(), renderer.scene, arrow))
     finally:
         renderer.close()
     return images
@@ -121,91 +123,48 @@ def _prefer_egl() -> None:
         gl_context.GLContext = GLContext
 
 
-def _camera(
-    world: World, data: mujoco.MjData, trajectory: RobotTrajectory, frames: Array
-) -> mujoco.MjvCamera:
-    """A view from the side of the base in which hand, handle and shoulder are least hidden."""
-    hand = trajectory.T_world_tool[:: max(len(trajectory.times) // 6, 1), :3, 3]
-    shoulder = trajectory.T_world_base[:3, 3] + [0, 0, 0.35]
-    look = 0.65 * hand.mean(axis=0) + 0.35 * shoulder
-    seen = np.vstack([hand, shoulder[None]])
-    distance = max(1.1, 3.0 * float(np.linalg.norm(seen - look, axis=1).max()))
-    facing = np.arctan2(*(hand.mean(axis=0) - shoulder)[1::-1])
-    outward = -trajectory.T_world_tool[0, :3, 2]  # the part's front is worth seeing
-    moving = np.array([p == "move" for p in trajectory.phases])
-    way = np.diff(trajectory.T_world_tool[moving, :3, 3][[0, -1]], axis=0)[0]
-    way = way / max(float(np.linalg.norm(way)), 1e-9)
-    model = world.model
-    poses = frames[:: max(len(frames) // 5, 1)]
-    best, best_score = (0.0, 0.0), -np.inf
-    for turn in np.deg2rad([-50, 50, -35, 35, -70, 70, -90, 90, -20, 20, -115, 115, 140, -140]):
-        for lift in np.deg2rad([20, 5, 35, 50, 65]):
-            azimuth = facing + turn
-            forward = np.array(
-                [np.cos(lift) * np.cos(azimuth), np.cos(lift) * np.sin(azimuth), -np.sin(lift)]
-            )
-            eye = look - distance * forward
-            score = _visible(model, data, world, poses, eye, shoulder)
-            score += 1.3 * min(float(-forward @ outward), 0.5)
-            score -= 2.0 * max(
-                abs(float(forward @ way)) - 0.6, 0.0
-            )  # a motion towards the eye is hard to see
-            score -= 0.15 * abs(abs(turn) - 0.9) + 0.5 * abs(lift - 0.35)
-            if score > best_score + 1e-9:
-                best, best_score = (azimuth, lift), score
-    camera = mujoco.MjvCamera()
-    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:] = look
-    camera.distance = distance
-    camera.azimuth, camera.elevation = np.rad2deg(best[0]), -np.rad2deg(best[1])
-    return camera
-
-
-def _visible(
-    model: mujoco.MjModel, data: mujoco.MjData, world: World, poses: Array, eye: Array, shoulder: Array
-) -> float:
-    """How much of the grip is seen from the eye, 0..2, and whether a wall hides the shoulder, 0..0.5."""
-    groups = np.array([0, 0, 0, 1, 0, 1], dtype=np.uint8)
-    hit = np.array([-1], dtype=np.int32)
-
-    def gap(target: Array) -> float:
-        """Distance in metres between the target and the first thing that the ray to it meets."""
-        ray = target - eye
-        share = mujoco.mj_ray(model, data, eye, ray, groups, 1, -1, hit)
-        return 0.0 if share < 0 or share > 1 else float((1 - share) * np.linalg.norm(ray))
-
-    seen = 0.0
-    for qpos in poses:
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(model, data)
-        tool, axes = data.site_xpos[world.tool], data.site_xmat[world.tool].reshape(3, 3)
-        grip = [tool + axes @ offset for offset in _GRIP]
-        seen += 2.0 * float(np.mean([gap(g) < 0.035 for g in grip]))
-        hidden = gap(shoulder) > 0.1 and hit[0] >= 0 and world.owner[hit[0]] == STATIC
-        seen += 0.0 if hidden else 0.5
-    return seen / len(poses)
-
-
-def _draw_axis(scene: mujoco.MjvScene, part: Part) -> None:
-    """The joint axis as an arrow: through the pivot of a hinge, above a slider at state 0."""
+def axis_arrow(part: Part) -> tuple[Array, Array]:
+    """Start and end (3,) of the joint axis as an arrow: through the pivot of a hinge, above a slider at state 0."""
     joint = part.joint
-    middle = part.mesh.area_centroid
     if isinstance(joint, Revolute):
         along = (part.mesh.vertices - joint.pivot) @ joint.axis
-        start = joint.pivot + joint.axis * (along.min() - 0.08)
-        end = joint.pivot + joint.axis * (along.max() + 0.08)
-    else:
-        front = part.contact.point if part.contact else middle
-        start = np.array([front[0], front[1], part.mesh.vertices[:, 2].max() + 0.04])
-        end = start + joint.axis * max(joint.upper, 0.1)
+        ends = np.array([along.min() - 0.08, along.max() + 0.08])
+        start, end = joint.pivot + ends[:, None] * joint.axis
+        return start, end
+    front = part.contact.point if part.contact else part.mesh.area_centroid
+    start = np.array([front[0], front[1], part.mesh.vertices[:, 2].max() + 0.04])
+    return start, start + joint.axis * max(joint.upper, 0.1)
+
+
+def _draw_axis(scene: mujoco.MjvScene, arrow: tuple[Array, Array], width: float) -> None:
     if scene.ngeom >= scene.maxgeom:
         return
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(
         geom, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), _AXIS_COLOUR
     )
-    mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, 0.008, start, end)
+    mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, width, *arrow)
+    geom.size[2] *= 2  # MuJoCo 4 draws arrows half as long as it is told
     scene.ngeom += 1
+
+
+def _with_hidden_axis(image: Image, scene: mujoco.MjvScene, arrow: tuple[Array, Array]) -> Image:
+    """Dashes along the axis, also where furniture or robot hide the arrow: a hinge mostly lies inside of boards."""
+    height, width = image.shape[:2]
+    camera = mujoco.mjv_averageCamera(scene.camera[0], scene.camera[1])
+    forward, up = np.array(camera.forward), np.array(camera.up)
+    focal = height / 2 * camera.frustum_near / camera.frustum_top
+    offsets = np.linspace(*arrow, 2 * _DASHES) - np.array(camera.pos)
+    depth = offsets @ forward
+    if depth.min() < camera.frustum_near:
+        return image
+    across = offsets @ np.cross(forward, up) / depth * focal + width / 2
+    down = -offsets @ up / depth * focal + height / 2
+    ends = np.round(16 * np.stack([across, down], axis=1)).astype(int)
+    colour = tuple(int(255 * c) for c in _AXIS_COLOUR[:3])
+    for a, b in zip(ends[:-1:2].tolist(), ends[1::2].tolist(), strict=True):
+        cv2.line(image, a, b, colour, max(height // 300, 1), cv2.LINE_AA, 4)
+    return image
 
 
 def encode(path: Path, images: list[NDArray[np.uint8]], rate: int) -> None:

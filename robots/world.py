@@ -26,7 +26,7 @@ AnyArray = NDArray[Any]
 ROBOT, PART, STATIC = 1, 2, 4
 PREFIX = "robot_"
 _MOUNT = "robot_mount"
-_PEDESTAL = "robot_pedestal"
+PEDESTAL = "robot_pedestal"
 TIMESTEP = 0.002  # s; 4 ms still works, 2 ms leaves room for stiff contacts
 
 # Used where a part carries no physics of its own: a light kitchen door or drawer with a tired catch (chosen by us from
@@ -278,7 +278,7 @@ def _add_robot(scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedes
     )
     if pedestal > 0.02:
         mount.add_geom(
-            name=_PEDESTAL,
+            name=PEDESTAL,
             type=mujoco.mjtGeom.mjGEOM_CYLINDER,
             size=[spec.footprint, pedestal / 2 - 0.005, 0],
             pos=[-0.04, 0, -pedestal / 2],
