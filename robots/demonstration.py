@@ -16,10 +16,10 @@ from twin.scene import Motion
 Image = NDArray[np.uint8]
 Indices = NDArray[np.int64]
 
-_COMPLETE = 0.99  # share of the largest travel at which a movement counts as whole: hands are rarely still at its ends
-_OWN_WAY = (
-    0.8  # a movement in the robot's direction is shown unless it covers less than this of one in the other
-)
+# share of the largest travel at which a movement counts as whole: hands are rarely still at its ends
+_COMPLETE = 0.99
+# a movement in the robot's direction is shown unless it covers less than this share of one in the other
+_OWN_WAY = 0.8
 
 
 @dataclass(frozen=True, eq=False)

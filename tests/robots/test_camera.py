@@ -10,7 +10,7 @@ import robots
 from robots.camera import View, choose_view, fit
 from robots.config import PlanConfig
 from robots.replayer import simulate
-from robots.video import axis_arrow, draw
+from robots.video import _draw_axis, axis_arrow, draw
 from robots.world import PEDESTAL, ROBOT, World, build_world
 from tests.robots import furniture
 from tests.robots.test_replay import can_draw
@@ -113,3 +113,15 @@ def test_the_axis_is_drawn_from_end_to_end_whatever_hides_it(played) -> None:
     assert along.max() == pytest.approx(length, abs=4)
     assert np.abs(aside).max() < 7
     assert np.diff(np.sort(along)).max() < 0.12 * length, "dashes leave no wide gap"
+
+
+@pytest.mark.skipif(not can_draw(), reason="no OpenGL without a screen on this machine")
+def test_the_arrow_is_as_long_as_the_axis() -> None:
+    renderer = mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 240, 640)
+    view = View(np.array([0.5, -1.5, 0]), np.pi / 2, 0.0, 1.5)
+    renderer.update_scene(mujoco.MjData(renderer.model), view.camera())
+    _draw_axis(renderer.scene, (np.zeros(3), np.array([1.0, 0, 0])), 0.06)
+    across = np.flatnonzero((renderer.render()[..., 0] > 100).any(axis=0))
+    renderer.close()
+    at = (across[[0, -1]] - 320) * 1.5 * np.tan(np.deg2rad(22.5)) / 120 + 0.5
+    assert at == pytest.approx([0.0, 1.0], abs=0.03)

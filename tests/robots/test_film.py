@@ -86,6 +86,9 @@ def test_of_several_movements_the_first_whole_one_is_shown() -> None:
     assert frames.max() == FIRST + 2 * 43
     frames, _ = shown(motion, 0.0, 0.2, np.linspace(0, 0.2, 100))
     assert frames.max() == FIRST + 2 * 11, "half the way is in the first movement already"
+    motion = motion_of([*whole, *whole[::-1], *(1.005 * whole)])
+    frames, _ = shown(motion, 0.0, 0.402, np.linspace(0, 0.402, 100))
+    assert frames.max() == FIRST + 2 * 19, "an error of the states does not make a later one the whole one"
 
 
 def test_a_little_closing_is_not_shown_for_the_whole() -> None:
