@@ -88,7 +88,7 @@ def choose_view(
             score += 1.3 * min(float(-forward @ outward), 0.7)
             # a motion towards the eye is hard to see
             score -= 3.0 * max(abs(float(forward @ way)) - 0.5, 0.0)
-            score -= 0.15 * abs(abs(turn) - 0.9) + 1.2 * abs(lift - 0.35)
+            score -= 0.15 * abs(abs(turn) - 0.9) + 2.0 * abs(lift - 0.35)
             score -= 0.3 * view.distance / reach
             if score > best_score + 1e-9:
                 best, best_score = view, score
@@ -147,7 +147,7 @@ def _look(world: World, part: int, qpos: Array) -> _Moment:
 
 
 def _visible(world: World, moments: list[_Moment], eye: Array) -> float:
-    """How much of the grip is seen from the eye, 0..2.25, and whether walls hide the robot, 0..0.5.
+    """How much of the grip is seen from the eye, 0..3, and whether walls hide the robot, 0..0.5.
 
     By the root of the share that is seen: a hand hides half of what it holds from wherever the motion is seen well. The
     worst moment weighs half as much as all.
@@ -165,4 +165,4 @@ def _visible(world: World, moments: list[_Moment], eye: Array) -> float:
         seen.append(float(np.sqrt(np.mean([gap(m.data, g) < 0.035 for g in m.grip]))))
         hidden = gap(m.data, m.body) > 0.1 and hit[0] >= 0 and world.owner[hit[0]] == STATIC
         free.append(0.0 if hidden else 0.5)
-    return 1.5 * float(np.mean(seen)) + 0.75 * min(seen) + float(np.mean(free))
+    return 2.0 * float(np.mean(seen)) + 1.0 * min(seen) + float(np.mean(free))
