@@ -18,7 +18,7 @@ _GRIP = np.array(
 )
 _TURNS = tuple(range(-150, 151, 15))  # degrees off the robot's back
 _LIFTS = (5, 15, 25, 35, 50, 65)  # degrees above the horizon
-_POSES = 6  # moments of the replay that are looked at
+_POSES = 7  # moments of the replay that are looked at, first and last among them
 _RIM = 0.94  # share of the picture that is used
 _SOLID = np.array([0, 0, 0, 1, 0, 1], dtype=np.uint8)  # what hides: the robot and collision shapes
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
@@ -68,7 +68,8 @@ def choose_view(
     Of these the one from which the fingers and what they hold are least hidden wins; a view at the part's front, across the
     part's way, from near and from a little above is preferred.
     """
-    moments = [_look(world, trajectory.part_id, q) for q in frames[:: max(len(frames) // _POSES, 1)]]
+    picked = np.unique(np.linspace(0, len(frames) - 1, _POSES).astype(int))
+    moments = [_look(world, trajectory.part_id, q) for q in frames[picked]]
     seen = np.vstack([also, *(m.outline for m in moments)])
     hand = np.mean([m.hand for m in moments], axis=0)
     body = np.mean([m.body for m in moments], axis=0)
