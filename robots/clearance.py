@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from robots.config import PlanConfig
+from robots.contact_path import Grasp
 from robots.goals import Task
 from robots.placement import Base
 from robots.spec import RobotSpec
@@ -19,18 +20,27 @@ from twin.scene import Part, Twin
 _CHECKED = 200  # bases looked at in one call
 _ENOUGH = 25  # accepted ones after which a call stops
 _PEDESTAL = 1.0  # m of column under the base while searching; doors sweep no deeper than that below the base
+_SWING = 4  # openings of a claw that are looked at while it closes
 _HOPELESS = -0.02  # m of overlap at which a path is given up
 
 
 class ClearanceCheck:
     """Sorts base poses into those whose rough path touches nothing and the others."""
 
-    def __init__(self, twin: Twin, part: Part, spec: RobotSpec, task: Task, config: PlanConfig) -> None:
+    def __init__(
+        self,
+        twin: Twin,
+        part: Part,
+        spec: RobotSpec,
+        task: Task,
+        grasps: Sequence[Grasp],
+        config: PlanConfig,
+    ) -> None:
         self._world = build_world(twin, spec, np.eye(4), 0.0 if spec.planar else _PEDESTAL)
         self._world.model.geom_margin[self._world.owner == ROBOT] = config.clearance
         self._data = mujoco.MjData(self._world.model)
         self._part, self._reach, self._task = part.id, config.clearance, task
-        self._open = spec.jaws(spec.stroke)
+        self._spec, self._grasps = spec, grasps
 
     def sort(self, bases: Sequence[Base]) -> tuple[list[Base], list[Base]]:
         """Accepted bases, best first, and rejected ones with their reasons. `bases` come best first."""
@@ -48,8 +58,8 @@ class ClearanceCheck:
         states = self._task.states(len(base.q) - 2)
         self._world.move_base(base.T_world_base)
         least, where = np.inf, ""
-        for q, state in zip(base.q, [states[0], *states, states[-1]], strict=True):
-            distance, names = self._nearest(q, float(state))
+        for q, state, opening in self._poses(base, states):
+            distance, names = self._nearest(q, float(state), opening)
             if distance < least:
                 least, where = distance, f"{names} would meet at state {state:.2f}"
             if least < _HOPELESS:
@@ -58,11 +68,22 @@ class ClearanceCheck:
             return replace(base, clearance=float(least), reason=f"{where} ({-1000 * least:.0f} mm deep)")
         return replace(base, clearance=float(least), score=base.score + least / self._reach)
 
-    def _nearest(self, q: Array, state: float) -> tuple[float, str]:
+    def _poses(self, base: Base, states: Array) -> Iterator[tuple[Array, float, float]]:
+        """Arm, part and opening of the hand along the way; jaws that swing are also looked at while they close."""
+        spec, full = self._spec, self._spec.stroke
+        yield base.q[0], states[0], full
+        if spec.gripper_kind == "claw":
+            held = min(self._grasps[base.grasp].hold.thickness, full)
+            for q, state in ((base.q[1], states[0]), (base.q[-2], states[-1])):
+                yield from ((q, state, float(o)) for o in np.linspace(held, full, _SWING))
+        yield from ((q, float(s), full) for q, s in zip(base.q[1:-1], states, strict=True))
+        yield base.q[-1], states[-1], full
+
+    def _nearest(self, q: Array, state: float, opening: float) -> tuple[float, str]:
         """Least distance (m, at most the reach of the check) and the two bodies that have it."""
         w, d, m = self._world, self._data, self._world.model
         d.qpos[w.arm_qpos] = q
-        d.qpos[w.gripper_qpos] = self._open
+        d.qpos[w.gripper_qpos] = self._spec.jaws(opening)
         d.qpos[w.part_qpos[self._part]] = state
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)

@@ -79,7 +79,7 @@ def plan(
     way = task.goal - task.start
     grasps = [g for k, h in enumerate(holds) for g in make_grasps(h, target.joint, spec, config, k, way)]
     search = BaseSearch(target.joint, task, grasps, chain, spec, twin.static.mesh, config)
-    check = ClearanceCheck(twin, target, spec, task, config)
+    check = ClearanceCheck(twin, target, spec, task, grasps, config)
     bases = search.everywhere()
     accepted, rejected = check.sort(bases)
     seeds = _seeds(accepted, rejected)
