@@ -1,6 +1,7 @@
 """The committed page of benchmarks/replay.py."""
 
 from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

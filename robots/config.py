@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from twin.errors import ConfigError
+
+CONTROLS = ("position", "impedance")
 
 
 @dataclass(frozen=True)
@@ -66,10 +69,12 @@ class PlanConfig:
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """How `robots.replay` plays and records. stiffness: share of the robot's own servo stiffness; the damping ratio stays.
+    """How `robots.replay` plays and records. control: "position", the robot's own joint servos, or "impedance", a compliant
+    hand like Spot's (robots/impedance.py). stiffness: share of the servos' or the hand's own; the damping ratio stays.
     settle: s of simulation after the last command. video_size: width, height in pixels.
     video_rate: frames per second of the file; video_frames: at most so many frames."""
 
+    control: Literal["position", "impedance"] = "position"
     stiffness: float = 1.0
     settle: float = 0.6
     video_size: tuple[int, int] = (640, 480)
@@ -79,5 +84,7 @@ class ReplayConfig:
     def __post_init__(self) -> None:
         if self.settle < 0 or self.video_rate <= 0 or self.video_frames < 2 or min(self.video_size) < 32:
             raise ConfigError(f"replay settings out of range: {self}")
+        if self.control not in CONTROLS:
+            raise ConfigError(f"control must be one of {', '.join(CONTROLS)}, got {self.control!r}")
         if not 0 < self.stiffness <= 100:
             raise ConfigError(f"stiffness must be in (0, 100], got {self.stiffness}", "1 is the robot's own")

@@ -16,7 +16,6 @@ from robots.world import frictionloss, joint_damping, mass_and_com, weight_load
 from twin.geometry import Array
 from twin.scene import Part, Revolute
 
-
 _SETS_IN = 0.1  # of the highest rate, at which dry friction is fully fed forward (chosen by us)
 
 

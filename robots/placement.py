@@ -21,7 +21,8 @@ from twin.geometry import Array
 from twin.scene import Joint, Mesh, Revolute
 
 _WAYPOINTS = 8
-_START_STEPS, _FOLLOW_STEPS = 45, 7
+_START_STEPS, _FOLLOW_STEPS, _POLISH_STEPS = 45, 7, 25
+_REACHED, _NEARLY = 0.006, 0.10  # m of the tool's worst error: good enough for a rough path; worth more steps
 _OVERSAMPLED = 10  # in a furnished room nine of ten places around a handle are taken
 _BLOCKED_KEPT = 20
 _POINTS = 80_000  # surface samples of the static scene
@@ -231,6 +232,14 @@ def _follow(
         for k in order:
             current, error[:, k] = chain.solve(current, targets[:, k], weights, _FOLLOW_STEPS)
             q[:, k] = current
+    off = np.linalg.norm(error[:, :, :3], axis=2).max(axis=1)
+    near = np.flatnonzero((off > _REACHED) & (off < _NEARLY))
+    if len(near):  # a base that walks converges slowly
+        shape = (len(near) * count, -1)
+        polished, left = chain.solve(
+            q[near].reshape(shape), targets[near].reshape(-1, 4, 4), weights, _POLISH_STEPS
+        )
+        q[near], error[near] = polished.reshape(q[near].shape), left.reshape(error[near].shape)
     return q, error
 
 
@@ -293,7 +302,7 @@ def _rated(
     states, worst = ways.states, int(np.argmax(position + 0.1 * angle))
     jump = float(np.abs(np.diff(q, axis=0)).max())
     reason = ""
-    if position.max() > 0.006 or angle.max() > 0.10 or free_angle > 0.5:
+    if position.max() > _REACHED or angle.max() > 0.10 or free_angle > 0.5:
         turned = max(float(angle[worst]), free_angle if free_angle > 0.5 else 0.0)
         told = unreachable(float(states[worst]), ways.unit, float(position[worst]), turned)
         reason = told + ways.stopped(q[worst])

@@ -15,13 +15,13 @@ from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.contact_path import make_grasps
 from robots.dynamics import ArmDynamics, part_load
+from robots.faults import SLIP_LIMIT
 from robots.goals import Goal, Task, task_of
 from robots.ik import PathSolver
 from robots.model import compiled
 from robots.placement import Base, BaseSearch
 from robots.refine import refined
 from robots.replayer import replay
-from robots.report import SLIP_LIMIT
 from robots.spec import RobotSpec
 from robots.timing import Effort
 from robots.touch import holds_of
@@ -34,6 +34,7 @@ from twin.scene import ContactPath, Part, Twin
 _LOG = logging.getLogger(__name__)
 _REPORTED = 12  # rejected bases kept in the trajectory
 _SEEDS = 16
+_ROUNDS = 3  # closer looks around the best, as long as no base is free
 _ALIKE = 0.08  # m
 
 
@@ -82,12 +83,16 @@ def plan(
     check = ClearanceCheck(twin, target, spec, task, grasps, config)
     bases = search.everywhere()
     accepted, rejected = check.sort(bases)
-    seeds = _seeds(accepted, rejected)
-    if seeds:
+    for _ in range(_ROUNDS):
+        seeds = _seeds(accepted, rejected)
+        if not seeds:
+            break
         nearby = search.around(seeds)
         better, worse = check.sort(nearby)
         bases, rejected = bases + nearby, rejected + worse
         accepted = sorted([*accepted, *better], key=lambda b: -b.score)
+        if accepted:
+            break
     solver = PathSolver(spec, alone)
     effort = Effort(ArmDynamics(spec, alone), part_load(target))
     candidates: list[RobotTrajectory] = []

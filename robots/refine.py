@@ -49,23 +49,25 @@ def refined(
     def leg(poses: Array, at: Array, hint: Array) -> Leg:
         return _leg(solver, base, poses, at, grasp, hint, config, unit(part))
 
-    def straight(poses: Array, state: float, q: Array) -> Leg:
-        found = leg(poses, np.full(len(poses), state), np.tile(q, (len(poses), 1)))
+    def straight(poses: Array, state: float, q: Array, end: Array) -> Leg:
+        hint = q + np.linspace(0.0, 1.0, len(poses))[:, None] * (end - q)
+        found = leg(poses, np.full(len(poses), state), hint)
         found.q[0] = q
         return found
 
-    def away(pose: Array, state: float, q: Array) -> tuple[Leg | None, Leg]:
-        """Aside until the jaws are clear of the part, if they need it, and back."""
+    def away(pose: Array, state: float, q: Array, end: Array) -> tuple[Leg | None, Leg]:
+        """Aside until the jaws are clear of the part, if they need it, and back to about `end`."""
         if grasp.room == 0.0:
-            return None, straight(np.stack([backed_off(pose, d) for d in back]), state, q)
+            return None, straight(np.stack([backed_off(pose, d) for d in back]), state, q, end)
         aside = np.linspace(0.0, grasp.room, _STRAIGHT_WAYPOINTS)
-        clear = straight(np.stack([backed_off(pose, 0.0, d) for d in aside]), state, q)
+        clear = straight(np.stack([backed_off(pose, 0.0, d) for d in aside]), state, q, q)
         poses = np.stack([backed_off(pose, d, grasp.room) for d in back])
-        return clear, straight(poses, state, clear.q[-1])
+        return clear, straight(poses, state, clear.q[-1], end)
 
     move = leg(tool, states, rough(np.linspace(0.0, 1.0, _WAYPOINTS)))
-    around, approach = (x if x is None else x.reversed() for x in away(tool[0], task.start, move.q[0]))
-    clear, retreat = away(tool[-1], task.goal, move.q[-1])
+    out, back_off = away(tool[0], task.start, move.q[0], base.q[0])
+    around, approach = out and out.reversed(), back_off.reversed()
+    clear, retreat = away(tool[-1], task.goal, move.q[-1], base.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
     release = not may_move_alone(part, task.goal) if config.release is None else config.release
     samples = timed(

@@ -11,10 +11,14 @@ import mujoco
 import numpy as np
 
 from robots.catalog import resolve
+from robots.chain import read_chain
 from robots.config import ReplayConfig
 from robots.demonstration import Demonstration
 from robots.formats import native
-from robots.report import Record, ReplayReport, measure
+from robots.impedance import Impedance
+from robots.model import compiled
+from robots.record import Record
+from robots.report import ReplayReport, measure
 from robots.spec import RobotSpec
 from robots.trajectory import PHASES, RobotTrajectory
 from robots.world import PART, ROBOT, World, build_world, with_collision
@@ -61,7 +65,8 @@ def replay(
     world = build_world(
         twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None
     )
-    world.set_stiffness(config.stiffness)
+    if config.control == "position":
+        world.set_stiffness(config.stiffness)
     record, frames = simulate(world, trajectory, config)
     wall = time.perf_counter() - started
     written: str | None = None
@@ -105,8 +110,14 @@ def simulate(
     gripped = times[phases == PHASES.index("close")][-1] if trajectory.phases[0] == "close" else -1.0
     frame_at = set(np.linspace(0, steps - 1, config.video_frames).astype(int).tolist())
     frames = []
+    impedance = None
+    if config.control == "impedance":
+        chain = read_chain(compiled(spec), spec)
+        impedance = Impedance(world, trajectory, chain, times, config.stiffness)
     for k in range(steps):
         data.ctrl[:] = ctrl[k]
+        if impedance:
+            impedance.command(data, k)
         if times[k] <= gripped:
             data.qpos[world.part_qpos[trajectory.part_id]] = trajectory.start
             data.qvel[world.part_dof[trajectory.part_id]] = 0.0

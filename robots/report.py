@@ -7,49 +7,40 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robots.faults import Fault, find_faults
 from robots.goals import Task
+from robots.record import Record
 from robots.spec import RobotSpec
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Part
 
+BoolArray = NDArray[np.bool_]
 STATIC_LINEAR, STATIC_ANGULAR = 0.1, 1.0  # m/s, rad/s: at rest, as ManiSkill3 defines it
-SLIP_LIMIT = 0.010  # m
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """What the simulation did, n samples. times (n,) s; phase (n,) index into PHASES, -1 while settling; state and
-    speed (n,) of the part; q (n, j); torque (n, j) N m, gravity compensation included; tool (n, 4, 4); grip (n,) N;
-    touching (n,) fingers that touch the part; contacts: (time, name, name, depth m) that should not be."""
-
-    times: Array
-    phase: Array
-    state: Array
-    speed: Array
-    q: Array
-    torque: Array
-    tool: Array
-    grip: Array
-    touching: Array
-    contacts: tuple[tuple[float, str, str, float], ...]
 
 
 @dataclass(frozen=True)
 class PhaseRow:
-    """One phase: start and end (s), part state at its end, largest tool error (mm), torque share, fingers touching
-    (mean of 0..2), unintended contact samples."""
+    """One phase: start and end (s); part state at its end, and the largest and the last opening as shares of the range;
+    at_rest: the part, at its end; largest slip since the grasp (mm, 0 while nothing is held), tool error (mm) and torque
+    share; fingers touching (mean of 0..2); unintended contact samples; reason: the first thing that went wrong in it."""
 
     phase: str
     start: float
     end: float
     state: float
+    opening_peak: float
+    opening_final: float
+    at_rest: bool
+    slip_mm: float
     tool_error_mm: float
     torque_share: float
     touching: float
     unintended: int
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -118,20 +109,18 @@ def measure(
     """Turn a record into a report."""
     upper = part.joint.upper
     share = np.abs(record.torque) / spec.effort
-    in_part = _tool_in_part(record, part)
     held = (record.phase == PHASES.index("move")) | (record.phase == PHASES.index("hold"))
-    start = int(np.flatnonzero(held)[0]) - 1
-    slip = float(np.linalg.norm(in_part[held] - in_part[start], axis=1).max())
+    slip = _slip(record, part, held)
     error = _tracking(record, trajectory)
-    margin = float(np.minimum(record.q - trajectory.limits[0], trajectory.limits[1] - record.q).min())
+    beyond = np.maximum(trajectory.limits[0] - record.q, record.q - trajectory.limits[1])
     final, peak = float(record.state[-1]), float(record.state.max())
-    limit = STATIC_ANGULAR if part.joint.kind == "revolute" else STATIC_LINEAR
-    at_rest = bool(abs(record.speed[-1]) <= limit)
+    still = np.abs(record.speed) <= (STATIC_ANGULAR if part.joint.kind == "revolute" else STATIC_LINEAR)
     task = Task(trajectory.start, trajectory.goal)
-    reached = task.reached(final)
+    reached, at_rest = task.reached(final), bool(still[-1])
     success_90 = bool(reached >= 0.90)
     unintended = _unintended(record)
-    reason = _reason(record, task, slip, share, margin, unintended, spec)
+    faults = find_faults(record, task, slip, share, beyond, spec)
+    reason = faults[0].text if faults else ""
     p = trajectory.T_world_base[:3, 3]
     return ReplayReport(
         robot=trajectory.robot,
@@ -148,15 +137,15 @@ def measure(
         success_75=bool(reached >= 0.75) and at_rest,
         success_90=success_90,
         ok=success_90 and not reason,
-        slip_mm=1000 * slip,
+        slip_mm=1000 * float(slip.max()),
         tracking_mean_mm=1000 * float(error[held].mean()),
         tracking_max_mm=1000 * float(error[held].max()),
         torque_peak=tuple(np.abs(record.torque).max(axis=0).tolist()),
         torque_share=tuple(share.max(axis=0).tolist()),
-        limit_margin=margin,
+        limit_margin=-float(beyond.max()),
         grip_force_max=float(np.abs(record.grip).max()),
         unintended=unintended,
-        phases=_rows(record, error, share),
+        phases=_rows(record, error, share, slip, still, upper, faults),
         base_position=(float(p[0]), float(p[1]), float(p[2])),
         pedestal=trajectory.pedestal,
         grasp=trajectory.grasp,
@@ -167,9 +156,12 @@ def measure(
     )
 
 
-def _tool_in_part(record: Record, part: Part) -> Array:
+def _slip(record: Record, part: Part, held: BoolArray) -> Array:
+    """Displacement (n,) m of the tool point in the part's frame since the grasp; 0 while nothing is held."""
     T_part_world = geo.invert_pose(part.joint.poses(record.state))
-    return geo.transform(T_part_world, record.tool[:, None, :3, 3])[:, 0]
+    in_part = geo.transform(T_part_world, record.tool[:, None, :3, 3])[:, 0]
+    grasped = int(np.flatnonzero(held)[0]) - 1
+    return np.where(held, np.linalg.norm(in_part - in_part[grasped], axis=1), 0.0)
 
 
 def _tracking(record: Record, trajectory: RobotTrajectory) -> Array:
@@ -191,7 +183,15 @@ def _unintended(record: Record) -> tuple[UnintendedContact, ...]:
     return tuple(sorted(rows, key=lambda r: -r.samples))
 
 
-def _rows(record: Record, error: Array, share: Array) -> tuple[PhaseRow, ...]:
+def _rows(
+    record: Record,
+    error: Array,
+    share: Array,
+    slip: Array,
+    still: BoolArray,
+    upper: float,
+    faults: Sequence[Fault],
+) -> tuple[PhaseRow, ...]:
     rows = []
     hits = np.array([c[0] for c in record.contacts])
     for k, name in enumerate(PHASES):
@@ -201,53 +201,19 @@ def _rows(record: Record, error: Array, share: Array) -> tuple[PhaseRow, ...]:
         t0, t1 = float(record.times[at[0]]), float(record.times[at[-1]])
         rows.append(
             PhaseRow(
-                name,
-                t0,
-                t1,
-                float(record.state[at[-1]]),
-                1000 * float(error[at].max()),
-                float(share[at].max()),
-                float(record.touching[at].mean()),
-                int(np.count_nonzero((hits >= t0) & (hits <= t1))),
+                phase=name,
+                start=t0,
+                end=t1,
+                state=float(record.state[at[-1]]),
+                opening_peak=float(record.state[at].max()) / upper,
+                opening_final=float(record.state[at[-1]]) / upper,
+                at_rest=bool(still[at[-1]]),
+                slip_mm=1000 * float(slip[at].max()),
+                tool_error_mm=1000 * float(error[at].max()),
+                torque_share=float(share[at].max()),
+                touching=float(record.touching[at].mean()),
+                unintended=int(np.count_nonzero((hits >= t0) & (hits <= t1))),
+                reason=next((f.text for f in faults if f.phase == k), ""),
             )
         )
     return tuple(rows)
-
-
-def _reason(
-    record: Record,
-    task: Task,
-    slip: float,
-    share: Array,
-    margin: float,
-    unintended: Sequence[UnintendedContact],
-    spec: RobotSpec,
-) -> str:
-    """The first thing that went wrong, in the order of cause."""
-    move = record.phase == PHASES.index("move")
-    closed = np.flatnonzero(record.phase == PHASES.index("close"))
-    if record.touching[closed[-1]] < 2:
-        return f"the fingers did not get hold of the part ({record.touching[closed[-1]]:.0f} of 2 touch it)"
-    if share.max() >= 1.0 - 1e-6:
-        k = int(np.argmax(share.max(axis=0)))
-        t = record.times[int(np.argmax(share[:, k]))]
-        unit = "N" if k < len(spec.base_joints) - 1 else "N m"  # a planar base slides twice, then turns
-        return f"{spec.arm_joints[k]} is at its torque limit of {spec.effort[k]:.0f} {unit} at {t:.1f} s"
-    if margin < 0:
-        return f"a joint goes {-margin:.3f} rad beyond its limit"
-    lost = np.flatnonzero(move & (record.touching == 0))
-    final = task.reached(float(record.state[-1]))
-    if final < 0.90:
-        done = "opened" if task.direction > 0 else "closed"
-        peak = max(task.reached(float(s)) for s in record.state)
-        if len(lost):
-            return f"the hand lost the part at state {record.state[lost[0]]:.2f}"
-        if peak >= 0.90:
-            return f"the part {done} {peak:.2f} of the way and ended at {final:.2f}"
-        if unintended:
-            a, b = unintended[0].bodies
-            return f"{done} {peak:.2f} of the way; {a} pressed against {b}"
-        return f"{done} {peak:.2f} of the way; the part did not follow the hand"
-    if slip > SLIP_LIMIT:
-        return f"the grip slipped by {1000 * slip:.0f} mm"
-    return ""

@@ -13,7 +13,7 @@ from twin.scene import Box, Joint, Motion, Part, Prismatic, Revolute, StaticPart
 
 HANDLES = ("bar", "knob", "edge")
 _BOARD = 0.018
-_OVERHANG = 0.045  # m by which a front without handle stands over its cabinet, so that fingers can pinch it
+_OVERHANG = 0.055  # m by which a front without handle stands over the middle of its cabinet's outer board; 46 mm to pinch
 _DENSITY = 650.0  # kg/m^3, chipboard
 _GAP = 0.003
 _OUT = np.array([0.0, -1.0, 0.0])  # fronts look towards -y

@@ -1,0 +1,68 @@
+"""Compliant control of the hand: a spring and a damper at the tool, as arms with an impedance controller have.
+
+The preset is that of Spot's `ArmImpedanceCommand` at its highest stiffness and default caps (bosdyn.api, version 5): 500 N/m and
+60 N m/rad in the tool's axes, at most 60 N and 15 N m. What moving the arm and the part is known to take is fed forward on top.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from robots.chain import Chain
+from robots.trajectory import RobotTrajectory
+from robots.world import World
+from twin import geometry as geo
+from twin.geometry import Array
+
+TRANSLATION, ROTATION = 500.0, 60.0  # N/m, N m/rad
+FORCE_CAP, TORQUE_CAP = 60.0, 15.0  # N, N m
+# Critical damping of the mass (kg) and inertia (kg m^2) that an arm of 15 to 25 kg shows at its hand (chosen by us).
+_MASS, _INERTIA = 4.0, 0.10
+_SLACK, _SLACK_DAMPING = (
+    10.0,
+    2.0,
+)  # N m/rad, N m s/rad of what the tool does not feel: an elbow must not drift
+
+
+class Impedance:
+    """Turns a scene's arm servos into motors and commands them; a planar base keeps its servos."""
+
+    def __init__(
+        self, world: World, trajectory: RobotTrajectory, chain: Chain, times: Array, share: float = 1.0
+    ) -> None:
+        """share: of the preset's stiffness; damping goes with its square root, caps stay. times: (n,) s of the steps."""
+        self._w, self._share, self._first = world, share, chain.base
+        self._q, self._qd, _ = trajectory.at(times)
+        self._effort = trajectory.effort_at(times)
+        tool = np.concatenate(
+            [chain.forward(part)[0] for part in np.array_split(self._q, len(times) // 500 + 1)]
+        )
+        self._wanted = trajectory.T_world_base @ tool
+        self._stiffness = share * np.repeat([TRANSLATION, ROTATION], 3)
+        self._damping = 2.0 * np.sqrt(self._stiffness * np.repeat([_MASS, _INERTIA], 3))
+        self._jacobian = np.zeros((6, world.model.nv))
+        motors = world.arm_ctrl[self._first :]
+        world.model.actuator_gainprm[motors, 0] = 1.0
+        world.model.actuator_biasprm[motors] = 0.0
+
+    def command(self, data: mujoco.MjData, k: int) -> None:
+        """Set the motors' torques for step k."""
+        w, first = self._w, self._first
+        dofs = w.arm_dof[first:]
+        mujoco.mj_jacSite(w.model, data, self._jacobian[:3], self._jacobian[3:], w.tool)
+        turn = data.site_xmat[w.tool].reshape(3, 3)
+        j = self._jacobian[:, dofs]
+        j = np.concatenate([turn.T @ j[:3], turn.T @ j[3:]])
+        wanted = self._wanted[k]
+        error = np.empty(6)
+        error[:3] = turn.T @ (wanted[:3, 3] - data.site_xpos[w.tool])
+        error[3:] = geo.log_so3(turn.T @ wanted[:3, :3])
+        lag = self._qd[k, first:] - data.qvel[dofs]
+        wrench = self._stiffness * error + self._damping * (j @ lag)
+        wrench[:3] *= min(1.0, FORCE_CAP / max(float(np.linalg.norm(wrench[:3])), 1e-9))
+        wrench[3:] *= min(1.0, TORQUE_CAP / max(float(np.linalg.norm(wrench[3:])), 1e-9))
+        slack = _SLACK * (self._q[k, first:] - data.qpos[w.arm_qpos[first:]]) + _SLACK_DAMPING * lag
+        # what of it the tool would feel is taken out: N = 1 - J^+ J
+        slack -= j.T @ np.linalg.solve(j @ j.T + 1e-6 * np.eye(6), j @ slack)
+        data.ctrl[w.arm_ctrl[first:]] = j.T @ wrench + slack + self._effort[k, first:]
