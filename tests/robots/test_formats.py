@@ -197,7 +197,9 @@ def test_equal_input_gives_equal_bytes_and_no_leftovers(source, folder, tmp_path
     hand_over(source, LIGHT, tmp_path)
     hand_over(source, LIGHT, tmp_path)
     assert contents(tmp_path) == contents(folder)
-    assert sorted(contents(tmp_path)) == sorted(f for name in LIGHT for f in FORMATS[name].files)
+    walks = ("base_trajectory", "spot/body_")
+    expected = {f for name in LIGHT for f in FORMATS[name].files if not f.startswith(walks)}
+    assert set(contents(tmp_path)) == expected
 
 
 def test_bad_output_is_told_and_changes_nothing(source, tmp_path):
