@@ -263,3 +263,10 @@ def test_the_command_hands_over_what_the_replay_left(source, tmp_path, capsys):
     assert sorted(contents(out)) == ["gripper_trajectory.yaml", "joint_trajectory.yaml", "trajectory.csv"]
     assert cli.run(order) == 0
     assert (out / "door/trajectory.csv").read_bytes() == (out / "trajectory.csv").read_bytes()
+    capsys.readouterr()
+    assert cli.run([*order, "--goal", "close"]) == 1
+    assert "twin replay" in (told := capsys.readouterr().err)
+    assert told.endswith("--part door --goal close`\n")
+    native.save(handovers.closing(source).trajectory, run / "replay/franka/door_close")
+    assert cli.run([*order, "--part", "door", "--goal", "close"]) == 0
+    assert b"franka closes door" in (out / "joint_trajectory.yaml").read_bytes()
