@@ -42,7 +42,8 @@ class Handover:
             )
         if t.joint_names != r.arm_joints:
             raise InputError(
-                f"the trajectory moves {t.joint_names}, robot {r.name!r} has {r.arm_joints}",
+                f"the trajectory was planned for {t.robot!r} and moves {', '.join(t.joint_names)}; "
+                f"robot {r.name!r} has {', '.join(r.arm_joints)}",
                 "give the robot that it was planned for",
             )
 

@@ -196,10 +196,12 @@ def test_stiffness_is_refused_where_it_makes_no_servos(tmp_path: Path):
 
 def test_a_robot_model_that_is_no_model_is_one_line(tmp_path: Path):
     path = copied("franka", tmp_path)
-    (tmp_path / "franka.xml").write_text("<mujoco>", encoding="utf-8")
-    with pytest.raises(InputError, match="can't be read") as e:
-        compiled(load_spec(path))
-    assert "\n" not in str(e.value)
+    broken = {"<mujoco>": "not well-formed", "<html/>": "can't be read", "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>": "refuses"}  # fmt: skip
+    for text, message in broken.items():
+        (tmp_path / "franka.xml").write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=message) as e:
+            compiled(load_spec(path))
+        assert "\n" not in str(e.value)
 
 
 def test_twin_robots_lists_shows_and_refuses(capsys):
