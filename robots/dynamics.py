@@ -17,7 +17,6 @@ from twin.geometry import Array
 from twin.quantities import Inertial, Quantity
 from twin.scene import Part, Revolute, Twin
 
-
 _SETS_IN = 0.1  # of the highest rate, at which dry friction is fully fed forward (chosen by us)
 
 

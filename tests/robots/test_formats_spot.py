@@ -91,7 +91,7 @@ def test_a_leg_that_is_gone_leaves_no_file(source, tmp_path):
     hand_over(source, ["spot"], tmp_path)
     t = source.trajectory
     held = [p in ("approach", "close", "move", "hold") for p in t.phases]
-    keys = ("times", "q", "qd", "gripper", "part_state", "T_world_tool", "position_error")
+    keys = ("times", "q", "qd", "effort", "gripper", "part_state", "T_world_tool", "position_error")
     short = replace(t, **{k: getattr(t, k)[held] for k in keys}, phases=tuple(np.array(t.phases)[held]))
     hand_over(Handover(short, source.part, source.robot), ["spot"], tmp_path)
     assert list(read_spot(tmp_path)) == ["approach", "move"]
