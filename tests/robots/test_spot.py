@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import robots
 from robots.catalog import resolve
@@ -14,7 +15,7 @@ from robots.placement import floor_height
 from robots.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
-from tests.robots.spot_table import ARM, HAND, TOOL_AXES
+from tests.robots.spot_table import ARM, HAND, INERTIALS, TOOL_AXES
 from twin import geometry as geo
 from twin.errors import InputError
 
@@ -114,12 +115,15 @@ def test_limits_and_masses_are_the_published_ones(spot):
     assert model.actuator(spec.gripper_actuator).forcerange[1] == pytest.approx(spec.force * spec.lever)
 
 
-def test_inertias_are_physical(spot):
+def test_masses_centres_and_inertias_are_the_published_ones(spot):
     _, model, _ = spot
-    for k in range(1, model.nbody):
-        i = np.sort(model.body_inertia[k])
-        assert i[0] > 0
-        assert i[2] <= i[0] + i[1] + 1e-9
+    for name, mass, centre, moments, rpy in INERTIALS:
+        body = model.body(name)
+        assert body.mass[0] == pytest.approx(mass, abs=1e-4)
+        assert np.abs(body.ipos - centre).max() < 1e-4
+        ours, theirs = geo.matrix_from_quat_wxyz(body.iquat), Rotation.from_euler("xyz", rpy).as_matrix()
+        ours, theirs = ours @ np.diag(body.inertia) @ ours.T, theirs @ np.diag(moments) @ theirs.T
+        assert np.abs(ours - theirs).max() < 1e-2 * max(moments)
 
 
 def test_the_claw_closes_on_its_tool_point(spot):
@@ -156,6 +160,9 @@ def test_spot_opens_a_drawer_though_the_contact_is_off(drawer):
     twin, trajectory = drawer
     report = robots.replay(twin, trajectory, video=False)
     check_opened(report)
+    assert report.grip_force_max == pytest.approx(resolve("spot").force), (
+        "N at the tool point, not N m at the jaw"
+    )
     again = robots.replay(twin, trajectory, video=False)
     assert again.to_json() == report.to_json()
 

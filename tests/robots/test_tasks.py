@@ -68,6 +68,7 @@ def test_goals_are_states_words_or_shares():
 @pytest.mark.parametrize(("start", "goal"), [(0.0, 0.4), (0.4, 0.0), (0.1, 0.3), (0.3, 0.1)])
 def test_the_share_reached_is_0_at_the_start_1_at_the_goal_and_falls_beyond_it(start, goal):
     task = Task(start, goal)
+    assert task.direction == np.sign(goal - start)
     assert task.reached(start) == pytest.approx(0.0)
     assert task.reached(goal) == pytest.approx(1.0)
     assert task.reached(0.5 * (start + goal)) == pytest.approx(0.5)
