@@ -144,6 +144,22 @@ def test_the_claw_closes_on_its_tool_point(spot):
     assert mujoco.mj_geomDistance(model, data, low, high, 1.0, None) > 0.06
 
 
+@pytest.mark.parametrize("thickness", [0.006, 0.014, 0.03, 0.096])
+def test_the_jaw_that_does_not_move_lies_on_the_handle_it_holds_and_clears_it_before(spot, thickness):
+    """In the tool's y, where `beside` puts a handle and `room` takes the hand; jaws measured in the model, opened."""
+    spec, model, _ = spot
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    frame = geo.make_pose(data.site(spec.tool).xmat.reshape(3, 3), data.site(spec.tool).xpos)
+    low = model.geom("lower_jaw_blade").id
+    face = (geo.invert_pose(frame) @ np.append(data.geom_xpos[low], 1.0))[1] + model.geom_size[low][2]
+    middle = -spec.beside(thickness)
+    assert middle - thickness / 2 == pytest.approx(face, abs=1e-9)
+    room = spec.room(thickness)
+    clear = middle + room - thickness / 2 - face, face + spec.stroke - (middle + room + thickness / 2)
+    assert min(clear) >= min(0.006, (spec.stroke - thickness) / 2) - 1e-9
+
+
 def test_spot_stands_on_the_floor_and_keeps_to_itself(spot):
     spec, model, _ = spot
     data = mujoco.MjData(model)
