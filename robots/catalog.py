@@ -41,6 +41,12 @@ def resolve(robot: str | Path) -> RobotSpec:
         spec = load_spec(toml)
         _LOG.info("robot %s from %s, model %s", spec.name, toml, spec.model)
         return spec
+    if path.is_dir() and str(robot) not in names():
+        inside = ", ".join(sorted(p.name for p in path.glob("*.toml"))) or "none"
+        raise InputError(
+            f"robot {str(robot)!r} is a folder",
+            f"give a .toml robot file (in it: {inside}) or a known robot: {', '.join(names())}",
+        )
     known = _known(str(robot), names())
     _LOG.info("robot %s is the bundled model", known)
     return load_spec(_ASSETS / f"{known}.toml")

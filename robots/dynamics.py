@@ -6,15 +6,16 @@ smallest that does the same work; grip and friction forces across it cancel in t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from robots.spec import RobotSpec
-from robots.world import frictionloss, joint_damping, mass_and_com, weight_load
+from robots.world import frictionloss, inertia, joint_damping, mass_and_com, weight_load
 from twin.geometry import Array
-from twin.scene import Part, Revolute
+from twin.quantities import Inertial, Quantity
+from twin.scene import Part, Revolute, Twin
 
 _SETS_IN = 0.1  # of the highest rate, at which dry friction is fully fed forward (chosen by us)
 
@@ -60,16 +61,37 @@ class PartLoad:
         return np.array([direction * self.friction + weight_load(self.part, s) for s in states])
 
 
+def with_riders(twin: Twin, part: Part) -> Part:
+    """The part with mass, centre and inertia of all that rides on it, at rest where it is at state 0.
+
+    A part that itself rides on another one is moved while that one rests: nothing of its parent is added.
+    """
+    riding, grown = {part.id}, True
+    while grown:
+        more = {p.id for p in twin.parts if p.parent in riding} - riding
+        riding, grown = riding | more, bool(more)
+    if len(riding) == 1:
+        return part
+    bodies = [p for p in twin.parts if p.id in riding]
+    masses = np.array([mass_and_com(p)[0] for p in bodies])
+    centres = np.array([mass_and_com(p)[1] for p in bodies])
+    total, centre = float(masses.sum()), masses @ centres / masses.sum()
+    arms = centres - centre
+    tensor = sum(inertia(p) for p in bodies) + sum(
+        m * (a @ a * np.eye(3) - np.outer(a, a)) for m, a in zip(masses, arms, strict=True)
+    )
+    mass = Quantity(total, "geometry: with what rides on it", (total, total))
+    return replace(part, inertial=Inertial(mass, centre, tensor, mass.source))
+
+
 def part_load(part: Part) -> PartLoad:
-    """What a part's physics say about the force it takes to move it."""
+    """What a part's physics say about the force it takes to move it, without what rides on it (see `with_riders`)."""
     mass, com = mass_and_com(part)
-    inertia = mass
+    resists = mass
     if isinstance(part.joint, Revolute):
         axis, arm = part.joint.axis, com - part.joint.pivot
-        inertia = mass * float(arm @ arm - (arm @ axis) ** 2)
-        if part.inertial is not None:
-            inertia += float(axis @ part.inertial.inertia @ axis)
-    return PartLoad(part, inertia, joint_damping(part), frictionloss(part))
+        resists = mass * float(arm @ arm - (arm @ axis) ** 2) + float(axis @ inertia(part) @ axis)
+    return PartLoad(part, resists, joint_damping(part), frictionloss(part))
 
 
 class ArmDynamics:

@@ -11,6 +11,7 @@ import mujoco
 
 from robots.spec import RobotSpec
 from twin.errors import InputError
+from twin.lint.xml import read_xml
 
 _OVER = 0.01  # m of squeeze at which the gripper presses with its full force
 
@@ -18,12 +19,17 @@ _OVER = 0.01  # m of squeeze at which the gripper presses with its full force
 def robot_model(spec: RobotSpec) -> mujoco.MjSpec:
     """A fresh, editable model of the robot alone.
 
-    Raises InputError when MuJoCo can't read the file, or it lacks a body or joint that the robot file names.
+    Raises InputError when the file is no XML or declares a document type (robot files may come from anywhere), MuJoCo
+    can't read it, or it lacks a body or joint that the robot file names.
     """
+    read_xml(spec.model)
     try:
         model = mujoco.MjSpec.from_file(str(spec.model))
     except (ValueError, OSError) as e:
-        raise InputError(f"robot model {spec.model} can't be read: {' '.join(str(e).split())}") from e
+        raise InputError(
+            f"robot model {spec.model} can't be read: {' '.join(str(e).split())}",
+            "give an MJCF or URDF file that MuJoCo loads",
+        ) from e
     model.compiler.fusestatic = False
     if spec.tool_body:
         body = model.body(spec.tool_body)

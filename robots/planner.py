@@ -14,7 +14,7 @@ from robots.chain import read_chain
 from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.contact_path import make_grasps
-from robots.dynamics import ArmDynamics, part_load
+from robots.dynamics import ArmDynamics, part_load, with_riders
 from robots.faults import SLIP_LIMIT
 from robots.goals import Goal, Task, task_of
 from robots.ik import PathSolver
@@ -94,7 +94,7 @@ def plan(
         if accepted:
             break
     solver = PathSolver(spec, alone)
-    effort = Effort(ArmDynamics(spec, alone), part_load(target))
+    effort = Effort(ArmDynamics(spec, alone), part_load(with_riders(twin, target)))
     candidates: list[RobotTrajectory] = []
     for base in _unlike(accepted, 4 * config.finalists):
         try:

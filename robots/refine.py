@@ -11,6 +11,7 @@ from robots.chain import Chain
 from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
 from robots.draws import moved_joint
+from robots.dynamics import with_riders
 from robots.goals import Task, unit
 from robots.ik import PathSolver
 from robots.placement import Base, unreachable
@@ -69,9 +70,10 @@ def refined(
     around, approach = out and out.reversed(), back_off.reversed()
     clear, retreat = away(tool[-1], task.goal, move.q[-1], base.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
-    release = not may_move_alone(part, task.goal) if config.release is None else config.release
+    laden = with_riders(twin, part)
+    release = not may_move_alone(laden, task.goal) if config.release is None else config.release
     samples = timed(
-        None if moves_alone(part, task.start) else approach,
+        None if moves_alone(laden, task.start) else approach,
         move,
         retreat if release else None,
         spec,

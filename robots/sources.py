@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Iterator
 from importlib.metadata import distributions
 from pathlib import Path, PurePosixPath
 
@@ -28,7 +29,7 @@ def locate(model: str, beside: Path) -> Path:
             f"robot model {model!r} must be a path below the robot file's folder or below a Menagerie checkout",
             "give it without a leading / and without ..",
         )
-    for root in (beside, *checkouts()):
+    for root in _folders(beside):
         if (root / relative).is_file():
             if root != beside:
                 _LOG.info("robot model %s from %s", model, root)
@@ -41,6 +42,12 @@ def locate(model: str, beside: Path) -> Path:
         f"robot file names the model {model}, which is not beside it",
         f"put it there, or set {MENAGERIE} to a checkout that has it",
     )
+
+
+def _folders(beside: Path) -> Iterator[Path]:
+    """Where to look, in order; what lies beside the robot file needs no look at the user's home."""
+    yield beside
+    yield from checkouts()
 
 
 def checkouts() -> list[Path]:

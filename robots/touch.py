@@ -25,6 +25,10 @@ _THINNEST = 0.003  # m; what protrudes and is thinner is a flake of a fused mesh
 _SOURCE = "shape: no hand was seen"
 
 
+class NothingToHold(InputError):
+    """A part has no contact, and nothing on it that the gripper could hold."""
+
+
 def holds_of(
     twin: Twin, part: Part, spec: RobotSpec, contact: ContactPath | Array | None, seed: int
 ) -> list[Hold]:
@@ -35,7 +39,7 @@ def holds_of(
             state 0.
 
     Raises:
-        InputError: the user's contact is off the part, or there is neither a contact nor anything to hold.
+        InputError: the user's contact is off the part. NothingToHold: there is neither a contact nor anything to hold.
     """
     if contact is not None:
         told = contact if isinstance(contact, ContactPath) else _at_point(twin, part, contact)
@@ -58,10 +62,10 @@ def holds_of(
         )
     holds = holds_by_shape(twin, part, spec, seed)
     if not holds:
-        raise InputError(
+        raise NothingToHold(
             f"part {part.name!r} has no contact on it, and no bar, knob or rim that opens {spec.stroke:.2f} m of "
             "gripper can hold",
-            "give contact=(x, y, z), a point on what a hand would hold",
+            "give a point on what a hand would hold: contact=(x, y, z), or --contact X,Y,Z with --part",
         )
     return holds
 

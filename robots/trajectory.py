@@ -27,10 +27,10 @@ class RejectedBase:
 class RobotTrajectory:
     """Joint trajectory of an arm that moves one part; n samples, j arm joints.
 
-    times: (n,) s from 0. q, qd: (n, j) rad and rad/s. gripper: (n,) commanded opening in m, 0 = closed with full force.
+    times: (n,) s from 0. q, qd: (n, j) rad and rad/s, m and m/s of the slides of a planar base. gripper: (n,) commanded opening in m, 0 = closed with full force.
     phases: (n,) names out of PHASES. part_state: (n,) commanded state, m or rad. T_world_tool: (n, 4, 4).
     position_error: (n,) m between the wanted and the reachable tool position. T_world_base: (4, 4).
-    pedestal: m, height of the base above the floor. limits: (2, j) rad. velocity_limits: (j,) rad/s.
+    pedestal: m, height of the base above the floor. limits: (2, j), velocity_limits: (j,) in the units of q and qd.
     effort: (n, j) N m (N for a slide) that the motion and the part ask of the joints beside gravity compensation, by the
     twin's physics; zeros when left out.
     start, goal: states from which and to which the part is brought. grasp: how the hand holds the part. score, clearance (m): of the chosen base.
@@ -89,7 +89,7 @@ class RobotTrajectory:
         over = np.maximum(self.limits[0] - self.q, self.q - self.limits[1]).max(axis=0)
         if over.max() > 1e-6:
             k = int(np.argmax(over))
-            raise PlanningError(f"joint {self.joint_names[k]} leaves its limits by {over[k]:.4f} rad")
+            raise PlanningError(f"joint {self.joint_names[k]} leaves its limits by {over[k]:.4f}")
         speed = (np.abs(self.qd) / self.velocity_limits).max(axis=0)
         if speed.max() > 1 + 1e-6:
             k = int(np.argmax(speed))

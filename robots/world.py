@@ -211,15 +211,22 @@ def mass_and_com(part: Part) -> tuple[float, Array]:
     return max(_PANEL_MASS * part.mesh.area, 0.1), part.mesh.area_centroid
 
 
+def inertia(part: Part) -> Array:
+    """Inertia tensor (3, 3) kg m^2 about the centre of mass: the part's own, else that of a block as large as its mesh."""
+    if part.inertial is not None:
+        return part.inertial.inertia
+    size = np.maximum(np.ptp(part.mesh.vertices, axis=0), 0.01)
+    return np.diag(mass_and_com(part)[0] / 12 * (np.sum(size**2) - size**2))
+
+
 def _add_inertia(body: mujoco.MjsBody, part: Part) -> None:
     body.explicitinertial = True
     body.mass, body.ipos = mass_and_com(part)
-    if part.inertial is not None:
-        t = part.inertial.inertia
-        body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
+    t = inertia(part)
+    if part.inertial is None:
+        body.inertia = np.diag(t)
         return
-    size = np.maximum(np.ptp(part.mesh.vertices, axis=0), 0.01)
-    body.inertia = body.mass / 12 * (np.sum(size**2) - size**2)
+    body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
 
 
 def _add_shape(

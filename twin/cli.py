@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from twin.errors import FuntwinError, InputError, nearest_name
-from twin.options import OPTIONS
+from twin.options import OPTIONS, points_joined
 
 # verb -> (function that carries it out, what it does). Named as strings: their imports take seconds.
 VERBS = {
@@ -122,7 +122,7 @@ def _parse(argv: Sequence[str]) -> argparse.Namespace:
         close = nearest_name(verb, list(VERBS))
         hint = f"did you mean {close!r}?" if close else f"verbs: {', '.join(VERBS)}"
         raise InputError(f"unknown verb {verb!r}", hint)
-    return _verb_parser(verb).parse_args(rest, argparse.Namespace(verb=verb))
+    return _verb_parser(verb).parse_args(points_joined(rest), argparse.Namespace(verb=verb))
 
 
 def _parser() -> argparse.ArgumentParser:

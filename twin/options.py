@@ -2,11 +2,33 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
-from collections.abc import Callable
+import math
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 FORMATS = ("urdf", "mjcf", "usd")
+
+
+def points_joined(words: Sequence[str]) -> list[str]:
+    """`--contact -0.1,0,0.6` as one word: argparse would take a value that begins with a minus for an option."""
+    joined: list[str] = []
+    for word in words:
+        if joined and joined[-1] == "--contact" and word[:1] == "-" and word[1:2] in set("0123456789."):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _point(text: str) -> tuple[float, ...]:
+    try:
+        point = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        point = ()
+    if len(point) != 3 or not all(map(math.isfinite, point)):
+        raise ArgumentTypeError(f"{text!r} is no point: write three numbers in m, such as 0.4,-0.1,0.9")
+    return point
 
 
 def _demo(parser: ArgumentParser) -> None:
@@ -90,6 +112,7 @@ def _replay(parser: ArgumentParser) -> None:
     add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
     add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
     add("--recording", metavar="FOLDER", type=Path, help="shown beside the robot [where RUN has it from]")
+    add("--contact", type=_point, metavar="X,Y,Z", help="hold it there: m, twin's world, part at state 0")
     add("--stiffness", type=float, metavar="SHARE", help="share of the robot's own servo stiffness")
     add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
     add("--grid", action="store_true", help="trials also of each kind of error alone")
@@ -100,7 +123,9 @@ def _trajectory(parser: ArgumentParser) -> None:
     add = parser.add_argument
     _run(parser)
     _robot(parser)
-    add("--part", metavar="NAME", help="part that it opens [all, each in a folder of its name]")
+    add("--part", metavar="NAME", help="part that it moves [all, each in a folder of its name]")
+    add("--goal", metavar="open|close|SHARE", default="open", help="where the replay brought it [open]")
+    add("--start", metavar="open|close|SHARE", help="where it was before [the other end]")
     add(
         "--format",
         dest="formats",

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.console import Outcome
-from twin.errors import InputError, PlanningError
+from twin.errors import FuntwinError, InputError, PlanningError
 from twin.report.sections import Section, Table, save_section
 from twin.scene import Part, Twin
 from twin.stages import MANIFEST, Progress, read_json
@@ -123,19 +123,41 @@ def replay(
     goal: str = "open",
     start: str | None = None,
     recording: Path | None = None,
+    contact: tuple[float, ...] | None = None,
 ) -> Step:
-    """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin."""
+    """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin.
+
+    contact: point (3,) in m where a part is held, twin's world at state 0.
+    """
     started = time.perf_counter()
     twin = load(run)
     parts = [_partnamed(twin, n) for n in names] or list(twin.parts)
     if not parts:
         raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+    if contact is not None and len(parts) > 1:
+        raise InputError(
+            f"--contact is a point on one part, and {len(parts)} are to be moved",
+            f"add --part with one of: {', '.join(p.name for p in parts)}",
+        )
+    tasks = {part.id: named("robots.goals:task_of")(part, goal, start) for part in parts}
+    named("robots:resolve")(robot)
+    # one of several parts that can't be held does not keep the others from being moved
+    missed = (PlanningError, *([named("robots.touch:NothingToHold")] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
     rows, reports, tables = [], {}, []
     config = named("robots:ReplayConfig")(**({} if stiffness is None else {"stiffness": stiffness}))
     for part in parts:
         row, report, note, trajectory = _replay_part(
-            progress, twin, part, robot, run_folder(run), config, goal, start, demonstration
+            progress,
+            twin,
+            part,
+            robot,
+            run_folder(run),
+            config,
+            tasks[part.id],
+            contact,
+            demonstration,
+            missed,
         )
         rows.append([part.name, *row])
         reports[part.name] = report
@@ -184,23 +206,24 @@ def _replay_part(
     robot: str,
     run: Path,
     config: Any,
-    goal: str,
-    start: str | None,
+    task: Any,
+    contact: tuple[float, ...] | None,
     demonstration: Any,
+    missed: tuple[type[FuntwinError], ...],
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
     """Table row, report, notes and trajectory of one part; no way to move it is a missed goal, not a wrong input."""
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
     try:
-        trajectory = named("robots:plan")(twin, part.id, robot, goal=goal, start=start)
-    except PlanningError as e:
+        trajectory = named("robots:plan")(
+            twin, part.id, robot, contact=contact, goal=task.goal, start=task.start
+        )
+    except missed as e:
         progress(f"plan {part.name}", 1.0, "found none")
         row = ["-", "not", "-", "-", "-", "-", "FAILED"]
         return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
-    ends = tuple(round(100 * s / part.joint.upper) for s in (trajectory.start, trajectory.goal))
-    task = {(0, 100): "", (100, 0): "_close"}.get(ends, f"_{ends[0]}_to_{ends[1]}")
-    folder = _replay_folder(run, robot, f"{part.name}{task}")
+    folder = _replay_folder(run, robot, part, task)
     r = named("robots:replay")(
         twin, trajectory, folder, robot=robot, config=config, demonstration=demonstration
     )
@@ -233,7 +256,7 @@ def _trials(
     def tell(done: int, total: int) -> None:
         progress(name, done / total, f"{done} of {total}")
 
-    folder = _replay_folder(run, robot, trajectory.part)
+    folder = _replay_folder(run, robot, twin.part(trajectory.part_id), trajectory)
     report = named("robots:run_trials")(
         twin, trajectory, folder, robot=robot, config=config, tell=tell, **options
     )
@@ -242,12 +265,22 @@ def _trials(
     return table, report.summary(), [*report.assumed, f"{name}: {folder / 'trials.png'}"]
 
 
-def _replay_folder(run: Path, robot: str, part: str) -> Path:
-    return run / "replay" / Path(robot).stem / part
+def _replay_folder(run: Path, robot: str, part: Part, task: Any) -> Path:
+    """Where the replay of a part is kept that goes from task.start to task.goal: opening, closing, and between."""
+    ends = tuple(round(100 * s / part.joint.upper) for s in (task.start, task.goal))
+    suffix = {(0, 100): "", (100, 0): "_close"}.get(ends, f"_{ends[0]}_to_{ends[1]}")
+    return run / "replay" / Path(robot).stem / f"{part.name}{suffix}"
 
 
 def trajectory(
-    progress: Progress, run: Path, robot: str, name: str | None, formats: Sequence[str], out: Path
+    progress: Progress,
+    run: Path,
+    robot: str,
+    name: str | None,
+    formats: Sequence[str],
+    out: Path,
+    goal: str = "open",
+    start: str | None = None,
 ) -> Outcome:
     """Hand over what `replay` left of one part into `out`, or of all parts into folders of their names."""
     twin, spec = load(run), named("robots:resolve")(robot)
@@ -256,11 +289,15 @@ def trajectory(
         raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
     sources = []
     for part in parts:
-        path = run_folder(run) / "replay" / Path(robot).stem / part.name / "trajectory.json"
+        task = named("robots.goals:task_of")(part, goal, start)
+        path = _replay_folder(run_folder(run), robot, part, task) / "trajectory.json"
         if not path.is_file():
+            asked = "".join(
+                f" --{k} {v}" for k, v in (("goal", goal), ("start", start)) if v not in ("open", None)
+            )
             raise InputError(
                 f"{path} does not exist: no trajectory of {robot} for {part.name} yet",
-                f"run `twin replay {run} --robot {robot} --part {part.name}`",
+                f"run `twin replay {run} --robot {robot} --part {part.name}{asked}`",
             )
         planned = named("robots.formats.native:load")(path)
         sources.append(named("robots.formats:Handover")(planned, part, spec))

@@ -129,6 +129,7 @@ def replay(
     goal: str = "open",
     start: str | None = None,
     recording: Path | None = None,
+    contact: tuple[float, ...] | None = None,
 ) -> Outcome:
     """A robot opens or closes the parts."""
     options = None
@@ -138,15 +139,24 @@ def replay(
     elif grid or seed:
         raise InputError("--grid and --seed belong to trials", "add --trials 100")
     with console.progress() as progress, _page(run):
-        return steps.replay(progress, run, robot, parts, stiffness, options, goal, start, recording).outcome
+        return steps.replay(
+            progress, run, robot, parts, stiffness, options, goal, start, recording, contact
+        ).outcome
 
 
 def trajectory(
-    console: Console, run: Path, robot: str, part: str | None, formats: Sequence[str], out: Path
+    console: Console,
+    run: Path,
+    robot: str,
+    part: str | None,
+    formats: Sequence[str],
+    out: Path,
+    goal: str = "open",
+    start: str | None = None,
 ) -> Outcome:
     """What a replay planned, in robots' formats."""
     with console.progress() as progress:
-        return steps.trajectory(progress, run, robot, part, formats, out)
+        return steps.trajectory(progress, run, robot, part, formats, out, goal, start)
 
 
 def evaluate(console: Console, run: Path, truth: Path) -> Outcome:

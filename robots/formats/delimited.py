@@ -14,10 +14,10 @@ FILES = ("trajectory.csv",)
 
 def columns(source: Handover) -> list[str]:
     """Column names; each ends in its unit (quaternions and phases have none), tool poses are in the twin's world."""
-    joints = source.trajectory.joint_names
+    joints = [f"{j}_{u}" for j, u in zip(source.trajectory.joint_names, source.joint_units, strict=True)]
     return [
         "time_s", "phase",
-        *(f"{j}_rad" for j in joints), *(f"{j}_rad_per_s" for j in joints),
+        *joints, *(f"{j}_per_s" for j in joints),
         "gripper_m", f"part_state_{source.state_unit}",
         *(f"world_tool_{axis}_m" for axis in "xyz"), *(f"world_tool_q{axis}" for axis in "wxyz"),
         "position_error_m",

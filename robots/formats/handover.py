@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from robots.chain import Chain, read_chain
+from robots.model import compiled
 from robots.spec import RobotSpec
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
@@ -39,7 +42,8 @@ class Handover:
             )
         if t.joint_names != r.arm_joints:
             raise InputError(
-                f"the trajectory moves {t.joint_names}, robot {r.name!r} has {r.arm_joints}",
+                f"the trajectory was planned for {t.robot!r} and moves {', '.join(t.joint_names)}; "
+                f"robot {r.name!r} has {', '.join(r.arm_joints)}",
                 "give the robot that it was planned for",
             )
 
@@ -49,9 +53,63 @@ class Handover:
         return "rad" if self.part.joint.kind == "revolute" else "m"
 
     @property
+    def verb(self) -> str:
+        """What is done to the part: "open" or "close"."""
+        return "open" if self.trajectory.goal > self.trajectory.start else "close"
+
+    @property
+    def title(self) -> str:
+        """One line: who does what to which part."""
+        t = self.trajectory
+        return f"{t.robot} {self.verb}s {t.part} of {t.twin}"
+
+    @property
     def T_base_tool(self) -> Array:
-        """Tool poses (n, 4, 4) in the robot's base frame, where its base stands by plan."""
+        """Tool poses (n, 4, 4) in the frame of the base's stance, which stands still where the plan has it."""
         return np.asarray(geo.invert_pose(self.trajectory.T_world_base) @ self.trajectory.T_world_tool)
+
+    @property
+    def base(self) -> int:
+        """How many of the joints, the leading ones, move the base: 3 of a planar base, 0 of a fixed one."""
+        return len(self.robot.base_joints)
+
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """Unit of each joint's position: "m" of a slide, "rad" of a hinge."""
+        if not self.robot.planar:
+            return ("rad",) * len(self.robot.arm_joints)
+        return tuple("m" if slides else "rad" for slides in self._chain.slides)
+
+    @property
+    def T_base_body(self) -> Array:
+        """Poses (n, 4, 4), in the frame of the base's stance, of the body that a planar base carries."""
+        return self._body_motion[0]
+
+    @property
+    def body_velocity(self) -> Array:
+        """That body's velocity (n, 6), linear m/s and angular rad/s, in the axes of the stance."""
+        return self._body_motion[1]
+
+    @property
+    def body(self) -> str:
+        """Name of the body on which the arm is mounted: the one that a planar base carries, else the base."""
+        if not self.robot.planar:
+            return self.robot.base_body
+        model = compiled(self.robot)
+        last = model.joint(self.robot.base_joints[-1]).id
+        return str(model.body(model.jnt_bodyid[last]).name)
+
+    @cached_property
+    def _chain(self) -> Chain:
+        return read_chain(compiled(self.robot), self.robot)
+
+    @cached_property
+    def _body_motion(self) -> tuple[Array, Array]:
+        n, chain, t = self.base, self._chain, self.trajectory
+        cut = {name: getattr(chain, name)[:n] for name in ("fixed", "axes", "lower", "upper", "slides")}
+        poses, jacobian = replace(chain, **cut, last=np.eye(4)).forward(t.q[:, :n])
+        local = (jacobian @ t.qd[:, :n, None]).reshape(-1, 2, 3)
+        return poses, (local @ np.swapaxes(poses[:, :3, :3], -1, -2)).reshape(-1, 6)
 
 
 def number(value: float) -> float:

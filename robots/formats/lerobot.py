@@ -48,7 +48,7 @@ def render(source: Handover) -> dict[str, bytes]:
             'install it with: pip install "funtwin[lerobot]"',
         ) from None
     columns, names = frames(source)
-    task = f"open {source.part.name}"
+    task = f"{source.verb} {source.part.name}"
     stats = {key: statistics(values) for key, values in columns.items()}
     data = pa.table({key: _column(pa, values) for key, values in columns.items()})
     contents = (
@@ -64,7 +64,7 @@ def render(source: Handover) -> dict[str, bytes]:
 def frames(source: Handover) -> tuple[dict[str, NDArray[Any]], dict[str, list[str] | None]]:
     """Columns (n,) or (n, d) at `FPS`, and the names of their d numbers.
 
-    observation.state: planned joints (rad) and gripper (m); action: those of the next frame, which are commanded now.
+    observation.state: planned joints (rad, slides m) and gripper (m); action: those of the next frame, which are commanded now.
     observation.tool_pose: in the twin's world, m and quaternion wxyz. phase: index in `robots.trajectory.PHASES`.
     """
     t = source.trajectory
@@ -76,7 +76,7 @@ def frames(source: Handover) -> tuple[dict[str, NDArray[Any]], dict[str, list[st
     # the sample that is being executed, as `RobotTrajectory.at` does with the gripper
     before = np.clip(np.searchsorted(t.times, times, side="right") - 1, 0, len(t.times) - 1)
     phases = np.array([PHASES.index(p) for p in t.phases])
-    joints = [*(f"{j}_rad" for j in t.joint_names), "gripper_m"]
+    joints = [*(f"{j}_{u}" for j, u in zip(t.joint_names, source.joint_units, strict=True)), "gripper_m"]
     whole = np.zeros(n, dtype=np.int64)
     columns = {
         "observation.state": state.astype(np.float32),

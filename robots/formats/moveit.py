@@ -1,12 +1,12 @@
 """moveit_msgs/CartesianTrajectory as YAML: the tool's poses, velocities and accelerations in the robot's base frame.
 
+A base that moves is no frame to give poses in: they are given in that of its stance, which stands still.
+
 Source of the fields: moveit/moveit_msgs (ros2), msg/CartesianTrajectory.msg, CartesianTrajectoryPoint.msg and
 CartesianPoint.msg; geometry_msgs/msg/{Pose,Twist,Accel}.msg.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from robots.formats.handover import (
     smooth_quaternions_wxyz,
     yaml_bytes,
 )
-from robots.formats.ros2 import header
+from robots.formats.ros2 import XYZW, header, standing, xyz
 from twin import geometry as geo
 from twin.geometry import Array
 
@@ -36,11 +36,11 @@ def render(source: Handover) -> dict[str, bytes]:
         {
             "point": {
                 "pose": {
-                    "position": _xyz(poses[k, :3, 3]),
-                    "orientation": {axis: number(quaternions[k, i]) for i, axis in _XYZW},
+                    "position": xyz(poses[k, :3, 3]),
+                    "orientation": {axis: number(quaternions[k, i]) for i, axis in XYZW},
                 },
-                "velocity": {"linear": _xyz(linear[k]), "angular": _xyz(angular[k])},
-                "acceleration": {"linear": _xyz(linear_rate[k]), "angular": _xyz(angular_rate[k])},
+                "velocity": {"linear": xyz(linear[k]), "angular": xyz(angular[k])},
+                "acceleration": {"linear": xyz(linear_rate[k]), "angular": xyz(angular_rate[k])},
             },
             "time_from_start": seconds_nanoseconds(float(t.times[k])),
         }
@@ -48,12 +48,10 @@ def render(source: Handover) -> dict[str, bytes]:
     ]
     robot = source.robot
     document = {"header": header(robot.base_body), "tracked_frame": robot.tool, "points": points}
-    about = f"moveit_msgs/msg/CartesianTrajectory: {t.robot} opens {t.part} of {t.twin}"
+    about = f"moveit_msgs/msg/CartesianTrajectory: {source.title}"
     axes = f"{robot.tool}: z out of the hand, y the direction in which the fingers close, between the finger pads"
-    return {FILES[0]: yaml_bytes(document, [about, axes, "m, rad, s; orientations are unit quaternions"])}
-
-
-_XYZW = ((1, "x"), (2, "y"), (3, "z"), (0, "w"))
+    units = "m, rad, s; orientations are unit quaternions"
+    return {FILES[0]: yaml_bytes(document, [about, axes, standing(source), units])}
 
 
 def velocities(times: Array, poses: Array) -> tuple[Array, Array]:
@@ -68,7 +66,3 @@ def velocities(times: Array, poses: Array) -> tuple[Array, Array]:
     h = np.diff(times)[:, None]
     inner = (step[:-1] * h[1:] + step[1:] * h[:-1]) / (h[:-1] + h[1:])
     return np.asarray(linear), np.concatenate([step[:1], inner, step[-1:]])
-
-
-def _xyz(vector: Array) -> dict[str, Any]:
-    return {axis: number(v) for axis, v in zip("xyz", vector, strict=True)}

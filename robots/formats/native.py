@@ -15,6 +15,7 @@ from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import InputError, PlanningError
 
 FORMAT = "funtwin-trajectory/1"
+_AGAIN = "plan it again with `twin replay`"
 _ARRAYS = (
     "times", "q", "qd", "gripper", "part_state", "T_world_tool", "position_error", "T_world_base", "limits",
     "velocity_limits", "effort",
@@ -24,13 +25,21 @@ _ARRAYS = (
 def save(trajectory: RobotTrajectory, folder: Path) -> tuple[Path, Path]:
     """Write trajectory.json and trajectory.npz into `folder`; returns their paths.
 
-    Raises InputError when the folder can't be written.
+    Both are complete before either takes its place. Raises InputError when the folder can't be written.
     """
     json_path, npz_path = folder / "trajectory.json", folder / "trajectory.npz"
+    contents = {json_path: json_bytes(trajectory), npz_path: npz_bytes(trajectory)}
+    made = {path: path.with_name(f".{path.name}.tmp") for path in contents}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        json_path.write_bytes(json_bytes(trajectory))
-        npz_path.write_bytes(npz_bytes(trajectory))
+        try:
+            for path, temporary in made.items():
+                temporary.write_bytes(contents[path])
+            for path, temporary in made.items():
+                temporary.replace(path)
+        finally:
+            for temporary in made.values():
+                temporary.unlink(missing_ok=True)
     except OSError as e:
         raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
     return json_path, npz_path
@@ -77,13 +86,13 @@ def load(path: Path) -> RobotTrajectory:
     except OSError as e:
         raise InputError(f"{path} can't be read ({e.strerror})", "give a trajectory.json") from e
     except (json.JSONDecodeError, UnicodeDecodeError) as e:
-        raise InputError(f"{path} is not JSON: {e}") from e
+        raise InputError(f"{path} is not JSON: {e}", _AGAIN) from e
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError(f"{path} is not of format {FORMAT}")
+        raise InputError(f"{path} is not of format {FORMAT}", _AGAIN)
     values: dict[str, Any] = {f.name: document.get(f.name) for f in fields(RobotTrajectory)}
     missing = [name for name, value in values.items() if value is None]
     if missing:
-        raise InputError(f"{path} lacks {', '.join(missing)}")
+        raise InputError(f"{path} lacks {', '.join(missing)}", _AGAIN)
     try:
         for name in _ARRAYS:
             values[name] = np.asarray(values[name], dtype=np.float64)

@@ -1,7 +1,11 @@
 """trajectory_msgs/JointTrajectory as YAML, for `ros2 topic pub` or a joint trajectory controller.
 
-Source of the fields: ros2/common_interfaces, trajectory_msgs/msg/JointTrajectory.msg and JointTrajectoryPoint.msg,
-std_msgs/msg/Header.msg, builtin_interfaces/msg/{Time,Duration}.msg.
+The joints of a planar base are no arm's: the way of the body that they carry is a file of its own, a
+trajectory_msgs/MultiDOFJointTrajectory, the message in which MoveIt too keeps planar joints apart from single ones.
+
+Source of the fields: ros2/common_interfaces, trajectory_msgs/msg/{JointTrajectory,JointTrajectoryPoint,
+MultiDOFJointTrajectory,MultiDOFJointTrajectoryPoint}.msg, geometry_msgs/msg/{Transform,Twist}.msg, std_msgs/msg/Header.msg,
+builtin_interfaces/msg/{Time,Duration}.msg.
 """
 
 from __future__ import annotations
@@ -11,30 +15,46 @@ from typing import Any
 
 import numpy as np
 
-from robots.formats.handover import Handover, number, seconds_nanoseconds, yaml_bytes
+from robots.formats.handover import (
+    Handover,
+    number,
+    seconds_nanoseconds,
+    smooth_quaternions_wxyz,
+    yaml_bytes,
+)
 from twin.geometry import Array
 
-FILES = ("joint_trajectory.yaml", "gripper_trajectory.yaml")
+FILES = ("joint_trajectory.yaml", "gripper_trajectory.yaml", "base_trajectory.yaml")
 
 
 def render(source: Handover) -> dict[str, bytes]:
-    """The arm's trajectory and the gripper's, which share their clock.
+    """The arm's trajectory, the gripper's and, of a planar base, that of the body; they share their clock.
 
-    Positions are in rad, velocities in rad/s, finger positions in m. Accelerations and efforts stay empty: a controller
-    that is given positions and velocities interpolates with cubics, which is what the replay did too. A stamp
-    of 0 means "start on receipt". The fingers' last metres are a command, not a place: 0 asks for full grip force.
+    Positions are in rad, velocities in rad/s, fingers that slide in m. Accelerations and efforts stay empty: a controller
+    that is given positions and velocities interpolates with cubics, which is what the replay did too. A stamp of 0 means
+    "start on receipt". The fingers' last value is a command, not a place: closed asks for full grip force.
     """
-    t, robot = source.trajectory, source.robot
-    opening = np.repeat(t.gripper[:, None] / len(robot.gripper_joints), len(robot.gripper_joints), axis=1)
-    about = f"trajectory_msgs/msg/JointTrajectory: {t.robot} opens {t.part} of {t.twin}"
-    where = f"frame_id is the robot's base; it stands at {_place(t.T_world_base)} of the twin's world"
-    arm = message(robot.base_body, t.joint_names, t.times, t.q, t.qd)
-    hand = message(robot.base_body, robot.gripper_joints, t.times, opening, None)
-    grip = f"m of each finger; 0 closes with the full force, in the replay {robot.force:g} N"
-    return {
+    t, robot, n = source.trajectory, source.robot, source.base
+    about = f"trajectory_msgs/msg/JointTrajectory: {source.title}"
+    where = (
+        standing(source) if n == 0 else f"frame_id is the body that base_trajectory.yaml moves: {source.body}"
+    )
+    arm = message(source.body, t.joint_names[n:], t.times, t.q[:, n:], t.qd[:, n:])
+    jaws = np.stack([robot.jaws(float(opening)) for opening in t.gripper])
+    hand = message(source.body, robot.gripper_joints, t.times, jaws, None)
+    unit, closed = (
+        ("m of each finger", 0.0) if robot.gripper_kind == "parallel" else ("rad", robot.jaw_closed)
+    )
+    grip = f"{unit}; {closed:g} closes with the full force, in the replay {robot.force:g} N"
+    files = {
         FILES[0]: yaml_bytes(arm, [about, where, "rad, rad/s"]),
         FILES[1]: yaml_bytes(hand, [about, "the gripper, on the arm's clock", grip]),
     }
+    if n:
+        about = f"trajectory_msgs/msg/MultiDOFJointTrajectory: {source.title}"
+        axes = f"poses and velocities of {source.body} in frame_id, on the arm's clock; m, rad, s"
+        files[FILES[2]] = yaml_bytes(base_message(source), [about, standing(source), axes])
+    return files
 
 
 def message(
@@ -54,12 +74,48 @@ def message(
     return {"header": header(frame), "joint_names": list(joints), "points": points}
 
 
+def base_message(source: Handover) -> dict[str, Any]:
+    """The body's way in the frame of the stance; its one joint is named after it."""
+    t, poses, velocities = source.trajectory, source.T_base_body, source.body_velocity
+    quaternions = smooth_quaternions_wxyz(poses[:, :3, :3])
+    points = [
+        {
+            "transforms": [
+                {
+                    "translation": xyz(poses[k, :3, 3]),
+                    "rotation": {axis: number(quaternions[k, i]) for i, axis in XYZW},
+                }
+            ],
+            "velocities": [{"linear": xyz(velocities[k, :3]), "angular": xyz(velocities[k, 3:])}],
+            "accelerations": [],
+            "time_from_start": seconds_nanoseconds(float(t.times[k])),
+        }
+        for k in range(len(t.times))
+    ]
+    return {"header": header(source.robot.base_body), "joint_names": [source.body], "points": points}
+
+
+XYZW = ((1, "x"), (2, "y"), (3, "z"), (0, "w"))  # where a message's names are in a quaternion wxyz
+
+
+def xyz(vector: Array) -> dict[str, Any]:
+    """A message of a vector (3,)."""
+    return {axis: number(v) for axis, v in zip("xyz", vector, strict=True)}
+
+
 def header(frame: str) -> dict[str, Any]:
     """std_msgs/Header of a message that holds from its receipt on."""
     return {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame}
 
 
-def _place(pose: Array) -> str:
+def standing(source: Handover) -> str:
+    """A comment that tells what `frame_id` is and where it stands; it is a frame that does not move."""
+    pose = source.trajectory.T_world_base
     x, y, z = (number(v) for v in pose[:3, 3])
     yaw = number(np.arctan2(pose[1, 0], pose[0, 0]))
-    return f"x {x:.6f} y {y:.6f} z {z:.6f} m, yaw {yaw:.6f} rad"
+    what = (
+        "a fixed frame on the floor, which the robot's body leaves as it walks"
+        if source.base
+        else "the robot's base"
+    )
+    return f"frame_id is {what}; it stands at x {x:.6f} y {y:.6f} z {z:.6f} m, yaw {yaw:.6f} rad of the twin's world"

@@ -1,11 +1,17 @@
 """Spot's impedance control of the arm: bosdyn.api.ArmImpedanceCommand.Request in protobuf's JSON, one file a leg.
 
-Source of the fields: Spot SDK, protos/bosdyn/api/{arm_command,trajectory,geometry}.proto. Largest stiffness and damping:
+Where the plan walks there is, for each leg, bosdyn.api.SE2TrajectoryCommand.Request of the body too.
+
+Source of the fields: Spot SDK, protos/bosdyn/api/{arm_command,basic_command,trajectory,geometry}.proto. Largest stiffness and damping:
 the SDK's example arm_impedance_control. Force and torque caps: the defaults that arm_command.proto states.
 
 The command is about the tool alone, so any robot's trajectory can be given to Spot. The task frame is the tool frame at
 the trajectory's first sample (the hand 10 cm in front of the handle, opened): whoever sends the command sets
 `rootTformTask` to where that is for the robot at hand, by default the pose in the base frame of the plan.
+
+A body that walks takes the frame "body" along, so the files of a plan that walks are about "odom". They are written as if
+it were Spot's "flat_body" at the first sample; one transform, odom_tform_flat_body read when Spot stands there, makes
+them right: in front of rootTformTask and of every pose of the body.
 """
 
 from __future__ import annotations
@@ -22,7 +28,9 @@ from twin.errors import ConfigError
 from twin.geometry import Array
 
 LEGS = ("approach", "move", "retreat")
-FILES = tuple(f"spot/arm_impedance_{k}_{leg}.json" for k, leg in enumerate(LEGS, 1))
+ARM_FILES = tuple(f"spot/arm_impedance_{k}_{leg}.json" for k, leg in enumerate(LEGS, 1))
+BODY_FILES = tuple(f"spot/body_{k}_{leg}.json" for k, leg in enumerate(LEGS, 1))
+FILES = ARM_FILES + BODY_FILES
 STEP = 0.1  # s between points, chosen by us: the robot interpolates, and short messages arrive sooner
 
 # Ours: z out of the hand, y the closing direction. Spot's wrist (link_wr1): x out of the hand, y the jaw's hinge, so the
@@ -61,9 +69,14 @@ def render(source: Handover) -> dict[str, bytes]:
     phases = np.array(t.phases)
     impedance = Impedance()
     start = t.T_world_tool[0]
-    base = source.T_base_tool[0]
+    frame, root = "body", source.T_base_tool[0]
+    body: Array | None = None
+    if source.base:
+        # where the body is from where it stands at first; the stance's own frame lies on the floor, and Spot has none there
+        body = geo.invert_pose(source.T_base_body[0]) @ source.T_base_body
+        frame, root = "odom", geo.invert_pose(source.T_base_body[0]) @ root
     files = {}
-    for path, leg in zip(FILES, LEGS, strict=True):
+    for arm_path, body_path, leg in zip(ARM_FILES, BODY_FILES, LEGS, strict=True):
         at = np.flatnonzero(phases == leg)
         if len(at) == 0:
             continue
@@ -71,16 +84,19 @@ def render(source: Handover) -> dict[str, bytes]:
         at = np.concatenate([[max(at[0] - 1, 0)], at]) if at[0] else at
         poses = geo.invert_pose(start) @ t.T_world_tool[at]
         keep = thinned(t.times[at])
-        points = _points(t.times[at][keep], poses[keep])
-        text = json.dumps(request(points, base, impedance), indent=1, allow_nan=False)
-        files[path] = (text + "\n").encode()
+        times = t.times[at][keep]
+        files[arm_path] = _json(request(_points(times, poses[keep]), frame, root, impedance))
+        if body is not None:
+            files[body_path] = _json(walk(times, body[at][keep], frame))
     return files
 
 
-def request(points: list[dict[str, Any]], root_T_task: Array, impedance: Impedance) -> dict[str, Any]:
-    """The message as a mapping, keys in lowerCamelCase as protobuf's JSON has them."""
+def request(
+    points: list[dict[str, Any]], frame: str, root_T_task: Array, impedance: Impedance
+) -> dict[str, Any]:
+    """The arm's message as a mapping, keys in lowerCamelCase as protobuf's JSON has them."""
     return {
-        "rootFrameName": "body",
+        "rootFrameName": frame,
         "rootTformTask": _pose(root_T_task),
         "wristTformTool": _pose(WRIST_T_TOOL),
         "taskTformDesiredTool": {"points": points},
@@ -92,6 +108,19 @@ def request(points: list[dict[str, Any]], root_T_task: Array, impedance: Impedan
     }
 
 
+def walk(times: Array, poses: Array, frame: str) -> dict[str, Any]:
+    """The body's message as a mapping: times (n,) s, level poses (n, 4, 4). Without endTime, which is in the robot's clock."""
+    turns = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+    points = [
+        {
+            "pose": {"position": {"x": number(x), "y": number(y)}, "angle": number(turn)},
+            "timeSinceReference": _since(time, times),
+        }
+        for time, (x, y), turn in zip(times, poses[:, :2, 3], turns, strict=True)
+    ]
+    return {"se2FrameName": frame, "trajectory": {"points": points}}
+
+
 def thinned(times: Array) -> Array:
     """Indices of the samples nearest to every `STEP` seconds, first and last included."""
     wanted = np.linspace(times[0], times[-1], max(2, int(np.ceil((times[-1] - times[0]) / STEP - 1e-9)) + 1))
@@ -101,9 +130,17 @@ def thinned(times: Array) -> Array:
 def _points(times: Array, poses: Array) -> list[dict[str, Any]]:
     quaternions = smooth_quaternions_wxyz(poses[:, :3, :3])
     return [
-        {"pose": _pose(pose, q), "timeSinceReference": f"{number(time - times[0]):.9f}s"}
+        {"pose": _pose(pose, q), "timeSinceReference": _since(time, times)}
         for time, pose, q in zip(times, poses, quaternions, strict=True)
     ]
+
+
+def _since(time: float, times: Array) -> str:
+    return f"{number(time - times[0]):.9f}s"
+
+
+def _json(message: dict[str, Any]) -> bytes:
+    return (json.dumps(message, indent=1, allow_nan=False) + "\n").encode()
 
 
 def _pose(pose: Array, quaternion_wxyz: Array | None = None) -> dict[str, Any]:

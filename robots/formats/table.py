@@ -29,9 +29,15 @@ FORMATS: dict[str, Format] = {
     "json": Format("everything, readable", ("trajectory.json",), native.render_json),
     "npz": Format("the arrays, for NumPy", ("trajectory.npz",), native.render_npz),
     "csv": Format("a table, one line a sample", delimited.FILES, delimited.render),
-    "ros2": Format("trajectory_msgs/JointTrajectory of arm and gripper", ros2.FILES, ros2.render),
+    "ros2": Format(
+        "trajectory_msgs/JointTrajectory of arm and gripper, and where the base moves",
+        ros2.FILES,
+        ros2.render,
+    ),
     "moveit": Format("moveit_msgs/CartesianTrajectory of the tool", moveit.FILES, moveit.render),
-    "spot": Format("bosdyn.api.ArmImpedanceCommand.Request, one a leg", spot.FILES, spot.render),
+    "spot": Format(
+        "bosdyn.api.ArmImpedanceCommand.Request, one a leg, and where the body walks", spot.FILES, spot.render
+    ),
     "lerobot": Format("LeRobot v3.0 dataset of one episode", lerobot.FILES, lerobot.render),
 }
 

@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 from twin import geometry as geo
+from twin.quantities import Inertial, Quantity
 from twin.scene import (
     Box,
     ContactPath,
@@ -137,6 +138,34 @@ def sliding_door(height=0.9, *, travel=0.4, error=0.0, seed=0):
     extra, grip = bar([-0.15, -0.009, height], 0.25, vertical=True, thickness=0.02, stand_off=0.04)
     contact = contact_at(grip, [0, 0, 1], [0, -1, 0], 0.02, error=error, seed=seed)
     return twin_of(boxes + extra, Prismatic(np.array([1.0, 0, 0]), 0.0, travel), static, contact, "slider")
+
+
+def laden_door(mass=8.0):
+    """A door (part 2) that carries a pull-out of this mass (part 3, a drawer that slides towards -y) on its face."""
+    twin = door("left")
+    extra, grip = bar([0.08, -0.109, 0.62], 0.12, vertical=False)
+    boxes = [
+        box([0.08, -0.10, 0.62], [0.22, 0.018, 0.16]),
+        box([0.08, -0.05, 0.55], [0.22, 0.10, 0.01]),
+        *extra,
+    ]
+    mesh, joint = mesh_of(boxes), Prismatic(np.array([0, -1.0, 0]), 0.0, 0.15)
+    motion = Motion(np.arange(5), np.arange(5) / 10.0, np.linspace(0, joint.upper, 5), ((0, 4),))
+    tensor = mass * np.array([[0.010, 0.001, 0], [0.001, 0.012, 0.002], [0, 0.002, 0.008]])
+    weighed = Inertial(Quantity(mass, "user: test", (mass, mass)), mesh.area_centroid, tensor, "user: test")
+    contact = contact_at(grip, [1, 0, 0], [0, -1, 0], 0.02)
+    tray = Part(
+        3,
+        "pull_out",
+        mesh,
+        joint,
+        motion,
+        contact=contact,
+        collision=tuple(boxes),
+        parent=2,
+        inertial=weighed,
+    )
+    return replace(twin, parts=(*twin.parts, tray))
 
 
 def noisy(twin: Twin, sigma=0.005, seed=0):

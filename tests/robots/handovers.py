@@ -1,11 +1,15 @@
-"""A trajectory in closed form that opens a door, to be handed over."""
+"""Trajectories in closed form, to be handed over: an arm opens a door, and a robot that walks; both also closing."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 import robots
+from robots.chain import read_chain
 from robots.formats import Handover
+from robots.model import compiled
 from robots.timing import quintic
 from robots.trajectory import RobotTrajectory
 from tests.robots import furniture
@@ -46,23 +50,76 @@ def door():
         piece("open", 0.8, (b, b), 0.08, lambda _: end, lambda _: joint.upper),
         piece("retreat", 0.8, (b, d), 0.08, lambda u: along(end, 1 - u), lambda _: joint.upper),
     ]  # fmt: skip
+    stands = geo.make_pose(geo.exp_so3([0, 0, 0.7]), [0.4, -0.6, 0.5])
+    limits = np.stack([robot.home - 2, robot.home + 2])
+    return joined(pieces, twin, robot, T_world_base=stands, pedestal=0.5, limits=limits)
+
+
+def walking():
+    """Spot walks and turns while its arm moves; the tool is where the arm carries it."""
+    twin = furniture.door("left")
+    robot, upper = robots.resolve("spot"), twin.part(2).joint.upper
+    chain = read_chain(compiled(robot), robot)
+    stands = geo.make_pose(geo.exp_so3([0, 0, -1.1]), [-0.9, -0.7, 0.01])
+    a = robot.home + np.array([0.10, -0.05, 0.20, 0.3, 0.1, -0.1, 0.2, -0.1, 0.4])
+    b = a + np.array([-0.40, 0.30, 1.3, -0.5, 0.2, 0.2, -0.3, 0.3, -0.6])
+    c, d = a - 0.02, b + 0.03
+
+    def carried(q0, q1):
+        return lambda u: stands @ chain.forward((q0 + u * (q1 - q0))[None])[0][0]
+
+    pieces = [
+        piece("approach", 0.8, (c, a), 0.1, carried(c, a), lambda _: 0.0),
+        piece("close", 1.0, (a, a), 0.0, carried(a, a), lambda _: 0.0),
+        piece("move", 4.0123456789, (a, b), 0.0, carried(a, b), lambda u: u * upper),
+        piece("hold", 0.5, (b, b), 0.0, carried(b, b), lambda _: upper),
+        piece("open", 0.8, (b, b), 0.1, carried(b, b), lambda _: upper),
+        piece("retreat", 0.8, (b, d), 0.1, carried(b, d), lambda _: upper),
+    ]
+    limits = np.stack([chain.lower, chain.upper])
+    return joined(pieces, twin, robot, T_world_base=stands, pedestal=0.0, limits=limits)
+
+
+def joined(pieces, twin, robot, **where):
+    """A handover of the pieces, one after the other."""
+    part = twin.part(2)
     start, columns = 0.0, {key: [] for key in pieces[0]}
     for k, p in enumerate(pieces):
         skip = 1 if k else 0  # a phase begins one sample after the last one's end
         for key, values in p.items():
             columns[key].append(values[skip:] + start if key == "times" else values[skip:])
         start += p["times"][-1]
-    joined = {key: np.concatenate(v) for key, v in columns.items() if key != "phases"}
+    arrays = {key: np.concatenate(v) for key, v in columns.items() if key != "phases"}
     phases = tuple(x for p in columns["phases"] for x in p)
-    joined["qd"][-1] = 0.0
+    arrays["qd"][-1] = 0.0
     trajectory = RobotTrajectory(
-        robot="franka", twin=twin.name, part_id=part.id, part=part.name, joint_names=robot.arm_joints,
-        **joined, phases=phases, position_error=np.zeros(len(phases)),
-        T_world_base=geo.make_pose(geo.exp_so3([0, 0, 0.7]), [0.4, -0.6, 0.5]), pedestal=0.5,
-        limits=np.stack([robot.home - 2, robot.home + 2]), velocity_limits=robot.velocity, goal=joint.upper,
-        grasp="bar", score=1.0, clearance=0.02,
+        robot=robot.name, twin=twin.name, part_id=part.id, part=part.name, joint_names=robot.arm_joints,
+        **arrays, phases=phases, position_error=np.zeros(len(phases)), velocity_limits=robot.velocity,
+        goal=part.joint.upper, grasp="bar", score=1.0, clearance=0.02, **where,
     )  # fmt: skip
     return Handover(trajectory, part, robot)
+
+
+def closing(source):
+    """The same motion backwards: what was opened is closed."""
+    t = source.trajectory
+    order = {"retreat": "approach", "open": "close", "hold": "close", "move": "move", "close": "open", "approach": "retreat"}  # fmt: skip
+    phases = tuple(order[p] for p in reversed(t.phases))
+    opened = np.isin(phases, ["approach", "open", "retreat"])
+    flipped = {key: getattr(t, key)[::-1] for key in ("q", "part_state", "T_world_tool", "position_error")}
+    backwards = replace(
+        t, **flipped, times=t.times[-1] - t.times[::-1], qd=-t.qd[::-1], phases=phases,
+        gripper=np.where(opened, t.gripper.max(), 0.0), start=t.goal, goal=t.start,
+    )  # fmt: skip
+    return Handover(backwards, source.part, source.robot)
+
+
+SOURCES = {
+    "arm opens": door,
+    "arm closes": lambda: closing(door()),
+    "walker opens": walking,
+    "walker closes": lambda: closing(walking()),
+}
 
 
 def stacked(rotations, translations):

@@ -19,6 +19,7 @@ ROS: dict[str, dict[str, str]] = {
     "Point": {"x": "float64", "y": "float64", "z": "float64"},
     "Quaternion": {"x": "float64", "y": "float64", "z": "float64", "w": "float64"},
     "Pose": {"position": "Point", "orientation": "Quaternion"},
+    "Transform": {"translation": "Vector3", "rotation": "Quaternion"},
     "Twist": {"linear": "Vector3", "angular": "Vector3"},
     "Accel": {"linear": "Vector3", "angular": "Vector3"},
     "JointTrajectory": {
@@ -33,6 +34,17 @@ ROS: dict[str, dict[str, str]] = {
         "effort": "float64[]",
         "time_from_start": "Duration",
     },
+    "MultiDOFJointTrajectory": {
+        "header": "Header",
+        "joint_names": "string[]",
+        "points": "MultiDOFJointTrajectoryPoint[]",
+    },
+    "MultiDOFJointTrajectoryPoint": {
+        "transforms": "Transform[]",
+        "velocities": "Twist[]",
+        "accelerations": "Twist[]",
+        "time_from_start": "Duration",
+    },
     "CartesianTrajectory": {
         "header": "Header",
         "tracked_frame": "string",
@@ -42,7 +54,19 @@ ROS: dict[str, dict[str, str]] = {
     "CartesianPoint": {"pose": "Pose", "velocity": "Twist", "acceleration": "Accel"},
 }
 
-# Spot SDK 5: protos/bosdyn/api/arm_command.proto, trajectory.proto, geometry.proto, in protobuf's JSON spelling.
+# What each file of a format holds.
+ROS_FILES = {
+    "joint_trajectory.yaml": "JointTrajectory",
+    "gripper_trajectory.yaml": "JointTrajectory",
+    "base_trajectory.yaml": "MultiDOFJointTrajectory",
+    "cartesian_trajectory.yaml": "CartesianTrajectory",
+}
+SPOT_FILES = {
+    "arm_impedance": "ArmImpedanceCommand.Request",
+    "body": "SE2TrajectoryCommand.Request",
+}
+
+# Spot SDK 5: protos/bosdyn/api/{arm_command,basic_command,trajectory,geometry}.proto, in protobuf's JSON spelling.
 BOSDYN: dict[str, dict[str, str]] = {
     "ArmImpedanceCommand.Request": {
         "rootFrameName": "string",
@@ -63,6 +87,19 @@ BOSDYN: dict[str, dict[str, str]] = {
         "angInterpolation": "string",
     },
     "SE3TrajectoryPoint": {"pose": "SE3Pose", "velocity": "SE3Velocity", "timeSinceReference": "seconds"},
+    "SE2TrajectoryCommand.Request": {
+        "endTime": "timestamp",
+        "se2FrameName": "string",
+        "trajectory": "SE2Trajectory",
+    },
+    "SE2Trajectory": {
+        "points": "SE2TrajectoryPoint[]",
+        "referenceTime": "timestamp",
+        "interpolation": "string",
+    },
+    "SE2TrajectoryPoint": {"pose": "SE2Pose", "timeSinceReference": "seconds"},
+    "SE2Pose": {"position": "Vec2", "angle": "float64"},
+    "Vec2": {"x": "float64", "y": "float64"},
     "SE3Pose": {"position": "Vec3", "rotation": "Quaternion"},
     "SE3Velocity": {"linear": "Vec3", "angular": "Vec3"},
     "Wrench": {"force": "Vec3", "torque": "Vec3"},

@@ -43,6 +43,7 @@ def changed(name: str, folder: Path, old: str, new: str) -> Path:
 @pytest.mark.parametrize("name", names())
 def test_a_copied_robot_file_is_the_same_robot(name, tmp_path: Path):
     mine, bundled = load_spec(copied(name, tmp_path)), resolve(name)
+    assert mine.model == tmp_path / bundled.model.name
     for field in dataclasses.fields(mine):
         if field.name != "model":
             assert np.array_equal(getattr(mine, field.name), getattr(bundled, field.name)), field.name
@@ -176,6 +177,8 @@ def test_a_urdf_arm_has_the_kinematics_of_the_arm_it_describes(urdf_arm):
     q = np.random.default_rng(0).uniform(chains[1].lower, chains[1].upper, (20, 7))
     assert np.abs(chains[0].forward(q)[0] - chains[1].forward(q)[0]).max() < 1e-6
     model = compiled(mine)
+    assert model.jnt_actgravcomp[:7].all(), "what carries the arm counts against its torque limits"
+    assert model.neq == 1, "fingers close together"
     assert np.array_equal(model.actuator_forcerange[:7, 1], mine.effort)
     assert model.actuator("gripper").forcerange[1] == mine.force
 
@@ -196,10 +199,12 @@ def test_stiffness_is_refused_where_it_makes_no_servos(tmp_path: Path):
 
 def test_a_robot_model_that_is_no_model_is_one_line(tmp_path: Path):
     path = copied("franka", tmp_path)
-    (tmp_path / "franka.xml").write_text("<mujoco>", encoding="utf-8")
-    with pytest.raises(InputError, match="can't be read") as e:
-        compiled(load_spec(path))
-    assert "\n" not in str(e.value)
+    broken = {"<mujoco>": "not well-formed", "<html/>": "can't be read", "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>": "refuses"}  # fmt: skip
+    for text, message in broken.items():
+        (tmp_path / "franka.xml").write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=message) as e:
+            compiled(load_spec(path))
+        assert "\n" not in str(e.value)
 
 
 def test_twin_robots_lists_shows_and_refuses(capsys):

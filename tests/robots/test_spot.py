@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import robots
 from robots.catalog import resolve
@@ -14,22 +15,13 @@ from robots.placement import floor_height
 from robots.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
+from tests.robots.spot_table import ARM, HAND, INERTIALS, TOOL_AXES
 from twin import geometry as geo
 from twin.errors import InputError
 
 pin = pytest.importorskip("pinocchio")
 
 FAST = PlanConfig(candidates=150, finalists=2)
-# joint, type, origin in the frame before it, lower, upper, torque: the manufacturer's robot description
-ARM = [
-    ("arm_sh0", "RZ", (0.292, 0.0, 0.188), -2.61799, 3.14159, 90.9),
-    ("arm_sh1", "RY", (0.0, 0.0, 0.0), -3.14159, 0.523599, 181.8),
-    ("arm_el0", "RY", (0.3385, 0.0, 0.0), 0.0, 3.14159, 90.9),
-    ("arm_el1", "RX", (0.4033, 0.0, 0.075), -2.79253, 2.79253, 30.3),
-    ("arm_wr0", "RY", (0.0, 0.0, 0.0), -1.8326, 1.8326, 30.3),
-    ("arm_wr1", "RX", (0.0, 0.0, 0.0), -2.87979, 2.87979, 30.3),
-]
-HAND = (0.19557, 0.0, 0.0)  # of the hand frame in the last link
 
 
 def reference() -> pin.Model:
@@ -45,10 +37,6 @@ def reference() -> pin.Model:
     hand = pin.SE3(np.eye(3), np.array(HAND))
     model.addFrame(pin.Frame("tool", parent, 0, hand, pin.FrameType.OP_FRAME))
     return model
-
-
-# tool axes in the hand's: z is the hand's x (out), y its z (the claw closes downwards), x its y
-TOOL_AXES = np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
 @pytest.fixture(scope="module")
@@ -127,12 +115,15 @@ def test_limits_and_masses_are_the_published_ones(spot):
     assert model.actuator(spec.gripper_actuator).forcerange[1] == pytest.approx(spec.force * spec.lever)
 
 
-def test_inertias_are_physical(spot):
+def test_masses_centres_and_inertias_are_the_published_ones(spot):
     _, model, _ = spot
-    for k in range(1, model.nbody):
-        i = np.sort(model.body_inertia[k])
-        assert i[0] > 0
-        assert i[2] <= i[0] + i[1] + 1e-9
+    for name, mass, centre, moments, rpy in INERTIALS:
+        body = model.body(name)
+        assert body.mass[0] == pytest.approx(mass, abs=1e-4)
+        assert np.abs(body.ipos - centre).max() < 1e-4
+        ours, theirs = geo.matrix_from_quat_wxyz(body.iquat), Rotation.from_euler("xyz", rpy).as_matrix()
+        ours, theirs = ours @ np.diag(body.inertia) @ ours.T, theirs @ np.diag(moments) @ theirs.T
+        assert np.abs(ours - theirs).max() < 1e-2 * max(moments)
 
 
 def test_the_claw_closes_on_its_tool_point(spot):
@@ -153,6 +144,22 @@ def test_the_claw_closes_on_its_tool_point(spot):
     assert mujoco.mj_geomDistance(model, data, low, high, 1.0, None) > 0.06
 
 
+@pytest.mark.parametrize("thickness", [0.006, 0.014, 0.03, 0.096])
+def test_the_jaw_that_does_not_move_lies_on_the_handle_it_holds_and_clears_it_before(spot, thickness):
+    """In the tool's y, where `beside` puts a handle and `room` takes the hand; jaws measured in the model, opened."""
+    spec, model, _ = spot
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    frame = geo.make_pose(data.site(spec.tool).xmat.reshape(3, 3), data.site(spec.tool).xpos)
+    low = model.geom("lower_jaw_blade").id
+    face = (geo.invert_pose(frame) @ np.append(data.geom_xpos[low], 1.0))[1] + model.geom_size[low][2]
+    middle = -spec.beside(thickness)
+    assert middle - thickness / 2 == pytest.approx(face, abs=1e-9)
+    room = spec.room(thickness)
+    clear = middle + room - thickness / 2 - face, face + spec.stroke - (middle + room + thickness / 2)
+    assert min(clear) >= min(0.006, (spec.stroke - thickness) / 2) - 1e-9
+
+
 def test_spot_stands_on_the_floor_and_keeps_to_itself(spot):
     spec, model, _ = spot
     data = mujoco.MjData(model)
@@ -169,6 +176,9 @@ def test_spot_opens_a_drawer_though_the_contact_is_off(drawer):
     twin, trajectory = drawer
     report = robots.replay(twin, trajectory, video=False)
     check_opened(report)
+    assert report.grip_force_max == pytest.approx(resolve("spot").force), (
+        "N at the tool point, not N m at the jaw"
+    )
     again = robots.replay(twin, trajectory, video=False)
     assert again.to_json() == report.to_json()
 

@@ -68,6 +68,7 @@ def test_goals_are_states_words_or_shares():
 @pytest.mark.parametrize(("start", "goal"), [(0.0, 0.4), (0.4, 0.0), (0.1, 0.3), (0.3, 0.1)])
 def test_the_share_reached_is_0_at_the_start_1_at_the_goal_and_falls_beyond_it(start, goal):
     task = Task(start, goal)
+    assert task.direction == np.sign(goal - start)
     assert task.reached(start) == pytest.approx(0.0)
     assert task.reached(goal) == pytest.approx(1.0)
     assert task.reached(0.5 * (start + goal)) == pytest.approx(0.5)
@@ -223,18 +224,21 @@ def test_the_shortest_time_is_where_the_torque_meets_its_limit(seed):
     assert Terms(terms.still, 0 * terms.viscous, 0 * terms.inertial).shortest(limit) == 0.0
 
 
-def test_inverse_dynamics_are_pinocchios(franka):
-    model = mujoco.MjModel.from_xml_path(str(franka.model))
-    arm = ArmDynamics(franka, model)
-    reference = pin.buildModelFromMJCF(str(franka.model))
+@pytest.mark.parametrize("name", ["franka", "spot"])
+def test_inverse_dynamics_are_pinocchios(name):
+    spec = resolve(name)
+    model = mujoco.MjModel.from_xml_path(str(spec.model))
+    arm, n = ArmDynamics(spec, model), len(spec.arm_joints)
+    reference = pin.buildModelFromMJCF(str(spec.model))
     data, rng = reference.createData(), np.random.default_rng(0)
-    added = model.dof_armature[:7], model.dof_damping[:7]
+    added = model.dof_armature[:n], model.dof_damping[:n]
     # pin.rnea adds the reflected inertia that its model holds; here it is added by hand, and only once.
     reference.armature = np.zeros(reference.nv)
+    fingers = np.zeros(reference.nv - n)
     for _ in range(10):
-        q, qd, qdd = franka.home + rng.normal(0, 0.4, 7), rng.normal(0, 1, 7), rng.normal(0, 5, 7)
-        full = [np.concatenate([v, fingers]) for v, fingers in ((q, [0, 0]), (qd, [0, 0]), (qdd, [0, 0]))]
-        expected = pin.rnea(reference, data, *full)[:7] + added[0] * qdd + added[1] * qd
+        q, qd, qdd = spec.home + rng.normal(0, 0.4, n), rng.normal(0, 1, n), rng.normal(0, 5, n)
+        full = [np.concatenate([v, fingers]) for v in (q, qd, qdd)]
+        expected = pin.rnea(reference, data, *full)[:n] + added[0] * qdd + added[1] * qd
         assert np.abs(arm.torque(q[None], qd[None], qdd[None])[0] - expected).max() < 1e-6
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from robots.config import PlanConfig
 from robots.formats import native
 from robots.timing import Leg, quintic, timed
 from robots.trajectory import RejectedBase, RobotTrajectory
+from tests.robots.handovers import contents
 from twin import geometry as geo
 from twin.errors import ConfigError, InputError, PlanningError
 
@@ -147,6 +149,21 @@ def test_an_unwritable_folder_is_named(trajectory, tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="can't be written"):
         native.save(trajectory, tmp_path / "file" / "replay")
+
+
+def test_a_full_disk_leaves_the_earlier_files(trajectory, tmp_path: Path, monkeypatch):
+    native.save(trajectory, tmp_path)
+    before, write = contents(tmp_path), Path.write_bytes
+
+    def full(path, data):
+        if "npz" in path.name:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InputError, match="No space left"):
+        native.save(replace(trajectory, grasp="another"), tmp_path)
+    assert contents(tmp_path) == before
 
 
 def test_settings_are_checked():

@@ -59,15 +59,14 @@ def test_replay_opens_every_part_and_keeps_the_result(
     run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     planned: list[tuple[int, str]] = []
-    tasks: list[tuple[str, str | None]] = []
+    tasks: list[tuple[Any, ...]] = []
 
-    def plan(twin: Any, part: int, robot: str, *, goal: str, start: str | None) -> Trajectory:
-        tasks.append((goal, start))
+    def plan(twin: Any, part: int, robot: str, *, contact: Any, goal: float, start: float) -> Trajectory:
+        tasks.append((start, goal, contact))
         planned.append((part, robot))
         if part == 3:
             raise PlanningError("the drawer is out of reach by 0.30 m", "raise the base")
-        upper = twin.part(part).joint.upper
-        return Trajectory(0.0, upper) if goal == "close" else Trajectory(upper)
+        return Trajectory(goal, start)
 
     def replay(
         twin: Any, trajectory: Trajectory, out: Path, *, robot: str, config: Any, demonstration: Any
@@ -89,9 +88,45 @@ def test_replay_opens_every_part_and_keeps_the_result(
     assert cli.run(["replay", str(run / "twin"), "--part", "door"]) == 0
     assert planned[2:] == [(2, "franka")]
     assert cli.run(["replay", str(run), "--part", "door", "--goal", "close"]) == 0
-    assert tasks == [("open", None)] * 3 + [("close", None)]
+    upper, drawn = (p.joint.upper for p in cabinet_twin().parts)
+    assert tasks == [(0, upper, None), (0, drawn, None), (0, upper, None), (upper, 0, None)]
+    point = ["--contact", "-0.1,0.2,3e-1"]
+    assert cli.run(["replay", str(run), "--part", "door", *point]) == 0
+    assert tasks[-1] == (0, upper, (-0.1, 0.2, 0.3))
+    assert cli.run(["replay", str(run), *point]) == 1
+    assert "add --part with one of: door, drawer" in capsys.readouterr().err
     assert cli.run(["replay", str(run), "--part", "window"]) == 1
     assert "its parts are: door (id 2), drawer (id 3)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "text", ["1,2", "1,2,3,4", "a,b,c", "nan,0,0", "0,inf,0", "", "0.1 0.2 0.3", "-1,,2"]
+)
+def test_a_contact_that_is_no_point_is_told(text: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["replay", str(run), "--part", "door", "--contact", text]) == 1
+    told = capsys.readouterr().err
+    assert "write three numbers in m" in told
+    assert told.count("\n") == 1
+    assert not (run / "replay").exists()
+
+
+def test_a_part_that_can_not_be_held_fails_alone_among_several(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from robots.touch import NothingToHold
+
+    def plan(twin: Any, part: int, robot: str, **_: Any) -> Trajectory:
+        if part == 2:
+            raise NothingToHold("part 'door' has no contact", "give one")
+        return Trajectory(twin.part(part).joint.upper)
+
+    stand_in(monkeypatch, plan=plan, replay=lambda *_, **__: Replayed(0.97, True))
+    assert cli.run(["replay", str(run)]) == 2
+    told = capsys.readouterr()
+    assert "97 %" in told.out
+    assert "has no contact; give one" in " ".join(told.out.split())
+    assert cli.run(["replay", str(run), "--part", "door"]) == 1
+    assert capsys.readouterr().err == "twin: part 'door' has no contact; give one\n"
 
 
 def test_replay_of_a_missed_goal_exits_with_two(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:

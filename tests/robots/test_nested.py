@@ -1,0 +1,118 @@
+"""Parts that ride on other parts, and what a part resists with, judged by MuJoCo's mass matrix and bias forces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import robots
+from robots.catalog import resolve
+from robots.config import PlanConfig
+from robots.dynamics import part_load, with_riders
+from robots.refine import moves_alone
+from robots.replayer import simulate
+from robots.world import build_world, frictionloss, with_collision
+from tests.robots import furniture
+from twin import geometry as geo
+from twin.scene import Prismatic, Twin
+
+FAST = PlanConfig(candidates=150, finalists=2)
+ARMATURE = 0.01  # that the scene adds to each part's joint
+
+
+def tilted(twin: Twin) -> Twin:
+    """The same twin, its hinge leaning, so that weight works on it."""
+    (part, *others) = twin.parts
+    axis = geo.unit(part.joint.axis + np.array([0.2, -0.3, 0.0]))
+    return replace(twin, parts=(replace(part, joint=replace(part.joint, axis=axis)), *others))
+
+
+def stacked() -> Twin:
+    """Three deep: a lid rides on the pull-out of a door that leans."""
+    twin = tilted(furniture.laden_door(5.0))
+    lid = replace(furniture.lid(0.7).parts[0], id=4, name="lid", parent=3, contact=None)
+    return replace(twin, parts=(*twin.parts, lid))
+
+
+TWINS = {
+    "drawer": furniture.drawer,
+    "door": furniture.door,
+    "lid": furniture.lid,
+    "slider": furniture.sliding_door,
+    "leaning door": lambda: tilted(furniture.door()),
+    "laden door": lambda: tilted(furniture.laden_door()),
+    "three deep": stacked,
+}
+
+
+@pytest.mark.parametrize("case", TWINS)
+def test_the_load_is_what_the_scene_resists_with(case):
+    """Inertia: the mass matrix' diagonal. Weight: the bias force, at rest, with all other parts at state 0."""
+    twin = TWINS[case]()
+    world = build_world(twin, resolve("franka"), np.eye(4), 0.0)
+    model, data = world.model, mujoco.MjData(world.model)
+    full = np.zeros((model.nv, model.nv))
+    for part in twin.parts:
+        load, dof = part_load(with_riders(twin, part)), world.part_dof[part.id]
+        states = np.linspace(0.0, part.joint.upper, 4)
+        still = load.still(states, 1.0) - frictionloss(part)
+        for state, force in zip(states, still, strict=True):
+            data.qpos[:] = model.qpos0
+            data.qpos[world.part_qpos[part.id]] = state
+            mujoco.mj_forward(model, data)
+            mujoco.mj_fullM(model, data, full)
+            assert load.inertia == pytest.approx(full[dof, dof] - ARMATURE, rel=1e-9)
+            assert force == pytest.approx(data.qfrc_bias[dof], abs=1e-9)
+
+
+def test_what_rides_counts_for_what_carries_it_and_not_the_other_way_round():
+    twin = furniture.laden_door(8.0)
+    door, tray = twin.parts
+    alone = replace(twin, parts=(door,))
+    assert with_riders(twin, tray) is tray
+    assert with_riders(alone, door) is door
+    laden = with_riders(twin, door)
+    assert laden.inertial.mass.value == pytest.approx(
+        8.0 + with_riders(alone, door).mesh.area * 6.0, rel=1e-9
+    )
+    assert part_load(laden).inertia > 4 * part_load(door).inertia
+    still = replace(twin, parts=(door, replace(tray, parent=None)))
+    assert with_riders(still, door) is door
+
+
+def test_a_load_on_a_door_makes_it_slower():
+    config = replace(FAST, rehearse=False, torque_share=0.6, tool_speed=1.5)
+    seconds = []
+    for mass in (1.0, 200.0):
+        trajectory = robots.plan(furniture.laden_door(mass), "door", config=config)
+        seconds.append(np.ptp(trajectory.times[[p == "move" for p in trajectory.phases]]))
+    assert seconds[1] > 1.3 * seconds[0]
+
+
+def test_a_part_moves_alone_by_the_weight_of_what_rides_on_it():
+    """A light slider on a slope stays by friction; laden, it does not, and the hand must not let go."""
+    twin = furniture.laden_door(8.0)
+    tray = twin.part("pull_out")
+    uphill = Prismatic(geo.unit(np.array([0, -1.0, 0.05])), 0.0, 0.3)
+    light = replace(tray, id=2, name="light", parent=None, joint=uphill, inertial=None)
+    rider = replace(tray, id=3, parent=2)
+    both = replace(twin, parts=(light, rider))
+    assert not moves_alone(light, 0.3)
+    assert moves_alone(with_riders(both, light), 0.3)
+
+
+@pytest.mark.parametrize("goal", ["open", "close"])
+@pytest.mark.parametrize("part", ["door", "pull_out"])
+def test_a_nested_part_is_opened_and_closed_while_the_other_rests(part, goal):
+    twin = furniture.laden_door(8.0)
+    trajectory = robots.plan(twin, part, goal=goal, config=FAST)
+    report = robots.replay(twin, trajectory, video=False)
+    assert report.ok, report.reason
+    world = build_world(with_collision(twin), resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
+    _, frames = simulate(world, trajectory, robots.ReplayConfig())
+    (other,) = (p for p in twin.parts if p.name != part)
+    strayed = np.abs(frames[:, world.part_qpos[other.id]]).max()
+    assert strayed < 0.02, "nothing holds the other part but its friction: rad or m"
