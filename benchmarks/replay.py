@@ -14,12 +14,13 @@ import argparse
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,7 +34,8 @@ from replay_page import page
 
 import robots
 from robots.batch import replay_all
-from robots.draws import draw, spread_of
+from robots.config import CONTROLS
+from robots.draws import Draw, draw, spread_of
 from robots.placement import floor_height
 from robots.replayer import simulate
 from robots.report import measure
@@ -140,7 +142,28 @@ def _task(twin: Twin, robot: str, goal: str) -> tuple[dict[str, Any], RobotTraje
         "grasp": report.grasp,
         "judge": asdict(judge.found),
         "broken": judge.found.broken,
+        "impedance": _softly(twin, robot, plan),
     }, plan
+
+
+def _softly(twin: Twin, robot: str, plan: RobotTrajectory) -> dict[str, Any]:
+    """The same plan with the compliant hand."""
+    config = robots.ReplayConfig(control="impedance")
+    world, spec = _world(twin, robot, plan), robots.resolve(robot)
+    started = time.process_time()
+    record, _ = simulate(world, plan, config)
+    seconds = time.process_time() - started
+    report = measure(record, plan, twin.parts[0], spec, seconds, None)
+    judge = Judge(world, plan.T_world_base, spec)
+    simulate(world, plan, config, judge)
+    return {
+        "success": report.success_90 and report.at_rest,
+        "clean": report.ok,
+        "reached": report.reached,
+        "times_real": report.duration / seconds,
+        "reason": report.reason,
+        "broken": judge.found.broken,
+    }
 
 
 def _world(twin: Twin, robot: str, plan: RobotTrajectory) -> World:
@@ -161,22 +184,29 @@ def _errors(twin: Twin, robot: str, trials: int) -> dict[str, Any]:
     try:
         plan = robots.plan(twin, part.id, robot)
     except FuntwinError as e:
-        return {"trials": trials, "success": 0, "clean": 0, "opening": 0.0, "reasons": {str(e): trials}}
+        none = {"trials": trials, "success": 0, "clean": 0, "opening": 0.0, "reasons": {str(e): trials}}
+        return dict.fromkeys(CONTROLS, none)
     world, spread = _world(twin, robot, plan), spread_of(part)
     draws = [draw(part, spread, LADDER[-1], 0, k) for k in range(trials)]
-    reports = replay_all(world, plan, part, draws, robots.ReplayConfig(), workers=1)
+    return {c: _trials(twin, world, plan, draws, c) for c in CONTROLS}
+
+
+def _trials(
+    twin: Twin, world: World, plan: RobotTrajectory, draws: Sequence[Draw], control: Literal["position", "impedance"]
+) -> dict[str, Any]:
+    part = twin.parts[0]
+    config = robots.ReplayConfig(control=control)
+    reports = replay_all(world, plan, part, draws, config, workers=1)
     good = [r.success_90 and r.at_rest for r in reports]
-    reasons: dict[str, int] = {}
-    for r, ok in zip(reports, good, strict=True):
-        if not ok:
-            why = kind_of(r.reason) or "still moving at the end"
-            reasons[why] = reasons.get(why, 0) + 1
+    why = [
+        kind_of(r.reason) or "still moving at the end" for r, ok in zip(reports, good, strict=True) if not ok
+    ]
     return {
-        "trials": trials,
+        "trials": len(draws),
         "success": int(sum(good)),
         "clean": int(sum(r.ok for r in reports)),
         "opening": float(np.mean([r.opening_final for r in reports])),
-        "reasons": reasons,
+        "reasons": dict(Counter(why)),
     }
 
 
@@ -192,8 +222,8 @@ def _line(row: dict[str, Any]) -> str:
         else:
             said.append(f"{goal} FAILED {r['reason']} plan {r['plan_s']:.1f}")
     if "errors" in row:
-        e = row["errors"]
-        said.append(f"errors {e['success']}/{e['trials']} clean {e['clean']} {e['reasons'] or ''}")
+        for control, e in row["errors"].items():
+            said.append(f"{control} {e['success']}/{e['trials']} clean {e['clean']} {e['reasons'] or ''}")
     return " | ".join(said)
 
 

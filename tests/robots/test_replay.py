@@ -162,6 +162,7 @@ def test_a_wrong_robot_for_a_trajectory_is_refused(drawer, tmp_path: Path):
         joint_names=trajectory.joint_names[:6],
         q=trajectory.q[:, :6],
         qd=trajectory.qd[:, :6],
+        effort=trajectory.effort[:, :6],
         limits=trajectory.limits[:, :6],
         velocity_limits=trajectory.velocity_limits[:6],
     )
