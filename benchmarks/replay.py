@@ -24,9 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
-sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from replay_cases import Case, cases
 from replay_judge import Judge
@@ -44,6 +42,8 @@ from robots.trials import LADDER, kind_of
 from robots.world import World, build_world
 from twin.errors import FuntwinError
 from twin.scene import Revolute, Twin
+
+HERE = Path(__file__).resolve().parent
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -192,7 +192,11 @@ def _errors(twin: Twin, robot: str, trials: int) -> dict[str, Any]:
 
 
 def _trials(
-    twin: Twin, world: World, plan: RobotTrajectory, draws: Sequence[Draw], control: Literal["position", "impedance"]
+    twin: Twin,
+    world: World,
+    plan: RobotTrajectory,
+    draws: Sequence[Draw],
+    control: Literal["position", "impedance"],
 ) -> dict[str, Any]:
     part = twin.parts[0]
     config = robots.ReplayConfig(control=control)

@@ -41,15 +41,15 @@ class Case:
 
 
 def cases(seeds: int, recordings: Sequence[Path], runs: Sequence[Path]) -> Iterator[Case]:
-    """`seeds` random cabinets of each kind and handle, the true twin of each recording, each reconstructed run."""
+    """Each reconstructed run, the true twin of each recording, `seeds` random cabinets of each kind and handle."""
+    for run in runs:
+        yield Case(run.name, RECONSTRUCTED, str(run))
+    for folder in recordings:
+        yield Case(folder.name, TRUE, str(folder))
     for kind in KINDS:
         for handle in HANDLES:
             for seed in range(seeds):
                 yield Case(f"{kind}, {handle} #{seed}", RANDOM, f"{kind} {handle} {seed}")
-    for folder in recordings:
-        yield Case(folder.name, TRUE, str(folder))
-    for run in runs:
-        yield Case(run.name, RECONSTRUCTED, str(run))
 
 
 def truth_twin(folder: Path) -> Twin:

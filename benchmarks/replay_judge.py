@@ -13,6 +13,8 @@ from robots.world import PREFIX, ROBOT, STATIC, World
 from twin import geometry as geo
 from twin.geometry import Array
 
+_EVERY = 2
+
 
 @dataclass
 class Judgement:
@@ -41,14 +43,14 @@ class Judgement:
 
 
 class Judge:
-    """Looks at each step of a simulation: `simulate(world, trajectory, config, judge)`.
+    """Looks at every second step (4 ms) of a simulation: `simulate(world, trajectory, config, judge)`.
 
     The motor torques are those that Pinocchio's recursive Newton-Euler needs for the accelerations that MuJoCo found,
     under the contact wrenches that MuJoCo reports on each link, plus the joints' own damping.
     """
 
     def __init__(self, world: World, T_world_base: Array, spec: RobotSpec) -> None:
-        self.found = Judgement()
+        self.found, self._steps = Judgement(), 0
         self._w, self._spec, self._m = world, spec, world.model
         self._d = mujoco.MjData(world.model)
         self._pin = pin.buildModelFromMJCF(str(spec.model))
@@ -81,6 +83,9 @@ class Judge:
 
     def __call__(self, data: mujoco.MjData) -> None:
         """Take one state."""
+        self._steps += 1
+        if self._steps % _EVERY:
+            return
         d = self._d
         d.qpos[:], d.qvel[:], d.ctrl[:], d.time = data.qpos, data.qvel, data.ctrl, data.time
         d.qacc_warmstart[:] = data.qacc_warmstart

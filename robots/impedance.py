@@ -6,6 +6,8 @@ The preset is that of Spot's `ArmImpedanceCommand` at its highest stiffness and 
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
@@ -23,6 +25,8 @@ _SLACK, _SLACK_DAMPING = (
     10.0,
     2.0,
 )  # N m/rad, N m s/rad of what the tool does not feel: an elbow must not drift
+_REGULAR = 1e-6 * np.eye(6)  # keeps the inverse of J J^T finite at a singularity
+EVERY = 2  # steps between commands: 250 Hz (chosen by us)
 
 
 class Impedance:
@@ -38,9 +42,11 @@ class Impedance:
         tool = np.concatenate(
             [chain.forward(part)[0] for part in np.array_split(self._q, len(times) // 500 + 1)]
         )
-        self._wanted = trajectory.T_world_base @ tool
+        wanted = trajectory.T_world_base @ tool
+        self._position, self._turn = wanted[:, :3, 3], geo.quat_wxyz_from_matrix(wanted[:, :3, :3])
         self._stiffness = share * np.repeat([TRANSLATION, ROTATION], 3)
         self._damping = 2.0 * np.sqrt(self._stiffness * np.repeat([_MASS, _INERTIA], 3))
+        self._quat = np.zeros(4)
         self._jacobian = np.zeros((6, world.model.nv))
         motors = world.arm_ctrl[self._first :]
         world.model.actuator_gainprm[motors, 0] = 1.0
@@ -54,15 +60,15 @@ class Impedance:
         turn = data.site_xmat[w.tool].reshape(3, 3)
         j = self._jacobian[:, dofs]
         j = np.concatenate([turn.T @ j[:3], turn.T @ j[3:]])
-        wanted = self._wanted[k]
         error = np.empty(6)
-        error[:3] = turn.T @ (wanted[:3, 3] - data.site_xpos[w.tool])
-        error[3:] = geo.log_so3(turn.T @ wanted[:3, :3])
+        error[:3] = turn.T @ (self._position[k] - data.site_xpos[w.tool])
+        mujoco.mju_mat2Quat(self._quat, data.site_xmat[w.tool])
+        mujoco.mju_subQuat(error[3:], self._turn[k], self._quat)  # in the tool's own axes
         lag = self._qd[k, first:] - data.qvel[dofs]
         wrench = self._stiffness * error + self._damping * (j @ lag)
-        wrench[:3] *= min(1.0, FORCE_CAP / max(float(np.linalg.norm(wrench[:3])), 1e-9))
-        wrench[3:] *= min(1.0, TORQUE_CAP / max(float(np.linalg.norm(wrench[3:])), 1e-9))
+        wrench[:3] *= min(1.0, FORCE_CAP / max(math.hypot(*wrench[:3]), 1e-9))
+        wrench[3:] *= min(1.0, TORQUE_CAP / max(math.hypot(*wrench[3:]), 1e-9))
         slack = _SLACK * (self._q[k, first:] - data.qpos[w.arm_qpos[first:]]) + _SLACK_DAMPING * lag
         # what of it the tool would feel is taken out: N = 1 - J^+ J
-        slack -= j.T @ np.linalg.solve(j @ j.T + 1e-6 * np.eye(6), j @ slack)
+        slack -= j.T @ np.linalg.solve(j @ j.T + _REGULAR, j @ slack)
         data.ctrl[w.arm_ctrl[first:]] = j.T @ wrench + slack + self._effort[k, first:]

@@ -15,7 +15,7 @@ from robots.chain import read_chain
 from robots.config import ReplayConfig
 from robots.demonstration import Demonstration
 from robots.formats import native
-from robots.impedance import Impedance
+from robots.impedance import EVERY, Impedance
 from robots.model import compiled
 from robots.record import Record
 from robots.report import ReplayReport, measure
@@ -115,8 +115,10 @@ def simulate(
         chain = read_chain(compiled(spec), spec)
         impedance = Impedance(world, trajectory, chain, times, config.stiffness)
     for k in range(steps):
-        data.ctrl[:] = ctrl[k]
-        if impedance:
+        if impedance is None:
+            data.ctrl[:] = ctrl[k]
+        elif k % EVERY == 0:
+            data.ctrl[:] = ctrl[k]
             impedance.command(data, k)
         if times[k] <= gripped:
             data.qpos[world.part_qpos[trajectory.part_id]] = trajectory.start
