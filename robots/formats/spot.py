@@ -27,11 +27,13 @@ from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
 
-LEGS = ("approach", "move", "retreat")
+LEGS = ("approach", "close", "move", "open", "retreat")
 ARM_FILES = tuple(f"spot/arm_impedance_{k}_{leg}.json" for k, leg in enumerate(LEGS, 1))
 BODY_FILES = tuple(f"spot/body_{k}_{leg}.json" for k, leg in enumerate(LEGS, 1))
 FILES = ARM_FILES + BODY_FILES
 STEP = 0.1  # s between points, chosen by us: the robot interpolates, and short messages arrive sooner
+
+_STILL = 1e-6  # m and parts of an axis: the digits that are written tell no motion below it
 
 # Ours: z out of the hand, y the closing direction. Spot's wrist (link_wr1): x out of the hand, y the jaw's hinge, so the
 # jaw closes along z. Origin: the SDK's default tool, in front of the palm plate.
@@ -64,7 +66,8 @@ class Impedance:
 
 
 def render(source: Handover) -> dict[str, bytes]:
-    """A command for each leg that the trajectory has; in between the hand rests and closes (after 1) or opens (after 2)."""
+    """A command for each leg on which the hand moves. Fingers close between approach and move and open before the retreat,
+    a claw's while the hand moves sideways, so that the jaw that does not turn comes to the handle."""
     t = source.trajectory
     phases = np.array(t.phases)
     impedance = Impedance()
@@ -83,6 +86,8 @@ def render(source: Handover) -> dict[str, bytes]:
         # the rest before a leg ends where the leg begins; its last sample is the leg's first point
         at = np.concatenate([[max(at[0] - 1, 0)], at]) if at[0] else at
         poses = geo.invert_pose(start) @ t.T_world_tool[at]
+        if np.abs(poses - poses[0]).max() < _STILL:
+            continue
         keep = thinned(t.times[at])
         times = t.times[at][keep]
         files[arm_path] = _json(request(_points(times, poses[keep]), frame, root, impedance))

@@ -63,18 +63,19 @@ def walking():
     stands = geo.make_pose(geo.exp_so3([0, 0, -1.1]), [-0.9, -0.7, 0.01])
     a = robot.home + np.array([0.10, -0.05, 0.20, 0.3, 0.1, -0.1, 0.2, -0.1, 0.4])
     b = a + np.array([-0.40, 0.30, 1.3, -0.5, 0.2, 0.2, -0.3, 0.3, -0.6])
+    beside, clear = a + 0.01, b - 0.01  # the hand moves while the claw closes and opens
     c, d = a - 0.02, b + 0.03
 
     def carried(q0, q1):
         return lambda u: stands @ chain.forward((q0 + u * (q1 - q0))[None])[0][0]
 
     pieces = [
-        piece("approach", 0.8, (c, a), 0.1, carried(c, a), lambda _: 0.0),
-        piece("close", 1.0, (a, a), 0.0, carried(a, a), lambda _: 0.0),
+        piece("approach", 0.8, (c, beside), 0.1, carried(c, beside), lambda _: 0.0),
+        piece("close", 1.0, (beside, a), 0.0, carried(beside, a), lambda _: 0.0),
         piece("move", 4.0123456789, (a, b), 0.0, carried(a, b), lambda u: u * upper),
         piece("hold", 0.5, (b, b), 0.0, carried(b, b), lambda _: upper),
-        piece("open", 0.8, (b, b), 0.1, carried(b, b), lambda _: upper),
-        piece("retreat", 0.8, (b, d), 0.1, carried(b, d), lambda _: upper),
+        piece("open", 0.8, (b, clear), 0.1, carried(b, clear), lambda _: upper),
+        piece("retreat", 0.8, (clear, d), 0.1, carried(clear, d), lambda _: upper),
     ]
     limits = np.stack([chain.lower, chain.upper])
     return joined(pieces, twin, robot, T_world_base=stands, pedestal=0.0, limits=limits)
@@ -104,7 +105,8 @@ def closing(source):
     """The same motion backwards: what was opened is closed."""
     t = source.trajectory
     order = {"retreat": "approach", "open": "close", "hold": "close", "move": "move", "close": "open", "approach": "retreat"}  # fmt: skip
-    phases = tuple(order[p] for p in reversed(t.phases))
+    # a sample belongs to the phase that leads to it: backwards, that is the phase of the sample after it
+    phases = tuple(order[p] for p in (t.phases[-1], *reversed(t.phases[1:])))
     opened = np.isin(phases, ["approach", "open", "retreat"])
     flipped = {key: getattr(t, key)[::-1] for key in ("q", "part_state", "T_world_tool", "position_error")}
     backwards = replace(

@@ -35,7 +35,9 @@ def ros_files(source, folder):
 def spot_files(source, folder):
     found = {p.stem: p.read_text(encoding="utf-8") for p in (folder / "spot").iterdir()}
     kinds = ("arm_impedance", "body") if source.robot.planar else ("arm_impedance",)
-    legs = [f"{k}_{leg}" for k, leg in enumerate(("approach", "move", "retreat"), 1)]
+    legs = ["1_approach", "3_move", "5_retreat"]
+    if source.robot.planar:  # the hand moves while its claw closes and opens
+        legs += ["2_close", "4_open"]
     assert set(found) == {f"{kind}_{leg}" for kind in kinds for leg in legs}
     return {name: (SPOT_FILES[name.rsplit("_", 2)[0]], text) for name, text in found.items()}
 

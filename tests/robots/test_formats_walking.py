@@ -154,7 +154,7 @@ def spot_leg(folder, leg):
     return read["arm_impedance"], read["body"]
 
 
-@pytest.mark.parametrize("leg", ["approach", "move", "retreat"])
+@pytest.mark.parametrize("leg", ["approach", "close", "move", "open", "retreat"])
 def test_spots_body_and_arm_together_put_the_tool_where_the_command_has_it(source, folder, leg):
     arm, body = spot_leg(folder, leg)
     assert arm["rootFrameName"] == body["se2FrameName"] == "odom"
@@ -186,8 +186,8 @@ def test_an_arm_that_stands_leaves_no_files_of_a_base(tmp_path):
     hand_over(arm, ["ros2", "spot"], tmp_path)
     names = {p.name for p in tmp_path.rglob("*") if p.is_file()}
     assert not [n for n in names if n.startswith(("base", "body"))]
-    assert len(names) == 5
-    assert json.loads((tmp_path / "spot/arm_impedance_2_move.json").read_text())["rootFrameName"] == "body"
+    assert len(names) == 5, "a gripper of two fingers closes where it is"
+    assert json.loads((tmp_path / "spot/arm_impedance_3_move.json").read_text())["rootFrameName"] == "body"
 
 
 def test_what_closes_is_said_to_close(source, folder):
