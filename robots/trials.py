@@ -162,6 +162,7 @@ class TrialReport:
     twin: str
     part: str
     seed: int
+    control: str
     stiffness: float
     spread: Spread
     rows: tuple[TrialRow, ...]
@@ -184,6 +185,7 @@ class TrialReport:
             "twin": self.twin,
             "part": self.part,
             "seed": self.seed,
+            "control": self.control,
             "stiffness": self.stiffness,
             "confidence": CONFIDENCE,
             "spread": {
@@ -243,7 +245,9 @@ def run_trials(
         for d, r in zip(draws, reports, strict=True)
     ]
     table = tuple(TrialRow(sizes, tuple(done[k * trials : (k + 1) * trials])) for k, sizes in enumerate(rows))
-    report = TrialReport(trajectory.robot, twin.name, part.name, seed, config.stiffness, spread, table)
+    report = TrialReport(
+        trajectory.robot, twin.name, part.name, seed, config.control, config.stiffness, spread, table
+    )
     if out is not None:
         _write(report, out)
     return report

@@ -118,7 +118,7 @@ def replay(
     run: Path,
     robot: str,
     names: Sequence[str],
-    stiffness: float | None = None,
+    settings: Mapping[str, Any] | None = None,
     trials: Mapping[str, Any] | None = None,
     goal: str = "open",
     start: str | None = None,
@@ -127,7 +127,7 @@ def replay(
 ) -> Step:
     """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin.
 
-    contact: point (3,) in m where a part is held, twin's world at state 0.
+    settings: fields of `robots.ReplayConfig`. contact: point (3,) in m where a part is held, twin's world at state 0.
     """
     started = time.perf_counter()
     twin = load(run)
@@ -145,7 +145,7 @@ def replay(
     missed = (PlanningError, *([named("robots.touch:NothingToHold")] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
     rows, reports, tables = [], {}, []
-    config = named("robots:ReplayConfig")(**({} if stiffness is None else {"stiffness": stiffness}))
+    config = named("robots:ReplayConfig")(**(settings or {}))
     for part in parts:
         row, report, note, trajectory = _replay_part(
             progress,

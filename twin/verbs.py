@@ -123,6 +123,7 @@ def replay(
     robot: str,
     parts: Sequence[str],
     stiffness: float | None = None,
+    control: str | None = None,
     trials: int | None = None,
     grid: bool = False,
     seed: int = 0,
@@ -138,9 +139,11 @@ def replay(
         options = {"trials": trials, "grid": grid, "seed": seed}
     elif grid or seed:
         raise InputError("--grid and --seed belong to trials", "add --trials 100")
+    asked = {"stiffness": stiffness, "control": control}
+    settings = {key: value for key, value in asked.items() if value is not None}
     with console.progress() as progress, _page(run):
         return steps.replay(
-            progress, run, robot, parts, stiffness, options, goal, start, recording, contact
+            progress, run, robot, parts, settings, options, goal, start, recording, contact
         ).outcome
 
 
