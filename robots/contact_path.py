@@ -74,8 +74,8 @@ def make_grasps(
     leans = (*config.lean, *config.lean_rim) if hold.kind == "edge" else config.lean
     grasps = []
     for flip, lean, turn in product((1.0, -1.0), leans, turns):
-        pivots = about is closing and turn > 0.0
-        end = lean - turn * abs(way) * float(np.sign(joint.axis @ closing)) * np.sign(way) if pivots else lean
+        pivots = turn > 0.0 and abs(about @ closing) > 0.5
+        end = lean - turn * abs(way) * float(np.sign(joint.axis @ closing)) if pivots else lean
         if abs(end) > _STEEPEST:
             continue  # the hand would lie down on the part
         upright = np.stack([along * flip, closing * flip, -out], axis=1)

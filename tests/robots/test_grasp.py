@@ -10,6 +10,7 @@ from robots.config import PlanConfig
 from robots.contact_path import backed_off, make_grasps
 from robots.grasp import find_holds
 from tests.robots import furniture
+from tests.robots.random_furniture import random_furniture
 from twin import geometry as geo
 from twin.scene import ContactPath, Mesh
 
@@ -130,3 +131,45 @@ def test_the_tool_is_rigid_in_the_part_or_lags_by_its_share(franka):
         assert np.allclose(turned, g.turn * states, atol=1e-6)
         centre = geo.transform(in_part @ geo.invert_pose(g.T_world_tool), hold.centre[None])[:, 0]
         assert np.allclose(centre, hold.centre, atol=1e-9)
+
+
+def test_a_drawers_front_seen_from_above_is_a_rim_not_a_handle(franka):
+    """It stands out 18 cm from the drawer's floor: a wall, to be held at its upper end."""
+    part = random_furniture("drawer_high", "edge", 5).parts[0]
+    hold = find_holds(part.mesh, part.contact, franka)[0]
+    top = part.mesh.vertices[:, 2].max()
+    assert np.ptp(part.mesh.vertices[:, 2]) > 0.15
+    assert top - 0.03 < hold.centre[2] < top
+    assert hold.thickness == pytest.approx(0.018, abs=0.002)
+    assert abs(hold.rotation[:, 0] @ [0, 1, 0]) > 0.99
+
+
+def test_a_knob_pivots_about_the_closing_direction_when_that_is_the_hinges(franka):
+    part = random_furniture("flap_up", "knob", 0).parts[0]
+    holds = find_holds(part.mesh, part.contact, franka)
+    sideways = next(h for h in holds if abs(h.rotation[:, 0] @ part.joint.axis) > 0.9)
+    states = np.array([0.0, part.joint.upper])
+    turned, angles = set(), {}
+    for g in make_grasps(sideways, part.joint, franka, PlanConfig()):
+        turned.add(g.turn)
+        first, last = g.path(part.joint, states)
+        angles.setdefault(g.turn, geo.angle_between(first[:3, 2], last[:3, 2]))
+        # the pads turn on the knob: the closing direction stays along the hinge, the knob between them
+        assert abs(last[:3, 1] @ part.joint.axis) > 0.9
+        lean = np.arccos(-first[:3, 2] @ sideways.rotation[:, 2])
+        out = part.joint.poses(states[1:])[0, :3, :3] @ sideways.rotation[:, 2]
+        assert max(lean, np.arccos(-last[:3, 2] @ out)) < 0.81
+    assert turned == {0.0, 0.25, 0.5, 0.75}
+    assert angles[0.75] < angles[0.0]
+
+
+def test_only_rims_are_taken_far_aslant(franka):
+    rim, door = furniture.lid().parts[0], furniture.door().parts[0]
+    leans = {}
+    for part in (rim, door):
+        hold = find_holds(part.mesh, part.contact, franka)[0]
+        grasps = make_grasps(hold, part.joint, franka, PlanConfig())
+        tilt = [np.arccos(-g.T_world_tool[:3, 2] @ hold.rotation[:, 2]) for g in grasps]
+        leans[hold.kind] = max(tilt)
+    assert leans["edge"] == pytest.approx(0.8, abs=1e-6)
+    assert leans["bar"] == pytest.approx(0.45, abs=1e-6)

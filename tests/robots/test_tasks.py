@@ -11,13 +11,15 @@ import pytest
 
 import robots
 from robots.catalog import resolve
-from robots.config import PlanConfig
+from robots.config import PlanConfig, ReplayConfig
 from robots.contact_path import make_grasps
 from robots.dynamics import ArmDynamics, Terms, part_load
 from robots.goals import Task, task_of
 from robots.grasp import find_holds
-from robots.refine import moves_alone
+from robots.refine import may_move_alone, moves_alone
+from robots.replayer import simulate
 from robots.touch import distance_to, holds_by_shape
+from robots.world import build_world
 from tests.robots import furniture
 from twin import geometry as geo
 from twin.errors import InputError, PlanningError
@@ -109,6 +111,49 @@ def test_only_the_side_without_a_stop_moves_alone():
     upside = replace(part, joint=replace(part.joint, axis=-part.joint.axis))  # its weight opens it
     assert moves_alone(upside, 0.0)
     assert not moves_alone(upside, part.joint.upper)
+
+
+def test_a_part_that_might_move_by_itself_is_not_let_go():
+    """A vertical hinge holds the door; one that may lean by two sigma of 5 degrees would not."""
+    part = furniture.door().parts[0]
+    sure, unsure = (
+        replace(part, joint=replace(part.joint, covariance=np.diag([tilt**2, tilt**2, 1e-6, 1e-6])))
+        for tilt in np.deg2rad([0.05, 5.0])
+    )
+    assert not may_move_alone(part, 1.0)
+    assert not may_move_alone(sure, 1.0)
+    assert may_move_alone(unsure, 1.0)
+    twin = furniture.door()
+    kept = robots.plan(replace(twin, parts=(unsure,)), 2, config=replace(FAST, rehearse=False))
+    assert kept.phases[-1] == "hold"
+    let_go = replace(FAST, rehearse=False, release=True)
+    assert robots.plan(replace(twin, parts=(unsure,)), 2, config=let_go).phases[-1] == "retreat"
+
+
+def test_a_part_that_is_in_the_hand_from_the_start_is_gripped_before_it_can_fall():
+    twin = furniture.lid()
+    trajectory = robots.plan(twin, 2, goal="close", config=replace(FAST, rehearse=False))
+    assert trajectory.phases[0] == "close"
+    world = build_world(twin, robots.resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
+    seen = []
+    record, _ = simulate(
+        world, trajectory, ReplayConfig(), lambda d: seen.append(float(d.qpos[world.part_qpos[2]]))
+    )
+    closing = trajectory.times[[p == "close" for p in trajectory.phases]][-1]
+    count = int(closing / world.model.opt.timestep)
+    assert np.ptp(seen[1:count]) < 2e-3  # a free lid would fall by a tenth of a radian
+    assert record.touching[np.flatnonzero(record.phase == 1)[-1]] == 2
+
+
+def test_what_is_fed_forward_is_what_the_servos_need_not_find(franka):
+    """With the efforts of the plan a stiff arm follows its plan better than without, lid and all."""
+    twin = heavy(furniture.lid(), 5.0)
+    trajectory = robots.plan(twin, 2, config=replace(FAST, rehearse=False))
+    without = replace(trajectory, effort=np.zeros_like(trajectory.effort))
+    mean = [robots.replay(twin, t, video=False).tracking_mean_mm for t in (trajectory, without)]
+    assert mean[0] < 0.6 * mean[1]
+    still = np.array([p in ("open", "retreat") for p in trajectory.phases])
+    assert not trajectory.effort[still][:1].any()
 
 
 # --- contacts
