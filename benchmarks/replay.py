@@ -71,8 +71,13 @@ def main(arguments: Sequence[str]) -> int:
     todo = [(c, r) for c, r in wanted if (c.origin, c.name, r) not in rows]
     options.rows.parent.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(options.processes) as pool, options.rows.open("a", encoding="utf-8") as file:
-        for future in as_completed([pool.submit(one, c, r, options.trials) for c, r in todo]):
-            row = future.result()
+        futures = [pool.submit(one, c, r, options.trials) for c, r in todo]
+        for future in as_completed(futures):
+            try:
+                row = future.result()
+            except Exception:
+                pool.shutdown(cancel_futures=True)
+                raise
             rows[key(row)] = row
             file.write(json.dumps(row) + "\n")
             file.flush()

@@ -63,11 +63,11 @@ class Base:
 
 
 def floor_height(static: Mesh) -> float:
-    """Height on which a pedestal stands: the lowest level surface seen, robust against single stray vertices."""
+    """Height on which a pedestal stands: the lowest level surface that looks up, robust against single stray vertices."""
     points, normals = sample_surface(static, 20_000, np.random.default_rng(0))
     if len(points) == 0:
         return 0.0
-    level = points[np.abs(normals[:, 2]) > 0.7]
+    level = points[normals[:, 2] > 0.7]  # a floor modelled as a slab has an underside, too
     return float(np.quantile(level[:, 2], 0.01) if len(level) > 200 else np.quantile(points[:, 2], 0.002))
 
 
