@@ -103,6 +103,9 @@ def test_the_robot_opens_the_drawer(run: Path, capsys: pytest.CaptureFixture[str
     (report,) = (run / "replay").glob("franka/*/report.json")
     assert read_json(report)["opening_final"] >= 0.9
     assert (report.parent / "replay.mp4").stat().st_size > 10_000
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert "phase by phase" in page
+    assert "<td>approach</td>" in page
 
 
 @pytest.mark.slow

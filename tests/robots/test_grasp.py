@@ -138,6 +138,7 @@ def test_a_drawers_front_seen_from_above_is_a_rim_not_a_handle(franka):
     part = random_furniture("drawer_high", "edge", 5).parts[0]
     hold = find_holds(part.mesh, part.contact, franka)[0]
     top = part.mesh.vertices[:, 2].max()
+    assert hold.kind == "edge"
     assert np.ptp(part.mesh.vertices[:, 2]) > 0.15
     assert top - 0.03 < hold.centre[2] < top
     assert hold.thickness == pytest.approx(0.018, abs=0.002)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -10,14 +12,19 @@ from scipy.spatial.transform import Rotation
 import robots
 from robots.catalog import resolve
 from robots.chain import read_chain
+from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
-from robots.placement import floor_height
+from robots.contact_path import make_grasps
+from robots.goals import Task
+from robots.grasp import find_holds
+from robots.placement import Base, floor_height
 from robots.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from tests.robots.spot_table import ARM, HAND, INERTIALS, TOOL_AXES
 from twin import geometry as geo
 from twin.errors import InputError
+from twin.scene import StaticPart
 
 pin = pytest.importorskip("pinocchio")
 
@@ -222,3 +229,48 @@ def test_an_arm_trajectory_is_not_replayed_by_another_robot(door):
     twin, trajectory = door
     with pytest.raises(InputError, match="planned for"):
         robots.replay(twin, trajectory, robot="franka", video=False)
+
+
+def test_the_claw_comes_with_room_for_both_jaws_and_closes_on_the_handle(spot):
+    """Its lower jaw does not move: the hand brings it to the handle while the upper one closes, and away again."""
+    spec = spot[0]
+    twin = furniture.drawer()
+    trajectory = robots.plan(twin, 2, "spot", config=replace(FAST, rehearse=False))
+    phases = np.array(trajectory.phases)
+    tool = trajectory.T_world_tool
+    across = tool[0, :3, 1]
+    for phase, ends in (("close", (0, -1)), ("open", (-1, 0))):
+        path = tool[phases == phase][:, :3, 3] @ across
+        assert path[ends[1]] - path[ends[0]] == pytest.approx(spec.room(0.014), abs=1e-3)
+    thickness = 0.014
+    assert spec.beside(thickness) == pytest.approx(spec.fixed_jaw - thickness / 2)
+    assert 0.006 < spec.room(thickness) < (spec.stroke - thickness) / 2 + 1e-9
+    assert spec.room(spec.stroke) == 0.0
+
+
+def test_a_jaw_that_would_meet_something_half_way_is_seen(spot):
+    """A peg that neither the open nor the closed claw touches, where the jaw passes while it closes."""
+    spec, twin = spot[0], furniture.drawer()
+    plan = robots.plan(twin, 2, "spot", config=replace(FAST, rehearse=False))
+    part, moving = twin.parts[0], np.flatnonzero([p == "move" for p in plan.phases])
+    q = np.stack([plan.q[0], *plan.q[np.linspace(moving[0], moving[-1], 8).astype(int)], plan.q[-1]])
+    base = Base(plan.T_world_base, 0.0, 0, q, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
+    grasps = make_grasps(find_holds(part.mesh, part.contact, spec)[0], part.joint, spec, FAST)
+
+    def reason(twin):
+        return ClearanceCheck(twin, part, spec, Task(0.0, plan.goal), grasps, FAST).checked(base).reason
+
+    def free(crowded, opening):
+        check = ClearanceCheck(crowded, part, spec, Task(0.0, plan.goal), grasps, FAST)
+        check._world.move_base(plan.T_world_base)
+        return check._nearest(q[1], 0.0, opening)[0] > 0
+
+    def with_peg(at):
+        peg = furniture.box(at, [0.004, 0.004, 0.004])
+        return replace(twin, static=StaticPart("s", twin.static.mesh, (*twin.static.collision, peg)))
+
+    assert reason(twin) == ""
+    around = np.random.default_rng(0).uniform([-0.01, 0.02, -0.06], [0.01, 0.10, 0.02], (200, 3))
+    pegs = (with_peg(p) for p in geo.transform(plan.T_world_tool[moving[0]], around))
+    met_half_way = next(t for t in pegs if free(t, 0.014) and free(t, spec.stroke) and reason(t))
+    assert "upper_jaw" in reason(met_half_way)

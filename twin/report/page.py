@@ -13,11 +13,14 @@ from twin.errors import InputError
 from twin.physics.text import described
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
-from twin.report.sections import MARKS, Section, load_section, twin_key
+from twin.report.sections import MARKS, Section, Table, load_section, twin_key
 from twin.scene import Part, Twin
 from twin.stages import MANIFEST, read_json, write_text
 from twin.storage import load
 
+PHASE_COLUMNS = (
+    "phase", "time", "open: peak / end", "at rest", "slip", "tool off plan", "torque", "unintended contacts", "what went wrong",
+)  # fmt: skip
 VERBS = ("evaluate", "export", "check", "replay")
 STEPS = 5  # pictures from closed to open
 
@@ -146,7 +149,29 @@ def _replay(run: Path, film: Path) -> dict[str, Any]:
         "pictures": [_jpeg(p) for p in film_pictures(film)],
         "film": _uri(film.read_bytes(), "video/mp4") if small else "",
         "path": film.relative_to(run).as_posix(),
+        "phases": _phases(film.with_name("report.json")),
     }
+
+
+def _phases(report: Path) -> Table | None:
+    """What happened in each phase of a replay."""
+    if not report.is_file():
+        return None
+    rows = [
+        [
+            row["phase"],
+            f"{row['start']:.1f} to {row['end']:.1f} s",
+            f"{100 * row['opening_peak']:.0f} / {100 * row['opening_final']:.0f} %",
+            "yes" if row["at_rest"] else "no",
+            f"{row['slip_mm']:.1f} mm",
+            f"{row['tool_error_mm']:.1f} mm",
+            f"{100 * row['torque_share']:.0f} %",
+            str(row["unintended"]),
+            row["reason"],
+        ]
+        for row in read_json(report)["phases"]
+    ]
+    return Table("phase by phase", PHASE_COLUMNS, rows)
 
 
 def _stages(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
