@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from robots.world import World, frictionloss, joint_damping, mass_and_com, part_friction
+from robots.part_physics import GRAVITY, frictionloss, joint_damping, mass_and_com, part_friction
+from robots.world import World
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
@@ -24,7 +25,6 @@ FRICTION_FACTORS = (0.5, 1.5)
 DAMPING_FACTORS = (0.1, 4.0)
 FRICTIONLOSS_FACTORS = (0.0, 4.0)
 
-GRAVITY = 9.81  # m/s^2, as in MuJoCo
 _QUANTITIES = ("mass", "friction", "damping", "frictionloss")
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from robots.part_physics import frictionloss, inertia, joint_damping, mass_and_com, weight_load
 from robots.spec import RobotSpec
-from robots.world import frictionloss, inertia, joint_damping, mass_and_com, weight_load
 from twin.geometry import Array
 from twin.quantities import Inertial, Quantity
 from twin.scene import Part, Revolute, Twin

@@ -14,11 +14,11 @@ from robots.draws import moved_joint
 from robots.dynamics import with_riders
 from robots.goals import Task, unit
 from robots.ik import PathSolver
+from robots.part_physics import frictionloss, weight_load
 from robots.placement import Base, unreachable
 from robots.spec import RobotSpec
 from robots.timing import Effort, Leg, timed
 from robots.trajectory import RobotTrajectory
-from robots.world import frictionloss, weight_load
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array

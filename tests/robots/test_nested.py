@@ -12,9 +12,10 @@ import robots
 from robots.catalog import resolve
 from robots.config import PlanConfig
 from robots.dynamics import part_load, with_riders
+from robots.part_physics import frictionloss
 from robots.refine import moves_alone
 from robots.replayer import simulate
-from robots.world import build_world, frictionloss, with_collision
+from robots.world import build_world, with_collision
 from tests.robots import furniture
 from twin import geometry as geo
 from twin.scene import Prismatic, Twin
