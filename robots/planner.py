@@ -17,6 +17,7 @@ from robots.contact_path import make_grasps
 from robots.dynamics import ArmDynamics, part_load, with_riders
 from robots.faults import SLIP_LIMIT
 from robots.goals import Goal, Task, task_of
+from robots.grasp import Hold
 from robots.ik import PathSolver
 from robots.model import compiled
 from robots.placement import Base, BaseSearch
@@ -24,7 +25,7 @@ from robots.refine import refined
 from robots.replayer import replay
 from robots.spec import RobotSpec
 from robots.timing import Effort
-from robots.touch import holds_of
+from robots.touch import elsewhere, holds_of
 from robots.trajectory import RejectedBase, RobotTrajectory
 from robots.world import with_collision
 from twin.errors import PlanningError
@@ -34,7 +35,7 @@ from twin.scene import ContactPath, Part, Twin
 _LOG = logging.getLogger(__name__)
 _REPORTED = 12  # rejected bases kept in the trajectory
 _SEEDS = 16
-_ROUNDS = 3  # closer looks around the best, as long as no base is free
+_ROUNDS = 2  # closer looks around the best, as long as no base is free
 _ALIKE = 0.08  # m
 
 
@@ -75,6 +76,33 @@ def plan(
     holds = holds_of(twin, target, spec, contact, config.seed)
     twin = with_collision(twin)
     target = twin.part(part)
+    try:
+        return _planned(twin, target, spec, task, holds, config, _ROUNDS, robot)
+    except PlanningError as first:
+        others = elsewhere(target, holds, spec, config.seed)
+        if not others:
+            raise
+        quick = replace(config, candidates=config.candidates // 2 + 1)
+        try:
+            return _planned(twin, target, spec, task, others, quick, 1, robot)
+        except PlanningError:
+            raise first from None
+
+
+def _planned(
+    twin: Twin,
+    target: Part,
+    spec: RobotSpec,
+    task: Task,
+    holds: Sequence[Hold],
+    config: PlanConfig,
+    rounds: int,
+    robot: str | Path,
+) -> RobotTrajectory:
+    """The best trajectory that takes the part by one of the holds; rounds: closer looks around bases that nearly do.
+
+    Raises PlanningError with the reason of the base that came nearest.
+    """
     alone = compiled(spec)
     chain = read_chain(alone, spec)
     way = task.goal - task.start
@@ -83,7 +111,7 @@ def plan(
     check = ClearanceCheck(twin, target, spec, task, grasps, config)
     bases = search.everywhere()
     accepted, rejected = check.sort(bases)
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         seeds = _seeds(accepted, rejected)
         if not seeds:
             break

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import trimesh
@@ -20,6 +20,7 @@ OFF = 0.08  # m; beyond it a contact speaks of something else: 3 cm error of a l
 _SAMPLES = 30_000
 _FRONT = 0.05  # share of a slider's surface that must face its way for it to be a drawer's front
 _HEIGHTS = (0.010, 0.15)  # m above the face, as for a handle near a contact
+_ASIDE = 0.06  # m between places on the same handle that are worth trying, a finger and a half (chosen by us)
 _TRIED = 4  # handles or rims of one part
 _THINNEST = 0.003  # m; what protrudes and is thinner is a flake of a fused mesh, no handle
 _SOURCE = "shape: no hand was seen"
@@ -68,6 +69,20 @@ def holds_of(
             "give a point on what a hand would hold: contact=(x, y, z), or --contact X,Y,Z with --part",
         )
     return holds
+
+
+def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> list[Hold]:
+    """Other places on the same bars and rims, nearest to the given ones first; empty for a knob."""
+    found: list[Hold] = []
+    for hold in (h for h in holds if h.kind in ("bar", "edge")):
+        for shift in (_ASIDE, -_ASIDE, 2 * _ASIDE, -2 * _ASIDE):
+            at = hold.centre + shift * hold.rotation[:, 1]
+            near = ContactPath(at, hold.rotation, hold.thickness, (), "other place")
+            best = find_holds(part.mesh, near, spec, seed)[0]
+            new = all(np.linalg.norm(best.centre - h.centre) > _ASIDE / 2 for h in (*holds, *found))
+            if best.kind == hold.kind and new:
+                found.append(best)
+    return found
 
 
 def distance_to(mesh: Mesh, point: Array) -> float:

@@ -18,7 +18,7 @@ from robots.goals import Task, task_of
 from robots.grasp import find_holds
 from robots.refine import may_move_alone, moves_alone
 from robots.replayer import simulate
-from robots.touch import distance_to, holds_by_shape
+from robots.touch import distance_to, elsewhere, holds_by_shape
 from robots.world import build_world
 from tests.robots import furniture
 from twin import geometry as geo
@@ -328,3 +328,34 @@ def test_a_heavy_drawer_is_moved_more_slowly_and_within_the_torque_limits(franka
 def test_an_arm_that_is_too_weak_says_which_joint_and_by_how_much():
     with pytest.raises(PlanningError, match=r"joint\d is too weak at state .* N m at rest.*N m may be used"):
         robots.plan(heavy(furniture.lid(), 60.0), 2, config=replace(FAST, rehearse=False))
+
+
+# --- other places on a handle
+
+
+def test_other_places_are_on_the_same_bar_and_a_knob_has_none(franka):
+    part = furniture.door().parts[0]
+    hold = find_holds(part.mesh, part.contact, franka)[0]
+    others = elsewhere(part, [hold], franka, 0)
+    assert len(others) >= 2
+    along = hold.rotation[:, 1]
+    for other in others:
+        assert other.kind == "bar"
+        shift = other.centre - hold.centre
+        assert 0.03 < abs(shift @ along) < 0.10  # the bar is 20 cm long
+        assert np.linalg.norm(shift - (shift @ along) * along) < 0.003
+    knob = furniture.drawer(handle="knob").parts[0]
+    assert elsewhere(knob, find_holds(knob.mesh, knob.contact, franka), franka, 0) == []
+
+
+def test_where_the_hand_held_is_blocked_the_robot_takes_the_bar_elsewhere(franka):
+    """A block in front of the middle of a long bar, where the person's hand was."""
+    twin = furniture.door()
+    at = twin.parts[0].contact.point
+    block = furniture.box(at + [0.0, -0.06, 0.03], [0.30, 0.03, 0.12])
+    blocked = replace(twin, static=replace(twin.static, collision=(*twin.static.collision, block)))
+    plan = robots.plan(blocked, 2, config=replace(FAST, rehearse=False))
+    held = plan.T_world_tool[plan.phases.index("close"), :3, 3]
+    assert held[2] < at[2] - 0.03
+    free = robots.plan(twin, 2, config=replace(FAST, rehearse=False))
+    assert abs(free.T_world_tool[free.phases.index("close"), 2, 3] - at[2]) < 0.02
