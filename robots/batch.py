@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+
+from joblib import Parallel, delayed, parallel_config
 
 from robots.config import ReplayConfig
 from robots.draws import Draw, perturbed
@@ -16,6 +17,7 @@ from robots.world import World
 from twin.scene import Part
 
 Tell = Callable[[int, int], None]
+_GROUP = 8  # draws that a worker takes at once: some seconds of work
 
 
 def cores() -> int:
@@ -37,20 +39,29 @@ def replay_all(
 ) -> list[ReplayReport]:
     """Replay the trajectory in the scene of each draw; reports in the order of the draws, whatever the workers.
 
-    The very simulation and measurement of a single replay runs in threads: MuJoCo lets go of the interpreter while it
-    steps, which is nine tenths of the time, and forces at contacts, fingers and reasons are the single replay's.
+    The very simulation and measurement of a single replay runs in processes: a step of MuJoCo takes some 40 us, too
+    short for threads, which would wait for each other's interpreter. A few draws do not pay for starting any.
     """
+    groups = [draws[k : k + _GROUP] for k in range(0, len(draws), _GROUP)]
+    workers = min(workers or cores(), len(groups))
+    with parallel_config("loky", n_jobs=workers, inner_max_num_threads=1):
+        done = Parallel(return_as="generator")(
+            delayed(_replay_some)(world, trajectory, part, group, config) for group in groups
+        )
+        reports: list[ReplayReport] = []
+        for some in done:
+            reports += some
+            if tell:
+                tell(len(reports), len(draws))
+    return reports
 
-    def one(drawn: Draw) -> ReplayReport:
+
+def _replay_some(
+    world: World, trajectory: RobotTrajectory, part: Part, draws: Sequence[Draw], config: ReplayConfig
+) -> list[ReplayReport]:
+    reports = []
+    for drawn in draws:
         record, _ = simulate(perturbed(world, part, drawn), trajectory, config)
-        return measure(record, trajectory, replace(part, joint=drawn.joint), world.spec, 0.0, None)
-
-    with ThreadPoolExecutor(workers or cores()) as pool:
-        return list(_told(pool.map(one, draws), len(draws), tell))
-
-
-def _told(reports: Iterator[ReplayReport], total: int, tell: Tell | None) -> Iterator[ReplayReport]:
-    for k, report in enumerate(reports):
-        if tell:
-            tell(k + 1, total)
-        yield report
+        drawn_part = replace(part, joint=drawn.joint)
+        reports.append(measure(record, trajectory, drawn_part, world.spec, 0.0, None))
+    return reports

@@ -220,7 +220,7 @@ def run_trials(
         twin: the one that was planned for. out: folder for trials.json and trials.png; nothing is written without it.
         trials: for the twin's own uncertainty, and as many for each size of error: all three kinds together, growing;
             with `grid` each kind alone too. seed: of every draw. robot: when it is not the trajectory's own name.
-        workers: threads; default one for each core. The result does not depend on them. tell: called with the number of
+        workers: processes; default one for each core. The result does not depend on them. tell: called with the number of
             replays done and their total.
 
     Raises:

@@ -113,14 +113,25 @@ def test_path_error_of_a_shift_is_the_shift_and_of_a_tilted_slide_its_chord(draw
     assert path_error(part, tilted, point, 0.35) == pytest.approx(2 * 0.35 * np.sin(0.025))
 
 
-def test_no_error_is_the_nominal_replay_exactly(drawer):
+def test_no_error_is_the_nominal_replay_exactly(drawer, monkeypatch):
     twin, trajectory = drawer
     world = build_world(twin, robots.resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
     config = ReplayConfig()
     world.set_stiffness(config.stiffness)
     part = twin.parts[0]
     alone = robots.replay(twin, trajectory, config=config)
-    twice = replay_all(world, trajectory, part, [nominal(part)] * 2, config, workers=2)
+    monkeypatch.setattr("robots.batch._GROUP", 1)
+    told: list[tuple[int, int]] = []
+    twice = replay_all(
+        world,
+        trajectory,
+        part,
+        [nominal(part)] * 2,
+        config,
+        workers=2,
+        tell=lambda done, total: told.append((done, total)),
+    )
+    assert told == [(1, 2), (2, 2)]
     assert [r.to_json() for r in twice] == [alone.to_json()] * 2
     other = replay_all(
         world, trajectory, part, [replace(nominal(part), contact=np.array([0, 0, 0.004]))], config
@@ -161,7 +172,10 @@ def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged):
         assert getattr(changed, name) == pytest.approx(getattr(compiled, name), abs=1e-9), name
 
 
-def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path):
+def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "robots.batch._GROUP", 3
+    )  # 8 draws: two of the workers' processes have something to do
     twin, trajectory = drawer
     for name, workers, seed in (("a", 1, 7), ("b", 2, 7), ("c", 2, 8)):
         run_trials(twin, trajectory, tmp_path / name, trials=2, seed=seed, workers=workers)
