@@ -86,7 +86,9 @@ def choose_view(
             view = fit(seen, facing + turn, -lift, slope * size[0] / size[1], slope)
             forward = view.forward
             score = _visible(world, moments, view.eye)
-            score += 1.3 * min(float(-forward @ outward), 0.7)
+            facing_front = float(-forward @ outward)
+            score += 1.3 * min(facing_front, 0.7)
+            score -= 4.0 * max(0.4 - facing_front, 0.0)  # edge-on, neither front nor inside are seen
             # a motion towards the eye is hard to see
             score -= 3.0 * max(abs(float(forward @ way)) - 0.5, 0.0)
             score -= 0.15 * abs(abs(turn) - 0.9) + 2.0 * abs(lift - 0.35)

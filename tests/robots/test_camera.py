@@ -95,6 +95,15 @@ def test_robot_part_and_axis_are_in_the_picture(played, size: tuple[int, int]) -
     assert np.abs(share / [slope * size[0] / size[1], slope]).max() > 0.5, "and not far off"
 
 
+def test_the_front_is_seen_and_a_motion_does_not_come_straight_at_the_eye(played) -> None:
+    part, trajectory, world, frames = played
+    view = choose_view(world, trajectory, frames, (640, 480), np.array(axis_arrow(part)))
+    front = -trajectory.T_world_tool[0, :3, 2]
+    assert -view.forward @ front > np.cos(np.deg2rad(67)), "not edge-on"
+    if part.joint.kind == "prismatic":
+        assert abs(view.forward @ part.joint.axis) < np.cos(np.deg2rad(45))
+
+
 @pytest.mark.skipif(not can_draw(), reason="no OpenGL without a screen on this machine")
 def test_the_axis_is_drawn_from_end_to_end_whatever_hides_it(played) -> None:
     part, trajectory, world, frames = played
