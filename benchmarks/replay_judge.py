@@ -89,7 +89,7 @@ class Judge:
         d = self._d
         d.qpos[:], d.qvel[:], d.ctrl[:], d.time = data.qpos, data.qvel, data.ctrl, data.time
         d.qacc_warmstart[:] = data.qacc_warmstart
-        mujoco.mj_forward(self._m, d)
+        mujoco.mj_forward(data.model, d)  # the simulation's own: it knows how the arm is driven
         q, v, a = d.qpos[self._qpos], d.qvel[self._dof], d.qacc[self._dof]
         pin.forwardKinematics(self._pin, self._pd, q)
         tau = pin.rnea(self._pin, self._pd, q, v, a, self._wrenches(d))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -65,8 +67,6 @@ def replay(
     world = build_world(
         twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None
     )
-    if config.control == "position":
-        world.set_stiffness(config.stiffness)
     record, frames = simulate(world, trajectory, config)
     wall = time.perf_counter() - started
     written: str | None = None
@@ -91,9 +91,13 @@ def simulate(
 ) -> tuple[Record, Array]:
     """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames moments.
 
+    The scene is left as it is: how the arm is driven is set on a copy.
     observe: called with the simulation before each step, its commands set; it must leave the simulation as it is.
     """
+    world = replace(world, model=copy.copy(world.model))
     model, spec = world.model, world.spec
+    if config.control == "position":
+        world.set_stiffness(config.stiffness)
     data = mujoco.MjData(model)
     steps = int(np.ceil((trajectory.duration + config.settle) / model.opt.timestep))
     times = np.arange(steps) * model.opt.timestep

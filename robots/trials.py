@@ -233,8 +233,6 @@ def run_trials(
     world = build_world(
         twin, resolve(robot or trajectory.robot), trajectory.T_world_base, trajectory.pedestal
     )
-    if config.control == "position":
-        world.set_stiffness(config.stiffness)
     spread = spread_of(part)
     rows = rows_of(part, grid)
     draws = [draw(part, spread, sizes, seed, k) for sizes in rows for k in range(trials)]

@@ -95,6 +95,12 @@ def test_the_plan_is_inside_its_limits_and_on_its_path(door):
     assert all(r.reason for r in trajectory.rejected)
 
 
+def test_a_slab_is_stood_on_not_under():
+    assert floor_height(furniture.drawer().static.mesh) == pytest.approx(
+        0.0, abs=1e-3
+    )  # 1 cm thick, top at 0
+
+
 def test_the_pedestal_stands_on_the_ground_and_clear(door):
     twin, trajectory = door
     base = trajectory.T_world_base[:3, 3]

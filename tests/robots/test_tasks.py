@@ -344,6 +344,8 @@ def test_other_places_are_on_the_same_bar_and_a_knob_has_none(franka):
         shift = other.centre - hold.centre
         assert 0.03 < abs(shift @ along) < 0.10  # the bar is 20 cm long
         assert np.linalg.norm(shift - (shift @ along) * along) < 0.003
+    places = np.sort([(h.centre - hold.centre) @ along for h in (hold, *others)])
+    assert np.diff(places).min() > 0.03, "no place is tried twice"
     knob = furniture.drawer(handle="knob").parts[0]
     assert elsewhere(knob, find_holds(knob.mesh, knob.contact, franka), franka, 0) == []
 

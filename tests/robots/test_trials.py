@@ -117,26 +117,20 @@ def test_no_error_is_the_nominal_replay_exactly(drawer, monkeypatch):
     twin, trajectory = drawer
     world = build_world(twin, robots.resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
     config = ReplayConfig()
-    world.set_stiffness(config.stiffness)
     part = twin.parts[0]
-    alone = robots.replay(twin, trajectory, config=config)
-    monkeypatch.setattr("robots.batch._GROUP", 1)
+    alone = robots.replay(twin, trajectory, config=config).to_json()
+    shifted = replace(nominal(part), contact=np.array([0, 0, 0.004]))
+    draws = [nominal(part), nominal(part), shifted]
     told: list[tuple[int, int]] = []
-    twice = replay_all(
-        world,
-        trajectory,
-        part,
-        [nominal(part)] * 2,
-        config,
-        workers=2,
-        tell=lambda done, total: told.append((done, total)),
+    here = replay_all(world, trajectory, part, draws, config, tell=lambda *count: told.append(count))
+    assert told == [(3, 3)], "too few for processes"
+    assert [r.to_json() == alone for r in here] == [True, True, False]
+    monkeypatch.setattr("robots.batch._GROUP", 1)
+    there = replay_all(
+        world, trajectory, part, draws, config, workers=2, tell=lambda *count: told.append(count)
     )
-    assert told == [(1, 2), (2, 2)]
-    assert [r.to_json() for r in twice] == [alone.to_json()] * 2
-    other = replay_all(
-        world, trajectory, part, [replace(nominal(part), contact=np.array([0, 0, 0.004]))], config
-    )
-    assert other[0].to_json() != alone.to_json()
+    assert told[1:] == [(1, 3), (2, 3), (3, 3)]
+    assert [r.to_json() for r in there] == [r.to_json() for r in here]
 
 
 def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged):
@@ -173,9 +167,7 @@ def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged):
 
 
 def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "robots.batch._GROUP", 3
-    )  # 8 draws: two of the workers' processes have something to do
+    monkeypatch.setattr("robots.batch._GROUP", 3)  # of 8 draws: work for both processes
     twin, trajectory = drawer
     for name, workers, seed in (("a", 1, 7), ("b", 2, 7), ("c", 2, 8)):
         run_trials(twin, trajectory, tmp_path / name, trials=2, seed=seed, workers=workers)
@@ -189,6 +181,14 @@ def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path, monkeypatch
     assert all(0 <= row["success_90"]["low"] <= row["success_90"]["high"] <= 1 for row in written["rows"])
     first = written["rows"][0]["trials"][0]
     assert set(first) >= {"axis", "contact_shift", "mass", "friction", "damping", "frictionloss", "reason"}
+
+
+def test_a_report_tells_how_the_arm_was_driven(drawer):
+    twin, trajectory = drawer
+    soft = ReplayConfig(control="impedance", stiffness=0.5)
+    told = [run_trials(twin, trajectory, trials=1, config=c).to_json() for c in (None, soft)]
+    assert [(t["control"], t["stiffness"]) for t in told] == [("position", 1.0), ("impedance", 0.5)]
+    assert told[0]["rows"] != told[1]["rows"]
 
 
 def test_what_the_twin_does_not_state_is_said(hinged):

@@ -191,6 +191,20 @@ def test_a_replay_finds_the_recording_that_the_run_was_made_from(
     assert films[3].frames == 30
 
 
+def test_control_and_stiffness_reach_the_replay(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    used: list[tuple[str, float]] = []
+
+    def keep(*_: Any, config: Any, **__: Any) -> Replayed:
+        used.append((config.control, config.stiffness))
+        return Replayed(0.98, ok=True)
+
+    stand_in(monkeypatch, plan=lambda *_, **__: Trajectory(1.0), replay=keep)
+    replay = ["replay", str(run), "--part", "door"]
+    assert cli.run(replay) == 0
+    assert cli.run([*replay, "--control", "impedance", "--stiffness", "0.5"]) == 0
+    assert used == [("position", 1.0), ("impedance", 0.5)]
+
+
 def test_another_recording_is_not_shown_and_a_wrong_path_is_told_before_planning(
     run: Path, films: list[Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

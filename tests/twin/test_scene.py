@@ -19,7 +19,6 @@ from twin.scene import (
     Joint,
     Mesh,
     Motion,
-    Part,
     Prismatic,
     Quantity,
     Revolute,
@@ -180,8 +179,4 @@ def test_the_scenes_for_tests_open_outwards() -> None:
     """The door's and the drawer's handles move towards the person in front of the cabinet."""
     T = world_from_cabinet()
     for part in cabinet_twin(T).parts:
-        _front_moves_out(part, -T[:3, 1])
-
-
-def _front_moves_out(part: Part, out: np.ndarray) -> None:
-    assert part.joint.velocity(0.0, part.contact.point) @ out > 0.4
+        assert part.joint.velocity(0.0, part.contact.point) @ -T[:3, 1] > 0.4
