@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -32,8 +33,8 @@ from twin.errors import InputError
 from twin.physics import keep_known, with_physics
 from twin.scene import Trajectory, Twin
 from twin.settings import as_dict
-from twin.stages import Progress, Run, update_manifest, versions
-from twin.storage import load, save
+from twin.stages import MANIFEST, Progress, Run, read_json, update_manifest, versions
+from twin.storage import digest, keep_aside, load, save
 
 T = TypeVar("T")
 Labels = dict[int, NDArray[np.uint8]]
@@ -65,8 +66,8 @@ def reconstruct(
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
         twin = _run(run, recording, config, hints)
         if out is not None:
-            twin = _with_what_is_known(run, twin, out)
-            _write(twin, recording, out)
+            twin = _kept(run, twin, out)
+            _keep_key_frames(twin, recording, out)
             _say_where(recording, out)
     return twin
 
@@ -232,17 +233,43 @@ def _finish(
     return tuple(finished)
 
 
-def _with_what_is_known(run: Run, twin: Twin, out: Path) -> Twin:
-    """What the user measured or stated about the parts of an earlier twin in this folder stays."""
-    if not (out / "twin" / "twin.json").is_file():
-        return twin
+def _kept(run: Run, twin: Twin, out: Path) -> Twin:
+    """Save the twin into the run folder and return what stands there then.
+
+    A twin that the user changed since it was reconstructed is not lost: it stays where the result is the same as before, and
+    is kept beside the new one where it is not. What was measured or added about its parts goes over to the new one.
+    """
+    folder, found = out / "twin", digest(twin)
+    earlier = _earlier_twin(run, folder)
+    before = read_json(out / MANIFEST).get("twin")
+    if earlier is not None:
+        there = digest(earlier)
+        if found in (before, there):
+            if there != found:
+                run.warn(f"{folder} was changed since and stays as it is: the result is the same as before")
+            update_manifest(out, twin=found)
+            return earlier
+        known = keep_known(twin, earlier)
+        if there != before or (earlier.extra and not known.extra):
+            run.warn(
+                f"{folder} was changed since it was made: the earlier one is kept in {keep_aside(folder)}"
+            )
+        twin = known
+    save(twin, folder)
+    update_manifest(out, twin=found)
+    return twin
+
+
+def _earlier_twin(run: Run, folder: Path) -> Twin | None:
+    if not (folder / "twin.json").is_file():
+        return None
     try:
-        return keep_known(twin, load(out))
+        return load(folder)
     except InputError as e:
-        run.warn(
-            f"the earlier twin is replaced, with what was measured about it if anything was: {e.problem}"
-        )
-        return twin
+        aside = keep_aside(folder)
+        shutil.rmtree(folder)
+        run.warn(f"the earlier twin can't be read and is kept in {aside}: {e.problem}")
+        return None
 
 
 def _say_where(recording: Recording, out: Path) -> None:
@@ -256,9 +283,8 @@ def _say_where(recording: Recording, out: Path) -> None:
         update_manifest(out, recording=Path(path).as_posix())
 
 
-def _write(twin: Twin, recording: Recording, out: Path) -> None:
+def _keep_key_frames(twin: Twin, recording: Recording, out: Path) -> None:
     from twin.report import pick_key_frames, save_key_frames
 
-    save(twin, out / "twin")
     chosen = pick_key_frames(twin)
     save_key_frames(out, {f: recording.frame(f).color for f in chosen}, recording.intrinsics.matrix)

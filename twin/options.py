@@ -84,6 +84,7 @@ def _export(parser: ArgumentParser) -> None:
         default=[],
         help="what the files state: author, license, category, qcode (of Wikidata) or date",
     )
+    add("--overwrite", action="store_true", help="also replace exported files that were changed since")
 
 
 def _check(parser: ArgumentParser) -> None:

@@ -267,7 +267,10 @@ class StaticPart:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A moving part. `parent` is the id of the part it is mounted on, None for the static scene."""
+    """A moving part. `parent` is the id of the part it is mounted on, None for the static scene.
+
+    extra: what others wrote about it into twin.json, by key; JSON types.
+    """
 
     id: int
     name: str
@@ -282,6 +285,7 @@ class Part:
     limits_source: str = "observed"
     closed_source: str = "first rest pose"
     type_source: str = "motion"
+    extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _require_legal(self.name)
@@ -338,7 +342,8 @@ class Twin:
     """Static scene, moving parts (a tree), cameras and where it all comes from.
 
     labels: recording frame -> (H, W) uint8 label image (0 unknown, 1 static, part ids from 2, 255 hand); may be lazy.
-    provenance: versions and configuration, JSON types only.
+    provenance: versions and configuration, JSON types only. extra: what others wrote into twin.json beside the format's
+    own keys, JSON types; that of a part is with the part.
     """
 
     name: str
@@ -348,6 +353,7 @@ class Twin:
     recorded: Recorded | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     labels: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
+    extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _require_legal(self.name)

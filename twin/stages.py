@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import resource
 import shutil
@@ -21,15 +20,17 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from platform import python_version
-from typing import IO, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from twin.codec import TreeCodec
 from twin.errors import FuntwinError, InputError
+from twin.run_lock import claim, release
 from twin.settings import as_dict, to_toml
 
 T = TypeVar("T")
 
 MANIFEST = "manifest.json"
+CONFIG = "config.toml"
 RECORD = "stage.json"
 PACKAGES = ("funtwin", "numpy", "scipy", "open3d", "opencv-contrib-python", "scikit-learn", "mujoco")
 
@@ -86,13 +87,19 @@ class Run:
         self.results: list[StageResult[Any]] = []
         self._progress = progress
         self._warnings: list[str] = []
-        self._lock: IO[str] | None = None
+        self._claimed = False
         if folder is not None:
-            self._lock = _claim(folder)
+            _make(folder)
+            claim(folder)
+            self._claimed = True
             for left in (folder / "stages").glob(".*.tmp"):  # what a killed process was writing
                 shutil.rmtree(left)
+            if not (folder / MANIFEST).exists():
+                update_manifest(
+                    folder, fingerprint=fingerprint
+                )  # before all else: it tells that the folder is a run's
             if config is not None:
-                write_text(folder / "config.toml", to_toml(config))
+                write_text(folder / CONFIG, to_toml(config))
 
     def stage(
         self,
@@ -162,9 +169,9 @@ class Run:
 
     def close(self) -> None:
         """Let other processes use the folder."""
-        if self._lock is not None:
-            self._lock.close()
-            self._lock = None
+        if self._claimed and self.folder is not None:
+            release(self.folder)
+            self._claimed = False
 
     def __enter__(self) -> Run:
         return self
@@ -351,28 +358,19 @@ def _recording_warnings(compute: Callable[[], T]) -> tuple[T, list[str]]:
     return value, notes
 
 
-def _claim(folder: Path) -> IO[str]:
-    """Make the folder and hold it for this process; the lock ends with the process, however it ends."""
-    import fcntl
-
+def _make(folder: Path) -> None:
+    """Make a run folder with its cache. Raises InputError when it can't be made or holds somebody else's settings."""
+    if (folder / CONFIG).exists() and not (folder / MANIFEST).exists():
+        raise InputError(
+            f"{folder / CONFIG} is there already and {folder} is no run folder",
+            "give a new or empty folder with -o",
+        )
     try:
         (folder / "stages").mkdir(parents=True, exist_ok=True)
-        lock = (folder / "stages" / ".lock").open("w", encoding="ascii")
     except OSError as e:
         raise InputError(
             f"run folder {folder} can't be written ({e.strerror})", "give another folder with -o"
         ) from e
-    try:
-        # A record lock belongs to the process: forked workers that outlive it don't keep the folder.
-        fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as e:
-        lock.close()
-        raise InputError(
-            f"run folder {folder} is in use by another process", "wait for it or give another folder"
-        ) from e
-    lock.write(str(os.getpid()))
-    lock.flush()
-    return lock
 
 
 def _meta(record: Mapping[str, Any]) -> tuple[float, float, tuple[str, ...]]:

@@ -16,7 +16,7 @@ from twin.errors import FuntwinError, InputError, PlanningError
 from twin.report.sections import Section, Table, save_section
 from twin.scene import Part, Twin
 from twin.stages import MANIFEST, Progress, read_json
-from twin.storage import load, save
+from twin.storage import load, update
 
 
 class Step:
@@ -60,7 +60,12 @@ def reconstruct(
 
 
 def export(
-    progress: Progress, run: Path, formats: Sequence[str], package: str = "", asset: Any = None
+    progress: Progress,
+    run: Path,
+    formats: Sequence[str],
+    package: str = "",
+    asset: Any = None,
+    overwrite: bool = False,
 ) -> Step:
     started = time.perf_counter()
     twin = load(run)
@@ -68,11 +73,10 @@ def export(
     progress("collision", 0.0, "convex pieces")
     cache = run_folder(run) / "stages" / "collision"
     complete = named("twin.export:complete")(twin, cache)
-    if complete is not twin:
-        save(complete, run_folder(run) / "twin")
+    update(twin, complete, run)
     progress("collision", 1.0, f"{sum(len(p.collision) for p in complete.parts)} pieces on moving parts")
     progress("export", 0.0, "")
-    files = named("twin.export:export")(complete, folder, formats, package, asset=asset)
+    files = named("twin.export:export")(complete, folder, formats, package, asset=asset, overwrite=overwrite)
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
     reports = named("twin.collision.report:collision_reports")(complete, cache)

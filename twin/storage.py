@@ -1,16 +1,21 @@
 """Twins on disk: `twin.json` (format "funtwin/1"), `cameras.txt`, `meshes/*.ply`, `labels/*.png`.
 
 Numbers are written with as many digits as it takes to read back the same double, so a saved and loaded twin is the
-same twin (camera rotations, stored as quaternions, to 1e-12). docs/twin_format.md describes the format.
+same twin (camera rotations, stored as quaternions, to 1e-12). docs/twin_format.md describes the format. What else lies in
+the folder is its owner's: no function here changes or removes it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import re
 import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,42 +23,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
+from twin.atomic import contents, put, staging, tidy, write_file
+from twin.document import (
+    CAMERAS,
+    json_text,
+    shape_files,
+    twin_document,
+    with_changes,
+    with_files_named,
+)
 from twin.errors import InputError
-from twin.ply import ply_bytes
-from twin.scene import Collision, Joint, Mesh, Part, Quantity, Revolute, Trajectory, Twin
+from twin.ply import ply_bytes, read_ply
+from twin.scene import Mesh, Trajectory, Twin
 
-FORMAT = "funtwin/1"
+_LABEL = re.compile(r"\d{6,}\.png")
+# What `twin export` and `twin physics` fill in or change: not what a reconstruction found.
+_FILLED = ("collision", "inertial", "physics")
 
 
 def save(twin: Twin, folder: Path) -> None:
     """Write the twin into `folder` (usually RUN/twin): all of it appears at once, or nothing changes.
 
+    A twin that is there already is replaced; meshes and cameras that stay the same keep their files and names, and everything
+    in the folder that is not of that twin stays.
+
     Raises InputError when the folder can't be written or holds something that is not a twin.
     """
     folder = Path(folder)
-    if folder.exists() and (
-        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "twin.json").exists())
-    ):
-        raise InputError(
-            f"{folder} exists and does not hold a twin", "give a new or empty folder, e.g. RUN/twin"
-        )
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    except OSError as e:
-        raise InputError(
-            f"{folder} can't be written: {e.strerror}", "give a folder that you may write"
-        ) from e
-    try:
-        _write(twin, temporary)
-        temporary.chmod(0o755)
-        _swap(temporary, folder)
-    except OSError as e:
-        raise InputError(
-            f"{folder} can't be written: {e.strerror or e}", "check space and permissions"
-        ) from e
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+    tidy(folder.resolve())
+    old = _earlier(folder)
+    folder = folder.resolve()
+    with _writing(folder):
+        ours = set() if old is None else _files_of(folder, old)
+        present = set(contents(folder)) if folder.exists() else set()
+        with staging(folder) as staged:
+            _write(twin, staged, _Earlier(folder, old or {}, present - ours))
+            put(staged, folder, ours)
 
 
 def load(folder: Path) -> Twin:
@@ -75,43 +80,87 @@ def twin_folder(folder: Path) -> Path:
     return here
 
 
-def save_values(twin: Twin, folder: Path) -> None:
-    """Replace twin.json alone, at once, for a twin whose numbers changed while its meshes, cameras and labels did not.
+def update(old: Twin, new: Twin, folder: Path) -> None:
+    """Write into a folder that holds `old` what differs in `new`: numbers and collision shapes, not meshes, cameras or labels.
+
+    Every other value of twin.json stays as it stands there, and every file. New shapes get files of their own; twin.json,
+    replaced last and at once, is what makes them count. Does nothing where the twins say the same.
 
     Raises InputError when a mesh of the twin is not in the folder, or the folder can't be written.
     """
-    here = twin_folder(folder)
+    here = twin_folder(folder).resolve()
+    known: dict[str, Mesh] = {}
     meshes: dict[str, Mesh] = {}
-    text = json_text(twin_document(twin, meshes)) + "\n"
-    absent = [name for name in meshes if not (here / name).is_file()]
+    before, after = twin_document(old, known), twin_document(new, meshes)
+    raw = read_document(here / "twin.json")
+    absent = [path for _, path in shape_files(raw) if not (here / path).is_file()]
     if absent:
         raise InputError(f"{here / absent[0]} does not exist", "save the whole twin with twin.save")
+    fresh = {path: ply_bytes(m) for path, m in meshes.items() if not _same_mesh(m, known.get(path))}
+    other = [path for (_, shape), path in shape_files(after) if shape is None and path in fresh]
+    if other:
+        raise InputError(f"{other[0]} is not what {here} holds", "save the whole twin with twin.save")
+    with _writing(here):
+        names = {}
+        for path, data in fresh.items():
+            names[path] = _free_name(path, partial(_says_else, here, data))
+            write_file(here / names[path], data)
+        changed = with_changes(raw, before, with_files_named(after, lambda p: names.get(p, p)))
+        if changed != raw:
+            write_file(here / "twin.json", (json_text(changed) + "\n").encode())
+
+
+def digest(twin: Twin) -> str:
+    """SHA-256 of what a reconstruction found, the same for a twin and for what was loaded after it was saved: no provenance,
+    nothing that others added or that is filled in later."""
+    meshes: dict[str, Mesh] = {}
+    bare = replace(twin, extra={}, parts=tuple(replace(p, extra={}) for p in twin.parts))
+    document = twin_document(bare, meshes)
+    for owner in (document["static"], *document["parts"]):
+        for key in _FILLED:
+            owner.pop(key, None)
+    document.pop("provenance")
+    h = hashlib.sha256(json.dumps(document, sort_keys=True).encode())
+    for path in sorted(p for p in meshes if ".collision." not in p):
+        h.update(ply_bytes(meshes[path]))
+    if twin.cameras is not None:  # not the rotations: those that were stored as quaternions differ in the last digit
+        h.update(twin.cameras.T_world_cam[:, :3, 3].tobytes())
+    for frame in sorted(twin.labels):
+        h.update(f"{frame}".encode() + np.ascontiguousarray(twin.labels[frame]).tobytes())
+    return h.hexdigest()
+
+
+def keep_aside(folder: Path) -> Path:
+    """Keep a copy of a twin's folder beside it, under its name with `_before_` and a number; returns its path.
+
+    Files are linked, not copied: replacing one in either folder leaves the other's. Raises OSError.
+    """
+    k = 1
+    while (aside := folder.with_name(f"{folder.name}_before_{k}")).exists():
+        k += 1
+    shutil.copytree(folder, aside, symlinks=True, copy_function=os.link)
+    return aside
+
+
+def read_document(file: Path) -> dict[str, Any]:
+    """The object in a twin.json as it stands. Raises InputError when it is no JSON object of this format."""
     try:
-        handle, name = tempfile.mkstemp(prefix=".twin.json-", dir=here)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as out:
-                out.write(text)
-                out.flush()
-                os.fsync(out.fileno())
-            Path(name).chmod((here / "twin.json").stat().st_mode & 0o777)
-            Path(name).replace(here / "twin.json")
-        finally:
-            Path(name).unlink(missing_ok=True)
-    except OSError as e:
-        raise InputError(f"{here} can't be written: {e.strerror}", "give a folder that you may write") from e
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as e:
+        raise InputError(f"{file} is not readable JSON: {e}", "save the twin again") from e
+    if not isinstance(document, dict):
+        raise InputError(
+            f"{file}: document must be an object, is {document!r:.60}", "see docs/twin_format.md"
+        )
+    return document
 
 
 class LabelFolder(Mapping[int, "NDArray[np.uint8]"]):
-    """Label images of a folder by recording frame, each read when it is asked for."""
+    """Label images of a folder by recording frame, each read when it is asked for. Files of other names are not labels."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        names = sorted(p.stem for p in folder.glob("*.png")) if folder.is_dir() else []
-        bad = [n for n in names if not n.isdecimal()]
-        if bad:
-            raise InputError(
-                f"{folder / bad[0]}.png is not named by a frame number", "name labels like 000012.png"
-            )
+        names = sorted(p.stem for p in folder.glob("*.png") if _LABEL.fullmatch(p.name))
         self._frames = {int(n): n for n in names}
 
     def __getitem__(self, frame: int) -> NDArray[np.uint8]:
@@ -130,40 +179,136 @@ class LabelFolder(Mapping[int, "NDArray[np.uint8]"]):
         return len(self._frames)
 
 
-def _swap(new: Path, folder: Path) -> None:
-    """Put the finished folder `new` in the place of `folder`."""
-    if not folder.exists():
-        new.rename(folder)
-        return
-    old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
-    folder.rename(old / "twin")
-    new.rename(folder)
-    shutil.rmtree(old, ignore_errors=True)
+class _Earlier:
+    """The twin that a folder holds before it is saved again: its document ({} for none) and the files that are not its own."""
+
+    def __init__(self, folder: Path, document: Mapping[str, Any], strange: Collection[str]) -> None:
+        self.folder, self._strange = folder, strange
+        self._shapes = dict(shape_files(document)) if document else {}
+        cameras = document.get("cameras") or {}
+        self._cameras: str | None = cameras.get("file")
+
+    def name(self, role: tuple[int | None, int | None], path: str, mesh: Mesh) -> tuple[str, bool]:
+        """Where to write a mesh, and whether the file that plays this role now holds the same."""
+        known = self._shapes.get(role)
+        if known is not None and known not in self._strange and self._holds(known, mesh):
+            return known, True
+        return _free_name(path, lambda p: p in self._strange), False
+
+    def cameras(self, text: str) -> str:
+        """The name for the cameras' file: that of the earlier one if it says the same."""
+        known = self._cameras
+        if known is not None and known not in self._strange:
+            path = self.folder / known
+            if path.is_file() and path.read_bytes() == text.encode():
+                return known
+        return _free_name(CAMERAS, lambda p: p in self._strange)
+
+    def _holds(self, path: str, mesh: Mesh) -> bool:
+        try:
+            there = read_ply(self.folder / path)
+        except InputError:
+            return False
+        return _same_mesh(there, mesh)
 
 
-def _write(twin: Twin, folder: Path) -> None:
+def _same_mesh(a: Mesh, b: Mesh | None) -> bool:
+    if b is None or (a.colors is None) != (b.colors is None):
+        return False
+    pairs = [(a.vertices, b.vertices), (a.faces, b.faces), (a.colors, b.colors)]
+    return a is b or all(x is y or np.array_equal(x, y) for x, y in pairs)  # type: ignore[arg-type]
+
+
+def _earlier(folder: Path) -> dict[str, Any] | None:
+    """The document of the twin that `folder` holds, None for a folder that is empty or not there."""
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return None
+    if not folder.is_dir() or not (folder / "twin.json").exists():
+        raise InputError(
+            f"{folder} exists and does not hold a twin", "give a new or empty folder, e.g. RUN/twin"
+        )
+    document = read_document(folder / "twin.json")
+    try:
+        list(shape_files(document))
+    except (KeyError, TypeError, AttributeError) as e:
+        raise InputError(
+            f"{folder / 'twin.json'} is not a twin (no {e})", "move it away or give another folder"
+        ) from e
+    return document
+
+
+def _files_of(folder: Path, document: Mapping[str, Any]) -> set[str]:
+    """Paths in `folder` that are of the twin `document`."""
+    cameras = (document.get("cameras") or {}).get("file")
+    labels = {f"labels/{p.name}" for p in (folder / "labels").glob("*.png") if _LABEL.fullmatch(p.name)}
+    own = {
+        "twin.json",
+        *(path for _, path in shape_files(document)),
+        *labels,
+        *([cameras] if cameras else []),
+    }
+    return {os.path.normpath(path) for path in own}
+
+
+def _write(twin: Twin, folder: Path, earlier: _Earlier) -> None:
     meshes: dict[str, Mesh] = {}
     document = twin_document(twin, meshes)
-    (folder / "meshes").mkdir()
-    for name, mesh in meshes.items():
-        (folder / name).write_bytes(ply_bytes(mesh))
+    names: dict[str, str] = {}
+    for role, path in shape_files(document):
+        names[path], same = earlier.name(role, path, meshes[path])
+        target = folder / names[path]
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if same:
+            os.link(earlier.folder / names[path], target)
+        else:
+            target.write_bytes(ply_bytes(meshes[path]))
+    document = with_files_named(document, lambda path: names[path])
     if twin.cameras is not None:
-        (folder / "cameras.txt").write_text(_tum(twin.cameras), encoding="ascii")
-    if twin.labels:
-        import cv2
+        text = _tum(twin.cameras)
+        document["cameras"]["file"] = earlier.cameras(text)
+        (folder / document["cameras"]["file"]).write_text(text, encoding="ascii", newline="\n")
+    _write_labels(twin.labels, folder / "labels")
+    write_file(folder / "twin.json", (json_text(document) + "\n").encode())
 
-        (folder / "labels").mkdir()
-        for frame in sorted(twin.labels):
-            ok, png = cv2.imencode(".png", twin.labels[frame])
-            if not ok:
-                raise InputError(
-                    f"label image of frame {frame} can't be written as PNG", "labels are (H, W) uint8"
-                )
-            (folder / "labels" / f"{frame:06d}.png").write_bytes(png.tobytes())
-    with (folder / "twin.json").open("w", encoding="utf-8", newline="\n") as out:
-        out.write(json_text(document) + "\n")
-        out.flush()
-        os.fsync(out.fileno())
+
+def _write_labels(labels: Mapping[int, NDArray[np.uint8]], folder: Path) -> None:
+    import cv2
+
+    for frame in sorted(labels):
+        folder.mkdir(exist_ok=True)
+        ok, png = cv2.imencode(".png", labels[frame])
+        if not ok:
+            raise InputError(
+                f"label image of frame {frame} can't be written as PNG", "labels are (H, W) uint8"
+            )
+        (folder / f"{frame:06d}.png").write_bytes(png.tobytes())
+
+
+def _says_else(folder: Path, data: bytes, name: str) -> bool:
+    """Whether a file of this name says something else; the same bytes were left by a call that was interrupted."""
+    path = folder / name
+    return path.exists() and not (path.is_file() and path.read_bytes() == data)
+
+
+def _free_name(path: str, taken: Callable[[str], bool]) -> str:
+    """The path, with a number before its ending where it is taken: no name of a part holds a dot."""
+    stem, dot, ending = path.rpartition(".")
+    name, k = path, 2
+    while taken(name):
+        name, k = f"{stem}.{k}{dot}{ending}", k + 1
+    return name
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """Say which folder can't be written, and why."""
+    try:
+        yield
+    except OSError as e:
+        where = f" ({e.filename})" if e.filename else ""
+        raise InputError(
+            f"{folder} can't be written: {e.strerror or e}{where}", "check space and permissions"
+        ) from e
 
 
 def _tum(cameras: Trajectory) -> str:
@@ -178,155 +323,3 @@ def _tum(cameras: Trajectory) -> str:
 def _time(t: float) -> str:
     short = f"{t:.6f}"
     return short if float(short) == t else repr(t)
-
-
-def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
-    """The content of twin.json; every mesh it names is added to `meshes` under its path relative to twin.json."""
-    static = twin.static
-    meshes[f"meshes/{static.name}.ply"] = static.mesh
-    r = twin.recorded
-    return {
-        "format": FORMAT,
-        "name": twin.name,
-        "recording": None
-        if r is None
-        else {"source": r.source, "frames": r.frames, "fingerprint": r.fingerprint},
-        "provenance": dict(twin.provenance),
-        "cameras": None
-        if twin.cameras is None
-        else {"file": "cameras.txt", "frames": twin.cameras.frames.tolist()},
-        "static": {
-            "name": static.name,
-            "mesh": f"meshes/{static.name}.ply",
-            "collision": _collision(static.name, static.collision, meshes),
-        },
-        "parts": [_part(p, meshes) for p in twin.parts],
-    }
-
-
-def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
-    meshes[f"meshes/{p.name}.ply"] = p.mesh
-    m = p.motion
-    return {
-        "id": p.id,
-        "name": p.name,
-        "parent": p.parent,
-        "mesh": f"meshes/{p.name}.ply",
-        "collision": _collision(p.name, p.collision, meshes),
-        "joint": _joint(p, p.joint),
-        "motion": {
-            "frames": m.frames.tolist(),
-            "times": m.times.tolist(),
-            "state": m.state.tolist(),
-            "intervals": [list(i) for i in m.intervals],
-            "residual": float(m.residual),
-            "inliers": float(m.inliers),
-        },
-        "inertial": _inertial(p),
-        "physics": None
-        if p.physics is None
-        else {
-            k: _quantity(getattr(p.physics, k)) for k in ("friction", "damping", "frictionloss", "density")
-        },
-        "contact": _contact(p),
-    }
-
-
-def part_document(part: Part) -> dict[str, Any]:
-    """What twin.json says about a part."""
-    return _part(part, {})
-
-
-def _joint(p: Part, j: Joint) -> dict[str, Any]:
-    s = j.sigma
-    return {
-        "type": j.kind,
-        "axis": j.axis.tolist(),
-        "pivot": j.pivot.tolist() if isinstance(j, Revolute) else None,
-        "lower": float(j.lower),
-        "upper": float(j.upper),
-        "limits_source": p.limits_source,
-        "closed_source": p.closed_source,
-        "type_source": p.type_source,
-        "sigma": None
-        if s is None
-        else {"axis_deg": float(f"{np.rad2deg(s.axis):.12g}"), "pivot_m": s.pivot, "state": float(s.state)},
-        "covariance": None if j.covariance is None else j.covariance.tolist(),
-    }
-
-
-def _inertial(p: Part) -> dict[str, Any] | None:
-    if p.inertial is None:
-        return None
-    i, q, factors, box = (
-        p.inertial.inertia,
-        p.inertial.mass,
-        p.inertial.inertia_interval,
-        p.inertial.com_interval,
-    )
-    return {
-        "mass": float(q.value),
-        "com": p.inertial.com.tolist(),
-        "inertia": [float(i[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
-        "source": q.source,
-        "mass_interval": [float(v) for v in q.interval],
-        "inertia_source": p.inertial.inertia_source,
-        "inertia_interval": None if factors is None else list(factors),
-        "com_interval": None if box is None else box.tolist(),
-    }
-
-
-def _contact(p: Part) -> dict[str, Any] | None:
-    c = p.contact
-    if c is None:
-        return None
-    return {
-        "point": c.point.tolist(),
-        "rotation": c.rotation.tolist(),
-        "width": float(c.width),
-        "frames": [int(f) for f in c.frames],
-        "source": c.source,
-    }
-
-
-def _quantity(q: Quantity) -> dict[str, Any]:
-    return {"value": float(q.value), "source": q.source, "interval": [float(v) for v in q.interval]}
-
-
-def _collision(name: str, pieces: tuple[Collision, ...], meshes: dict[str, Mesh]) -> list[Any]:
-    out: list[Any] = []
-    for k, piece in enumerate(pieces):
-        if isinstance(piece, Mesh):
-            path = f"meshes/{name}.collision.{k:03d}.ply"  # a dot: no part's name holds one
-            meshes[path] = piece
-            out.append(path)
-        else:
-            t = piece.T_world_box
-            out.append(
-                {
-                    "center": t[:3, 3].tolist(),
-                    "rotation": t[:3, :3].tolist(),
-                    "size": piece.size.tolist(),
-                }
-            )
-    return out
-
-
-def json_text(value: Any, indent: int = 0) -> str:
-    """JSON with one line for a list of plain values and indentation for the rest; refuses NaN and infinity."""
-    pad = " " * (indent + 1)
-    if isinstance(value, dict) and value:
-        rows = [
-            f"{pad}{json.dumps(str(k), ensure_ascii=False)}: {json_text(v, indent + 1)}"
-            for k, v in value.items()
-        ]
-        return "{\n" + ",\n".join(rows) + "\n" + " " * indent + "}"
-    if isinstance(value, list | tuple) and any(isinstance(v, dict | list | tuple) for v in value):
-        rows = [pad + json_text(v, indent + 1) for v in value]
-        return "[\n" + ",\n".join(rows) + "\n" + " " * indent + "]"
-    try:
-        return json.dumps(value, ensure_ascii=False, allow_nan=False)
-    except (TypeError, ValueError) as e:
-        raise InputError(
-            f"twin.json can't hold the value {value!r}", "use finite numbers and JSON types only"
-        ) from e

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from twin import geometry as geo
+from twin.document import FORMAT, extra_of, part_document, twin_document
 from twin.errors import InputError, SceneError
 from twin.geometry import Array
 from twin.ply import read_ply
@@ -34,7 +35,7 @@ from twin.scene import (
     Twin,
     origin_of,
 )
-from twin.storage import FORMAT, LabelFolder
+from twin.storage import LabelFolder, read_document
 
 T = TypeVar("T")
 
@@ -116,17 +117,13 @@ class Node:
 def read_twin(folder: Path) -> Twin:
     """The twin in `folder`, which holds twin.json."""
     file = folder / "twin.json"
-    try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as e:
-        raise InputError(f"{file} is not readable JSON: {e}", "save the twin again") from e
-    root = Node(file, "", document)
+    root = Node(file, "", read_document(file))
     if root.text("format") != FORMAT:
         raise root.error(f"is {root.text('format')!r}, this program reads {FORMAT!r}", "format")
     static = root.child("static")
     parts = tuple(_part(n, folder) for n in root.children("parts"))
     with root.building():
-        return Twin(
+        twin = Twin(
             name=root.text("name"),
             static=StaticPart(static.text("name"), _mesh(static, "mesh", folder), _collision(static, folder)),
             parts=parts,
@@ -137,12 +134,15 @@ def read_twin(folder: Path) -> Twin:
             provenance=root.maybe("provenance", lambda n: n.value) or {},
             labels=LabelFolder(folder / "labels"),
         )
+    known = twin_document(twin, {})
+    own = {key: value for key, value in root.value.items() if key != "parts"}
+    return replace(twin, extra=extra_of(own, known))
 
 
 def _part(n: Node, folder: Path) -> Part:
     joint = n.child("joint")
     with n.building():
-        return Part(
+        part = Part(
             id=n.integer("id"),
             name=n.text("name"),
             mesh=_mesh(n, "mesh", folder),
@@ -157,6 +157,7 @@ def _part(n: Node, folder: Path) -> Part:
             closed_source=joint.text("closed_source"),
             type_source=joint.text("type_source"),
         )
+    return replace(part, extra=extra_of(n.value, part_document(part)))
 
 
 def _joint(n: Node) -> Joint:

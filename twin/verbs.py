@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from twin import steps
 from twin.console import Console, Outcome
 from twin.errors import ConfigError, FuntwinError, InputError
 from twin.report.sections import Table
+from twin.run_lock import claimed
 from twin.settings import from_dict, read_toml
 from twin.stages import MANIFEST
 
@@ -27,11 +28,12 @@ def demo(
     with console.progress() as progress, _page(out):
         settings = _settings("recon.config:ReconConfig", config, set)
         done = [steps.reconstruct(progress, recording, out, None, settings)]
-        if truth.is_dir():
-            done.append(steps.evaluate(progress, out, truth))
-        done.append(steps.export(progress, out, ("urdf", "mjcf", "usd")))
-        done.append(steps.check(progress, out, ("urdf", "mjcf", "usd")))
-        done.append(steps.replay(progress, out, robot, ()))
+        with claimed(out):
+            if truth.is_dir():
+                done.append(steps.evaluate(progress, out, truth))
+            done.append(steps.export(progress, out, ("urdf", "mjcf", "usd")))
+            done.append(steps.check(progress, out, ("urdf", "mjcf", "usd")))
+            done.append(steps.replay(progress, out, robot, ()))
     rows = [[s.verb, s.summary, f"{s.seconds:.1f} s", "ok" if s.outcome.ok else "FAILED"] for s in done]
     shown = [t for s in done if not s.outcome.ok or s.verb == "evaluate" for t in s.outcome.tables]
     return Outcome(
@@ -73,14 +75,19 @@ def reconstruct(
 
 
 def export(
-    console: Console, run: Path, formats: Sequence[str], package: str, asset: Sequence[str]
+    console: Console,
+    run: Path,
+    formats: Sequence[str],
+    package: str,
+    asset: Sequence[str],
+    overwrite: bool = False,
 ) -> Outcome:
     """Twin to simulation formats."""
     if package:
         steps.named("twin.export.package:check_package")(package)
     told = from_dict(steps.named("twin.export.asset:AssetInfo"), _texts("--asset", asset), "--asset")
     with console.progress() as progress, _page(run):
-        return steps.export(progress, run, formats, package, told).outcome
+        return steps.export(progress, run, formats, package, told, overwrite).outcome
 
 
 def check(
@@ -215,16 +222,23 @@ def engines(console: Console, install: Sequence[str]) -> Outcome:
 
 @contextmanager
 def _page(run: Path) -> Iterator[None]:
-    """Render the page when the verb is done, also when it failed for a reason the user can mend."""
-    from twin.report import render
+    """Hold the run and render its page when the verb is done, also when it failed for a reason the user can mend.
 
-    try:
-        yield
-    except FuntwinError:
-        if (run / MANIFEST).is_file():
-            render(run)
-        raise
-    render(steps.run_folder(run))
+    A run folder that is not there yet is held by what makes it.
+    """
+    from twin.report import render, require_own
+
+    place = steps.run_folder(run)
+    with claimed(place) if place.is_dir() else nullcontext():
+        require_own(place)
+        try:
+            yield
+        except FuntwinError:
+            if (place / MANIFEST).is_file():
+                render(place)
+            raise
+        with claimed(place):
+            render(place)
 
 
 def _settings(cls: str, path: Path | None, assignments: Sequence[str]) -> Any:

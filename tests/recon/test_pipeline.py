@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from recon.pipeline import _run, reconstruct
 from recon.recording import open_recording
 from tests.recon import tiny
 from tests.twin.scenes import cabinet_twin
+from twin.errors import InputError
 from twin.physics.edit import given, set_physics
 from twin.stages import MANIFEST, read_json
 from twin.storage import load, save
@@ -52,7 +54,7 @@ def test_a_weighed_mass_outlives_another_reconstruction(
     assert load(out).part("drawer").inertial.mass == twin.part("drawer").inertial.mass
     (out / "twin" / "twin.json").write_text("{}")
     assert reconstruct(recording, out=out) is twin
-    assert "the earlier twin is replaced" in read_json(out / MANIFEST)["warnings"][-1]
+    assert "the earlier twin can't be read and is kept in" in read_json(out / MANIFEST)["warnings"][-1]
 
 
 def test_the_manifest_says_where_the_recording_is_from_the_run(
@@ -68,3 +70,53 @@ def test_the_manifest_says_where_the_recording_is_from_the_run(
     elsewhere = replace(open_recording(Path("r")), source="a camera")
     reconstruct(elsewhere, out=tmp_path / "b")
     assert "recording" not in read_json(tmp_path / "b" / MANIFEST)
+
+
+def test_a_twin_that_the_user_changed_outlives_another_reconstruction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = open_recording(
+        tiny.write_recording(tmp_path / "r", ("door",), frames=40, scale=1, still=True)
+    )
+    twin, out = cabinet_twin(), tmp_path / "run"
+    found = [twin]
+    monkeypatch.setattr(pipeline, "_run", lambda *_: found[0])
+    file = out / "twin" / "twin.json"
+
+    def change(**keys: object) -> None:
+        document = json.loads(file.read_text())
+        document["parts"][0]["joint"] |= keys
+        file.write_text(json.dumps(document))
+
+    reconstruct(recording, out=out)
+    (out / "twin" / "notes.md").write_text("mine")
+    change(upper=1.25, bought=1987)
+    edited = file.read_bytes()
+    # the same result: what stands there stays, and is what the caller gets
+    assert reconstruct(recording, out=out).part("door").joint.upper == 1.25
+    assert file.read_bytes() == edited
+    assert "stays as it is" in read_json(out / MANIFEST)["warnings"][-1]
+    # another result: the new twin takes the place, the changed one stays beside it
+    door = replace(twin.part("door"), joint=replace(twin.part("door").joint, upper=1.0))
+    found[0] = replace(twin, parts=(door, *twin.parts[1:]))
+    assert reconstruct(recording, out=out).part("door").joint.upper == 1.0
+    assert (out / "twin_before_1" / "twin.json").read_bytes() == edited
+    assert "twin_before_1" in read_json(out / MANIFEST)["warnings"][-1]
+    now = json.loads(file.read_text())["parts"][0]["joint"]
+    assert (now["upper"], now["bought"]) == (1.0, 1987)
+    assert (out / "twin" / "notes.md").read_text() == "mine"
+    # unchanged since, another result: nothing to keep
+    found[0] = twin
+    reconstruct(recording, out=out)
+    assert not (out / "twin_before_2").exists()
+
+
+def test_settings_of_somebody_else_are_not_replaced(tmp_path: Path) -> None:
+    recording = open_recording(
+        tiny.write_recording(tmp_path / "r", ("door",), frames=40, scale=1, still=True)
+    )
+    (tmp_path / "config.toml").write_text("mine = true")
+    with pytest.raises(InputError, match="no run folder"):
+        reconstruct(recording, out=tmp_path)
+    assert (tmp_path / "config.toml").read_text() == "mine = true"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["config.toml", "r"]

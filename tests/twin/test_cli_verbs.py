@@ -271,7 +271,9 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
     full = load(run)
     bare = cabinet_twin(name="bare")
 
-    def export(twin: Any, folder: Path, formats: Sequence[str], package: str, asset: Any) -> Files:
+    def export(
+        twin: Any, folder: Path, formats: Sequence[str], package: str, asset: Any, overwrite: bool
+    ) -> Files:
         assert (list(formats), package, asset.author) == (["urdf"], "bare_kitchen", "Me")
         return Files(urdf=folder / "x.urdf")
 

@@ -17,7 +17,7 @@ from twin.physics import with_physics
 from twin.physics.edit import given, set_physics
 from twin.quantities import Inertial
 from twin.scene import Twin
-from twin.storage import load, save, save_values
+from twin.storage import load, save, update
 
 
 @pytest.fixture(scope="module")
@@ -171,17 +171,17 @@ def test_a_failed_write_leaves_the_old_twin(run: Path, filled: Twin, monkeypatch
     with monkeypatch.context() as m:
         m.setattr(Path, "replace", full)
         with pytest.raises(InputError, match="No space left"):
-            save_values(other, run)
+            update(filled, other, run)
     assert (run / "twin" / "twin.json").read_bytes() == before
     assert sorted(p.name for p in (run / "twin").glob(".*")) == []
-    save_values(other, run)
+    update(filled, other, run)
     assert inertial(load(run), "door").mass.value == 3.2
 
 
 def test_values_of_another_twin_are_refused(run: Path, filled: Twin) -> None:
     renamed = replace(filled, parts=(replace(filled.part("door"), name="gate"),))
-    with pytest.raises(InputError, match=r"gate\.ply does not exist"):
-        save_values(renamed, run)
+    with pytest.raises(InputError, match=r"gate\.ply is not what .* holds"):
+        update(filled, renamed, run)
 
 
 def test_an_export_of_the_earlier_mass_is_told_and_caught(

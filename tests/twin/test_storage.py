@@ -13,7 +13,7 @@ from tests.twin.scenes import boards_mesh, cabinet_twin, door_boards
 from twin.errors import InputError
 from twin.ply import ply_bytes, read_ply
 from twin.scene import JointSigma, Mesh, Motion, Part, Twin
-from twin.storage import load, save
+from twin.storage import digest, load, save
 
 
 def full_twin() -> Twin:
@@ -79,6 +79,7 @@ def test_a_saved_twin_is_the_same_twin(tmp_path: Path) -> None:
         assert np.allclose(back.cameras.T_world_cam, twin.cameras.T_world_cam, atol=1e-12)
         assert sorted(back.labels) == [0, 30]
         assert np.array_equal(back.labels[30], twin.labels[30])
+    assert digest(back) == digest(twin)
     door = back.part("door").joint
     assert np.array_equal(door.covariance, twin.part("door").joint.covariance)
     assert door.sigma.axis == pytest.approx(0.0012, rel=1e-11)

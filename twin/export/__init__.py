@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Literal, get_args
 
 from twin._module_call import call_as
+from twin.atomic import staging
 from twin.errors import InputError
 from twin.export.asset import AssetInfo
 from twin.export.notes import readme
 from twin.export.package import check_package, write_package
 from twin.export.tree import build_tree, require_ranges
+from twin.own_files import hashes, refuse_edited, replace_own
 from twin.scene import Twin
 from twin.soundness import require_sound
 
@@ -47,21 +48,24 @@ def export(
     package: str = "",
     cache_dir: Path | None = None,
     asset: AssetInfo | None = None,
+    overwrite: bool = False,
 ) -> Exported:
     """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
 
-    Each format's folder is complete in itself, holds a README.md with notes on importing it, and is replaced as a whole; all
-    are written before the first is replaced. Mass, friction and collision shapes that the twin lacks are filled in first
+    Each format's folder is complete in itself, holds a README.md with notes on importing it and files.json, which lists what was
+    exported, and changes at once; all are written before the first is changed. Files of others stay where they are. Mass, friction and collision shapes that the twin lacks are filled in first
     (twin.physics, twin.collision).
 
     Args:
         package: ROS package name: makes folder/urdf that package, with a second URDF whose mesh paths are package://.
         cache_dir: where collision shapes are kept between runs.
         asset: author, licence, kind and date that the files state.
+        overwrite: also replace exported files that were changed since, and others of the same names.
     Returns:
         the main file of every format, and warnings about what a format can't carry.
     Raises:
-        InputError: unknown format, illegal package name, or the folder can't be written. SceneError: a part that can't be
+        InputError: unknown format, illegal package name, the folder can't be written, or a file in it that would be replaced was
+        changed since it was exported, or never was. SceneError: a part that can't be
         simulated.
     """
     unknown = [f for f in formats if f not in FORMATS]
@@ -78,19 +82,20 @@ def export(
         if not k.collision
     ]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
-            for fmt in formats:
-                here = Path(temporary) / fmt
+        with ExitStack() as stack:
+            staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
+            for fmt, here in staged.items():
                 path, lost = import_module(f"twin.export.{fmt}").write(tree, here, asset)
                 (here / "README.md").write_text(readme(tree, fmt), encoding="utf-8", newline="\n")
                 files[fmt] = folder / fmt / path.name
                 warnings += lost
             if package and "urdf" in files:
-                write_package(Path(temporary) / "urdf", files["urdf"].name, package, asset)
-            for fmt in formats:
-                shutil.rmtree(folder / fmt, ignore_errors=True)
-                (Path(temporary) / fmt).rename(folder / fmt)
+                write_package(staged["urdf"], files["urdf"].name, package, asset)
+            if not overwrite:
+                for fmt, here in staged.items():
+                    refuse_edited(folder / fmt, hashes(here))
+            for fmt, here in staged.items():
+                replace_own(here, folder / fmt, overwrite)
     except OSError as e:
         raise InputError(f"{folder} can't be written: {e}", "check space and permissions") from e
     return Exported(files, tuple(warnings))

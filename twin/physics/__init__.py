@@ -63,18 +63,19 @@ def joint_and_contact(
 
 
 def with_known(part: Part, earlier: Part) -> Part:
-    """The part with those numbers of an earlier state of it that the user measured or stated; the tensor grows with the mass."""
+    """The part with those numbers of an earlier state of it that the user measured or stated, and what others added to it;
+    the tensor grows with the mass."""
     inertial, physics = part.inertial, part.physics
     if inertial is not None and earlier.inertial is not None and earlier.inertial.mass.origin in KEPT:
         inertial = inertial.with_mass(earlier.inertial.mass)
     if physics is not None and earlier.physics is not None:
         known = {k: q for k, q in vars(earlier.physics).items() if q.origin in KEPT}
         physics = replace(physics, **known)
-    return replace(part, inertial=inertial, physics=physics)
+    return replace(part, inertial=inertial, physics=physics, extra={**earlier.extra, **part.extra})
 
 
 def keep_known(twin: Twin, earlier: Twin) -> Twin:
-    """A twin made again, with what the user measured or stated about the parts of the earlier one from the same recording.
+    """A twin made again, with what the user measured, stated or added to the earlier one from the same recording.
 
     Parts are the same that have the same name and joint type.
     """
@@ -83,4 +84,4 @@ def keep_known(twin: Twin, earlier: Twin) -> Twin:
         return twin
     before = {(p.name, p.joint.kind): p for p in earlier.parts}
     parts = [with_known(p, before.get((p.name, p.joint.kind), p)) for p in twin.parts]
-    return replace(twin, parts=tuple(parts))
+    return replace(twin, parts=tuple(parts), extra={**earlier.extra, **twin.extra})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,19 @@ from twin.physics.materials import read_materials
 from twin.physics.options import UNITS
 from twin.physics.text import described
 from twin.report.sections import Table
+from twin.run_lock import claimed
 from twin.scene import Part, Twin
 from twin.steps import named, run_folder
-from twin.storage import load, save_values
+from twin.storage import load, update
 
 _FILES = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
 
 
 def physics(console: Console, action: str, **options: Any) -> Outcome:
     """Carry out `twin physics ACTION`."""
-    return _ACTIONS[action](console, **options)
+    run = run_folder(options["run"])
+    with claimed(run) if action != "show" and run.is_dir() else nullcontext():
+        return _ACTIONS[action](console, **options)
 
 
 def show(console: Console, run: Path, part: str | None) -> Outcome:  # noqa: ARG001  (same shape as the others)
@@ -124,7 +128,7 @@ def keep(
     run: Path, edited: Edited, changes: Sequence[tuple[str, Change]], notes: Sequence[str] = ()
 ) -> Outcome:
     """Write the changed twin and tell what changed, and which files are now of an earlier twin."""
-    save_values(edited.twin, run)
+    update(load(run), edited.twin, run)
     place = run_folder(run)
     stale = [f for f, s in _FILES.items() if (place / "export" / f / f"{edited.twin.name}{s}").is_file()]
     told = list(notes)
@@ -161,7 +165,7 @@ def _part(twin: Twin, name: str | None) -> Part:
 
 def _data(part: Part) -> dict[str, Any]:
     """The numbers as JSON types, in the words of twin.json."""
-    from twin.storage import part_document
+    from twin.document import part_document
 
     document = part_document(part)
     return {k: document[k] for k in ("inertial", "physics")}

@@ -60,8 +60,8 @@ def save_key_frames(run: Path, frames: Mapping[int, Image], camera_matrix: Array
 
     folder = run / "report"
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("frame_*.jpg"):
-        old.unlink()
+    for old in read_json(folder / "frames.json").get("frames", []):
+        (folder / f"frame_{old:06d}.jpg").unlink(missing_ok=True)
     for index, image in frames.items():
         _, jpeg = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
         (folder / f"frame_{index:06d}.jpg").write_bytes(jpeg.tobytes())

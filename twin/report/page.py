@@ -22,6 +22,7 @@ PHASE_COLUMNS = (
     "phase", "time", "open: peak / end", "at rest", "slip", "tool off plan", "torque", "unintended contacts", "what went wrong",
 )  # fmt: skip
 VERBS = ("evaluate", "export", "check", "replay")
+_MARK = "· Funtwin</title>".encode()  # how every page begins
 STEPS = 5  # pictures from closed to open
 
 
@@ -29,7 +30,7 @@ def render(run: Path) -> Path:
     """Write RUN/report.html, one file without outside references, and return its path.
 
     Everything that is there is shown: stages and warnings of an unfinished run, a twin without recording, results of
-    the verbs. Raises InputError when `run` is no folder, OSError when it can't be written.
+    the verbs. Raises InputError when `run` is no folder or holds somebody else's report.html, OSError when it can't be written.
     """
     if not run.is_dir():
         raise InputError(f"{run} is not a run folder", "give the folder that `twin reconstruct -o` wrote")
@@ -53,8 +54,18 @@ def render(run: Path) -> Path:
         "marks": MARKS,
     }
     path = run / "report.html"
+    require_own(run)
     write_text(path, _template().render(context))
     return path
+
+
+def require_own(run: Path) -> None:
+    """Raise InputError when RUN/report.html is somebody else's page, which `render` would replace."""
+    path = run / "report.html"
+    if path.is_file() and _MARK not in path.read_bytes()[:4096]:
+        raise InputError(
+            f"{path} is not a report of Funtwin", "move it away: the report of the run goes there"
+        )
 
 
 def _template() -> Any:

@@ -1,0 +1,237 @@
+"""The content of twin.json (format "funtwin/1") as plain data: what a twin says there, and what others added to it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.scene import Collision, Joint, Mesh, Part, Quantity, Revolute, Twin
+
+FORMAT = "funtwin/1"
+CAMERAS = "cameras.txt"
+
+
+def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
+    """The content of twin.json; every mesh it names is added to `meshes` under its path relative to twin.json."""
+    static = twin.static
+    meshes[f"meshes/{static.name}.ply"] = static.mesh
+    r = twin.recorded
+    document = {
+        "format": FORMAT,
+        "name": twin.name,
+        "recording": None
+        if r is None
+        else {"source": r.source, "frames": r.frames, "fingerprint": r.fingerprint},
+        "provenance": dict(twin.provenance),
+        "cameras": None
+        if twin.cameras is None
+        else {"file": CAMERAS, "frames": twin.cameras.frames.tolist()},
+        "static": {
+            "name": static.name,
+            "mesh": f"meshes/{static.name}.ply",
+            "collision": _collision(static.name, static.collision, meshes),
+        },
+        "parts": [with_extra(_part(p, meshes), p.extra) for p in twin.parts],
+    }
+    return with_extra(document, twin.extra)
+
+
+def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
+    meshes[f"meshes/{p.name}.ply"] = p.mesh
+    m = p.motion
+    return {
+        "id": p.id,
+        "name": p.name,
+        "parent": p.parent,
+        "mesh": f"meshes/{p.name}.ply",
+        "collision": _collision(p.name, p.collision, meshes),
+        "joint": _joint(p, p.joint),
+        "motion": {
+            "frames": m.frames.tolist(),
+            "times": m.times.tolist(),
+            "state": m.state.tolist(),
+            "intervals": [list(i) for i in m.intervals],
+            "residual": float(m.residual),
+            "inliers": float(m.inliers),
+        },
+        "inertial": _inertial(p),
+        "physics": None
+        if p.physics is None
+        else {
+            k: _quantity(getattr(p.physics, k)) for k in ("friction", "damping", "frictionloss", "density")
+        },
+        "contact": _contact(p),
+    }
+
+
+def part_document(part: Part) -> dict[str, Any]:
+    """What twin.json says about a part."""
+    return _part(part, {})
+
+
+def extra_of(raw: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, Any]:
+    """What `raw` says under keys that `known` lacks, at any depth of objects within objects."""
+    extra = {}
+    for key, value in raw.items():
+        if key not in known:
+            extra[key] = value
+        elif isinstance(value, dict) and isinstance(known[key], dict):
+            inner = extra_of(value, known[key])
+            extra |= {key: inner} if inner else {}
+    return extra
+
+
+def with_extra(known: Mapping[str, Any], extra: Mapping[str, Any]) -> dict[str, Any]:
+    """The inverse of `extra_of`: `known`, and after it what only `extra` says."""
+    out = dict(known)
+    for key, value in extra.items():
+        if key not in out:
+            out[key] = value
+        elif isinstance(out[key], dict) and isinstance(value, Mapping):
+            out[key] = with_extra(out[key], value)
+    return out
+
+
+def with_changes(
+    raw: Mapping[str, Any], before: Mapping[str, Any], after: Mapping[str, Any]
+) -> dict[str, Any]:
+    """`raw` with every value that differs between two documents; what is the same in both stays as `raw` has it.
+
+    Parts are matched by their id.
+    """
+    out = dict(raw)
+    for key, value in after.items():
+        old, mine = before.get(key), raw.get(key)
+        if value == old:
+            continue
+        if key == "parts":
+            was, now = ({p["id"]: p for p in parts} for parts in (old or [], value))
+            out[key] = [
+                with_changes(p, was[p["id"]], now[p["id"]]) if p["id"] in was and p["id"] in now else p
+                for p in raw[key]
+            ]
+        elif isinstance(value, dict) and isinstance(old, dict) and isinstance(mine, dict):
+            out[key] = with_changes(mine, old, value)
+        else:
+            out[key] = value
+    return out
+
+
+def shape_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, int | None], str]]:
+    """Mesh files of a document: ((part id or None for the static scene, number of the collision shape or None for the
+    mesh itself), path)."""
+    for owner in (document["static"], *document["parts"]):
+        yield (owner.get("id"), None), owner["mesh"]
+        for k, shape in enumerate(owner["collision"]):
+            if isinstance(shape, str):
+                yield (owner.get("id"), k), shape
+
+
+def with_files_named(document: Mapping[str, Any], name: Callable[[str], str]) -> dict[str, Any]:
+    """The document with every mesh file called `name(path)`."""
+
+    def renamed(owner: Mapping[str, Any]) -> dict[str, Any]:
+        shapes = [name(s) if isinstance(s, str) else s for s in owner["collision"]]
+        return {**owner, "mesh": name(owner["mesh"]), "collision": shapes}
+
+    parts = [renamed(p) for p in document["parts"]]
+    return {**document, "static": renamed(document["static"]), "parts": parts}
+
+
+def _joint(p: Part, j: Joint) -> dict[str, Any]:
+    s = j.sigma
+    return {
+        "type": j.kind,
+        "axis": j.axis.tolist(),
+        "pivot": j.pivot.tolist() if isinstance(j, Revolute) else None,
+        "lower": float(j.lower),
+        "upper": float(j.upper),
+        "limits_source": p.limits_source,
+        "closed_source": p.closed_source,
+        "type_source": p.type_source,
+        "sigma": None
+        if s is None
+        else {"axis_deg": float(f"{np.rad2deg(s.axis):.12g}"), "pivot_m": s.pivot, "state": float(s.state)},
+        "covariance": None if j.covariance is None else j.covariance.tolist(),
+    }
+
+
+def _inertial(p: Part) -> dict[str, Any] | None:
+    if p.inertial is None:
+        return None
+    i, q, factors, box = (
+        p.inertial.inertia,
+        p.inertial.mass,
+        p.inertial.inertia_interval,
+        p.inertial.com_interval,
+    )
+    return {
+        "mass": float(q.value),
+        "com": p.inertial.com.tolist(),
+        "inertia": [float(i[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
+        "source": q.source,
+        "mass_interval": [float(v) for v in q.interval],
+        "inertia_source": p.inertial.inertia_source,
+        "inertia_interval": None if factors is None else list(factors),
+        "com_interval": None if box is None else box.tolist(),
+    }
+
+
+def _contact(p: Part) -> dict[str, Any] | None:
+    c = p.contact
+    if c is None:
+        return None
+    return {
+        "point": c.point.tolist(),
+        "rotation": c.rotation.tolist(),
+        "width": float(c.width),
+        "frames": [int(f) for f in c.frames],
+        "source": c.source,
+    }
+
+
+def _quantity(q: Quantity) -> dict[str, Any]:
+    return {"value": float(q.value), "source": q.source, "interval": [float(v) for v in q.interval]}
+
+
+def _collision(name: str, pieces: tuple[Collision, ...], meshes: dict[str, Mesh]) -> list[Any]:
+    out: list[Any] = []
+    for k, piece in enumerate(pieces):
+        if isinstance(piece, Mesh):
+            path = f"meshes/{name}.collision.{k:03d}.ply"  # a dot: no part's name holds one
+            meshes[path] = piece
+            out.append(path)
+        else:
+            t = piece.T_world_box
+            out.append(
+                {
+                    "center": t[:3, 3].tolist(),
+                    "rotation": t[:3, :3].tolist(),
+                    "size": piece.size.tolist(),
+                }
+            )
+    return out
+
+
+def json_text(value: Any, indent: int = 0) -> str:
+    """JSON with one line for a list of plain values and indentation for the rest; refuses NaN and infinity."""
+    pad = " " * (indent + 1)
+    if isinstance(value, dict) and value:
+        rows = [
+            f"{pad}{json.dumps(str(k), ensure_ascii=False)}: {json_text(v, indent + 1)}"
+            for k, v in value.items()
+        ]
+        return "{\n" + ",\n".join(rows) + "\n" + " " * indent + "}"
+    if isinstance(value, list | tuple) and any(isinstance(v, dict | list | tuple) for v in value):
+        rows = [pad + json_text(v, indent + 1) for v in value]
+        return "[\n" + ",\n".join(rows) + "\n" + " " * indent + "]"
+    try:
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    except (TypeError, ValueError) as e:
+        raise InputError(
+            f"twin.json can't hold the value {value!r}", "use finite numbers and JSON types only"
+        ) from e

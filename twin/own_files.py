@@ -1,0 +1,68 @@
+"""Which files of a folder we wrote: a list with their hashes, so that nobody else's work is replaced or removed."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from twin.atomic import contents, put
+from twin.errors import InputError
+from twin.stages import read_json, write_json
+
+LIST = "files.json"
+_FORMAT = "funtwin-files/1"
+
+
+def replace_own(staged: Path, folder: Path, overwrite: bool = False) -> None:
+    """Put the files written into `staged` (from `twin.atomic.staging`) in the place of those that we wrote into `folder` before.
+
+    What we wrote before and don't write any more goes; everything else in `folder` stays. LIST in the folder says what is ours.
+
+    Raises InputError like `refuse_edited`; OSError when the folder can't be written. Nothing has changed then.
+    """
+    folder = folder.resolve()
+    fresh = hashes(staged)
+    if not overwrite:
+        refuse_edited(folder, fresh)
+    write_json(staged / LIST, {"format": _FORMAT, "files": fresh})
+    ours = {*_listed(folder), *fresh, LIST} if folder.is_dir() else set()
+    put(staged, folder, ours)
+
+
+def refuse_edited(folder: Path, fresh: Mapping[str, str]) -> None:
+    """Raise InputError when writing the files `fresh` (path -> SHA-256) into `folder` would lose what somebody else wrote: a
+    file of ours that was changed since, or another one of the same name. Files that say what would be written are no loss."""
+    listed = _listed(folder)
+    lost = []
+    for path in contents(folder) if folder.is_dir() else []:
+        blocked = any(other.startswith(f"{path}/") or path.startswith(f"{other}/") for other in fresh)
+        if blocked or path in fresh or (path in listed):
+            stands = _hash(folder / path)
+            if blocked or stands not in (listed.get(path), fresh.get(path)):
+                lost.append((path, path in listed))
+    if lost:
+        path, ours = lost[0]
+        what = "was changed since it was exported" if ours else "is not a file that was exported"
+        more = f" (so are {len(lost) - 1} more)" if len(lost) > 1 else ""
+        raise InputError(
+            f"{folder / path} {what}{more}",
+            "keep a copy under another name or elsewhere, or give --overwrite to lose it",
+        )
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file in a folder by its relative path with /."""
+    return {path: _hash(folder / path) for path in contents(folder)}
+
+
+def _listed(folder: Path) -> dict[str, str]:
+    """What the folder's list says is ours; nothing without a list."""
+    data = read_json(folder / LIST)
+    files = data.get("files") if data.get("format") == _FORMAT else None
+    return {str(k): str(v) for k, v in files.items()} if isinstance(files, dict) else {}
+
+
+def _hash(path: Path) -> str:
+    """SHA-256 of a file; empty for what is none."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
