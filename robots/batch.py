@@ -14,6 +14,7 @@ from robots.replayer import simulate
 from robots.report import ReplayReport, measure
 from robots.trajectory import RobotTrajectory
 from robots.world import World
+from twin.interrupt import spared
 from twin.scene import Part
 
 Tell = Callable[[int, int], None]
@@ -45,9 +46,10 @@ def replay_all(
     groups = [draws[k : k + _GROUP] for k in range(0, len(draws), _GROUP)]
     workers = min(workers or cores(), len(groups))
     with parallel_config("loky", n_jobs=workers, inner_max_num_threads=1):
-        done = Parallel(return_as="generator")(
-            delayed(_replay_some)(world, trajectory, part, group, config) for group in groups
-        )
+        with spared():
+            done = Parallel(return_as="generator")(
+                delayed(_replay_some)(world, trajectory, part, group, config) for group in groups
+            )
         reports: list[ReplayReport] = []
         for some in done:
             reports += some

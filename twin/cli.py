@@ -1,7 +1,7 @@
 """The command `twin`: parses arguments, then imports what the verb needs.
 
 Exit codes: 0 done and every check or goal met; 1 bad input or environment, told in one line; 2 ran, but a check failed or
-a goal was missed. Errors in the program keep their traceback.
+a goal was missed; 130 interrupted. Errors in the program keep their traceback.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import Any, NoReturn
 
+from twin import interrupt
 from twin.errors import FuntwinError, InputError, nearest_name
 from twin.options import OPTIONS, points_joined
 
@@ -55,7 +57,11 @@ _ENVIRONMENT = {
 
 def main() -> NoReturn:
     """Entry point of the command."""
-    sys.exit(run(sys.argv[1:]))
+    interrupt.handle()
+    code = run(sys.argv[1:])
+    if interrupt.happened():
+        interrupt.leave()
+    sys.exit(code)
 
 
 def run(argv: Sequence[str]) -> int:
@@ -63,18 +69,40 @@ def run(argv: Sequence[str]) -> int:
     as_json = "--json" in argv
     try:
         options = vars(_parse(argv))
-        return _carry_out(options.pop("verb"), options.pop("json"), options)
-    except SystemExit as e:  # --help and --version
-        return int(e.code or 0)
-    except FuntwinError as e:
-        return _fail(e.problem, e.remedy, as_json)
-    except OSError as e:
-        if e.errno not in _ENVIRONMENT:
-            raise
-        name = f"{e.filename}: " if e.filename else ""
-        return _fail(f"{name}{e.strerror}", _ENVIRONMENT[e.errno], as_json)
-    except KeyboardInterrupt:
-        return _fail("interrupted", "run the same command again to go on", as_json)
+        code = _carry_out(options.pop("verb"), options.pop("json"), options)
+        sys.stdout.flush()
+    except BaseException as e:
+        return _ended(e, as_json)
+    return code
+
+
+def _ended(error: BaseException, as_json: bool) -> int:
+    """Tell the error in one line and return the exit code; what is an error in the program is raised again."""
+    if isinstance(error, KeyboardInterrupt) or interrupt.happened():
+        _fail(interrupt.MESSAGE, interrupt.REMEDY, as_json)
+        return interrupt.code()
+    if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
+        _close_pipes()
+        return 128 + 13  # as SIGPIPE would end it
+    if isinstance(error, SystemExit):  # --help and --version
+        return int(error.code or 0)
+    if isinstance(error, FuntwinError):
+        return _fail(error.problem, error.remedy, as_json)
+    if isinstance(error, OSError) and error.errno in _ENVIRONMENT:
+        name = f"{error.filename}: " if error.filename else ""
+        return _fail(f"{name}{error.strerror}", _ENVIRONMENT[error.errno], as_json)
+    raise error
+
+
+def _close_pipes() -> None:
+    """Nobody reads any more (`| head`): what Python still flushes at its end goes nowhere, silently."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+            continue
+        with suppress(OSError, ValueError):
+            os.dup2(nowhere, stream.fileno())
 
 
 def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:

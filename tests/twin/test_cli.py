@@ -118,7 +118,7 @@ def test_what_the_user_can_mend_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     stub(monkeypatch, "export", problem)
-    assert cli.run(["export", "run"]) == 1
+    assert cli.run(["export", "run"]) == (130 if isinstance(problem, KeyboardInterrupt) else 1)
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith("twin: ")

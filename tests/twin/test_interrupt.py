@@ -1,0 +1,110 @@
+"""Ctrl-C and closed pipes end the command in one line or in silence, wherever the program is."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.twin.scenes import cabinet_twin
+from twin.storage import save
+
+# Places in which Python can't hand a KeyboardInterrupt on as it is.
+BUSY = {
+    "a compiled kernel": """
+        import numba, numpy as np
+        @numba.njit
+        def step(x):
+            for k in range(len(x)):
+                x[k] = x[k] * 0.5 + k
+            return x
+        x = step(np.zeros(9)); ready()
+        while True:
+            step(x)
+    """,
+    "a callback whose errors are dropped": """
+        import ctypes
+        kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
+        compare = kind(lambda a, b: sum(range(2000)) * 0)
+        data = (ctypes.c_int * 4096)(*range(4096))
+        ready()
+        while True:
+            ctypes.CDLL(None).qsort(data, 4096, 4, compare)
+    """,
+    "a finalizer": """
+        class Slow:
+            def __del__(self): sum(range(300000))
+        ready()
+        while True:
+            Slow()
+    """,
+    "an error of another kind": """
+        ready()
+        try:
+            while True: pass
+        except KeyboardInterrupt as e:
+            raise SystemError("returned a result with an exception set") from e
+    """,
+    "threads that go on": """
+        from concurrent.futures import ThreadPoolExecutor
+        import time
+        with ThreadPoolExecutor(2) as pool:
+            for _ in range(50): pool.submit(time.sleep, 1.0)
+            ready(); time.sleep(60)
+    """,
+    "a child that goes on": """
+        import subprocess, sys
+        from twin.interrupt import spared
+        with spared():
+            child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        ready(); child.wait()
+    """,
+}
+
+
+def command(tmp_path: Path, body: str) -> subprocess.Popen[str]:
+    """The command line with a verb that does `body`, in a session of its own."""
+    (tmp_path / "busy.py").write_text(
+        "def ready():\n    print('ready', flush=True)\n\ndef busy(**_):\n"
+        + textwrap.indent(textwrap.dedent(body), "    ")
+    )
+    start = "import sys; from twin import cli; cli.VERBS['doctor'] = ('busy:busy', 'wait'); sys.argv[1:] = ['doctor']; cli.main()"
+    path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])
+    return subprocess.Popen(
+        [sys.executable, "-c", start], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": path}, start_new_session=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("place", BUSY)
+def test_ctrl_c_is_one_line_and_exit_code_130(tmp_path: Path, place: str) -> None:
+    process = command(tmp_path, BUSY[place])
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all
+    _, err = process.communicate(timeout=30)
+    assert err == "twin: interrupted; run the same command again to go on\n"
+    assert process.returncode == 130
+    left = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(process.pid)], capture_output=True, text=True)
+    assert not [x for x in left.stdout.splitlines() if "Z" not in x], "what it started is gone"
+
+
+@pytest.mark.parametrize("options", [["--json"], []])
+def test_a_reader_that_stops_reading_is_no_error(tmp_path: Path, options: list[str]) -> None:
+    save(cabinet_twin(), tmp_path / "twin")
+    show = [sys.executable, "-m", "twin.cli", "physics", "show", str(tmp_path), *options]
+    process = subprocess.Popen(
+        show, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=Path(__file__).parents[2]
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == b""
+    assert process.wait(timeout=30) == 141

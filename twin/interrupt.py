@@ -1,0 +1,106 @@
+"""Ends the command in one line when the user interrupts it, wherever it is: in compiled code, in threads, with children at work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+MESSAGE, REMEDY = "interrupted", "run the same command again to go on"
+_GRACE = (
+    3.0  # s, chosen by us: to unwind and remove temporary files; what dies without is cleared by the next run
+)
+_AGAIN = 0.002  # s until an interruption that was dropped is raised again
+_signals: list[int] = []
+_deadline: list[float] = []
+
+
+def handle() -> None:
+    """Take SIGINT and SIGTERM from now on. The first one unwinds the program; a second one, or a program that does not end in
+    three seconds, ends it at once. Nothing is lost either way: every file is replaced as a whole."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupted)
+    signal.signal(signal.SIGALRM, _late)
+    sys.unraisablehook = _unraisable
+
+
+def happened() -> bool:
+    """Whether the user interrupted: any error after that only tells where the program was."""
+    return bool(_signals)
+
+
+def code() -> int:
+    """The exit code that says so: 128 + signal, 130 for Ctrl-C."""
+    return 128 + (_signals[0] if _signals else signal.SIGINT)
+
+
+def leave(tell: bool = False) -> NoReturn:
+    """End this process and what it started, now."""
+    for child in _descendants(os.getpid()):
+        with suppress(OSError):
+            os.kill(child, signal.SIGKILL)
+    if sys.stderr.isatty():
+        os.write(2, b"\r\x1b[?25h\x1b[2K")  # a progress bar hides the cursor
+    if tell:
+        os.write(2, f"twin: {MESSAGE}; {REMEDY}\n".encode())
+    with suppress(Exception):
+        sys.stdout.flush()
+    os._exit(code())
+
+
+@contextmanager
+def spared() -> Iterator[None]:
+    """Processes that are started in here don't hear Ctrl-C, which a terminal sends to all: they end with this one, silently."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _interrupted(number: int, _frame: FrameType | None) -> None:
+    if happened():
+        leave(tell=True)
+    _signals.append(number)
+    _raise_until(time.monotonic() + _GRACE)
+
+
+def _raise_until(deadline: float) -> NoReturn:
+    _deadline[:] = [deadline]
+    signal.setitimer(signal.ITIMER_REAL, max(deadline - time.monotonic(), _AGAIN))
+    raise KeyboardInterrupt
+
+
+def _late(_number: int, _frame: FrameType | None) -> None:
+    """The time to unwind is over, or the interruption was dropped and is raised once more."""
+    if time.monotonic() >= _deadline[0]:
+        leave(tell=True)
+    _raise_until(_deadline[0])
+
+
+def _unraisable(told: Any) -> None:
+    """An interruption that fell into a callback or finalizer, where Python can only drop it, is raised again soon."""
+    if not happened():
+        sys.__unraisablehook__(told)
+    elif (
+        isinstance(told.exc_value, KeyboardInterrupt)
+        and threading.current_thread() is threading.main_thread()
+    ):
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+
+
+def _descendants(process: int) -> list[int]:
+    """Processes that this one started, and theirs (Linux: from /proc)."""
+    found = []
+    for task in Path(f"/proc/{process}/task").glob("*/children"):
+        with suppress(OSError):
+            for child in map(int, task.read_text(encoding="ascii").split()):
+                found += [*_descendants(child), child]
+    return found
