@@ -88,7 +88,11 @@ class _Frames:
 def _sizes(color: Any, depth: Any) -> tuple[int, int, int]:
     """Frames, height and width. Raises InputError that tells which axes are others than (T, H, W)."""
     for what, value in (("color", color), ("depth", depth)):
-        if not (hasattr(value, "__len__") and hasattr(value, "__getitem__")) or len(value) == 0:
+        try:
+            empty = len(value) == 0
+        except TypeError:
+            empty = True
+        if empty:
             raise InputError(
                 f"{what} is {type(value).__name__} without frames", "give an array (T, H, W, ...)"
             )
@@ -178,6 +182,11 @@ def _clock(times: ArrayLike | None, fps: float | None, count: int) -> Array:
 
 def _counts_per_metre(first: Any, depth_scale: float | None) -> float:
     kind = np.asarray(first).dtype
+    if kind.kind not in "iuf" or kind.itemsize < 2:
+        raise InputError(
+            f"depth is {kind}, which can't hold distances",
+            "give metres as float32, or uint16 with depth_scale",
+        )
     if depth_scale is None:
         if kind.kind != "f":
             raise InputError(

@@ -6,6 +6,7 @@ recognised but not read stand in `unread.UNREAD` with what to do about them.
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -60,6 +61,8 @@ def open_with(path: Path, layout: str | None = None) -> Recording:
         )
     if not path.exists():
         raise InputError(f"recording {path} does not exist", "check the path")
+    if not os.access(path, os.R_OK | os.X_OK if path.is_dir() else os.R_OK):
+        raise InputError(f"recording {path} can't be read", "change its permissions, or copy it")
     return replace(_reader(path, layout).open(path), path=path)
 
 

@@ -6,6 +6,7 @@ where its format has no signature or its bytes are not those of its name; a fold
 
 from __future__ import annotations
 
+import shlex
 import sqlite3
 import struct
 from collections.abc import Callable
@@ -41,7 +42,7 @@ _WITH_DEPTH = "record with a depth camera, or on a phone with Record3D"
 class Unread:
     """One format: what it is, what to do today, and how it is known.
 
-    `{path}` in `remedy` is replaced by the path. has: whether a path holds it, by content; None where only the name tells.
+    `{path}` in `remedy` is replaced by the path as a shell takes it, `{literal}` by the path as Python writes it. has: whether a path holds it, by content; None where only the name tells.
     suffixes: names that files of this format have.
     """
 
@@ -134,7 +135,7 @@ UNREAD: dict[str, Unread] = {
     ),
     "realsense_bag": Unread(
         "a RealSense recording (ROS 1 bag)",
-        "unpack it in Python with open3d.t.io.RGBDVideoReader.create('{path}').save_frames('FOLDER'), then give FOLDER",
+        "unpack it in Python with open3d.t.io.RGBDVideoReader.create({literal}).save_frames('FOLDER'), then give FOLDER",
         _mentions(b"/device_0/sensor_", _ROSBAG),
     ),
     "rosbag": Unread("a ROS 1 bag", _ROSBAGS, _ROSBAG, (".bag",)),
@@ -267,4 +268,5 @@ def refuse_unread_inside(folder: Path) -> None:
 
 
 def _refusal(path: Path, problem: str, kind: Unread) -> InputError:
-    return InputError(f"{problem}, which is not read yet", kind.remedy.replace("{path}", str(path)))
+    remedy = kind.remedy.replace("{path}", shlex.quote(str(path))).replace("{literal}", repr(str(path)))
+    return InputError(f"{problem}, which is not read yet", remedy)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import sqlite3
 import struct
@@ -160,6 +161,25 @@ def test_a_folder_that_holds_one_says_which(tmp_path: Path) -> None:
     name, write, what, _ = CASES["stray_scanner"]
     write(tmp_path / "more" / name)
     assert f"but holds {name}, {what}" in refusal(tmp_path / "more").problem
+
+
+def test_commands_hold_the_path_as_a_shell_and_as_python_takes_it(tmp_path: Path) -> None:
+    place = tmp_path / "my o'clips"
+    place.mkdir()
+    CASES["scannet"][1](place / "a b.sens")
+    assert (
+        f"--filename {shlex.quote(str(place / 'a b.sens'))} --output_path"
+        in refusal(place / "a b.sens").remedy
+    )
+    CASES["realsense_bag"][1](place / "a.bag")
+    assert f"create({str(place / 'a.bag')!r})" in refusal(place / "a.bag").remedy
+
+
+def test_a_recording_that_may_not_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clip = write_recording(tmp_path / "clip")
+    monkeypatch.setattr("os.access", lambda path, _: Path(path) != clip)
+    with pytest.raises(InputError, match="clip can't be read; change its permissions"):
+        open_recording(clip)
 
 
 def test_looking_at_a_bag_changes_nothing(tmp_path: Path) -> None:
