@@ -256,7 +256,7 @@ def _say_where(recording: Recording, out: Path) -> None:
     machine, knows the recording by its fingerprint only.
     """
     if recording.path is not None:
-        path = os.path.relpath(recording.path.resolve(), out.resolve())
+        path = os.path.relpath(Path(recording.path).resolve(), out.resolve())
         update_manifest(out, recording=Path(path).as_posix())
 
 

@@ -94,7 +94,7 @@ class Recording:
     gravity_camera0: Array | None = None
     warnings: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
-    path: Path | None = None
+    path: Path | str | None = None
 
     def __post_init__(self) -> None:
         t = np.array(self.times, dtype=np.float64)
@@ -194,4 +194,4 @@ def open_recording(path: Path | str, layout: str | None = None) -> Recording:
     """
     from recon.readers import open_with
 
-    return open_with(Path(path), layout)
+    return open_with(path, layout)

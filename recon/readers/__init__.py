@@ -47,12 +47,13 @@ READERS: dict[str, Reader] = {
 }
 
 
-def open_with(path: Path, layout: str | None = None) -> Recording:
+def open_with(path: Path | str, layout: str | None = None) -> Recording:
     """Open a recording with the reader named `layout`, or with the first that recognises it.
 
     Raises InputError for a path that does not exist, an unknown layout name, a format that is recognised but not read (it
     says what to do), or a layout nobody recognises.
     """
+    path = Path(path)
     if layout is not None and layout not in READERS:
         near = nearest_name(layout, list(READERS))
         raise InputError(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 
 import recon
+import recon.simulate
 from recon import Frame, Intrinsics, Recording, open_recording, pipeline
 from recon.models.joint_hint import PrecomputedJointHint
 from recon.pipeline import _say_where
@@ -53,6 +56,34 @@ def test_recon_shows_its_names() -> None:
     assert {"Recording", "fit_motion", "fit_motion_poses", "open_recording", "reconstruct"} <= set(names)
     with pytest.raises(AttributeError, match="no attribute 'Recordings'"):
         _ = recon.Recordings
+
+
+def public_functions() -> list[tuple[str, Any]]:
+    """What recon exports, what makes a simulated recording, and the ways to truth and hints."""
+    found = [(f"recon.{n}", getattr(recon, n)) for n in recon.__all__]
+    found += [(f"recon.simulate.{n}", getattr(recon.simulate, n)) for n in recon.simulate.__all__]
+    modules = (
+        "recon.evaluate",
+        "recon.truth",
+        "recon.readers",
+        "recon.simulate.mjcf",
+        "recon.models.joint_hint",
+    )
+    for name in modules:
+        own = vars(import_module(name)).items()
+        found += [
+            (f"{name}.{k}", v)
+            for k, v in own
+            if inspect.isfunction(v) and v.__module__ == name and k[0] != "_"
+        ]
+    return found + [("PrecomputedJointHint", PrecomputedJointHint)]
+
+
+@pytest.mark.parametrize(("name", "function"), public_functions())
+def test_every_path_argument_takes_text(name: str, function: Any) -> None:
+    for argument in inspect.signature(function).parameters.values():
+        if "Path" in str(argument.annotation):
+            assert "str" in str(argument.annotation), f"{name}({argument})"
 
 
 def test_a_recording_from_arrays_gives_the_arrays_frames() -> None:
