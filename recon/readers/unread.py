@@ -269,4 +269,4 @@ def refuse_unread_inside(folder: Path) -> None:
 
 def _refusal(path: Path, problem: str, kind: Unread) -> InputError:
     remedy = kind.remedy.replace("{path}", shlex.quote(str(path))).replace("{literal}", repr(str(path)))
-    return InputError(f"{problem}, which is not read yet", remedy)
+    return InputError(f"{problem}, which is not read", remedy)

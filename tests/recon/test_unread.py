@@ -111,7 +111,7 @@ def test_a_format_that_is_not_read_says_what_it_is_and_what_to_do(case: str, tmp
     error = refusal(path)
     assert what in error.problem
     assert error.problem.startswith(f"{path} is ")
-    assert error.problem.endswith("is not read yet")
+    assert error.problem.endswith("which is not read")
     assert remedy.format(path=path) in error.remedy
 
 
