@@ -7,15 +7,30 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from recon.config import ReconConfig
+    from recon.joints import MotionFit, fit_motion, fit_motion_poses
     from recon.pipeline import reconstruct
-    from recon.recording import Intrinsics, Recording, open_recording
+    from recon.recording import Frame, Intrinsics, Recording, open_recording
 
-__all__ = ["Intrinsics", "ReconConfig", "Recording", "open_recording", "reconstruct"]
+__all__ = [
+    "Frame",
+    "Intrinsics",
+    "MotionFit",
+    "ReconConfig",
+    "Recording",
+    "fit_motion",
+    "fit_motion_poses",
+    "open_recording",
+    "reconstruct",
+]
 
 _LAZY = {
+    "Frame": "recon.recording",
     "Intrinsics": "recon.recording",
+    "MotionFit": "recon.joints",
     "ReconConfig": "recon.config",
     "Recording": "recon.recording",
+    "fit_motion": "recon.joints",
+    "fit_motion_poses": "recon.joints",
     "open_recording": "recon.recording",
     "reconstruct": "recon.pipeline",
 }
@@ -25,3 +40,7 @@ def __getattr__(name: str) -> Any:
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'recon' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,6 +8,7 @@ decided by evidence (`recon.joint_type`).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -20,6 +21,7 @@ from recon.joint_type import TypeEvidence, TypeHint, decide, hint_about
 from recon.motion_fit import MotionFit
 from recon.motion_frame import orient
 from recon.pose_fit import fit_motion_poses
+from recon.track_axes import first_axis
 from recon.track_fit import TrackFit, agreeing_rms, compare_kinds, fit_kinds, movers
 from recon.track_model import Kind, Observations
 from recon.track_start import travel_and_noise
@@ -34,7 +36,7 @@ _DEFAULT = JointConfig()
 
 def fit_motion(
     points_world: ArrayLike,
-    visible: ArrayLike,
+    visible: ArrayLike | None = None,
     *,
     config: JointConfig = _DEFAULT,
     joint_type: Kind | None = None,
@@ -44,10 +46,14 @@ def fit_motion(
     """Fit a joint to 3D tracks in the world frame.
 
     Args:
-        points_world: (T, K, 3) m, NaN where not visible. visible: (T, K) bool. confidence: (T, K), not negative, weighs
-            observations. joint_type: take this type instead of deciding it. hints: may tip what the motion leaves open.
+        points_world: (T, K, 3) m, frames first, NaN where not visible. Tracks first (K, T, 3) are turned, with a warning,
+            where the motion itself leaves no doubt.
+        visible: (T, K) bool; None takes every point that is finite.
+        confidence: (T, K), not negative, weighs observations. joint_type: take this type instead of deciding it. hints: may
+            tip what the motion leaves open.
     Raises:
-        InputError: shapes do not match. ReconstructionError: nothing moves, or no joint explains what moves.
+        InputError: shapes do not match, or it can't be told which axis counts the frames. ReconstructionError: nothing
+        moves, or no joint explains what moves.
     """
     points, seen, trust = _checked(points_world, visible, confidence)
     everything = Observations.of(points, seen, trust)
@@ -71,22 +77,45 @@ def fit_motion(
 
 
 def _checked(
-    points: ArrayLike, visible: ArrayLike, confidence: ArrayLike | None
+    points: ArrayLike, visible: ArrayLike | None, confidence: ArrayLike | None
 ) -> tuple[Array, Any, Array | None]:
-    p, v = geo.as_float(points), np.asarray(visible, dtype=bool)
-    if p.ndim != 3 or p.shape[2] != 3 or p.shape[:2] != v.shape:
+    p = geo.as_float(points)
+    _check_axes(p)
+    v = np.isfinite(p).all(axis=-1) if visible is None else np.asarray(visible, dtype=bool)
+    if p.shape[:2] != v.shape:
+        turned = v.shape == p.shape[1::-1]
         raise InputError(
             f"tracks need points (T, K, 3) and visible (T, K), got {p.shape} and {v.shape}",
-            "put frames first, tracks second",
+            "turn one of them: frames come first in both" if turned else "put frames first, tracks second",
         )
     if np.isinf(p).any():
         raise InputError("track points hold infinite values", "mark them as not visible")
-    if confidence is None:
-        return p, v, None
-    c = geo.as_float(confidence)
-    if c.shape != v.shape:
+    c = None if confidence is None else geo.as_float(confidence)
+    if c is not None and c.shape != v.shape:
         raise InputError(f"confidence needs the shape of visible {v.shape}, got {c.shape}")
+    order = first_axis(p)
+    if order == "tracks":
+        warnings.warn(
+            f"points {p.shape} have their tracks first: taken as {p.shape[1]} frames of {p.shape[0]} tracks",
+            stacklevel=3,
+        )
+        return p.swapaxes(0, 1), v.T, None if c is None else c.T
+    if order == "unclear" and visible is None:
+        raise InputError(
+            f"points {p.shape} may be frames of tracks or tracks of frames: neighbours on the second axis are nearer",
+            "give visible too, np.isfinite(points).all(-1), when frames come first; else points.swapaxes(0, 1)",
+        )
     return p, v, c
+
+
+def _check_axes(p: Array) -> None:
+    """Raise InputError unless points have shape (T, K, 3)."""
+    if p.ndim == 3 and p.shape[2] == 3:
+        return
+    remedy = "put frames first, tracks second, and x, y, z last"
+    if p.ndim == 3 and p.shape.count(3) == 1:
+        remedy = f"put x, y, z last: np.moveaxis(points, {p.shape.index(3)}, -1)"
+    raise InputError(f"tracks need points (T, K, 3), got {p.shape}", remedy)
 
 
 def _motion_fit(

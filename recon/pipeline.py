@@ -25,7 +25,7 @@ from recon.labels import label_frames
 from recon.models.joint_hint import JointHint
 from recon.motion import FoundParts, find_parts
 from recon.parts import MovingPart
-from recon.recording import Recording
+from recon.recording import Recording, open_recording
 from recon.refine import refine_parts
 from recon.tracks import Tracks, track_points
 from twin import geometry as geo
@@ -41,16 +41,17 @@ Labels = dict[int, NDArray[np.uint8]]
 
 
 def reconstruct(
-    recording: Recording,
+    recording: Recording | Path | str,
     config: ReconConfig | None = None,
     *,
-    out: Path | None = None,
+    out: Path | str | None = None,
     progress: Progress | None = None,
     hint: JointHint | None = None,
 ) -> Twin:
     """Reconstruct a twin.
 
     Args:
+        recording: a recording, or the path of one, which is opened with `open_recording`.
         config: settings by stage; None takes the defaults.
         out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
             there. None keeps everything in memory.
@@ -60,6 +61,9 @@ def reconstruct(
     Raises InputError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
     """
     config = config or ReconConfig()
+    out = None if out is None else Path(out)
+    if not isinstance(recording, Recording):
+        recording = open_recording(recording)
     with Run(out, recording.fingerprint, progress, config) as run:
         for note in recording.warnings:
             run.warn(note)
@@ -278,8 +282,8 @@ def _say_where(recording: Recording, out: Path) -> None:
     Relative to the run folder, so that it holds when both are moved together. twin.json, whose bytes don't depend on the
     machine, knows the recording by its fingerprint only.
     """
-    if Path(recording.source).exists():
-        path = os.path.relpath(Path(recording.source).resolve(), out.resolve())
+    if recording.path is not None:
+        path = os.path.relpath(Path(recording.path).resolve(), out.resolve())
         update_manifest(out, recording=Path(path).as_posix())
 
 

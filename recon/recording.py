@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import operator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, SupportsIndex, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.geometry import Array
@@ -73,13 +74,14 @@ class Frame(NamedTuple):
     depth: NDArray[np.float32]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """An RGB-D recording whose frames are read when asked for.
 
-    Readers hand in `read_frame`, which returns colour and depth aligned on the grid of `intrinsics`. times (N,) s
+    `recording[i]` is a frame (negative from the end), `recording[a:b:c]` a recording of these frames, and a loop goes over
+    all frames. Readers hand in `read_frame`, which returns colour and depth aligned on the grid of `intrinsics`. times (N,) s
     strictly increase. poses: known camera poses, used only when asked. gravity_camera0: unit vector (3,) that points
-    down, in the first camera's axes, when the device knew it.
+    down, in the first camera's axes, when the device knew it. path: where the recording lies, None for one in memory.
     """
 
     name: str
@@ -92,6 +94,7 @@ class Recording:
     gravity_camera0: Array | None = None
     warnings: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
+    path: Path | str | None = None
 
     def __post_init__(self) -> None:
         t = np.array(self.times, dtype=np.float64)
@@ -110,8 +113,72 @@ class Recording:
         t.flags.writeable = False
         object.__setattr__(self, "times", t)
 
+    @classmethod
+    def from_arrays(
+        cls,
+        color: Any,
+        depth: Any,
+        intrinsics: Intrinsics | ArrayLike,
+        *,
+        times: ArrayLike | None = None,
+        fps: float | None = None,
+        depth_scale: float | None = None,
+        poses: Trajectory | ArrayLike | None = None,
+        gravity_camera0: ArrayLike | None = None,
+        name: str = "arrays",
+    ) -> Recording:
+        """A recording from arrays in memory, which are neither copied nor changed.
+
+        Args:
+            color: (T, H, W, 3) uint8 RGB, or anything with a length whose items are such images (a list, a memory map).
+            depth: (T, H, W), on the same pixel grid. Floats are metres, whole numbers need `depth_scale`. 0, NaN and
+                infinity mean unknown.
+            intrinsics: `Intrinsics` of these images, or K (3, 3) in pixels.
+            times: (T,) s, strictly increasing; or fps: frames a second.
+            depth_scale: depth values in a metre, as Open3D counts: 1000 for millimetres, 5000 for TUM RGB-D.
+            poses: T_world_cam (T, 4, 4) with OpenCV's camera axes, or a `Trajectory`; used only when asked.
+            gravity_camera0: vector (3,) that points down in the first camera's axes.
+        Raises:
+            InputError: shapes, types or ranges that are not these; it says which and how to bring them there.
+        """
+        from recon.array_recording import recording_from_arrays
+
+        return recording_from_arrays(
+            color, depth, intrinsics, times, fps, depth_scale, poses, gravity_camera0, name
+        )
+
     def __len__(self) -> int:
         return len(self.times)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self.frame(k) for k in range(len(self)))
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Frame: ...
+    @overload
+    def __getitem__(self, index: slice) -> Recording: ...
+    def __getitem__(self, index: SupportsIndex | slice) -> Frame | Recording:
+        """A frame, or a recording of the frames of a slice, which reads from this one.
+
+        Raises InputError for a frame that does not exist, and for a slice that goes backwards or holds too few frames.
+        """
+        if isinstance(index, slice):
+            from recon.recording_part import part_of
+
+            return part_of(self, index)
+        k = operator.index(index)
+        return self.frame(k + len(self) if -len(self) <= k < 0 else k)
+
+    def __repr__(self) -> str:
+        from recon.recording_view import facts
+
+        return f"<Recording {self.name!r}: {', '.join(facts(self).values())}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: what `repr` says, and the first, middle and last frame."""
+        from recon.recording_view import html
+
+        return html(self)
 
     def frame(self, index: int) -> Frame:
         """Read frame `index`. Raises InputError naming the file when it is unreadable."""
@@ -127,4 +194,4 @@ def open_recording(path: Path | str, layout: str | None = None) -> Recording:
     """
     from recon.readers import open_with
 
-    return open_with(Path(path), layout)
+    return open_with(path, layout)

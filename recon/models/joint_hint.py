@@ -27,19 +27,18 @@ class JointHint(Protocol):
 class PrecomputedJointHint:
     """Hints from a JSON file in the form of `read_hints`."""
 
-    path: Path
+    path: Path | str
 
     def __call__(self, recording: Recording, folder: Path | None) -> tuple[TypeHint, ...]:  # noqa: ARG002
+        path = Path(self.path)
         try:
-            text = self.path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as e:
-            raise InputError(
-                f"the joint hint {self.path} can't be read: {e}", 'give a JSON file, or "vlm"'
-            ) from e
+            raise InputError(f"the joint hint {path} can't be read: {e}", 'give a JSON file, or "vlm"') from e
         try:
-            return read_hints(text, len(recording), self.path.name)
+            return read_hints(text, len(recording), path.name)
         except ServiceError as e:
-            problem = e.problem.replace("the model's answer", str(self.path))
+            problem = e.problem.replace("the model's answer", str(path))
             raise InputError(problem, 'write {"parts": [{"joint_type": "revolute", ...}]}') from e
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +39,10 @@ class NativeReader:
         depth = _depth_files(path)
         _check_pairs(path, color, depth)
         intrinsics = _intrinsics(path, "intrinsic.json")
-        times, warnings = _times(path, color)
+        video = _video_facts(path)
+        times, warnings = _times(path, color, video.fps)
         gravity, metadata = _metadata(path)
-        read_frame = _frame_reader(path, color, depth, intrinsics)
+        read_frame = _frame_reader(path, color, depth, intrinsics, video.depth_per_metre)
         recording = Recording(
             name=path.resolve().name,
             source=str(path),
@@ -136,12 +138,38 @@ def _intrinsics(path: Path, name: str) -> Intrinsics:
     return files.read_intrinsics(path / name)
 
 
-def _times(path: Path, color: list[Path]) -> tuple[Array, tuple[str, ...]]:
+class _Video(NamedTuple):
+    """What Open3D's video readers note beside the intrinsics: depth counts a metre, frames a second (None: unknown)."""
+
+    depth_per_metre: float
+    fps: float | None
+
+
+def _video_facts(path: Path) -> _Video:
+    """`depth_scale` and `fps` of intrinsic.json, as open3d.t.io.RGBDVideoReader.save_frames writes them."""
+    data = files.read_json(path / "intrinsic.json")
+    found: dict[str, float] = {}
+    for key in ("depth_scale", "fps"):
+        value = data.get(key)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < np.inf:
+            raise InputError(
+                f"{files.shown(path / 'intrinsic.json')}: {key} is {value!r}",
+                "write a positive number, or leave it out",
+            )
+        found[key] = float(value)
+    return _Video(found.get("depth_scale", DEPTH_PER_METRE), found.get("fps"))
+
+
+def _times(path: Path, color: list[Path], fps: float | None) -> tuple[Array, tuple[str, ...]]:
     stamps = path / "timestamps.txt"
     if not stamps.is_file():
         _check_numbering(color)
-        warning = f"{path.name} has no timestamps.txt: assuming {DEFAULT_FPS:g} frames per second"
-        return np.arange(len(color)) / DEFAULT_FPS, (warning,)
+        where = "assuming" if fps is None else "intrinsic.json says"
+        fps = DEFAULT_FPS if fps is None else fps
+        warning = f"{path.name} has no timestamps.txt: {where} {fps:g} frames per second"
+        return np.arange(len(color)) / fps, (warning,)
     times = files.read_numbers(stamps, 1, "one time in seconds a line")[0][:, 0]
     if len(times) != len(color):
         raise InputError(
@@ -200,7 +228,7 @@ def _side_files(path: Path) -> list[Path]:
 
 
 def _frame_reader(
-    path: Path, color: list[Path], depth: list[Path], intrinsics: Intrinsics
+    path: Path, color: list[Path], depth: list[Path], intrinsics: Intrinsics, per_metre: float
 ) -> Callable[[int], Frame]:
     own = path / "depth_intrinsic.json"
     depth_intrinsics = files.read_intrinsics(own) if own.is_file() else None
@@ -209,9 +237,7 @@ def _frame_reader(
     def read(index: int) -> Frame:
         image = files.decode_color(files.shown(color[index]), files.read_bytes(color[index]))
         _check_size(color[index], image.shape, intrinsics, "intrinsic.json")
-        metres = files.decode_depth(
-            files.shown(depth[index]), files.read_bytes(depth[index]), DEPTH_PER_METRE
-        )
+        metres = files.decode_depth(files.shown(depth[index]), files.read_bytes(depth[index]), per_metre)
         if warp is None or depth_intrinsics is None:
             _check_size(depth[index], metres.shape, intrinsics, "intrinsic.json")
             return Frame(image, metres)

@@ -47,7 +47,7 @@ class Record3DReader:
     layout: str = "a Record3D file .r3d"
 
     def recognises(self, path: Path) -> bool:
-        return path.is_file() and path.suffix.lower() == ".r3d"
+        return is_record3d(path)
 
     def open(self, path: Path) -> Recording:
         archive = _Archive(path)
@@ -73,6 +73,20 @@ class Record3DReader:
         )
         recording.frame(0)  # decodes once now, so that what is missing is told before anything is computed
         return recording
+
+
+def is_record3d(path: Path) -> bool:
+    """Whether a file is a Record3D archive, by its name or, renamed, by its members."""
+    if not path.is_file():
+        return False
+    if path.suffix.lower() == ".r3d":
+        return True
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
+    return "metadata" in names and any(n.startswith("rgbd/") for n in names)
 
 
 class _Archive:

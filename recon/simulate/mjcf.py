@@ -61,7 +61,7 @@ class Articulation:
 
 
 def load_articulation(
-    scene: Path, joint: str, exclude: tuple[str, ...], contrast: float, rng: np.random.Generator
+    scene: Path | str, joint: str, exclude: tuple[str, ...], contrast: float, rng: np.random.Generator
 ) -> Articulation:
     """Load `scene` (MJCF) and split it at `joint`.
 
@@ -117,7 +117,7 @@ def load_articulation(
     )
 
 
-def load_model(scene: Path) -> mujoco.MjModel:
+def load_model(scene: Path | str) -> mujoco.MjModel:
     """Load an MJCF file. Raises InputError with MuJoCo's reason in one line."""
     if not Path(scene).is_file():
         raise InputError(f"no scene file {scene}", "give the path of an MJCF file (*.xml)")

@@ -67,7 +67,7 @@ def test_the_manifest_says_where_the_recording_is_from_the_run(
     reconstruct(open_recording(Path("r")), out=out)
     assert read_json(out / MANIFEST)["recording"] == "../../data/r"
     assert str(tmp_path) not in (out / "twin" / "twin.json").read_text()
-    elsewhere = replace(open_recording(Path("r")), source="a camera")
+    elsewhere = replace(open_recording(Path("r")), source="a camera", path=None)
     reconstruct(elsewhere, out=tmp_path / "b")
     assert "recording" not in read_json(tmp_path / "b" / MANIFEST)
 

@@ -1,0 +1,63 @@
+"""A recording of some frames of another one."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.recording import Recording
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+
+def part_of(recording: Recording, index: slice) -> Recording:
+    """A recording of the frames of a slice, read from `recording` when asked for. Its first frame is the new frame 0.
+
+    Known poses and gravity come along; gravity is turned into the new first camera by the poses, and dropped without them.
+    """
+    kept = np.arange(len(recording))[index]
+    if index.step is not None and index.step < 0:
+        raise InputError(
+            f"a slice with step {index.step} turns time around", "slice forwards; times must increase"
+        )
+    said = ":".join("" if v is None else str(v) for v in (index.start, index.stop, index.step)).removesuffix(
+        ":"
+    )
+    poses = None if recording.poses is None else _poses_of(recording.poses, kept, recording.times)
+    gravity, notes = recording.gravity_camera0, recording.warnings
+    if gravity is not None and len(kept) and kept[0] != 0:
+        first, now = (None if recording.poses is None else recording.poses.pose(int(k)) for k in (0, kept[0]))
+        if first is None or now is None:
+            gravity = None
+            notes = (
+                *notes,
+                f"gravity was known in frame 0 only, and frame {kept[0]} has no known pose: estimating it",
+            )
+        else:
+            gravity = geo.unit(now[:3, :3].T @ first[:3, :3] @ gravity)
+    digest = hashlib.sha256(recording.fingerprint.encode() + kept.astype("<i8").tobytes())
+    return replace(
+        recording,
+        source=f"{recording.source}[{said}]",
+        times=recording.times[kept],
+        read_frame=lambda k: recording.frame(int(kept[k])),
+        fingerprint=digest.hexdigest(),
+        poses=poses,
+        gravity_camera0=gravity,
+        warnings=notes,
+        path=None,
+    )
+
+
+def _poses_of(poses: Trajectory, kept: NDArray[np.int64], times: Array) -> Trajectory | None:
+    rows = np.flatnonzero(np.isin(poses.frames, kept))
+    if len(rows) == 0:
+        return None
+    return Trajectory(
+        np.searchsorted(kept, poses.frames[rows]), times[poses.frames[rows]], poses.T_world_cam[rows]
+    )

@@ -1,0 +1,396 @@
+"""A recording as Python sees it: made from arrays, indexed, sliced, looped over, shown."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import recon
+import recon.simulate
+from recon import Frame, Intrinsics, Recording, open_recording, pipeline
+from recon.models.joint_hint import PrecomputedJointHint
+from recon.pipeline import _say_where
+from tests.recon.tiny import FRAMES, HEIGHT, WIDTH, cameras, write_poses, write_recording
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.scene import Trajectory
+from twin.stages import MANIFEST, read_json, update_manifest
+
+T = 12
+K = Intrinsics(WIDTH, HEIGHT, 80.0, 80.0, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_recording(tmp_path_factory.mktemp("python") / "clip")
+
+
+def arrays(**changes: Any) -> dict[str, Any]:
+    rng = np.random.default_rng(5)
+    given = {
+        "color": rng.integers(0, 256, (T, HEIGHT, WIDTH, 3), dtype=np.uint8),
+        "depth": rng.uniform(0.5, 2.0, (T, HEIGHT, WIDTH)).astype(np.float32),
+        "intrinsics": K.matrix,
+        "fps": 15,
+    }
+    return {k: v for k, v in {**given, **changes}.items() if v is not None}
+
+
+def made(**changes: Any) -> Recording:
+    return Recording.from_arrays(**arrays(**changes))
+
+
+def test_recon_shows_its_names() -> None:
+    names = dir(recon)
+    for name in recon.__all__:
+        assert name in names
+        assert getattr(recon, name) is not None
+    assert {"Recording", "fit_motion", "fit_motion_poses", "open_recording", "reconstruct"} <= set(names)
+    with pytest.raises(AttributeError, match="no attribute 'Recordings'"):
+        _ = recon.Recordings
+
+
+def public_functions() -> list[tuple[str, Any]]:
+    """What recon exports, what makes a simulated recording, and the ways to truth and hints."""
+    found = [(f"recon.{n}", getattr(recon, n)) for n in recon.__all__]
+    found += [(f"recon.simulate.{n}", getattr(recon.simulate, n)) for n in recon.simulate.__all__]
+    modules = (
+        "recon.evaluate",
+        "recon.truth",
+        "recon.readers",
+        "recon.simulate.mjcf",
+        "recon.models.joint_hint",
+    )
+    for name in modules:
+        own = vars(import_module(name)).items()
+        found += [
+            (f"{name}.{k}", v)
+            for k, v in own
+            if inspect.isfunction(v) and v.__module__ == name and k[0] != "_"
+        ]
+    return found + [("PrecomputedJointHint", PrecomputedJointHint)]
+
+
+@pytest.mark.parametrize(("name", "function"), public_functions())
+def test_every_path_argument_takes_text(name: str, function: Any) -> None:
+    for argument in inspect.signature(function).parameters.values():
+        if "Path" in str(argument.annotation):
+            assert "str" in str(argument.annotation), f"{name}({argument})"
+
+
+def test_a_recording_from_arrays_gives_the_arrays_frames() -> None:
+    given = arrays()
+    recording = Recording.from_arrays(**given)
+    assert len(recording) == T
+    assert recording.intrinsics == K
+    assert recording.path is None
+    np.testing.assert_allclose(recording.times, np.arange(T) / 15)
+    for k in (0, 7, T - 1):
+        np.testing.assert_array_equal(recording.frame(k).color, given["color"][k])
+        np.testing.assert_array_equal(recording.frame(k).depth, given["depth"][k])
+    assert recording.frame(0).depth.dtype == np.float32
+
+
+def test_arrays_are_read_when_asked_for_and_never_changed() -> None:
+    class Counting:
+        """Frames that are made when asked for, as of a file on disk."""
+
+        asked = 0
+
+        def __init__(self, frames: Any) -> None:
+            self.frames = frames
+
+        def __len__(self) -> int:
+            return len(self.frames)
+
+        def __getitem__(self, k: int) -> Any:
+            self.asked += 1
+            return self.frames[k]
+
+    color, depth = Counting(arrays()["color"]), Counting(list(arrays()["depth"]))
+    recording = made(color=color, depth=depth)
+    asked = color.asked
+    recording.frame(3)
+    assert color.asked == asked + 1
+    frame = recording.frame(3)
+    frame.color[:] = 0
+    frame.depth[:] = 0
+    assert color[3].any()
+    assert depth[3].all()
+
+
+def test_whole_numbers_of_depth_need_their_unit() -> None:
+    metres = arrays()["depth"]
+    counts = np.rint(metres * 1000).astype(np.uint16)
+    found = made(depth=counts, depth_scale=1000)
+    np.testing.assert_allclose(found.frame(2).depth, counts[2] / 1000, rtol=1e-6)
+    same = made(depth=(counts / 1000).astype(np.float64))
+    np.testing.assert_allclose(found.frame(2).depth, same.frame(2).depth, rtol=1e-6)
+    with pytest.raises(InputError, match="depth is uint16 and its unit is not said; give depth_scale=1000"):
+        made(depth=counts)
+    with pytest.raises(InputError, match=r"depth_scale is 0\.001, metres a value; .* depth_scale=1000"):
+        made(depth=counts, depth_scale=0.001)
+
+
+def test_unknown_depth_may_be_zero_nan_or_infinite() -> None:
+    depth = arrays()["depth"]
+    depth[:, 0, :3] = [0, np.nan, np.inf]
+    np.testing.assert_array_equal(made(depth=depth).frame(4).depth[0, :3], [0, 0, 0])
+
+
+def test_the_fingerprint_is_of_the_content() -> None:
+    one = made().fingerprint
+    assert one == made().fingerprint
+    assert one == made(name="other", intrinsics=K, fps=None, times=np.arange(T) / 15).fingerprint
+    color = arrays()["color"]
+    color[5, 3, 3, 0] ^= 1
+    depth = arrays()["depth"]
+    depth[5, 3, 3] += 0.01
+    for change in (
+        {"color": color},
+        {"depth": depth},
+        {"fps": 30},
+        {"intrinsics": replace(K, fx=81.0)},
+        {"gravity_camera0": [0, 1, 0]},
+        {"poses": cameras(T)},
+    ):
+        assert made(**change).fingerprint != one
+
+
+def test_arrays_hold_what_the_folder_holds(folder: Path) -> None:
+    disk = open_recording(folder)
+    memory = Recording.from_arrays(
+        [f.color for f in disk], [f.depth for f in disk], disk.intrinsics, times=disk.times, name=disk.name
+    )
+    for a, b in zip(disk, memory, strict=True):
+        np.testing.assert_array_equal(a.color, b.color)
+        np.testing.assert_array_equal(a.depth, b.depth)
+    assert np.array_equal(disk.times, memory.times)
+
+
+def turned(values: Any) -> Any:
+    return np.swapaxes(values, 1, 2)
+
+
+A = arrays()
+WRONG: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "color 0 to 1": ({"color": A["color"] / 255.0}, ("colour of frame 0 is float64 from 0 to 1", "multiply by 255")),
+    "color is int32": ({"color": A["color"].astype(np.int32)}, ("is int32 from 0 to 255", "as uint8")),
+    "color has alpha": ({"color": np.concatenate([A["color"], A["color"][..., :1]], -1)}, ("color[..., :3]",)),
+    "color has channels first": ({"color": np.moveaxis(A["color"], -1, 1)}, ("np.moveaxis(color, 1, -1)",)),
+    "color is grey": ({"color": A["color"][..., 0]}, ("np.repeat(color[..., None], 3, axis=-1)",)),
+    "color is one image": ({"color": A["color"][0]}, ("put frames first",)),
+    "color is nothing": ({"color": np.zeros((0, HEIGHT, WIDTH, 3), np.uint8)}, ("without frames",)),
+    "color is a number": ({"color": 3}, ("color is int without frames",)),
+    "color is an array of no axes": ({"color": np.array(3)}, ("color is ndarray without frames",)),
+    "depth is 8-bit": ({"depth": A["depth"].astype(np.uint8), "depth_scale": 100}, ("depth is uint8", "uint16 with depth_scale")),
+    "depth is text": ({"depth": A["depth"].astype(str)}, ("can't hold distances",)),
+    "depth looks like millimetres": ({"depth": A["depth"] * 1000}, ("as if in millimetres", "depth_scale, the depth values in a metre: 1000")),
+    "depth was divided twice": ({"depth": A["depth"] / 1000}, ("depth has a median of 0.00", "1 for metres")),
+    "depth has width first": ({"depth": turned(A["depth"])}, ("np.swapaxes(depth, 1, 2)",)),
+    "depth has a channel": ({"depth": A["depth"][..., None]}, ("depth[..., 0]",)),
+    "depth is smaller": ({"depth": A["depth"][:, ::2, ::2]}, ("register depth to the colour image",)),
+    "depth is negative": ({"depth": -A["depth"]}, ("depth of frame 0 is negative", "OpenGL")),
+    "depth is unknown": ({"depth": A["depth"] * (np.arange(T) != 4)[:, None, None]}, ("depth of frame 4 is unknown in all 6912",)),
+    "depth lacks a frame": ({"depth": A["depth"][1:]}, ("12 colour and 11 depth images",)),
+    "depth scale is text": ({"depth_scale": "mm"}, ("depth_scale is 'mm'",)),
+    "both are turned": ({"color": turned(A["color"]), "depth": turned(A["depth"])}, ("the images are 72x96, but K has its centre at (47.5, 35.5)", "swap fx with fy")),
+    "intrinsics of another size": ({"intrinsics": K.scaled(640, 480)}, ("intrinsics are of 640x480, the images are 96x72", "scaled(width, height)")),
+    "K of another size": ({"intrinsics": K.scaled(640, 480).matrix}, ("outside the 96x72 image",)),
+    "K is transposed": ({"intrinsics": K.matrix.T}, ("K is column by column", "K.T")),
+    "K has skew": ({"intrinsics": K.matrix + [[0, 3, 0], [0, 0, 0], [0, 0, 0]]}, ("no pinhole camera without skew",)),
+    "K is four numbers": ({"intrinsics": [80, 80, 47.5, 35.5]}, ("intrinsics have shape (4,)", "K (3, 3)")),
+    "no clock": ({"fps": None}, ("give either times or fps", "times=(T,)")),
+    "two clocks": ({"times": np.arange(T)}, ("not both",)),
+    "times is fps": ({"fps": None, "times": 30}, ("times have shape ()", "say fps=30")),
+    "too few times": ({"fps": None, "times": np.arange(3)}, ("times have shape (3,) for 12 frames",)),
+    "times go back": ({"fps": None, "times": np.arange(T)[::-1]}, ("strictly increase",)),
+    "fps is zero": ({"fps": 0}, ("fps is 0", "such as 30")),
+    "gravity is a number": ({"gravity_camera0": 9.81}, ("gravity_camera0 is", "point down")),
+    "poses of other frames": ({"poses": cameras(5)}, ("poses have shape (5, 4, 4) for 12 frames",)),
+    "poses are not rigid": ({"poses": 2 * cameras(T)}, ("poses: camera poses must be rigid", "camera to world")),
+    "few frames": ({"color": A["color"][:3], "depth": A["depth"][:3]}, ("at least 10 frames, got 3",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_arrays_that_are_not_a_recording_say_what_to_do(case: str) -> None:
+    change, told = WRONG[case]
+    with pytest.raises(InputError) as caught:
+        made(**change)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert caught.value.remedy
+    for words in told:
+        assert words in message
+
+
+def test_a_frame_of_another_size_is_named() -> None:
+    color = list(arrays()["color"])
+    color[6] = color[6][::2]
+    with pytest.raises(InputError, match=r"frame 6 has colour \(36, 96, 3\)"):
+        made(color=color)
+
+
+def test_poses_and_gravity_from_arrays() -> None:
+    T_world_cam = cameras(T)
+    T_world_cam[4] = np.nan
+    recording = made(poses=T_world_cam, gravity_camera0=[0, 9.81, 0])
+    assert recording.poses is not None
+    assert recording.poses.frames.tolist() == [k for k in range(T) if k != 4]
+    np.testing.assert_array_equal(recording.gravity_camera0, [0, 1, 0])
+    known = Trajectory(np.arange(3), np.arange(3.0), cameras(3))
+    assert made(poses=known).poses is known
+    with pytest.raises(InputError, match="poses are of frames 0 to 12, there are 12"):
+        made(poses=Trajectory(np.arange(13), np.arange(13.0), cameras(13)))
+
+
+def test_indexing_and_loops(folder: Path) -> None:
+    recording = open_recording(folder)
+    assert isinstance(recording[3], Frame)
+    np.testing.assert_array_equal(recording[-1].depth, recording.frame(FRAMES - 1).depth)
+    np.testing.assert_array_equal(recording[np.int64(2)].color, recording.frame(2).color)
+    assert isinstance(iter(recording), Iterator)
+    assert sum(1 for _ in recording) == len(recording) == FRAMES
+    for wrong in (FRAMES, -FRAMES - 1):
+        with pytest.raises(InputError, match=rf"frames 0\.\.29, not {wrong}"):
+            recording[wrong]
+    with pytest.raises(TypeError):
+        recording["first"]  # type: ignore[call-overload]
+
+
+def test_a_slice_is_a_recording_of_its_frames(folder: Path) -> None:
+    recording = open_recording(folder)
+    part = recording[5:-1:2]
+    assert len(part) == 12
+    np.testing.assert_array_equal(part.times, recording.times[5:-1:2])
+    np.testing.assert_array_equal(part[0].color, recording[5].color)
+    np.testing.assert_array_equal(part[-1].depth, recording[27].depth)
+    assert part.fingerprint != recording.fingerprint
+    assert part.fingerprint == recording[5:29:2].fingerprint
+    assert part.source == f"{recording.source}[5:-1:2]"
+    assert part.path is None
+    with pytest.raises(InputError, match="turns time around"):
+        recording[::-1]
+    with pytest.raises(InputError, match="at least 10 frames, got 4"):
+        recording[:4]
+
+
+def test_poses_and_gravity_of_a_slice_are_those_of_its_frames(tmp_path: Path) -> None:
+    clip = write_recording(tmp_path / "clip")
+    T_world_cam = cameras(FRAMES)
+    keep = np.array([k for k in range(FRAMES) if k != 8])
+    write_poses(clip / "trajectory.txt", 5.0 + keep / 15.0, T_world_cam[keep])
+    down = T_world_cam[0, :3, :3].T @ [0, 0, -1]
+    recording = replace(open_recording(clip), gravity_camera0=down)
+    part = recording[6:20]
+    assert part.poses is not None
+    assert part.poses.frames.tolist() == [k - 6 for k in range(6, 20) if k != 8]
+    np.testing.assert_allclose(part.poses.pose(4), T_world_cam[10], atol=1e-9)
+    np.testing.assert_allclose(part.gravity_camera0, T_world_cam[6, :3, :3].T @ [0, 0, -1], atol=1e-9)
+    assert recording[:15].gravity_camera0 is down
+    blind = recording[8:22]  # frame 8 has no pose, so that the direction down is not known in it
+    assert blind.gravity_camera0 is None
+    assert "gravity was known in frame 0 only" in blind.warnings[-1]
+    assert replace(recording, poses=None)[1:].gravity_camera0 is None
+    assert replace(recording, gravity_camera0=None)[1:].warnings == recording.warnings
+    assert geo.angle_between(part.gravity_camera0, [0, 1, 0]) < 0.5
+
+
+def test_a_recording_shows_itself_in_a_line(folder: Path) -> None:
+    recording = open_recording(folder)
+    assert repr(recording) == (
+        "<Recording 'clip': 30 frames of 96x72, 1.9 s, no known poses, gravity to be estimated>"
+    )
+    assert "known poses of 12 frames, gravity known" in repr(
+        made(poses=cameras(T), gravity_camera0=[0, 1, 0])
+    )
+
+
+def test_a_recording_shows_itself_in_a_notebook() -> None:
+    page = made(name="<b>clip</b>")._repr_html_()
+    assert "&lt;b&gt;clip&lt;/b&gt;" in page
+    assert "<b>clip" not in page
+    assert re.findall(r'title="(frame \d+)" src="data:image/jpeg;base64,/9j/', page) == [
+        "frame 0",
+        "frame 6",
+        "frame 11",
+    ]
+    assert len(page) < 100_000
+
+
+class Stop(Exception): ...
+
+
+def test_reconstruct_takes_a_folder_as_text_or_path(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Any] = []
+
+    def stop(run: Any, recording: Recording, *_more: Any) -> None:
+        seen.append((run.folder, recording.fingerprint, len(recording)))
+        raise Stop
+
+    monkeypatch.setattr(pipeline, "_run", stop)
+    for given, out in (
+        (str(folder), str(tmp_path / "a")),
+        (folder, tmp_path / "b"),
+        (open_recording(folder), None),
+    ):
+        with pytest.raises(Stop):
+            recon.reconstruct(given, out=out)
+    assert seen[0][0] == tmp_path / "a"
+    assert [s[1:] for s in seen] == [(open_recording(folder).fingerprint, FRAMES)] * 3
+    with pytest.raises(InputError, match="does not exist"):
+        recon.reconstruct(str(folder / "nowhere"))
+
+
+def test_a_joint_hint_takes_text_and_path(folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "hint.json"
+    file.write_text(
+        '{"parts": [{"object_name": "door", "joint_type": "revolute", "first_frame": 5, "last_frame": 20}]}'
+    )
+    recording = open_recording(folder)
+    assert PrecomputedJointHint(str(file))(recording, None) == PrecomputedJointHint(file)(recording, None)
+    with pytest.raises(InputError, match=r"nowhere\.json can't be read"):
+        PrecomputedJointHint("nowhere.json")(recording, None)
+
+
+def test_a_recording_in_memory_is_not_taken_for_a_file_of_its_name(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arrays").mkdir()  # what the recording in memory is called
+    update_manifest(tmp_path, note="a run")
+    _say_where(made(), tmp_path)
+    assert "recording" not in read_json(tmp_path / MANIFEST)
+    _say_where(open_recording(folder), tmp_path)
+    assert (tmp_path / read_json(tmp_path / MANIFEST)["recording"]).resolve() == folder.resolve()
+
+
+@pytest.mark.slow
+def test_arrays_make_the_twin_that_their_folder_makes(tmp_path: Path) -> None:
+    source = Path(__file__).parents[2] / "assets" / "recordings" / "cabinet_drawer"
+    disk = open_recording(source)
+    counts = [np.rint(f.depth * 1000).astype(np.uint16) for f in disk]
+    memory = Recording.from_arrays(
+        np.stack([f.color for f in disk]), np.stack(counts), disk.intrinsics, times=disk.times,
+        depth_scale=1000, gravity_camera0=disk.gravity_camera0, name=disk.name,
+    )  # fmt: skip
+    one, other = recon.reconstruct(memory, out=tmp_path / "run"), recon.reconstruct(disk)
+    for a, b in zip(one.parts, other.parts, strict=True):
+        np.testing.assert_array_equal(a.joint.axis, b.joint.axis)
+        np.testing.assert_array_equal(a.motion.state, b.motion.state)
+        np.testing.assert_array_equal(a.mesh.vertices, b.mesh.vertices)
+    assert one.recorded is not None
+    assert one.recorded.source == disk.name
+    assert (tmp_path / "run" / "twin" / "twin.json").is_file()
+    assert list((tmp_path / "run" / "report").iterdir())  # key frames
