@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint install engines clean
+.PHONY: help demo test lint install engines wheel check-wheel clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
@@ -16,7 +16,7 @@ LIBRARIES := libx11-6:libX11.so.6 libxcb1:libxcb.so.1 libgl1:libGL.so.1 libegl1:
 	libusb-1.0-0:libusb-1.0.so.0 libglib2.0-0:libglib-2.0.so.0 libgomp1:libgomp.so.1
 
 help: ## show this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 demo: install ## reconstruct the shipped recording, export it, let a robot open it; leaves out/demo/report.html
 	$(VENV)/bin/twin demo
@@ -34,6 +34,16 @@ install: $(VENV)/.installed ## set up system libraries, .venv and packages
 
 engines: install ## set up the programs that `twin check --engines all` asks, each in an environment of its own (about 3 GB)
 	$(VENV)/bin/twin engines --install all
+
+wheel: $(VENV)/.created ## build dist/funtwin-*.whl, which installs anywhere: pip install ./dist/funtwin-*.whl
+	rm -rf build dist/funtwin-*.whl
+	$(VENV)/bin/python -m pip install -q --progress-bar off -c constraints.txt setuptools
+	$(VENV)/bin/python -m pip wheel -q --progress-bar off --no-deps --no-build-isolation -w dist .
+	@rm -rf build
+	@ls dist/funtwin-*.whl
+
+check-wheel: wheel ## install the wheel in fresh environments and use it in another folder (3.11, 3.12)
+	.ci/wheel dist/funtwin-*.whl
 
 clean: ## remove what make and twin wrote here (not .venv)
 	rm -rf out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from recon.recording import Frame, Recording
 from twin.errors import ConfigError, MissingDependencyError
 from twin.geometry import Array
+from twin.packages import to_install
 from twin.scene import HAND_LABEL
 
 KEYPOINTS = (
@@ -96,7 +97,7 @@ def _detector(config: HandConfig) -> Any:
     except ImportError as error:
         raise MissingDependencyError(
             f"hand keypoints need mediapipe, which can't be imported ({error})",
-            'install it with: pip install "funtwin[hands]", or take contact source "geometry"',
+            f'{to_install("mediapipe", "hands")}, or take contact source "geometry"',
         ) from None
     return Hands(
         static_image_mode=True,

@@ -30,7 +30,7 @@ from recon.refine import refine_parts
 from recon.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError
-from twin.physics import keep_known, with_physics
+from twin.physics import MaterialTable, keep_known, read_materials, with_physics
 from twin.scene import Trajectory, Twin
 from twin.settings import as_dict
 from twin.stages import MANIFEST, Progress, Run, read_json, update_manifest, versions
@@ -58,9 +58,10 @@ def reconstruct(
         progress: told about every stage.
         hint: says which joint types to expect; asked once, before anything else. Clear motion overrules it.
 
-    Raises InputError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
+    Raises InputError, ConfigError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
     """
     config = config or ReconConfig()
+    materials = read_materials()  # before anything that takes minutes
     out = None if out is None else Path(out)
     if not isinstance(recording, Recording):
         recording = open_recording(recording)
@@ -68,7 +69,7 @@ def reconstruct(
         for note in recording.warnings:
             run.warn(note)
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
-        twin = _run(run, recording, config, hints)
+        twin = _run(run, recording, config, hints, materials)
         if out is not None:
             twin = _kept(run, twin, out)
             _keep_key_frames(twin, recording, out)
@@ -76,7 +77,13 @@ def reconstruct(
     return twin
 
 
-def _run(run: Run, recording: Recording, config: ReconConfig, hints: Sequence[TypeHint] = ()) -> Twin:
+def _run(
+    run: Run,
+    recording: Recording,
+    config: ReconConfig,
+    hints: Sequence[TypeHint] = (),
+    materials: MaterialTable | None = None,
+) -> Twin:
     tracks = run.stage(
         "tracks", 1, config.tracks, [], lambda: track_points(recording, config.tracks, _Bar(run, "tracks"))
     )
@@ -143,7 +150,7 @@ def _run(run: Run, recording: Recording, config: ReconConfig, hints: Sequence[Ty
     if hints:
         provenance["joint_hints"] = as_dict(hints)
     twin = assemble(recording, upright.value, fused.value.static, finished.value, labels.value, provenance)
-    return with_physics(twin)
+    return with_physics(twin, table=materials)
 
 
 @dataclass(frozen=True)

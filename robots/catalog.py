@@ -8,17 +8,22 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from robots.spec import RobotSpec, load_spec
+from twin.asset_files import REMEDY, asset
 from twin.errors import InputError, MissingDependencyError, nearest_name
+from twin.packages import to_install
 
 _LOG = logging.getLogger(__name__)
-_ASSETS = Path(__file__).resolve().parent.parent / "assets" / "robots"
 # the real models' modules in the package robot_descriptions, which clones MuJoCo Menagerie when one is imported
 _FETCHED = {"franka": "panda_mj_description", "spot": "spot_mj_description"}
 
 
 def names() -> list[str]:
-    """Names of the robots that ship with the project."""
-    return sorted(p.stem for p in _ASSETS.glob("*.toml"))
+    """Names of the robots that ship with the project. Raises InputError when none is there."""
+    folder = asset("robots")
+    found = sorted(p.stem for p in folder.glob("*.toml"))
+    if not found:
+        raise InputError(f"no robot file is in {folder}", REMEDY)
+    return found
 
 
 def resolve(robot: str | Path) -> RobotSpec:
@@ -36,7 +41,7 @@ def resolve(robot: str | Path) -> RobotSpec:
         if path.suffix.lower() != ".toml" and path.is_file() and not toml.is_file():
             raise InputError(
                 f"robot model {path} has no {toml.name} beside it that names its arm, tool and gripper",
-                f"write one like {_ASSETS / 'franka.toml'}",
+                f"write one like {asset('robots/franka.toml')}",
             )
         spec = load_spec(toml)
         _LOG.info("robot %s from %s, model %s", spec.name, toml, spec.model)
@@ -49,7 +54,7 @@ def resolve(robot: str | Path) -> RobotSpec:
         )
     known = _known(str(robot), names())
     _LOG.info("robot %s is the bundled model", known)
-    return load_spec(_ASSETS / f"{known}.toml")
+    return load_spec(asset(f"robots/{known}.toml"))
 
 
 def fetch(robot: str) -> Path:
@@ -65,7 +70,7 @@ def fetch(robot: str) -> Path:
     if find_spec("robot_descriptions") is None:
         raise MissingDependencyError(
             "fetching a robot model needs the package robot_descriptions, which is not installed",
-            "pip install robot_descriptions (it needs git), or check out MuJoCo Menagerie and set FUNTWIN_MENAGERIE; "
+            f"{to_install('robot_descriptions')} (it needs git), or check out MuJoCo Menagerie and set FUNTWIN_MENAGERIE; "
             "the bundled models need neither",
         )
     try:

@@ -103,7 +103,7 @@ def _renderer(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.Renderer:
     ) as e:  # the drivers raise ImportError, RuntimeError, AttributeError and GL errors of their own
         raise MissingDependencyError(
             f"OpenGL can't be used without a screen ({type(e).__name__}: {e})",
-            "install libegl1 and libgl1-mesa-dri, or set MUJOCO_GL; `twin doctor` tells more",
+            "install Mesa's EGL (on Debian libegl1 and libgl1-mesa-dri), or set MUJOCO_GL; `twin doctor` tells more",
         ) from e
     renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
     renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from twin import cli
+from twin.asset_files import asset
 from twin.stages import read_json
 from twin.storage import load
-from twin.verbs import RECORDINGS
 
-RECORDING = RECORDINGS / "cabinet_drawer"
+RECORDING = asset("recordings/cabinet_drawer")
 STAGES = ["tracks", "cameras", "gravity", "motion", "refine", "labels", "polish", "fusion", "contact"]
 
 

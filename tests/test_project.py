@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 import tomllib
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -84,17 +82,6 @@ def test_links_lead_somewhere(page: str) -> None:
     assert [t for t in targets if not ((ROOT / page).parent / t).exists()] == []
 
 
-def readme_example() -> str:
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    return str(code)
-
-
-def test_readme_names_what_exists() -> None:
-    """Every `package.name` of the example is there; the slow test below runs it."""
-    for package, name in re.findall(r"\b(recon|robots|twin)\.([a-z_]+)", readme_example()):
-        assert hasattr(import_module(package), name), f"{package}.{name}"
-
-
 def test_readme_shows_every_verb() -> None:
     from twin.cli import VERBS
 
@@ -103,16 +90,6 @@ def test_readme_shows_every_verb() -> None:
         v for v in VERBS if v != "demo" and f"\ntwin {v} " not in text and f"\ntwin {v}\n" not in text
     ] == []
     assert "make demo" in text
-
-
-@pytest.mark.slow
-def test_readme_example_runs(tmp_path: Path) -> None:
-    (tmp_path / "assets").symlink_to(ROOT / "assets")
-    done = subprocess.run(
-        [sys.executable, "-c", readme_example()], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert "opened" in done.stdout
 
 
 def test_python_versions_agree() -> None:

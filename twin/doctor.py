@@ -1,16 +1,20 @@
-"""What this machine lacks to run Funtwin, and the one command that brings it."""
+"""What this machine and this installation lack to run Funtwin, and what brings it."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import metadata
-from pathlib import Path
+
+from twin.asset_files import REMEDY, asset, faults
+from twin.errors import InputError
+from twin.packages import environment, normal, requirements, to_install
 
 # Debian package -> shared library that proves its presence. None: seen only by drawing (`check_rendering`).
 LIBRARIES: dict[str, str | None] = {
@@ -28,9 +32,13 @@ PYTHON = ((3, 11), (3, 13))
 EXTRAS = {
     "simulate": "recordings of the Franka Kitchen scenes",
     "hands": "contact from hand keypoints instead of label geometry",
+    "lerobot": "trajectories as LeRobot datasets",
     "record3d": "Record3D .r3d files",
     "vlm": "masses estimated by a vision-language model, asked only by `twin physics estimate`",
 }
+HOW_TO_INSTALL = (
+    "packages come by what made the environment: `pip install`, `uv pip install`, `pipx inject funtwin`"
+)
 _RENDER = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light pos='0 0 3'/><geom size='.1'/></worldbody></mujoco>")
@@ -44,38 +52,42 @@ raise SystemExit(0 if renderer.render().max() > 0 else 3)
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at. `needed` is False for extras; `remedy` is the command that brings what is missing."""
+    """One thing looked at. `needed` is False for extras; `remedy` tells what brings what is missing, or it follows from
+    `debian` and `python`: the system and Python packages that lack."""
 
     name: str
     ok: bool
     detail: str
     remedy: str = ""
     needed: bool = True
+    debian: tuple[str, ...] = ()
+    python: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        said = [self.remedy, _apt(self.debian), _packages(self.python)]
+        object.__setattr__(self, "remedy", next((s for s in said if s), ""))
 
 
 def diagnose() -> list[Finding]:
-    """Look at Python, packages, system libraries, rendering and extras; slow imports happen in a child process."""
+    """Look at Python, packages, shipped files, system libraries, rendering and extras; slow imports happen in a child process."""
     findings = [check_python(sys.version_info[:2]), *check_packages(), *check_libraries()]
     gl_ready = all(f.ok for f in findings)
     if gl_ready:
         findings.append(check_rendering())
     else:
-        findings.append(Finding("rendering", False, "not tried before the rest is there", "twin doctor"))
-    return findings + check_extras()
+        findings.append(
+            Finding("rendering", False, "not tried before the rest is there", "run `twin doctor` again then")
+        )
+    return [*findings, *check_assets(), *check_extras()]
 
 
 def remedies(findings: Iterable[Finding]) -> list[str]:
-    """The commands that bring everything needed which is missing; one for all system packages."""
-    commands: list[str] = []
-    packages: list[str] = []
-    for f in findings:
-        if f.ok or not f.needed:
-            continue
-        if f.remedy.startswith(_apt("")):
-            packages += f.remedy[len(_apt("")) :].split()
-        elif f.remedy not in commands:
-            commands.append(f.remedy)
-    return ([_apt(" ".join(packages))] if packages else []) + commands
+    """What brings everything needed which is missing: one line for all system packages, one for all Python packages."""
+    missing = [f for f in findings if not f.ok and f.needed]
+    debian = _apt(dict.fromkeys(p for f in missing for p in f.debian))
+    python = _packages(dict.fromkeys(p for f in missing for p in f.python))
+    others = [f.remedy for f in missing if not f.debian and not f.python]
+    return [line for line in dict.fromkeys([debian, python, *others]) if line]
 
 
 def check_python(version: tuple[int, ...]) -> Finding:
@@ -84,17 +96,28 @@ def check_python(version: tuple[int, ...]) -> Finding:
     text = ".".join(map(str, version))
     names = f"{low[0]}.{low[1]} to {high[0]}.{high[1] - 1}"
     return Finding(
-        "python", low <= version < high, f"{text} ({names} wanted)", "make install PYTHON=python3.11"
+        "python", low <= version < high, f"{text} ({names} wanted)", f"install Funtwin with Python {names}"
     )
 
 
 def check_packages() -> list[Finding]:
     """The required packages with their versions; absent or too old ones are findings."""
+    required = requirements()
+    if not required:
+        return [Finding("funtwin", False, "not installed", to_install("funtwin"))]
+    return [_package(r) for r in required]
+
+
+def check_assets() -> list[Finding]:
+    """The files that ship with Funtwin against their checksums."""
     try:
-        required = metadata.requires("funtwin") or []
-    except metadata.PackageNotFoundError:
-        return [Finding("funtwin", False, "not installed", "make install")]
-    return [_package(r) for r in required if "extra ==" not in r]
+        wrong = faults()
+        place = asset("MANIFEST.toml").parent
+    except InputError as e:
+        return [Finding("assets", False, e.problem, e.remedy)]
+    if not wrong:
+        return [Finding("assets", True, f"robots, materials, scenes and recording as shipped, in {place}")]
+    return [Finding(f"assets: {name}", False, f"{told}, in {place}", REMEDY) for name, told in wrong.items()]
 
 
 def check_libraries(load: Callable[[str], object] = ctypes.CDLL) -> list[Finding]:
@@ -107,14 +130,14 @@ def check_libraries(load: Callable[[str], object] = ctypes.CDLL) -> list[Finding
             load(library)
             findings.append(Finding(package, True, library))
         except OSError:
-            findings.append(Finding(package, False, f"{library} not found", _apt(package)))
+            findings.append(Finding(package, False, f"{library} not found", debian=(package,)))
     return findings
 
 
 def check_rendering(timeout_s: float = 120.0) -> Finding:
     """Draw one picture with MuJoCo without a screen, in a child process, as a broken driver may end the process."""
     env = os.environ | {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
-    remedy = _apt("libgl1-mesa-dri libegl1")
+    drivers = ("libgl1-mesa-dri", "libegl1")
     try:
         done = subprocess.run(  # noqa: S603  (our own interpreter and script)
             [sys.executable, "-c", _RENDER],
@@ -125,41 +148,34 @@ def check_rendering(timeout_s: float = 120.0) -> Finding:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Finding("rendering", False, f"no picture within {timeout_s:.0f} s", remedy)
+        return Finding("rendering", False, f"no picture within {timeout_s:.0f} s", debian=drivers)
     if done.returncode == 0:
         return Finding("rendering", True, f"MuJoCo draws with {env['MUJOCO_GL']}")
     lines = done.stderr.strip().splitlines()
-    return Finding("rendering", False, lines[-1] if lines else "an empty picture", remedy)
+    return Finding("rendering", False, lines[-1] if lines else "an empty picture", debian=drivers)
 
 
 def check_extras() -> list[Finding]:
     """Optional packages, extra by extra."""
-    try:
-        required = metadata.requires("funtwin") or []
-    except metadata.PackageNotFoundError:
-        return []
     findings = []
     for extra, use in EXTRAS.items():
-        wanted = [r for r in required if f'extra == "{extra}"' in r]
-        packages = [_package(r) for r in wanted]
+        packages = [_package(r) for r in requirements(extra)]
         ok = all(p.ok for p in packages)
         detail = f"{use}: {', '.join(f'{p.name} {p.detail}' for p in packages)}"
-        remedy = _pip(" ".join(f"'{r.split(';')[0].strip()}'" for r in wanted))
-        findings.append(Finding(f"extra {extra}", ok, detail, remedy, needed=False))
+        lacking = tuple(r for p in packages for r in p.python)
+        findings.append(Finding(f"extra {extra}", ok, detail, needed=False, python=lacking))
     return findings
 
 
 def _package(requirement: str) -> Finding:
-    match = re.match(r"[A-Za-z0-9_.-]+", requirement)
-    assert match is not None
-    name = match[0]
+    name = normal(requirement)
     try:
         version = metadata.version(name)
     except metadata.PackageNotFoundError:
-        return Finding(name, False, "not installed", _install())
+        return Finding(name, False, "not installed", python=(requirement,))
     wanted = re.search(r"(>=|==)\s*([0-9.]+)", requirement)
     if wanted and not _fits(version, wanted[1], wanted[2]):
-        return Finding(name, False, f"{version} ({wanted[0]} wanted)", _install())
+        return Finding(name, False, f"{version} ({wanted[0]} wanted)", python=(requirement,))
     return Finding(name, True, version)
 
 
@@ -168,13 +184,18 @@ def _fits(version: str, sign: str, wanted: str) -> bool:
     return have[: len(want)] == want if sign == "==" else have >= want
 
 
-def _install() -> str:
-    return "make install" if Path("Makefile").is_file() else _pip("--upgrade funtwin")
+def _packages(wanted: Iterable[str]) -> str:
+    listed = list(wanted)
+    if not listed:
+        return ""
+    return f"install the Python package{'s'[: len(listed) > 1]} {', '.join(listed)} into {environment()}"
 
 
-def _pip(what: str) -> str:
-    return f"{sys.executable} -m pip install {what}"
-
-
-def _apt(packages: str) -> str:
-    return f"{'' if os.geteuid() == 0 else 'sudo '}apt-get install -y {packages}"
+def _apt(packages: Iterable[str]) -> str:
+    """The command for Debian and its kin; elsewhere the names, which most systems spell alike."""
+    listed = " ".join(packages)
+    if not listed:
+        return ""
+    if shutil.which("apt-get") is None:
+        return f"install what Debian's packages {listed} hold"
+    return f"{'' if os.geteuid() == 0 else 'sudo '}apt-get install -y {listed}"

@@ -34,7 +34,7 @@ class ReconstructionError(FuntwinError):
 
 
 class MissingDependencyError(FuntwinError):
-    """An optional package or a system library is absent; the message names the extra to install."""
+    """An optional package or a system library is absent; the message names what to install."""
 
 
 class PlanningError(FuntwinError):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -51,32 +53,50 @@ def from_dict(cls: type[T], data: Mapping[str, Any], where: str = "config") -> T
 
 
 def as_dict(config: Any) -> Any:
-    """Plain data (JSON types) of a dataclass, mapping or sequence; paths and enumerations become strings."""
-    if is_dataclass(config) and not isinstance(config, type):
-        return {f.name: as_dict(getattr(config, f.name)) for f in fields(config) if f.init}
-    if isinstance(config, Mapping):
-        return {str(k): as_dict(v) for k, v in config.items()}
-    if isinstance(config, Enum):
-        return as_dict(config.value)
-    if isinstance(config, (list, tuple)):
-        return [as_dict(v) for v in config]
-    if config is None or isinstance(config, (bool, int, float, str)):
-        return config
-    if isinstance(config, Path):
-        return config.as_posix()
-    raise ConfigError(f"a setting of type {type(config).__name__} has no plain form")
+    """Plain data (JSON types) of a dataclass, mapping or sequence; paths and enumerations become strings, as do the
+    infinities, which JSON lacks. Raises ConfigError naming the setting that has no plain form; NaN has none."""
+    return _plain(config, "config", for_json=True)
 
 
 def to_toml(config: Any) -> str:
-    """TOML text of a dataclass or mapping; settings that are None are left out, as TOML has no null."""
+    """TOML text of a dataclass or mapping, from which `from_dict` makes an equal one; settings that are None are left out,
+    as TOML has no null. Raises ConfigError naming the setting that has no plain form; NaN has none."""
     lines: list[str] = []
-    _write_table(as_dict(config), (), lines)
+    _write_table(_plain(config, "config"), (), lines)
     return "\n".join(lines) + "\n"
+
+
+def _plain(value: Any, where: str, for_json: bool = False) -> Any:
+    """Dictionaries, lists, None and numbers and texts of Python's own types: numpy's float64 is a float too, but writes itself
+    as `np.float64(...)`."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {f.name: getattr(value, f.name) for f in fields(value) if f.init}
+    if isinstance(value, Enum):
+        value = value.value
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v, f"{where}: {k}", for_json) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v, f"{where}[{k}]", for_json) for k, v in enumerate(value)]
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        if math.isnan(value):
+            raise ConfigError(f"{where} = nan is no number", "give a number")
+        number = float(value)
+        return repr(number) if for_json and math.isinf(number) else number
+    if isinstance(value, Path):
+        return value.as_posix()
+    if isinstance(value, str):
+        return str(value)
+    kind = type(value)
+    raise ConfigError(f"{where} = {value!r} can't be written: it is a {kind.__module__}.{kind.__qualname__}")
 
 
 def _write_table(table: Mapping[str, Any], path: tuple[str, ...], lines: list[str]) -> None:
     plain = {k: v for k, v in table.items() if not isinstance(v, dict) and v is not None}
-    if path and (plain or not table):
+    if path:
         lines += [""] if lines else []
         lines.append(f"[{'.'.join(map(_toml_key, path))}]")
     lines += [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in plain.items()]
@@ -87,18 +107,30 @@ def _write_table(table: Mapping[str, Any], path: tuple[str, ...], lines: list[st
 
 def _toml_key(key: str) -> str:
     bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else json.dumps(key)
+    return key if bare else _toml_text(key)
+
+
+def _toml_text(text: str) -> str:
+    """A basic string. JSON's are legal ones but for DEL; half of a surrogate pair is no text."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as e:
+        raise ConfigError(f"the text {text!r} can't be written: {e.reason}") from e
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _toml_value(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(_toml_value(v) for v in value)}]"
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in value.items()) + "}"
+        rows = (f"{_toml_key(k)} = {_toml_value(v)}" for k, v in value.items() if v is not None)
+        return "{" + ", ".join(rows) + "}"
+    if value is None:
+        raise ConfigError("a list with None in it can't be written", "leave it out of the list")
     if isinstance(value, bool):
         return "true" if value else "false"
-    # JSON strings are legal TOML basic strings; repr(float) keeps every bit and spells inf and nan as TOML does.
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    # repr(float) keeps every bit and spells the infinities as TOML does.
+    return _toml_text(value) if isinstance(value, str) else repr(value)
 
 
 def _has_default(f: Any) -> bool:

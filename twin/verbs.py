@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from twin import steps
+from twin.asset_files import asset
 from twin.console import Console, Outcome
 from twin.errors import ConfigError, FuntwinError, InputError
 from twin.report.sections import Table
@@ -16,14 +17,12 @@ from twin.run_lock import claimed
 from twin.settings import from_dict, read_toml
 from twin.stages import MANIFEST
 
-RECORDINGS = Path(__file__).resolve().parents[1] / "assets" / "recordings"
-
 
 def demo(
     console: Console, out: Path, recording: Path | None, robot: str, config: Path | None, set: Sequence[str]
 ) -> Outcome:
     """The whole chain: reconstruct, evaluate where there is truth, export, check, replay."""
-    recording = recording or _shipped_recording()
+    recording = recording or asset("recordings/cabinet_drawer")
     truth = recording / "truth"
     with console.progress() as progress, _page(out):
         settings = _settings("recon.config:ReconConfig", config, set)
@@ -177,7 +176,7 @@ def evaluate(console: Console, run: Path, truth: Path) -> Outcome:
 
 def doctor(console: Console) -> Outcome:
     """What this machine lacks."""
-    from twin.doctor import diagnose, remedies
+    from twin.doctor import HOW_TO_INSTALL, diagnose, remedies
 
     with console.progress() as progress:
         progress("doctor", 0.0, "drawing a picture")
@@ -189,8 +188,10 @@ def doctor(console: Console) -> Outcome:
     ]
     commands = remedies(findings)
     extras = [f"optional: {f.name}: {f.remedy}" for f in findings if not f.ok and not f.needed]
+    if any(f.python for f in findings):
+        extras.append(HOW_TO_INSTALL)
     notes = [] if commands else ["everything that is needed is here"]
-    problem = f"something that is needed is missing; run: {' && '.join(commands)}" if commands else ""
+    problem = f"something that is needed is missing or altered; {'; '.join(commands)}" if commands else ""
     data = {"findings": [vars(f) for f in findings], "commands": commands}
     return Outcome(
         data,
@@ -275,13 +276,3 @@ def _assign(data: dict[str, Any], keys: Sequence[str], text: str) -> None:
         data[keys[-1]] = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         data[keys[-1]] = text  # a bare word is a text
-
-
-def _shipped_recording() -> Path:
-    found = sorted(p.parent for p in RECORDINGS.glob("*/color")) if RECORDINGS.is_dir() else []
-    if not found:
-        raise InputError(
-            f"the shipped recording is not in {RECORDINGS}",
-            "run in a checkout of the project, or give --recording",
-        )
-    return found[0]

@@ -23,6 +23,7 @@ from recon.readers import files
 from recon.recording import Frame, Intrinsics, Recording
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array
+from twin.packages import to_install
 from twin.scene import Trajectory
 
 MAX_SIDE = (
@@ -280,7 +281,7 @@ def _decompress(name: str, data: bytes) -> bytes:
     except ImportError:
         raise MissingDependencyError(
             f"{name} is LZFSE-compressed and the decoder is not installed",
-            "pip install 'funtwin[record3d]'",
+            to_install("pyliblzfse", "record3d"),
         ) from None
     try:
         return bytes(liblzfse.decompress(data))

@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from twin.errors import MissingDependencyError
+from twin.packages import to_install
 
 INSIDE = Path("envs", "assets", "kitchen_franka", "kitchen_assets", "kitchen_env_model.xml")
 
@@ -17,5 +18,5 @@ def kitchen_scene() -> Path:
         if (Path(place) / INSIDE).is_file():
             return Path(place) / INSIDE
     raise MissingDependencyError(
-        "the Franka Kitchen is not installed (package gymnasium-robotics)", "install funtwin[simulate]"
+        "the Franka Kitchen is not installed", to_install("gymnasium-robotics", "simulate")
     )

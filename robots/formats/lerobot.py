@@ -21,6 +21,7 @@ from robots.trajectory import PHASES
 from twin import geometry as geo
 from twin.errors import MissingDependencyError
 from twin.geometry import Array
+from twin.packages import to_install
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -45,7 +46,7 @@ def render(source: Handover) -> dict[str, bytes]:
     except ImportError as e:
         raise MissingDependencyError(
             f"a LeRobot dataset needs pyarrow, which can't be imported ({e})",
-            'install it with: pip install "funtwin[lerobot]"',
+            to_install("pyarrow", "lerobot"),
         ) from None
     columns, names = frames(source)
     task = f"{source.verb} {source.part.name}"

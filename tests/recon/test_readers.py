@@ -344,7 +344,7 @@ def compressed_r3d(path: Path, compress: Any) -> Path:
 def test_record3d_compressed_depth_needs_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = compressed_r3d(tmp_path / "clip.r3d", lambda data: b"bvx2" + data)
     monkeypatch.setitem(sys.modules, "liblzfse", None)
-    with pytest.raises(MissingDependencyError, match=r"funtwin\[record3d\]"):
+    with pytest.raises(MissingDependencyError, match=r"install the package pyliblzfse.*extra `record3d`"):
         open_recording(path)
     decoder = types.SimpleNamespace(decompress=lambda data: data[4:], error=OSError)
     monkeypatch.setitem(sys.modules, "liblzfse", decoder)

@@ -224,5 +224,5 @@ def test_fetching_needs_a_package_that_is_named(capsys, monkeypatch):
     monkeypatch.setattr("robots.catalog.find_spec", lambda _: None)
     assert run(["robots", "fetch", "spot"]) == 1
     error = capsys.readouterr().err
-    assert "pip install robot_descriptions" in error
+    assert "install the package robot_descriptions into" in error
     assert len(error.strip().splitlines()) == 1

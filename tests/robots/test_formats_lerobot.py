@@ -85,7 +85,7 @@ def test_lerobot_itself_reads_the_dataset(dataset, monkeypatch):
 
 def test_without_pyarrow_the_extra_is_named_and_nothing_written(source, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(MissingDependencyError, match=r"funtwin\[lerobot\]"):
+    with pytest.raises(MissingDependencyError, match=r"install the package pyarrow.*extra `lerobot`"):
         hand_over(source, ["csv", "lerobot"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -343,4 +343,4 @@ def test_doctor_reports_and_exits_with_one_when_something_is_missing(
     assert cli.run(["doctor"]) == 1
     captured = capsys.readouterr()
     assert "missing" in captured.out
-    assert captured.err.splitlines()[-1].endswith("run: apt-get install -y libgl1")
+    assert captured.err.splitlines()[-1].endswith("missing or altered; apt-get install -y libgl1")

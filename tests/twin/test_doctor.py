@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import sys
 
 import pytest
 
-from twin import doctor
+from twin import doctor, packages
 from twin.doctor import Finding
+from twin.packages import to_install
 
 
 def test_this_machine_is_fit_for_the_tests() -> None:
@@ -41,7 +44,7 @@ def test_all_missing_libraries_take_one_command() -> None:
 
 def test_missing_and_old_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     required = ["no-such-package-here>=1", "numpy>=99.0", "rich>=1", 'mediapipe==0.1; extra == "hands"']
-    monkeypatch.setattr(doctor.metadata, "requires", lambda _: required)
+    monkeypatch.setattr(packages.metadata, "requires", lambda _: required)
     findings = doctor.check_packages()
     assert [(f.name, f.ok) for f in findings] == [
         ("no-such-package-here", False),
@@ -50,15 +53,18 @@ def test_missing_and_old_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> 
     ]
     assert findings[0].detail == "not installed"
     assert ">=99.0 wanted" in findings[1].detail
-    assert len(doctor.remedies(findings)) == 1
+    (remedy,) = doctor.remedies(findings)
+    assert remedy == (
+        f"install the Python packages no-such-package-here>=1, numpy>=99.0 into the Python environment {sys.prefix}"
+    )
 
 
 def test_missing_extra_is_no_illness(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor.metadata, "requires", lambda _: ['nothing-like-it>=2; extra == "hands"'])
+    monkeypatch.setattr(packages.metadata, "requires", lambda _: ['nothing-like-it>=2; extra == "hands"'])
     hands = next(f for f in doctor.check_extras() if f.name == "extra hands")
     assert not hands.ok
     assert not hands.needed
-    assert hands.remedy == f"{sys.executable} -m pip install 'nothing-like-it>=2'"
+    assert "nothing-like-it>=2" in hands.remedy
     assert doctor.remedies([hands]) == []
 
 
@@ -87,4 +93,35 @@ def test_versions_compare_as_numbers() -> None:
 @pytest.mark.parametrize(("euid", "start"), [(0, "apt-get"), (1000, "sudo apt-get")])
 def test_the_command_fits_the_user(euid: int, start: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: euid)
-    assert doctor._apt("libgl1").startswith(start)
+    assert doctor._apt(["libgl1"]).startswith(start)
+
+
+def test_without_apt_the_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    assert doctor._apt(["libgl1", "libegl1"]) == "install what Debian's packages libgl1 libegl1 hold"
+
+
+def test_no_remedy_assumes_an_installer_or_a_makefile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment of uv or pipx has no pip, and outside of a checkout there is nothing to make."""
+    monkeypatch.setattr(packages.metadata, "version", lambda _: "0.0.1")
+    found = [*doctor.check_packages(), *doctor.check_extras(), doctor.check_python((3, 10))]
+    assert not any(f.ok for f in found)
+    told = [*doctor.remedies(found), *(f.remedy for f in found), to_install("mediapipe", "hands")]
+    assert [t for t in told if not t or re.search(r"\bpip\b|\bmake\b|funtwin\[", t)] == []
+
+
+def test_a_library_is_named_with_the_version_that_is_wanted() -> None:
+    told = to_install("mediapipe", "hands")
+    assert re.match(r"install the package mediapipe==0\.10\.14 \(Funtwin's extra `hands`\) into", told)
+    assert to_install("anything") == f"install the package anything into {packages.environment()}"
+
+
+def test_funtwin_itself_may_not_be_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> None:
+        raise packages.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(packages.metadata, "requires", absent)
+    (finding,) = doctor.check_packages()
+    assert not finding.ok
+    assert "install the package funtwin into" in finding.remedy
+    assert to_install("mediapipe", "hands").startswith("install the package mediapipe (")

@@ -228,6 +228,6 @@ def test_an_answer_that_can_not_be_used_is_not_kept(tmp_path: Path) -> None:
 
 def test_without_the_extra_its_name_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "httpx", None)
-    with pytest.raises(MissingDependencyError, match=r"funtwin\[vlm\]") as caught:
+    with pytest.raises(MissingDependencyError, match=r"install the package httpx.*extra `vlm`") as caught:
         ask(QUESTION, Endpoint("https://h/v1", "m", KEY), QUICK)
     assert isinstance(caught.value, FuntwinError)

@@ -79,7 +79,7 @@ def interpreter(name: str) -> Path:
     if not e.installed:
         raise MissingDependencyError(
             f"the environment of engine {name!r} is not in {e.folder}",
-            f"run `twin engines --install {name}` (or `make engines`)",
+            f"run `twin engines --install {name}`",
         )
     return e.folder / "bin" / "python"
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from twin.asset_files import asset
 from twin.errors import ConfigError, SceneError, nearest_name
 from twin.quantities import Quantity, origin_of
-
-_TABLE = Path(__file__).resolve().parents[2] / "assets" / "materials.toml"
 
 
 @dataclass(frozen=True)
@@ -44,11 +43,15 @@ class MaterialTable:
         return self.materials[name]
 
 
-def read_materials(path: Path = _TABLE) -> MaterialTable:
-    """Read a table of materials (TOML, see assets/materials.toml). Raises ConfigError naming file and entry."""
+def read_materials(path: Path | None = None) -> MaterialTable:
+    """Read a table of materials (TOML), by default the one that ships, assets/materials.toml.
+
+    Raises ConfigError naming file and entry; InputError when the one that ships is missing.
+    """
+    path = asset("materials.toml") if path is None else path
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError) as e:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as e:
         raise ConfigError(
             f"table of materials {path} can't be read: {e}", "start from assets/materials.toml"
         ) from e

@@ -18,6 +18,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from twin.errors import InputError, MissingDependencyError, ServiceError
+from twin.packages import to_install
 
 NO_KEY = "none"  # the key of a server that wants none
 _OPENAI = "https://api.openai.com/v1"
@@ -282,6 +283,6 @@ def _httpx() -> Any:
     except ImportError as e:
         raise MissingDependencyError(
             f"asking a vision-language model needs httpx, which can't be imported ({e})",
-            'install it with: pip install "funtwin[vlm]"',
+            to_install("httpx", "vlm"),
         ) from None
     return httpx

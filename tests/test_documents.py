@@ -1,0 +1,259 @@
+"""Every command and every Python snippet of README and docs/: it is read by the verb's own parser, its settings exist, and
+it runs as it stands, in a folder that holds what its capital letters mean. What only parses stands in a table with the reason."""
+
+from __future__ import annotations
+
+import ast
+import itertools
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from tests.twin.scenes import cabinet_twin
+from twin import cli
+from twin.asset_files import asset
+from twin.errors import ConfigError
+from twin.report import page as report_page
+from twin.storage import save
+from twin.verbs import _settings
+
+ROOT = Path(__file__).parents[1]
+PAGES = ["README.md", *sorted(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
+CONFIGS = {
+    "reconstruct": "recon.config:ReconConfig",
+    "demo": "recon.config:ReconConfig",
+    "simulate": "recon.simulate.config:SimulateConfig",
+}
+FENCED = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r" *(?:twin|make|pip|python) ")
+
+NETWORK, ENGINES = "asks a service on the network", "needs environments of about 3 GB, which it fetches"
+ITSELF = "is run by .ci/run on every change, in other folders than a test's"
+MINUTES = "takes minutes and recordings that are not in the repository"
+ONLY_PARSED = {
+    "make demo": ITSELF,
+    "make test": ITSELF,
+    "make wheel": ITSELF,
+    "pip install ./dist/funtwin-*.whl": ITSELF,
+    "python benchmarks/reconstruct.py RUNS RECORDING...": MINUTES,
+    "twin check RUN --engines all": ENGINES,
+    "twin check RUN --engines validators": ENGINES,
+    "twin engines --install all": ENGINES,
+    "twin physics estimate RUN": NETWORK,
+    "twin reconstruct RECORDING -o RUN --joint-hint vlm": NETWORK,
+    "twin robots fetch": "needs the name of a robot, which the text around it leaves out; fetches its model",
+    "twin robots show": "needs the name of a robot, which the text around it leaves out",
+}
+RECONSTRUCTED = (
+    "twin evaluate RUN --truth RECORDING/truth"  # runs after every reconstruction, in the slow test
+)
+SNIPPETS_PARSED = {
+    "bosdyn.client": "is for a program that talks to a Spot, with packages and a robot that a test has not",
+}
+# what stands before a page's snippets, and what of them is made smaller to be quick
+BEFORE = {
+    "docs/robots.md": "from pathlib import Path\nimport numpy as np\nimport twin as package\n"
+    "twin = package.load('RUN')\nrecording = [type('', (), {'color': np.zeros((48, 64, 3), np.uint8)})] * 60\n",
+}
+SMALLER = {"trials=100": "trials=1", "--trials 100": "--trials 1"}
+LESS_WORK = {
+    "twin simulate": "--set width=64 --set height=48 --set frames=60 --set samples=1 --set clutter=0"
+}
+
+
+def blocks(page: str) -> list[tuple[str, str]]:
+    """Language and content of each fenced block."""
+    return FENCED.findall((ROOT / page).read_text(encoding="utf-8"))
+
+
+def commands(page: str) -> Iterator[str]:
+    """Commands in blocks and in running text, comments cut off, `a|b` told apart. A verb's bare name is no command."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    lines = [line for _, block in blocks(page) for line in block.splitlines() if COMMAND.match(line)]
+    named = [" ".join(c.split()) for c in re.findall(r"`([^`]+)`", FENCED.sub("", text)) if COMMAND.match(c)]
+    whole = [
+        c for c in named if c.split()[0] != "twin" or len(c.split()) > 2 or c.split()[1] not in cli.VERBS
+    ]
+    for line in [*lines, *whole]:
+        words = re.sub(r"\s+#.*", "", line).strip()
+        yield from (" ".join(w) for w in itertools.product(*(w.split("|") for w in words.split(" "))))
+
+
+ALL = list(dict.fromkeys((page, c) for page in PAGES for c in commands(page)))
+RUNNABLE = list(dict.fromkeys(c for _, c in ALL if c not in ONLY_PARSED and c != RECONSTRUCTED))
+RECONSTRUCT = [c for c in RUNNABLE if c.startswith("twin reconstruct")]
+SLOW = [c for c in RUNNABLE if c.startswith(("twin replay", "twin trajectory", "twin simulate"))]
+QUICK = [c for c in RUNNABLE if c not in (*SLOW, *RECONSTRUCT)]
+SNIPPETS = [(page, code) for page in PAGES for language, code in blocks(page) if language == "python"]
+
+
+def words_of(command: str) -> list[str]:
+    """The arguments of `twin`, with a file for FILE."""
+    for more, smaller in SMALLER.items():
+        command = command.replace(more, smaller)
+    extra = next((shlex.split(x) for verb, x in LESS_WORK.items() if command.startswith(verb)), [])
+    exported = "RUN/export/mjcf/cabinet.xml"
+    return [exported if w in ("FILE", "FILE...") else w for w in shlex.split(command)[1:]] + extra
+
+
+def dedented(code: str) -> str:
+    margin = len(code) - len(code.lstrip(" "))
+    return "".join(line[margin:] for line in code.splitlines(keepends=True))
+
+
+@pytest.mark.parametrize(("page", "command"), ALL)
+def test_every_command_of_the_documents_is_understood(page: str, command: str) -> None:
+    program, *words = shlex.split(command)
+    if program == "make":
+        assert re.search(rf"^{words[0]}:.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    elif program == "python":
+        assert (ROOT / words[0]).is_file()
+    elif program == "pip":
+        assert words[-1] in (ROOT / "Makefile").read_text(encoding="utf-8"), "what `make wheel` leaves"
+    else:
+        if words == ["--help"]:
+            with pytest.raises(SystemExit, match="0"):
+                cli._parse(words)
+            return
+        options = vars(cli._parse(words))
+        if options["verb"] in CONFIGS:
+            _settings(CONFIGS[options["verb"]], None, options["set"])
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_setting_and_verb_that_a_document_names_exists(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert [v for v in re.findall(r"`twin ([a-z]+)`", text) if v not in cli.VERBS] == []
+    for assignment in re.findall(r"--set ([a-z_.]+=[^\s`]+)", text):
+        refused = []
+        for config in dict.fromkeys(CONFIGS.values()):
+            try:
+                _settings(config, None, [assignment])
+            except ConfigError as e:
+                refused.append(str(e))
+        assert len(refused) < len(set(CONFIGS.values())), refused
+
+
+def test_a_setting_that_does_not_exist_is_found() -> None:
+    with pytest.raises(ConfigError, match="unknown key 'window'"):
+        _settings(CONFIGS["reconstruct"], None, ["labels.window=5"])
+
+
+def test_what_only_parses_is_in_the_documents() -> None:
+    told = {c for _, c in ALL}
+    assert [c for c in (*ONLY_PARSED, RECONSTRUCTED) if c not in told] == []
+    assert [word for word in SNIPPETS_PARSED if not any(word in code for _, code in SNIPPETS)] == []
+    assert [a for a in (*SMALLER,) if not any(a in c for c in (*told, *(code for _, code in SNIPPETS)))] == []
+
+
+def test_blocks_without_a_language_hold_commands_or_drawings() -> None:
+    """A command that begins with another word would not be seen."""
+    drawn = re.compile(r"[─►▼▲◄→·]|^(RUN|twin)/ |^ {5,}\S|^$", re.MULTILINE)
+    for page in PAGES:
+        for language, block in blocks(page):
+            assert language in ("", "python"), f"{page}: a test has to read {language}"
+            others = [x for x in block.splitlines() if not COMMAND.match(x)] if not language else []
+            assert [x for x in others if not drawn.search(x)] == [], page
+
+
+@pytest.mark.parametrize(("page", "code"), SNIPPETS)
+def test_every_snippet_names_what_exists(page: str, code: str) -> None:
+    """It compiles, what it imports of Funtwin is there, and so is every `package.name`."""
+    tree = ast.parse(dedented(code))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in (
+            "recon",
+            "robots",
+            "twin",
+        ):
+            for name in node.names:
+                assert hasattr(import_module(str(node.module)), name.name), f"{node.module}.{name.name}"
+    assert page
+    for package, name in re.findall(r"\b(recon|robots|twin)\.([a-z_]+)\(", code):
+        assert hasattr(import_module(package), name), f"{package}.{name}"
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with RUN, an exported cabinet whose parts are called NAME and door_2, and SCENE.xml with a joint NAME."""
+    place = tmp_path_factory.mktemp("documents")
+    twin = cabinet_twin()
+    named = [replace(p, name={"drawer": "NAME", "door": "door_2"}[p.name]) for p in twin.parts]
+    save(replace(twin, parts=tuple(named)), place / "RUN" / "twin")
+    assert cli.run(["export", str(place / "RUN"), "--json"]) == 0
+    scene = asset("scenes/base_cabinet.xml").read_text(encoding="utf-8")
+    (place / "SCENE.xml").write_text(scene.replace("drawer_top", "NAME"), encoding="utf-8")
+    return place
+
+
+@pytest.fixture
+def place(exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy that a command may change, as the folder where it is run."""
+    shutil.copytree(exported, tmp_path / "place")
+    monkeypatch.chdir(tmp_path / "place")
+    return tmp_path / "place"
+
+
+@pytest.mark.usefixtures("place")
+@pytest.mark.parametrize("command", QUICK)
+def test_quick_commands_run_as_they_stand(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        report_page, "_pictures", lambda _: {"opening": [], "dollhouse": ""}
+    )  # has tests of its own
+    assert cli.run(words_of(command)) == 0, capsys.readouterr().err
+
+
+def python(code: str, folder: Path) -> str:
+    """What a program prints that is run in the folder."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("place")
+@pytest.mark.parametrize("command", SLOW)
+def test_robot_and_rendering_commands_run_as_they_stand(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if command.startswith("twin trajectory"):
+        assert cli.run(["replay", "RUN", "--robot", "franka"]) == 0, capsys.readouterr().err
+    assert cli.run(words_of(command)) == 0, capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", RECONSTRUCT)
+def test_reconstructions_run_as_they_stand(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On the shipped recording, with the camera poses of its truth as known ones; then everything said about measures."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(asset("recordings/cabinet_drawer"), "RECORDING")
+    shutil.copy("RECORDING/truth/trajectory.txt", "RECORDING")
+    assert cli.run(words_of(command)) == 0, capsys.readouterr().err
+    assert cli.run(words_of(RECONSTRUCTED)) == 0, capsys.readouterr().out
+    for page, code in SNIPPETS:
+        if page == "docs/metrics.md":
+            assert "ATE" in python(code, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", sorted({page for page, _ in SNIPPETS if page != "docs/metrics.md"}))
+def test_snippets_run_as_they_stand(page: str, place: Path) -> None:
+    """A page's snippets one after the other, as its reader meets them."""
+    codes = [dedented(c) for p, c in SNIPPETS if p == page and not any(w in c for w in SNIPPETS_PARSED)]
+    code = BEFORE.get(page, "") + "\n".join(codes)
+    for more, smaller in SMALLER.items():
+        code = code.replace(more, smaller)
+    told = python(f"if __name__ == '__main__':\n    exec({code!r})", place)
+    assert page != "README.md" or "opened" in told
