@@ -9,6 +9,7 @@ from pathlib import Path
 
 from robots.spec import RobotSpec, load_spec
 from twin.errors import InputError, MissingDependencyError, nearest_name
+from twin.paths import AnyPath
 
 _LOG = logging.getLogger(__name__)
 _ASSETS = Path(__file__).resolve().parent.parent / "assets" / "robots"
@@ -21,7 +22,7 @@ def names() -> list[str]:
     return sorted(p.stem for p in _ASSETS.glob("*.toml"))
 
 
-def resolve(robot: str | Path) -> RobotSpec:
+def resolve(robot: AnyPath) -> RobotSpec:
     """The robot of this name or file. What was taken is logged.
 
     Args:

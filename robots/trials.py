@@ -25,6 +25,7 @@ from robots.trajectory import RobotTrajectory
 from robots.world import build_world, with_collision
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.paths import AnyPath
 from twin.scene import Part, Twin
 
 FORMAT = "funtwin-trials/1"
@@ -204,12 +205,12 @@ class TrialReport:
 def run_trials(
     twin: Twin,
     trajectory: RobotTrajectory,
-    out: Path | None = None,
+    out: AnyPath | None = None,
     *,
     trials: int = 100,
     grid: bool = False,
     seed: int = 0,
-    robot: str | Path | None = None,
+    robot: AnyPath | None = None,
     config: ReplayConfig | None = None,
     workers: int | None = None,
     tell: Tell | None = None,
@@ -247,7 +248,7 @@ def run_trials(
         trajectory.robot, twin.name, part.name, seed, config.control, config.stiffness, spread, table
     )
     if out is not None:
-        _write(report, out)
+        _write(report, Path(out))
     return report
 
 

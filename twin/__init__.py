@@ -60,9 +60,15 @@ _LAZY = {"load": "twin.storage", "save": "twin.storage"}
 _CALLABLE_MODULES = ("check", "export")
 
 
-def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        return getattr(import_module(_LAZY[name]), name)
-    if name in _CALLABLE_MODULES:
-        return import_module(f"twin.{name}")
-    raise AttributeError(f"module 'twin' has no attribute {name!r}")
+if not TYPE_CHECKING:  # a type checker that saw it would take every misspelled name for one that exists
+
+    def __getattr__(name: str) -> Any:
+        if name in _LAZY:
+            return getattr(import_module(_LAZY[name]), name)
+        if name in _CALLABLE_MODULES:
+            return import_module(f"twin.{name}")
+        raise AttributeError(f"module 'twin' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

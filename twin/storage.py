@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.errors import InputError
+from twin.paths import AnyPath
 from twin.ply import ply_bytes
 from twin.scene import Collision, Joint, Mesh, Part, Quantity, Revolute, Trajectory, Twin
 
 FORMAT = "funtwin/1"
 
 
-def save(twin: Twin, folder: Path) -> None:
+def save(twin: Twin, folder: AnyPath) -> None:
     """Write the twin into `folder` (usually RUN/twin): all of it appears at once, or nothing changes.
 
     Raises InputError when the folder can't be written or holds something that is not a twin.
@@ -56,7 +57,7 @@ def save(twin: Twin, folder: Path) -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def load(folder: Path) -> Twin:
+def load(folder: AnyPath) -> Twin:
     """Read a twin from RUN/twin, or from RUN itself. Labels are read when they are looked at.
 
     Raises InputError that names the file, the field and its value.
@@ -66,7 +67,7 @@ def load(folder: Path) -> Twin:
     return read_twin(twin_folder(folder))
 
 
-def twin_folder(folder: Path) -> Path:
+def twin_folder(folder: AnyPath) -> Path:
     """The folder that holds twin.json: RUN/twin, given itself or RUN. Raises InputError when there is none."""
     folder = Path(folder)
     here = folder if (folder / "twin.json").is_file() else folder / "twin"
@@ -75,7 +76,7 @@ def twin_folder(folder: Path) -> Path:
     return here
 
 
-def save_values(twin: Twin, folder: Path) -> None:
+def save_values(twin: Twin, folder: AnyPath) -> None:
     """Replace twin.json alone, at once, for a twin whose numbers changed while its meshes, cameras and labels did not.
 
     Raises InputError when a mesh of the twin is not in the folder, or the folder can't be written.

@@ -16,6 +16,7 @@ from twin.export.asset import AssetInfo
 from twin.export.notes import readme
 from twin.export.package import check_package, write_package
 from twin.export.tree import build_tree, require_ranges
+from twin.paths import AnyPath
 from twin.scene import Twin
 from twin.soundness import require_sound
 
@@ -42,10 +43,10 @@ class Exported(Mapping[str, Path]):
 
 def export(
     twin: Twin,
-    folder: Path,
+    folder: AnyPath,
     formats: Sequence[str] = FORMATS,
     package: str = "",
-    cache_dir: Path | None = None,
+    cache_dir: AnyPath | None = None,
     asset: AssetInfo | None = None,
 ) -> Exported:
     """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
@@ -64,6 +65,7 @@ def export(
         InputError: unknown format, illegal package name, or the folder can't be written. SceneError: a part that can't be
         simulated.
     """
+    folder = Path(folder)
     unknown = [f for f in formats if f not in FORMATS]
     if unknown:
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
@@ -96,7 +98,7 @@ def export(
     return Exported(files, tuple(warnings))
 
 
-def complete(twin: Twin, cache_dir: Path | None = None) -> Twin:
+def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
     """The twin with mass, friction and collision shapes wherever they were missing.
 
     Raises SceneError for a part whose mesh is empty or passes through itself, or that can't move.

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import ConfigError, SceneError, nearest_name
+from twin.paths import AnyPath
 from twin.quantities import Quantity, origin_of
 
 _TABLE = Path(__file__).resolve().parents[2] / "assets" / "materials.toml"
@@ -44,10 +45,10 @@ class MaterialTable:
         return self.materials[name]
 
 
-def read_materials(path: Path = _TABLE) -> MaterialTable:
+def read_materials(path: AnyPath = _TABLE) -> MaterialTable:
     """Read a table of materials (TOML, see assets/materials.toml). Raises ConfigError naming file and entry."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, tomllib.TOMLDecodeError) as e:
         raise ConfigError(
             f"table of materials {path} can't be read: {e}", "start from assets/materials.toml"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
+from twin.paths import AnyPath
 from twin.physics.text import described
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
@@ -25,12 +26,13 @@ VERBS = ("evaluate", "export", "check", "replay")
 STEPS = 5  # pictures from closed to open
 
 
-def render(run: Path) -> Path:
+def render(run: AnyPath) -> Path:
     """Write RUN/report.html, one file without outside references, and return its path.
 
     Everything that is there is shown: stages and warnings of an unfinished run, a twin without recording, results of
     the verbs. Raises InputError when `run` is no folder, OSError when it can't be written.
     """
+    run = Path(run)
     if not run.is_dir():
         raise InputError(f"{run} is not a run folder", "give the folder that `twin reconstruct -o` wrote")
     manifest = read_json(run / MANIFEST)
