@@ -128,7 +128,16 @@ def scene_values() -> list[Any]:
     part = made.parts[0]
     motion = opening_motion(1.0)
     nothing = replace(motion, frames=[], times=[], state=[], intervals=())
-    inner = [part, part.mesh, part.joint, part.motion, nothing, part.contact, part.collision[0], part.inertial]
+    inner = [
+        part,
+        part.mesh,
+        part.joint,
+        part.motion,
+        nothing,
+        part.contact,
+        part.collision[0],
+        part.inertial,
+    ]
     return [made, made.static, *inner, part.physics, made.cameras, made.recorded, *made.parts]
 
 
