@@ -50,7 +50,7 @@ def reconstruct(
         *manifest.get("warnings", []),
         *(w for s in manifest.get("stages", []) for w in s["warnings"]),
     ]
-    rows = [[p.name, *_part_row(p)] for p in twin.parts]
+    rows = [[p.name, *joint_row(p)] for p in twin.parts]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
     stages = {s["name"]: s["seconds"] for s in manifest.get("stages", [])}
     summary = "; ".join(f"{p.name}: {_joint_text(p)}" for p in twin.parts)
@@ -349,7 +349,8 @@ def _partnamed(twin: Twin, name: str) -> Part:
     return twin.part(int(name) if name.isdecimal() else name)
 
 
-def _part_row(part: Part) -> list[str]:
+def joint_row(part: Part) -> list[str]:
+    """Type, range, 1 sigma of axis and pivot, and mass of a part, for a table."""
     from twin.report.page import part_facts
 
     facts = {name: value for name, value, _ in part_facts(part)}

@@ -72,6 +72,21 @@ def reconstruct(
         return steps.reconstruct(progress, recording, out, layout, settings, joint_hint).outcome
 
 
+def import_scene(
+    console: Console,
+    scene: Path,
+    out: Path,
+    closed: Sequence[str] = (),
+    limits: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+) -> Outcome:
+    """A scene from elsewhere to twin."""
+    step = steps.named("twin.importers.step:import_scene")
+    with console.progress() as progress, _page(out):
+        made: Outcome = step(progress, scene, out, closed, limits, exclude).outcome
+        return made
+
+
 def export(
     console: Console, run: Path, formats: Sequence[str], package: str, asset: Sequence[str]
 ) -> Outcome:

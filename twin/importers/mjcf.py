@@ -71,16 +71,29 @@ def _included(path: Path, seen: set[Path]) -> Iterator[Path]:
 
 def _not_carried(model: Any) -> list[str]:
     """What a twin has no place for."""
-    kinds = [mujoco.mjtEq(int(t)).name.removeprefix("mjEQ_").lower() for t in model.eq_type]
-    notes = [f"equality {model.eq(k).name or k!r} ({kinds[k]}) is not carried" for k in range(model.neq)]
+    notes = [f"equality {_equality(model, k)} is not carried" for k in range(model.neq)]
     springs = [model.joint(j).name or j for j in range(model.njnt) if float(model.jnt_stiffness[j]) != 0.0]
     notes += [f"the spring of joint {name!r} is not carried" for name in springs]
     if model.nu:
-        notes.append(f"{model.nu} actuators are not carried: a twin's parts are moved by hand")
+        notes.append(
+            f"{model.nu} actuators are not carried: what they move becomes parts unless its bodies are excluded"
+        )
+    if float(np.max(model.dof_armature, initial=0.0)) > 0:
+        notes.append("armature of joints is not carried: exports choose their own")
     for count, what in ((model.ntendon, "tendons"), (model.nflex, "flexible bodies"), (model.nskin, "skins")):
         if count:
             notes.append(f"{count} {what} are not carried")
     return notes
+
+
+def _equality(model: Any, k: int) -> str:
+    """An equality by its name or kind, and the joints that it couples."""
+    kind = mujoco.mjtEq(int(model.eq_type[k]))
+    what = str(model.eq(k).name) or kind.name.removeprefix("mjEQ_").lower()
+    if kind != mujoco.mjtEq.mjEQ_JOINT:
+        return repr(what)
+    ends = [int(j) for j in (model.eq_obj1id[k], model.eq_obj2id[k]) if j >= 0]
+    return f"{what!r} of joints {', '.join(repr(str(model.joint(j).name)) for j in ends)}"
 
 
 class _Scene:
