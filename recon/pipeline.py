@@ -30,10 +30,11 @@ from recon.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.physics import keep_known, with_physics
+from twin.progress import default_progress
 from twin.scene import Trajectory, Twin
 from twin.settings import as_dict
 from twin.stages import Progress, Run, update_manifest, versions
-from twin.storage import load, save
+from twin.storage import load, require_place, save
 
 T = TypeVar("T")
 Labels = dict[int, NDArray[np.uint8]]
@@ -53,13 +54,15 @@ def reconstruct(
         config: settings by stage; None takes the defaults.
         out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
             there. None keeps everything in memory.
-        progress: told about every stage.
+        progress: told about every stage; without it a bar appears on a terminal.
         hint: says which joint types to expect; asked once, before anything else. Clear motion overrules it.
 
     Raises InputError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
     """
     config = config or ReconConfig()
-    with Run(out, recording.fingerprint, progress, config) as run:
+    if out is not None:
+        require_place(out / "twin")
+    with default_progress(progress) as told, Run(out, recording.fingerprint, told, config) as run:
         for note in recording.warnings:
             run.warn(note)
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()

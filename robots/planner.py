@@ -30,6 +30,7 @@ from robots.world import with_collision
 from twin.errors import PlanningError
 from twin.geometry import Array
 from twin.paths import AnyPath
+from twin.progress import shows_bar
 from twin.scene import ContactPath, Part, Twin
 
 _LOG = logging.getLogger(__name__)
@@ -39,6 +40,7 @@ _ROUNDS = 2  # closer looks around the best, as long as no base is free
 _ALIKE = 0.08  # m
 
 
+@shows_bar("plan")
 def plan(
     twin: Twin,
     part: int | str,

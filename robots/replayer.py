@@ -28,11 +28,13 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.paths import AnyPath
+from twin.progress import shows_bar
 from twin.scene import Twin
 
 _RECORD_EVERY = 5  # simulation steps between samples: 10 ms
 
 
+@shows_bar("replay")
 def replay(
     twin: Twin,
     trajectory: RobotTrajectory,

@@ -26,6 +26,7 @@ from robots.world import build_world, with_collision
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.paths import AnyPath
+from twin.progress import default_progress, silent
 from twin.scene import Part, Twin
 
 FORMAT = "funtwin-trials/1"
@@ -222,7 +223,7 @@ def run_trials(
         trials: for the twin's own uncertainty, and as many for each size of error: all three kinds together, growing;
             with `grid` each kind alone too. seed: of every draw. robot: when it is not the trajectory's own name.
         workers: processes; default one for each core. The result does not depend on them. tell: called with the number of
-            replays done and their total.
+            replays done and their total; without it a bar appears on a terminal.
 
     Raises:
         SceneError: the twin has no such part. InputError: trials < 1, a negative seed, or an unwritable folder.
@@ -237,7 +238,12 @@ def run_trials(
     spread = spread_of(part)
     rows = rows_of(part, grid)
     draws = [draw(part, spread, sizes, seed, k) for sizes in rows for k in range(trials)]
-    reports = replay_all(world, trajectory, part, draws, config, workers=workers, tell=tell)
+    with default_progress(None if tell is None else silent) as progress:
+
+        def bar(done: int, total: int) -> None:
+            progress("trials", done / total, f"{done} of {total}")
+
+        reports = replay_all(world, trajectory, part, draws, config, workers=workers, tell=tell or bar)
     held, goal = trajectory.T_world_tool[trajectory.phases.index("move"), :3, 3], trajectory.goal
     done = [
         Trial(d, path_error(part, d, held, goal), closes_itself(part, d, goal), r)

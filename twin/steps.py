@@ -13,6 +13,7 @@ from typing import Any
 
 from twin.console import Outcome
 from twin.errors import FuntwinError, InputError, PlanningError
+from twin.paths import require_writable
 from twin.report.sections import Section, Table, save_section
 from twin.scene import Part, Twin
 from twin.stages import MANIFEST, Progress, read_json
@@ -141,11 +142,13 @@ def replay(
         )
     tasks = {part.id: named("robots.goals:task_of")(part, goal, start) for part in parts}
     named("robots:resolve")(robot)
+    config = named("robots:ReplayConfig")(**(settings or {}))
+    require_writable(run_folder(run) / "replay")
+    # what follows imports MuJoCo: every wrong answer that can be told without it was told before
     # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([named("robots.touch:NothingToHold")] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
     rows, reports, tables = [], {}, []
-    config = named("robots:ReplayConfig")(**(settings or {}))
     for part in parts:
         row, report, note, trajectory = _replay_part(
             progress,

@@ -32,12 +32,7 @@ def save(twin: Twin, folder: AnyPath) -> None:
     Raises InputError when the folder can't be written or holds something that is not a twin.
     """
     folder = Path(folder)
-    if folder.exists() and (
-        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "twin.json").exists())
-    ):
-        raise InputError(
-            f"{folder} exists and does not hold a twin", "give a new or empty folder, e.g. RUN/twin"
-        )
+    require_place(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
@@ -55,6 +50,16 @@ def save(twin: Twin, folder: AnyPath) -> None:
         ) from e
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def require_place(folder: Path) -> None:
+    """Raises InputError unless a twin may be written there: a new or empty folder, or one that holds a twin."""
+    if folder.exists() and (
+        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "twin.json").exists())
+    ):
+        raise InputError(
+            f"{folder} exists and does not hold a twin", "give a new or empty folder, e.g. RUN/twin"
+        )
 
 
 def load(folder: AnyPath) -> Twin:

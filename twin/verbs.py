@@ -11,9 +11,11 @@ from typing import Any
 from twin import steps
 from twin.console import Console, Outcome
 from twin.errors import ConfigError, FuntwinError, InputError
+from twin.paths import require_writable
 from twin.report.sections import Table
 from twin.settings import from_dict, read_toml
 from twin.stages import MANIFEST
+from twin.storage import require_place
 
 RECORDINGS = Path(__file__).resolve().parents[1] / "assets" / "recordings"
 
@@ -22,6 +24,8 @@ def demo(
     console: Console, out: Path, recording: Path | None, robot: str, config: Path | None, set: Sequence[str]
 ) -> Outcome:
     """The whole chain: reconstruct, evaluate where there is truth, export, check, replay."""
+    _require_run(out)
+    steps.named("robots:resolve")(robot)
     recording = recording or _shipped_recording()
     truth = recording / "truth"
     with console.progress() as progress, _page(out):
@@ -47,6 +51,7 @@ def simulate(
     console: Console, scene: Path, joint: str, out: Path, config: Path | None, set: Sequence[str]
 ) -> Outcome:
     """Render a recording with truth."""
+    require_writable(out)
     settings = _settings("recon.simulate.config:SimulateConfig", config, set)
     with console.progress() as progress:
 
@@ -67,6 +72,7 @@ def reconstruct(
     set: Sequence[str],
 ) -> Outcome:
     """Recording to twin."""
+    _require_run(out)
     settings = _settings("recon.config:ReconConfig", config, set)
     with console.progress() as progress, _page(out):
         return steps.reconstruct(progress, recording, out, layout, settings, joint_hint).outcome
@@ -81,6 +87,7 @@ def import_scene(
     exclude: Sequence[str] = (),
 ) -> Outcome:
     """A scene from elsewhere to twin."""
+    _require_run(out)
     step = steps.named("twin.importers.step:import_scene")
     with console.progress() as progress, _page(out):
         made: Outcome = step(progress, scene, out, closed, limits, exclude).outcome
@@ -173,6 +180,7 @@ def trajectory(
     start: str | None = None,
 ) -> Outcome:
     """What a replay planned, in robots' formats."""
+    require_writable(out)
     with console.progress() as progress:
         return steps.trajectory(progress, run, robot, part, formats, out, goal, start)
 
@@ -230,16 +238,27 @@ def engines(console: Console, install: Sequence[str]) -> Outcome:
 
 @contextmanager
 def _page(run: Path) -> Iterator[None]:
-    """Render the page when the verb is done, also when it failed for a reason the user can mend."""
-    from twin.report import render
-
+    """Render the page when the verb is done, also when it failed for a reason the user can mend after it changed the run."""
+    before = _shown(run)
     try:
         yield
     except FuntwinError:
-        if (run / MANIFEST).is_file():
-            render(run)
+        if (run / MANIFEST).is_file() and _shown(run) != before:
+            steps.named("twin.report:render")(run)
         raise
-    render(steps.run_folder(run))
+    steps.named("twin.report:render")(steps.run_folder(run))
+
+
+def _shown(run: Path) -> dict[Path, int]:
+    """When what the page shows was written last."""
+    files = (run / MANIFEST, run / "twin" / "twin.json", *(run / "report").glob("*.json"))
+    return {f: f.stat().st_mtime_ns for f in files if f.is_file()}
+
+
+def _require_run(out: Path) -> None:
+    """Raises InputError unless a twin can be written to the run folder; cheap, for before anything is computed."""
+    require_writable(out)
+    require_place(out / "twin")
 
 
 def _settings(cls: str, path: Path | None, assignments: Sequence[str]) -> Any:

@@ -17,6 +17,7 @@ from twin.export.notes import readme
 from twin.export.package import check_package, write_package
 from twin.export.tree import build_tree, require_ranges
 from twin.paths import AnyPath
+from twin.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import require_sound
 
@@ -41,6 +42,7 @@ class Exported(Mapping[str, Path]):
         return len(self.files)
 
 
+@shows_bar("export")
 def export(
     twin: Twin,
     folder: AnyPath,
