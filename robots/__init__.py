@@ -61,4 +61,4 @@ if not TYPE_CHECKING:  # a type checker that saw it would take every misspelled 
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted({*globals(), *__all__})

@@ -79,4 +79,4 @@ if not TYPE_CHECKING:  # a type checker that saw it would take every misspelled 
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
+    return sorted({*globals(), *__all__})

@@ -20,7 +20,7 @@ from twin.importers.source import (
     moved,
     surface_of,
 )
-from twin.importers.stated import with_stated
+from twin.importers.stated import stated_inertial, with_stated
 from twin.names import legal_name
 from twin.physics import with_physics
 from twin.scene import (
@@ -63,15 +63,14 @@ def build(
         )
     taken: list[str] = []
     static = _static(groups[0], taken)
-    placed = _parts(source, groups[1:], closed, limits, taken)
-    twin = Twin(legal_name(source.name), static, tuple(part for part, _ in placed))
+    parts = _parts(source, groups[1:], closed, limits, taken, notes)
+    twin = Twin(legal_name(source.name), static, parts)
     try:
         twin = with_physics(twin)
     except SceneError as e:
         raise InputError(f"{source.path}: {e.problem}", e.remedy) from e
     stated = tuple(
-        with_stated(source, part, group.bodies, T, notes)
-        for part, group, (_, T) in zip(twin.parts, groups[1:], placed, strict=True)
+        with_stated(source, part, group.bodies) for part, group in zip(twin.parts, groups[1:], strict=True)
     )
     for note in notes:
         warnings.warn(f"{source.path.name}: {note}", UserWarning, stacklevel=4)
@@ -153,12 +152,13 @@ def _parts(
     closed: Mapping[str, Closed],
     limits: Mapping[str, tuple[float, float]],
     taken: list[str],
-) -> list[tuple[Part, Array]]:
-    """Parts with mesh, joint and shapes at state 0, every joint of the file at its closed position, and the pose (4, 4) that
-    takes the file's rest pose there."""
+    notes: list[str],
+) -> tuple[Part, ...]:
+    """Parts with mesh, joint, shapes and what they are stated to weigh at state 0: every joint of the file at its closed
+    position."""
     ids: dict[str, int] = {}
     poses: dict[int | None, Array] = {None: np.eye(4)}
-    placed: list[tuple[Part, Array]] = []
+    placed: list[Part] = []
     for group in groups:
         first = group.first
         assert first is not None
@@ -185,6 +185,7 @@ def _parts(
             mesh,
             joint_of(first.joint, T, direction, ends, mesh),
             Motion(np.zeros(0, np.int64), np.zeros(0), np.zeros(0)),  # nobody moved it
+            inertial=stated_inertial(source, group.bodies, T, notes),
             collision=tuple(moved(c, T) for c in _shapes(group)),
             parent=parent,
             limits_source="given by the user"
@@ -193,8 +194,8 @@ def _parts(
             closed_source=why,
             type_source=f"stated in {source.path.name}",
         )
-        placed.append((part, T))
-    return placed
+        placed.append(part)
+    return tuple(placed)
 
 
 def _part_above(body: SourceBody, ids: Mapping[str, int], bodies: Sequence[SourceBody]) -> int | None:

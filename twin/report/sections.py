@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from twin.paths import AnyPath
 from twin.stages import read_json, write_json
 
 # Cells with these texts stand out, on the terminal and on the page.
@@ -37,8 +38,9 @@ class Section:
     twin: str = ""
 
 
-def save_section(run: Path, section: Section) -> None:
+def save_section(run: AnyPath, section: Section) -> None:
     """Write RUN/report/<verb>.json. Raises OSError when the folder can't be written."""
+    run = Path(run)
     folder = run / "report"
     folder.mkdir(parents=True, exist_ok=True)
     data = asdict(section) | {"twin": twin_key(run)}
