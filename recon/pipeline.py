@@ -31,10 +31,11 @@ from recon.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.physics import MaterialTable, keep_known, read_materials, with_physics
+from twin.progress import default_progress
 from twin.scene import Trajectory, Twin
 from twin.settings import as_dict
 from twin.stages import MANIFEST, Progress, Run, read_json, update_manifest, versions
-from twin.storage import digest, keep_aside, load, save
+from twin.storage import digest, keep_aside, load, require_place, save
 
 T = TypeVar("T")
 Labels = dict[int, NDArray[np.uint8]]
@@ -55,7 +56,7 @@ def reconstruct(
         config: settings by stage; None takes the defaults.
         out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
             there. None keeps everything in memory.
-        progress: told about every stage.
+        progress: told about every stage; without it a bar appears on a terminal.
         hint: says which joint types to expect; asked once, before anything else. Clear motion overrules it.
 
     Raises InputError, ConfigError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
@@ -65,7 +66,9 @@ def reconstruct(
     out = None if out is None else Path(out)
     if not isinstance(recording, Recording):
         recording = open_recording(recording)
-    with Run(out, recording.fingerprint, progress, config) as run:
+    if out is not None:
+        require_place(out / "twin")
+    with default_progress(progress) as told, Run(out, recording.fingerprint, told, config) as run:
         for note in recording.warnings:
             run.warn(note)
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()

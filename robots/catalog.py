@@ -11,6 +11,7 @@ from robots.spec import RobotSpec, load_spec
 from twin.asset_files import REMEDY, asset
 from twin.errors import InputError, MissingDependencyError, nearest_name
 from twin.packages import to_install
+from twin.paths import AnyPath
 
 _LOG = logging.getLogger(__name__)
 # the real models' modules in the package robot_descriptions, which clones MuJoCo Menagerie when one is imported
@@ -26,7 +27,7 @@ def names() -> list[str]:
     return found
 
 
-def resolve(robot: str | Path) -> RobotSpec:
+def resolve(robot: AnyPath) -> RobotSpec:
     """The robot of this name or file. What was taken is logged.
 
     Args:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -30,6 +29,8 @@ from robots.trajectory import RejectedBase, RobotTrajectory
 from robots.world import with_collision
 from twin.errors import PlanningError
 from twin.geometry import Array
+from twin.paths import AnyPath
+from twin.progress import shows_bar
 from twin.scene import ContactPath, Part, Twin
 
 _LOG = logging.getLogger(__name__)
@@ -39,10 +40,11 @@ _ROUNDS = 2  # closer looks around the best, as long as no base is free
 _ALIKE = 0.08  # m
 
 
+@shows_bar("plan")
 def plan(
     twin: Twin,
     part: int | str,
-    robot: str | Path = "franka",
+    robot: AnyPath = "franka",
     *,
     contact: ContactPath | Array | None = None,
     goal: Goal | None = None,
@@ -97,7 +99,7 @@ def _planned(
     holds: Sequence[Hold],
     config: PlanConfig,
     rounds: int,
-    robot: str | Path,
+    robot: AnyPath,
 ) -> RobotTrajectory:
     """The best trajectory that takes the part by one of the holds; rounds: closer looks around bases that nearly do.
 
@@ -178,9 +180,7 @@ def _unlike(accepted: Sequence[Base], count: int) -> list[Base]:
     return chosen
 
 
-def _best(
-    twin: Twin, candidates: list[RobotTrajectory], rehearse: bool, robot: str | Path
-) -> RobotTrajectory:
+def _best(twin: Twin, candidates: list[RobotTrajectory], rehearse: bool, robot: AnyPath) -> RobotTrajectory:
     """The first, by score, that succeeds in a rehearsal with half the slip allowed; else the success that slips least,
     else the one that came nearest to the goal."""
     candidates = sorted(candidates, key=lambda t: -t.score)

@@ -27,17 +27,20 @@ from robots.world import PART, ROBOT, World, build_world, with_collision
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.paths import AnyPath
+from twin.progress import shows_bar
 from twin.scene import Twin
 
 _RECORD_EVERY = 5  # simulation steps between samples: 10 ms
 
 
+@shows_bar("replay")
 def replay(
     twin: Twin,
     trajectory: RobotTrajectory,
-    out: Path | None = None,
+    out: AnyPath | None = None,
     *,
-    robot: str | Path | None = None,
+    robot: AnyPath | None = None,
     video: bool = True,
     config: ReplayConfig | None = None,
     demonstration: Demonstration | None = None,
@@ -55,6 +58,7 @@ def replay(
         PlanningError: MuJoCo refuses the scene.
     """
     config = config or ReplayConfig()
+    out = None if out is None else Path(out)
     part = twin.part(trajectory.part_id)
     spec = resolve(robot or trajectory.robot)
     if spec.arm_joints != trajectory.joint_names:

@@ -25,6 +25,8 @@ from robots.trajectory import RobotTrajectory
 from robots.world import build_world, with_collision
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.paths import AnyPath
+from twin.progress import default_progress, silent
 from twin.scene import Part, Twin
 
 FORMAT = "funtwin-trials/1"
@@ -204,12 +206,12 @@ class TrialReport:
 def run_trials(
     twin: Twin,
     trajectory: RobotTrajectory,
-    out: Path | None = None,
+    out: AnyPath | None = None,
     *,
     trials: int = 100,
     grid: bool = False,
     seed: int = 0,
-    robot: str | Path | None = None,
+    robot: AnyPath | None = None,
     config: ReplayConfig | None = None,
     workers: int | None = None,
     tell: Tell | None = None,
@@ -221,7 +223,7 @@ def run_trials(
         trials: for the twin's own uncertainty, and as many for each size of error: all three kinds together, growing;
             with `grid` each kind alone too. seed: of every draw. robot: when it is not the trajectory's own name.
         workers: processes; default one for each core. The result does not depend on them. tell: called with the number of
-            replays done and their total.
+            replays done and their total; without it a bar appears on a terminal.
 
     Raises:
         SceneError: the twin has no such part. InputError: trials < 1, a negative seed, or an unwritable folder.
@@ -236,7 +238,12 @@ def run_trials(
     spread = spread_of(part)
     rows = rows_of(part, grid)
     draws = [draw(part, spread, sizes, seed, k) for sizes in rows for k in range(trials)]
-    reports = replay_all(world, trajectory, part, draws, config, workers=workers, tell=tell)
+    with default_progress(None if tell is None else silent) as progress:
+
+        def bar(done: int, total: int) -> None:
+            progress("trials", done / total, f"{done} of {total}")
+
+        reports = replay_all(world, trajectory, part, draws, config, workers=workers, tell=tell or bar)
     held, goal = trajectory.T_world_tool[trajectory.phases.index("move"), :3, 3], trajectory.goal
     done = [
         Trial(d, path_error(part, d, held, goal), closes_itself(part, d, goal), r)
@@ -247,7 +254,7 @@ def run_trials(
         trajectory.robot, twin.name, part.name, seed, config.control, config.stiffness, spread, table
     )
     if out is not None:
-        _write(report, out)
+        _write(report, Path(out))
     return report
 
 

@@ -26,6 +26,7 @@ from twin.scene import (
 if TYPE_CHECKING:
     from twin.check import check
     from twin.export import export
+    from twin.importers import from_mjcf, from_urdf
     from twin.storage import load, save
 
 __version__ = "0.1.0"
@@ -50,19 +51,32 @@ __all__ = [
     "Twin",
     "check",
     "export",
+    "from_mjcf",
+    "from_urdf",
     "load",
     "save",
 ]
 
 # Heavy modules are imported on first use, so that `import twin` stays light. `twin.export` and `twin.check` are the
 # modules of that name, which can be called: twin.export(twin, folder), and imported from: from twin.export import urdf.
-_LAZY = {"load": "twin.storage", "save": "twin.storage"}
+_LAZY = {
+    "from_mjcf": "twin.importers",
+    "from_urdf": "twin.importers",
+    "load": "twin.storage",
+    "save": "twin.storage",
+}
 _CALLABLE_MODULES = ("check", "export")
 
 
-def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        return getattr(import_module(_LAZY[name]), name)
-    if name in _CALLABLE_MODULES:
-        return import_module(f"twin.{name}")
-    raise AttributeError(f"module 'twin' has no attribute {name!r}")
+if not TYPE_CHECKING:  # a type checker that saw it would take every misspelled name for one that exists
+
+    def __getattr__(name: str) -> Any:
+        if name in _LAZY:
+            return getattr(import_module(_LAZY[name]), name)
+        if name in _CALLABLE_MODULES:
+            return import_module(f"twin.{name}")
+        raise AttributeError(f"module 'twin' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -25,6 +25,7 @@ VERBS = {
     "demo": ("twin.verbs:demo", "the whole chain on the recording shipped with Funtwin"),
     "simulate": ("twin.verbs:simulate", "render a recording with exact truth from an MJCF scene"),
     "reconstruct": ("twin.verbs:reconstruct", "turn a recording into a twin"),
+    "import": ("twin.verbs:import_scene", "turn a URDF or MJCF scene from elsewhere into a twin"),
     "export": ("twin.verbs:export", "write the twin as URDF, MJCF and USD"),
     "check": ("twin.verbs:check", "load the exported files in other programs and compare them with the twin"),
     "lint": ("twin.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from twin.progress import Bars, silent, told_to
 from twin.report.sections import MARKS, Table
 from twin.stages import Progress
 
@@ -36,12 +37,14 @@ class Console:
     def progress(self) -> Iterator[Progress]:
         """A bar per stage on a terminal, a line per finished stage elsewhere."""
         if self.quiet:
-            yield _silent
+            with told_to(silent) as progress:
+                yield progress
         elif sys.stderr.isatty():
-            with _Bars() as bars:
+            with Bars() as bars, told_to(bars):
                 yield bars
         else:
-            yield _Lines()
+            with told_to(_Lines()) as progress:
+                yield progress
 
     def show(self, outcome: Outcome) -> None:
         """Tables, notes and warnings."""
@@ -69,47 +72,8 @@ def _mark(cell: str) -> str:
     return f"[{colors[MARKS[cell]]}]{cell}[/]" if cell in MARKS else cell
 
 
-def _silent(stage: str, fraction: float, message: str = "") -> None:
-    """Progress that shows nothing."""
-
-
 class _Lines:
     def __call__(self, stage: str, fraction: float, message: str = "") -> None:
         if fraction >= 1.0:
             sys.stderr.write(f"{stage:<12} {message}\n")
             sys.stderr.flush()
-
-
-class _Bars:
-    """One rich progress bar per stage; without fractions between 0 and 1 it pulses."""
-
-    def __init__(self) -> None:
-        from rich.console import Console as Rich
-        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-        columns = (
-            SpinnerColumn(finished_text="[green]✓[/]"),
-            TextColumn("{task.description:<12}"),
-            BarColumn(bar_width=30),
-            TimeElapsedColumn(),
-            TextColumn("[dim]{task.fields[message]}"),
-        )
-        self._bars = Progress(*columns, console=Rich(stderr=True))
-        self._tasks: dict[str, Any] = {}
-
-    def __enter__(self) -> _Bars:
-        self._bars.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bars.stop()
-
-    def __call__(self, stage: str, fraction: float, message: str = "") -> None:
-        from rich.markup import escape
-
-        if stage not in self._tasks:
-            self._tasks[stage] = self._bars.add_task(stage, total=None, message="")
-        known = fraction > 0
-        self._bars.update(
-            self._tasks[stage], total=1.0 if known else None, completed=fraction, message=escape(message)
-        )

@@ -72,6 +72,34 @@ def _reconstruct(parser: ArgumentParser) -> None:
     _settings(parser)
 
 
+def _import(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("scene", metavar="SCENE.urdf|.xml", type=Path, help="URDF or MJCF file")
+    add("-o", "--out", metavar="RUN", type=Path, required=True, help="run folder without a twin")
+    add(
+        "--closed",
+        metavar="JOINT=lower|upper|NUMBER",
+        action="append",
+        default=[],
+        help="where a joint is closed, m or rad [the rest pose if it is an end of the range, else lower]",
+    )
+    add(
+        "--limit",
+        dest="limits",
+        metavar="JOINT=LOW,HIGH",
+        action="append",
+        default=[],
+        help="range of a joint, m or rad [the file's]",
+    )
+    add(
+        "--exclude",
+        metavar="BODY",
+        action="append",
+        default=[],
+        help="body or link to leave out with all that hangs on it; * and ? allowed",
+    )
+
+
 def _export(parser: ArgumentParser) -> None:
     add = parser.add_argument
     _run(parser)
@@ -199,6 +227,7 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "demo": _demo,
     "simulate": _simulate,
     "reconstruct": _reconstruct,
+    "import": _import,
     "export": _export,
     "check": _check,
     "lint": _lint,

@@ -18,6 +18,15 @@ Origin = Literal["measured", "geometry", "vlm", "user", "default", "other"]
 ORIGINS: tuple[Origin, ...] = get_args(Origin)
 
 
+class Described:
+    """A scene type that shows itself in one short line, see twin.describe."""
+
+    def __repr__(self) -> str:
+        from twin.describe import line
+
+        return line(self)
+
+
 def frozen_array(
     values: Any, shape: tuple[int | None, ...], what: str, dtype: Any = np.float64
 ) -> NDArray[Any]:
@@ -69,8 +78,8 @@ class Quantity:
         return origin_of(self.source)
 
 
-@dataclass(frozen=True, eq=False)
-class Inertial:
+@dataclass(frozen=True, eq=False, repr=False)
+class Inertial(Described):
     """Mass (kg) with interval and source, centre of mass (3,) m and inertia tensor (3, 3) kg m^2 about it.
 
     World axes at state 0. The tensor is positive definite and its principal moments obey the triangle inequality.
@@ -136,8 +145,8 @@ class Inertial:
         return replace(self, mass=mass, inertia=scaled, inertia_interval=interval)
 
 
-@dataclass(frozen=True)
-class PartPhysics:
+@dataclass(frozen=True, repr=False)
+class PartPhysics(Described):
     """Contact and joint physics: sliding friction (-), joint damping (N s/m or N m s/rad), joint frictionloss
     (N or N m), material density (kg/m^3)."""
 

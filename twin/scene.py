@@ -19,6 +19,7 @@ from twin.errors import SceneError, nearest_name
 from twin.geometry import Array
 from twin.names import is_legal_name, legal_name
 from twin.quantities import ORIGINS as ORIGINS
+from twin.quantities import Described as Described
 from twin.quantities import Inertial as Inertial
 from twin.quantities import Origin as Origin
 from twin.quantities import PartPhysics as PartPhysics
@@ -33,8 +34,8 @@ UNKNOWN_LABEL = 0
 FIRST_PART_ID = 2
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Described):
     """Triangle mesh: vertices (V, 3) m, faces (F, 3) int32, optional vertex colours (V, 3) uint8 sRGB."""
 
     vertices: Array
@@ -73,8 +74,8 @@ class Mesh:
         return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
-@dataclass(frozen=True, eq=False)
-class Box:
+@dataclass(frozen=True, eq=False, repr=False)
+class Box(Described):
     """Solid box: pose T_world_box (4, 4) of its centre, full `size` (3,) in metres along its axes."""
 
     T_world_box: Array
@@ -105,8 +106,8 @@ class JointSigma:
     state: float
 
 
-@dataclass(frozen=True, eq=False)
-class Joint(ABC):
+@dataclass(frozen=True, eq=False, repr=False)
+class Joint(Described, ABC):
     """One-degree-of-freedom joint. `lower` <= 0 <= `upper` hold the limits in metres or radians.
 
     `pose(a) @ pose(b) == pose(a + b)` and `pose(0)` is the identity. `covariance` is over the tangent of the joint
@@ -121,7 +122,7 @@ class Joint(ABC):
     sigma: JointSigma | None = None
 
     kind: Literal["prismatic", "revolute"] = field(init=False, default="prismatic")
-    _dof: int = field(init=False, default=2, repr=False)
+    _dof: int = field(init=False, default=2)
 
     def __post_init__(self) -> None:
         _set(self, "axis", _frozen(self.axis, (3,), "joint axis"))
@@ -155,12 +156,12 @@ class Joint(ABC):
         """The same joint in another world frame."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Prismatic(Joint):
     """Sliding joint (drawer, sliding door); states in metres along `axis`."""
 
     kind: Literal["prismatic", "revolute"] = field(init=False, default="prismatic")
-    _dof: int = field(init=False, default=2, repr=False)
+    _dof: int = field(init=False, default=2)
 
     def pose(self, state: float) -> Array:
         return geo.make_pose(translation=self.axis * state)
@@ -172,13 +173,13 @@ class Prismatic(Joint):
         return replace(self, axis=geo.unit(geo.rotate(T_new_old, self.axis)), covariance=None)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Revolute(Joint):
     """Hinge (door, lid) about the line through `pivot` (3,) m along `axis`; states in radians, right-handed."""
 
     pivot: Array = field(kw_only=True)
     kind: Literal["prismatic", "revolute"] = field(init=False, default="revolute")
-    _dof: int = field(init=False, default=4, repr=False)
+    _dof: int = field(init=False, default=4)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -197,8 +198,8 @@ class Revolute(Joint):
         return replace(self, axis=axis, pivot=geo.transform(T_new_old, self.pivot[None])[0], covariance=None)
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Described):
     """Measured motion of a part: `state` (n,) m or rad at recording `frames` (n,) and `times` (n,) s.
 
     intervals: first and last moving frame of each interaction, inclusive. residual: RMS of the fit in metres.
@@ -223,8 +224,8 @@ class Motion:
             raise SceneError(f"an interval must have first < last, got {self.intervals}")
 
 
-@dataclass(frozen=True, eq=False)
-class ContactPath:
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactPath(Described):
     """Where the hand held the part.
 
     point: (3,) m on the part's surface, world frame at state 0. rotation: (3, 3), columns = direction in which the hand
@@ -253,8 +254,8 @@ class ContactPath:
 Collision = Mesh | Box
 
 
-@dataclass(frozen=True, eq=False)
-class StaticPart:
+@dataclass(frozen=True, eq=False, repr=False)
+class StaticPart(Described):
     """Everything that never moves."""
 
     name: str
@@ -265,8 +266,8 @@ class StaticPart:
         _require_legal(self.name)
 
 
-@dataclass(frozen=True, eq=False)
-class Part:
+@dataclass(frozen=True, eq=False, repr=False)
+class Part(Described):
     """A moving part. `parent` is the id of the part it is mounted on, None for the static scene.
 
     extra: what others wrote about it into twin.json, by key; JSON types.
@@ -296,9 +297,14 @@ class Part:
                 f"part {self.name!r} needs a Prismatic or Revolute joint, got {type(self.joint).__name__}"
             )
 
+    def _repr_html_(self) -> str:
+        from twin.describe import html
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+        return html(self)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Described):
     """Camera poses T_world_cam (n, 4, 4) (OpenCV camera axes) at recording `frames` (n,), `times` (n,) s."""
 
     frames: NDArray[np.int64]
@@ -328,8 +334,8 @@ class Trajectory:
         return replace(self, T_world_cam=T_new_world @ self.T_world_cam)
 
 
-@dataclass(frozen=True, eq=False)
-class Recorded:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recorded(Described):
     """What the twin was made from: source path name, frame count and a fingerprint of the input."""
 
     source: str
@@ -337,8 +343,8 @@ class Recorded:
     fingerprint: str
 
 
-@dataclass(frozen=True, eq=False)
-class Twin:
+@dataclass(frozen=True, eq=False, repr=False)
+class Twin(Described):
     """Static scene, moving parts (a tree), cameras and where it all comes from.
 
     labels: recording frame -> (H, W) uint8 label image (0 unknown, 1 static, part ids from 2, 255 hand); may be lazy.
@@ -365,6 +371,11 @@ class Twin:
             raise SceneError(f"part ids must be unique, got {ids}")
         for p in self.parts:
             self._check_ancestors(p)
+
+    def _repr_html_(self) -> str:
+        from twin.describe import html
+
+        return html(self)
 
     def _check_ancestors(self, part: Part) -> None:
         seen = {part.id}

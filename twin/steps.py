@@ -13,6 +13,7 @@ from typing import Any
 
 from twin.console import Outcome
 from twin.errors import FuntwinError, InputError, PlanningError
+from twin.paths import require_writable
 from twin.report.sections import Section, Table, save_section
 from twin.scene import Part, Twin
 from twin.stages import MANIFEST, Progress, read_json
@@ -50,7 +51,7 @@ def reconstruct(
         *manifest.get("warnings", []),
         *(w for s in manifest.get("stages", []) for w in s["warnings"]),
     ]
-    rows = [[p.name, *_part_row(p)] for p in twin.parts]
+    rows = [[p.name, *joint_row(p)] for p in twin.parts]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
     stages = {s["name"]: s["seconds"] for s in manifest.get("stages", [])}
     summary = "; ".join(f"{p.name}: {_joint_text(p)}" for p in twin.parts)
@@ -145,11 +146,13 @@ def replay(
         )
     tasks = {part.id: named("robots.goals:task_of")(part, goal, start) for part in parts}
     named("robots:resolve")(robot)
+    config = named("robots:ReplayConfig")(**(settings or {}))
+    require_writable(run_folder(run) / "replay")
+    # what follows imports MuJoCo: every wrong answer that can be told without it was told before
     # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([named("robots.touch:NothingToHold")] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
     rows, reports, tables = [], {}, []
-    config = named("robots:ReplayConfig")(**(settings or {}))
     for part in parts:
         row, report, note, trajectory = _replay_part(
             progress,
@@ -353,7 +356,8 @@ def _partnamed(twin: Twin, name: str) -> Part:
     return twin.part(int(name) if name.isdecimal() else name)
 
 
-def _part_row(part: Part) -> list[str]:
+def joint_row(part: Part) -> list[str]:
+    """Type, range, 1 sigma of axis and pivot, and mass of a part, for a table."""
     from twin.report.page import part_facts
 
     facts = {name: value for name, value, _ in part_facts(part)}

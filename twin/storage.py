@@ -33,6 +33,7 @@ from twin.document import (
     with_files_named,
 )
 from twin.errors import InputError
+from twin.paths import AnyPath
 from twin.ply import ply_bytes, read_ply
 from twin.scene import Mesh, Trajectory, Twin
 
@@ -41,7 +42,7 @@ _LABEL = re.compile(r"\d{6,}\.png")
 _FILLED = ("collision", "inertial", "physics")
 
 
-def save(twin: Twin, folder: Path) -> None:
+def save(twin: Twin, folder: AnyPath) -> None:
     """Write the twin into `folder` (usually RUN/twin): all of it appears at once, or nothing changes.
 
     A twin that is there already is replaced; meshes and cameras that stay the same keep their files and names, and everything
@@ -61,7 +62,17 @@ def save(twin: Twin, folder: Path) -> None:
             put(staged, folder, ours)
 
 
-def load(folder: Path) -> Twin:
+def require_place(folder: Path) -> None:
+    """Raises InputError unless a twin may be written there: a new or empty folder, or one that holds a twin."""
+    if folder.exists() and (
+        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "twin.json").exists())
+    ):
+        raise InputError(
+            f"{folder} exists and does not hold a twin", "give a new or empty folder, e.g. RUN/twin"
+        )
+
+
+def load(folder: AnyPath) -> Twin:
     """Read a twin from RUN/twin, or from RUN itself. Labels are read when they are looked at.
 
     Raises InputError that names the file, the field and its value.
@@ -71,7 +82,7 @@ def load(folder: Path) -> Twin:
     return read_twin(twin_folder(folder))
 
 
-def twin_folder(folder: Path) -> Path:
+def twin_folder(folder: AnyPath) -> Path:
     """The folder that holds twin.json: RUN/twin, given itself or RUN. Raises InputError when there is none."""
     folder = Path(folder)
     here = folder if (folder / "twin.json").is_file() else folder / "twin"
@@ -80,7 +91,7 @@ def twin_folder(folder: Path) -> Path:
     return here
 
 
-def update(old: Twin, new: Twin, folder: Path) -> None:
+def update(old: Twin, new: Twin, folder: AnyPath) -> None:
     """Write into a folder that holds `old` what differs in `new`: numbers and collision shapes, not meshes, cameras or labels.
 
     Every other value of twin.json stays as it stands there, and every file. New shapes get files of their own; twin.json,
@@ -223,12 +234,9 @@ def _same_mesh(a: Mesh, b: Mesh | None) -> bool:
 
 def _earlier(folder: Path) -> dict[str, Any] | None:
     """The document of the twin that `folder` holds, None for a folder that is empty or not there."""
-    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+    require_place(folder)
+    if not (folder / "twin.json").exists():
         return None
-    if not folder.is_dir() or not (folder / "twin.json").exists():
-        raise InputError(
-            f"{folder} exists and does not hold a twin", "give a new or empty folder, e.g. RUN/twin"
-        )
     document = read_document(folder / "twin.json")
     try:
         list(shape_files(document))

@@ -12,16 +12,20 @@ from twin import steps
 from twin.asset_files import asset
 from twin.console import Console, Outcome
 from twin.errors import ConfigError, FuntwinError, InputError
-from twin.report.sections import Table
+from twin.paths import require_writable
+from twin.report.sections import Table, require_own_page
 from twin.run_lock import claimed
 from twin.settings import from_dict, read_toml
 from twin.stages import MANIFEST
+from twin.storage import require_place
 
 
 def demo(
     console: Console, out: Path, recording: Path | None, robot: str, config: Path | None, set: Sequence[str]
 ) -> Outcome:
     """The whole chain: reconstruct, evaluate where there is truth, export, check, replay."""
+    _require_run(out)
+    steps.named("robots:resolve")(robot)
     recording = recording or asset("recordings/cabinet_drawer")
     truth = recording / "truth"
     with console.progress() as progress, _page(out):
@@ -48,6 +52,7 @@ def simulate(
     console: Console, scene: Path, joint: str, out: Path, config: Path | None, set: Sequence[str]
 ) -> Outcome:
     """Render a recording with truth."""
+    require_writable(out)
     settings = _settings("recon.simulate.config:SimulateConfig", config, set)
     with console.progress() as progress:
 
@@ -68,9 +73,26 @@ def reconstruct(
     set: Sequence[str],
 ) -> Outcome:
     """Recording to twin."""
+    _require_run(out)
     settings = _settings("recon.config:ReconConfig", config, set)
     with console.progress() as progress, _page(out):
         return steps.reconstruct(progress, recording, out, layout, settings, joint_hint).outcome
+
+
+def import_scene(
+    console: Console,
+    scene: Path,
+    out: Path,
+    closed: Sequence[str] = (),
+    limits: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+) -> Outcome:
+    """A scene from elsewhere to twin."""
+    _require_run(out)
+    step = steps.named("twin.importers.step:import_scene")
+    with console.progress() as progress, _page(out):
+        made: Outcome = step(progress, scene, out, closed, limits, exclude).outcome
+        return made
 
 
 def export(
@@ -164,6 +186,7 @@ def trajectory(
     start: str | None = None,
 ) -> Outcome:
     """What a replay planned, in robots' formats."""
+    require_writable(out)
     with console.progress() as progress:
         return steps.trajectory(progress, run, robot, part, formats, out, goal, start)
 
@@ -223,23 +246,35 @@ def engines(console: Console, install: Sequence[str]) -> Outcome:
 
 @contextmanager
 def _page(run: Path) -> Iterator[None]:
-    """Hold the run and render its page when the verb is done, also when it failed for a reason the user can mend.
+    """Hold the run and render its page when the verb is done, also when it failed for a reason the user can mend after it
+    changed the run.
 
     A run folder that is not there yet is held by what makes it.
     """
-    from twin.report import render, require_own
-
     place = steps.run_folder(run)
     with claimed(place) if place.is_dir() else nullcontext():
-        require_own(place)
+        require_own_page(place)
+        before = _shown(place)
         try:
             yield
         except FuntwinError:
-            if (place / MANIFEST).is_file():
-                render(place)
+            if (place / MANIFEST).is_file() and _shown(place) != before:
+                steps.named("twin.report:render")(place)
             raise
         with claimed(place):
-            render(place)
+            steps.named("twin.report:render")(place)
+
+
+def _shown(run: Path) -> dict[Path, int]:
+    """When what the page shows was written last."""
+    files = (run / MANIFEST, run / "twin" / "twin.json", *(run / "report").glob("*.json"))
+    return {f: f.stat().st_mtime_ns for f in files if f.is_file()}
+
+
+def _require_run(out: Path) -> None:
+    """Raises InputError unless a twin can be written to the run folder; cheap, for before anything is computed."""
+    require_writable(out)
+    require_place(out / "twin")
 
 
 def _settings(cls: str, path: Path | None, assignments: Sequence[str]) -> Any:

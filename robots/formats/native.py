@@ -13,6 +13,7 @@ import numpy as np
 from robots.formats.handover import Handover
 from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import InputError, PlanningError
+from twin.paths import AnyPath
 
 FORMAT = "funtwin-trajectory/1"
 _AGAIN = "plan it again with `twin replay`"
@@ -22,11 +23,12 @@ _ARRAYS = (
 )  # fmt: skip
 
 
-def save(trajectory: RobotTrajectory, folder: Path) -> tuple[Path, Path]:
+def save(trajectory: RobotTrajectory, folder: AnyPath) -> tuple[Path, Path]:
     """Write trajectory.json and trajectory.npz into `folder`; returns their paths.
 
     Both are complete before either takes its place. Raises InputError when the folder can't be written.
     """
+    folder = Path(folder)
     json_path, npz_path = folder / "trajectory.json", folder / "trajectory.npz"
     contents = {json_path: json_bytes(trajectory), npz_path: npz_bytes(trajectory)}
     made = {path: path.with_name(f".{path.name}.tmp") for path in contents}
@@ -76,13 +78,13 @@ def npz_bytes(trajectory: RobotTrajectory) -> bytes:
     return out.getvalue()
 
 
-def load(path: Path) -> RobotTrajectory:
+def load(path: AnyPath) -> RobotTrajectory:
     """Read a trajectory.json.
 
     Raises InputError when the file is missing, of another format, or breaks the laws of a trajectory.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as e:
         raise InputError(f"{path} can't be read ({e.strerror})", "give a trajectory.json") from e
     except (json.JSONDecodeError, UnicodeDecodeError) as e:

@@ -11,6 +11,7 @@ from pathlib import Path
 from robots.formats import delimited, lerobot, moveit, native, ros2, spot
 from robots.formats.handover import Handover
 from twin.errors import InputError, nearest_name
+from twin.paths import AnyPath
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ FORMATS: dict[str, Format] = {
 }
 
 
-def hand_over(source: Handover, formats: Sequence[str], folder: Path) -> dict[str, list[Path]]:
+def hand_over(source: Handover, formats: Sequence[str], folder: AnyPath) -> dict[str, list[Path]]:
     """Write a trajectory in the named formats; returns the files of each, in the order asked for.
 
     Everything is made before anything is written, then moved into place; files of an earlier call are replaced.

@@ -21,6 +21,7 @@ ARGUMENTS: dict[str, list[str]] = {
     "demo": [],
     "simulate": ["scene.xml", "--joint", "hinge", "-o", "rec"],
     "reconstruct": ["rec", "-o", "run"],
+    "import": ["scene.urdf", "-o", "run"],
     "export": ["run"],
     "check": ["run"],
     "replay": ["run"],

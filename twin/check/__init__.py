@@ -17,6 +17,7 @@ from twin.check.expected import TIMES, filled
 from twin.check.process import ENGINES, OURS, ask, python_of
 from twin.check.rows import CheckReport, CheckRow
 from twin.errors import InputError, nearest_name
+from twin.paths import AnyPath
 from twin.scene import Twin
 
 __all__ = ["CheckReport", "CheckRow", "ENGINES", "OURS", "SUFFIX", "check", "check_many", "chosen_engines"]
@@ -26,7 +27,7 @@ SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
 
 
 def check(
-    source: Twin | Path | str, exports: Mapping[str, Path] | None = None, engines: Sequence[str] = OURS
+    source: Twin | AnyPath, exports: Mapping[str, AnyPath] | None = None, engines: Sequence[str] = OURS
 ) -> CheckReport:
     """Load every exported file in every engine that reads its format and compare with the twin.
 
@@ -121,7 +122,7 @@ def _report(
     return CheckReport(tuple(rows), tuple(warnings), versions, seconds)
 
 
-def _inputs(source: Twin | Path | str, exports: Mapping[str, Path] | None) -> tuple[Twin, dict[str, Path]]:
+def _inputs(source: Twin | AnyPath, exports: Mapping[str, AnyPath] | None) -> tuple[Twin, dict[str, Path]]:
     if isinstance(source, Twin):
         twin = source
     else:
@@ -134,11 +135,12 @@ def _inputs(source: Twin | Path | str, exports: Mapping[str, Path] | None) -> tu
             exports = {f: p for f, p in found.items() if p.exists()}
     if not exports:
         raise InputError(f"nothing exported was found for twin {twin.name!r}", "run twin export first")
-    for p in exports.values():
+    files = {f: Path(p).resolve() for f, p in exports.items()}
+    for p in files.values():
         if not p.exists():
             raise InputError(f"{p} does not exist", "run twin export again")
     filled(twin)
-    return twin, {f: Path(p).resolve() for f, p in exports.items()}
+    return twin, files
 
 
 call_as(__name__, "check")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from twin.collision.main_axes import main_axes, outline_axes
 from twin.collision.solid import pieces_of
 from twin.collision.splitting import decompose, merge
 from twin.geometry import Array
+from twin.paths import AnyPath
 from twin.scene import Collision, Mesh, Twin
 
 _SPECK = 3e-4  # m^2: less surface than on a knob of 1 cm is a shred of a scan
@@ -77,7 +77,7 @@ class Made:
 
 
 def with_collision(
-    twin: Twin, config: CollisionConfig | None = None, cache_dir: Path | None = None, renew: bool = False
+    twin: Twin, config: CollisionConfig | None = None, cache_dir: AnyPath | None = None, renew: bool = False
 ) -> Twin:
     """Give the static scene and every part collision shapes in the world frame at state 0.
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.paths import AnyPath
 from twin.scene import Box, Collision, Mesh, Twin
 
 _VERSION = 5  # part of every key: raise it whenever the same input may give other shapes
@@ -23,8 +24,8 @@ Shapes = list[list[Collision]]
 class ShapeCache:
     """Shapes in a folder under keys of meshes and config; without a folder nothing is kept."""
 
-    def __init__(self, folder: Path | None, config: dict[str, object]) -> None:
-        self._folder = folder
+    def __init__(self, folder: AnyPath | None, config: dict[str, object]) -> None:
+        self._folder = None if folder is None else Path(folder)
         self._config = f"{_VERSION}{config}".encode()
 
     def key_of_mesh(self, mesh: Mesh) -> str:

@@ -17,6 +17,8 @@ from twin.export.notes import readme
 from twin.export.package import check_package, write_package
 from twin.export.tree import build_tree, require_ranges
 from twin.own_files import hashes, refuse_edited, replace_own
+from twin.paths import AnyPath
+from twin.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import require_sound
 
@@ -41,12 +43,13 @@ class Exported(Mapping[str, Path]):
         return len(self.files)
 
 
+@shows_bar("export")
 def export(
     twin: Twin,
-    folder: Path,
+    folder: AnyPath,
     formats: Sequence[str] = FORMATS,
     package: str = "",
-    cache_dir: Path | None = None,
+    cache_dir: AnyPath | None = None,
     asset: AssetInfo | None = None,
     overwrite: bool = False,
 ) -> Exported:
@@ -68,6 +71,7 @@ def export(
         changed since it was exported, or never was. SceneError: a part that can't be
         simulated.
     """
+    folder = Path(folder)
     unknown = [f for f in formats if f not in FORMATS]
     if unknown:
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
@@ -101,7 +105,7 @@ def export(
     return Exported(files, tuple(warnings))
 
 
-def complete(twin: Twin, cache_dir: Path | None = None) -> Twin:
+def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
     """The twin with mass, friction and collision shapes wherever they were missing.
 
     Raises SceneError for a part whose mesh is empty or passes through itself, or that can't move.

@@ -16,6 +16,7 @@ from typing import Any
 from twin.errors import InputError, nearest_name
 from twin.lint.model import Behaviour, LintModel, Severity
 from twin.lint.rules import RULES
+from twin.paths import AnyPath
 
 SUFFIXES = {".urdf": "urdf", ".usd": "usd", ".usda": "usd", ".usdc": "usd", ".usdz": "usd", ".mjcf": "mjcf"}
 
@@ -55,7 +56,7 @@ class LintReport:
         }
 
 
-def lint(paths: Sequence[Path | str], ignore: Sequence[str] = ()) -> LintReport:
+def lint(paths: Sequence[AnyPath], ignore: Sequence[str] = ()) -> LintReport:
     """Look at files, or at all that a run folder exported.
 
     Args:
@@ -84,8 +85,9 @@ def lint(paths: Sequence[Path | str], ignore: Sequence[str] = ()) -> LintReport:
     return LintReport(tuple(map(str, files)), tuple(findings), tuple(notes))
 
 
-def read(path: Path) -> LintModel:
+def read(path: AnyPath) -> LintModel:
     """Read one file by its format. Raises InputError when it can't be."""
+    path = Path(path)
     if not path.is_file():
         raise InputError(f"{path} does not exist", "give a URDF, MJCF or USD file, or a run folder")
     fmt = SUFFIXES.get(path.suffix.lower())

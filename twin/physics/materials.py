@@ -10,6 +10,7 @@ from typing import Any
 
 from twin.asset_files import asset
 from twin.errors import ConfigError, SceneError, nearest_name
+from twin.paths import AnyPath
 from twin.quantities import Quantity, origin_of
 
 
@@ -43,12 +44,12 @@ class MaterialTable:
         return self.materials[name]
 
 
-def read_materials(path: Path | None = None) -> MaterialTable:
+def read_materials(path: AnyPath | None = None) -> MaterialTable:
     """Read a table of materials (TOML), by default the one that ships, assets/materials.toml.
 
     Raises ConfigError naming file and entry; InputError when the one that ships is missing.
     """
-    path = asset("materials.toml") if path is None else path
+    path = asset("materials.toml") if path is None else Path(path)
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as e:

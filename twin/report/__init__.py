@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin.report.frames import pick_key_frames, save_key_frames
-from twin.report.page import render, require_own
+from twin.report.page import render
 from twin.report.sections import Section, Table, save_section
 
-__all__ = ["Section", "Table", "pick_key_frames", "render", "require_own", "save_key_frames", "save_section"]
+__all__ = ["Section", "Table", "pick_key_frames", "render", "save_key_frames", "save_section"]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.paths import AnyPath
 from twin.scene import HAND_LABEL, Part, Revolute, Twin
 from twin.stages import read_json, write_json
 
@@ -48,7 +49,7 @@ def pick_key_frames(twin: Twin, count: int = 6) -> list[int]:
     return sorted({min(usable, key=lambda f, w=w: abs(f - w)) for w in wanted})  # type: ignore[misc]
 
 
-def save_key_frames(run: Path, frames: Mapping[int, Image], camera_matrix: Array) -> None:
+def save_key_frames(run: AnyPath, frames: Mapping[int, Image], camera_matrix: Array) -> None:
     """Write RUN/report/frame_NNNNNN.jpg and frames.json.
 
     Args:
@@ -58,7 +59,7 @@ def save_key_frames(run: Path, frames: Mapping[int, Image], camera_matrix: Array
     """
     import cv2
 
-    folder = run / "report"
+    folder = Path(run) / "report"
     folder.mkdir(parents=True, exist_ok=True)
     for old in read_json(folder / "frames.json").get("frames", []):
         (folder / f"frame_{old:06d}.jpg").unlink(missing_ok=True)

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
+from twin.paths import AnyPath
 from twin.physics.text import described
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
-from twin.report.sections import MARKS, Section, Table, load_section, twin_key
+from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
 from twin.scene import Part, Twin
 from twin.stages import MANIFEST, read_json, write_text
 from twin.storage import load
@@ -22,16 +23,16 @@ PHASE_COLUMNS = (
     "phase", "time", "open: peak / end", "at rest", "slip", "tool off plan", "torque", "unintended contacts", "what went wrong",
 )  # fmt: skip
 VERBS = ("evaluate", "export", "check", "replay")
-_MARK = "· Funtwin</title>".encode()  # how every page begins
 STEPS = 5  # pictures from closed to open
 
 
-def render(run: Path) -> Path:
+def render(run: AnyPath) -> Path:
     """Write RUN/report.html, one file without outside references, and return its path.
 
     Everything that is there is shown: stages and warnings of an unfinished run, a twin without recording, results of
     the verbs. Raises InputError when `run` is no folder or holds somebody else's report.html, OSError when it can't be written.
     """
+    run = Path(run)
     if not run.is_dir():
         raise InputError(f"{run} is not a run folder", "give the folder that `twin reconstruct -o` wrote")
     manifest = read_json(run / MANIFEST)
@@ -53,19 +54,10 @@ def render(run: Path) -> Path:
         "config": _text(run / "config.toml"),
         "marks": MARKS,
     }
-    path = run / "report.html"
-    require_own(run)
+    path = run / PAGE
+    require_own_page(run)
     write_text(path, _template().render(context))
     return path
-
-
-def require_own(run: Path) -> None:
-    """Raise InputError when RUN/report.html is somebody else's page, which `render` would replace."""
-    path = run / "report.html"
-    if path.is_file() and _MARK not in path.read_bytes()[:4096]:
-        raise InputError(
-            f"{path} is not a report of Funtwin", "move it away: the report of the run goes there"
-        )
 
 
 def _template() -> Any:

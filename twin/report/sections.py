@@ -8,8 +8,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from twin.errors import InputError
+from twin.paths import AnyPath
 from twin.stages import read_json, write_json
 
+PAGE = "report.html"
+_BEGINS = "· Funtwin</title>".encode()  # as every page of ours does
 # Cells with these texts stand out, on the terminal and on the page.
 MARKS = {"ok": "good", "FAILED": "bad", "missing": "bad"}
 
@@ -37,8 +41,9 @@ class Section:
     twin: str = ""
 
 
-def save_section(run: Path, section: Section) -> None:
+def save_section(run: AnyPath, section: Section) -> None:
     """Write RUN/report/<verb>.json. Raises OSError when the folder can't be written."""
+    run = Path(run)
     folder = run / "report"
     folder.mkdir(parents=True, exist_ok=True)
     data = asdict(section) | {"twin": twin_key(run)}
@@ -52,6 +57,15 @@ def load_section(run: Path, verb: str) -> Section | None:
         return None
     tables = [Table(t["title"], t["columns"], t["rows"]) for t in data["tables"]]
     return Section(**{**data, "tables": tables})
+
+
+def require_own_page(run: Path) -> None:
+    """Raises InputError when RUN/report.html is somebody else's page, which the run's page would replace."""
+    path = run / PAGE
+    if path.is_file() and _BEGINS not in path.read_bytes()[:4096]:
+        raise InputError(
+            f"{path} is not a report of Funtwin", "move it away: the report of the run goes there"
+        )
 
 
 def twin_key(run: Path) -> str:

@@ -1,0 +1,176 @@
+"""How scene types show themselves: one line for `repr`, a small table for notebooks. Numbers are rounded, arrays counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import singledispatch
+from html import escape
+
+import numpy as np
+
+from twin.quantities import Described, Inertial, PartPhysics, Quantity
+from twin.scene import (
+    Box,
+    ContactPath,
+    Joint,
+    Mesh,
+    Motion,
+    Part,
+    Recorded,
+    Revolute,
+    StaticPart,
+    Trajectory,
+    Twin,
+)
+
+_MOST = 6  # parts that a line or provenance names; a table has them all
+_COLUMNS = ("part", "on", "joint", "range", "± 1 σ", "mass", "faces")
+
+
+@singledispatch
+def line(thing: Described) -> str:
+    """The type and what matters of its value, in one line."""
+    return f"<{type(thing).__name__}>"
+
+
+@line.register
+def _(mesh: Mesh) -> str:
+    size = f", {_lengths(np.ptp(mesh.vertices, axis=0))} m" if len(mesh.vertices) else ""
+    colors = ", coloured" if mesh.colors is not None else ""
+    return f"<Mesh: {len(mesh.faces)} faces, {len(mesh.vertices)} vertices{size}{colors}>"
+
+
+@line.register
+def _(box: Box) -> str:
+    return f"<Box: {_lengths(box.size)} m at {_vector(box.T_world_box[:3, 3])} m>"
+
+
+@line.register
+def _(joint: Joint) -> str:
+    sigma = sigma_text(joint)
+    place = f" through {_vector(joint.pivot)} m" if isinstance(joint, Revolute) else ""
+    told = f"{range_text(joint)}, axis {_vector(joint.axis)}{place}{f', {sigma}' if sigma else ''}"
+    return f"<{type(joint).__name__}: {told}>"
+
+
+@line.register
+def _(motion: Motion) -> str:
+    if not len(motion.frames):
+        return "<Motion: none measured>"
+    spans = f", {len(motion.intervals)} interactions" if motion.intervals else ""
+    moved = f"{motion.state.min():.3g} to {motion.state.max():.3g}"
+    return f"<Motion: {len(motion.frames)} frames, state {moved}{spans}, residual {1000 * motion.residual:.2g} mm>"
+
+
+@line.register
+def _(contact: ContactPath) -> str:
+    where = f"at {_vector(contact.point)} m, {1000 * contact.width:.0f} mm wide"
+    return f"<ContactPath: {where}, in {len(contact.frames)} frames; {contact.source!r}>"
+
+
+@line.register
+def _(static: StaticPart) -> str:
+    return f"<StaticPart {static.name!r}: {len(static.mesh.faces)} faces, {len(static.collision)} shapes>"
+
+
+@line.register
+def _(part: Part) -> str:
+    return f"<Part {part.id} {part.name!r}: {_part_text(part)}>"
+
+
+@line.register
+def _(cameras: Trajectory) -> str:
+    seconds = f"{cameras.times[0]:.2f} to {cameras.times[-1]:.2f} s"
+    return f"<Trajectory: {len(cameras.frames)} camera poses, {seconds}>"
+
+
+@line.register
+def _(recorded: Recorded) -> str:
+    return f"<Recorded: {recorded.source!r}, {recorded.frames} frames, {recorded.fingerprint[:8]}>"
+
+
+@line.register
+def _(inertial: Inertial) -> str:
+    return f"<Inertial: {_number(inertial.mass)} kg at {_vector(inertial.com)} m; {inertial.mass.source}>"
+
+
+@line.register
+def _(physics: PartPhysics) -> str:
+    told = ", ".join(f"{name} {_number(quantity)}" for name, quantity in vars(physics).items())
+    return f"<PartPhysics: {told}>"
+
+
+@line.register
+def _(twin: Twin) -> str:
+    named = [f"{p.name}: {joint_text(p.joint)}" for p in twin.parts[:_MOST]]
+    more = [f"and {len(twin.parts) - _MOST} more"] if len(twin.parts) > _MOST else []
+    parts = "; ".join([*named, *more]) or "no moving part"
+    return f"<Twin {twin.name!r}: {twin.static.name} ({len(twin.static.mesh.faces)} faces); {parts}>"
+
+
+def html(thing: Twin | Part) -> str:
+    """A table of the part, or of the twin's parts, complete in itself; every text of the user's is escaped."""
+    if isinstance(thing, Part):
+        return _table(
+            f"part {thing.name}", [_row(thing, "static" if thing.parent is None else f"part {thing.parent}")]
+        )
+    parents = {p.id: p.name for p in thing.parts}
+    rows = [_row(p, thing.static.name if p.parent is None else parents[p.parent]) for p in thing.parts]
+    title = f"twin {thing.name}: {thing.static.name}, {len(thing.static.mesh.faces):,} faces"
+    return _table(title, rows)
+
+
+def joint_text(joint: Joint) -> str:
+    """Type, range with its unit and, where it is known, one standard deviation."""
+    sigma = sigma_text(joint)
+    return f"{joint.kind}, {range_text(joint)}{f', {sigma}' if sigma else ''}"
+
+
+def range_text(joint: Joint) -> str:
+    """The range in the units that people use: degrees or metres."""
+    if joint.kind == "revolute":
+        return f"{np.rad2deg(joint.lower):.1f} to {np.rad2deg(joint.upper):.1f}°"
+    return f"{joint.lower:.3f} to {joint.upper:.3f} m"
+
+
+def sigma_text(joint: Joint) -> str:
+    """One standard deviation of axis, pivot and state; empty where nobody estimated it."""
+    s = joint.sigma
+    if s is None:
+        return ""
+    turning = joint.kind == "revolute"
+    pivot = f", pivot ± {1000 * s.pivot:.1f} mm" if s.pivot is not None else ""
+    state = f"{np.rad2deg(s.state):.1f}°" if turning else f"{1000 * s.state:.1f} mm"
+    return f"axis ± {np.rad2deg(s.axis):.2f}°{pivot}, state ± {state}"
+
+
+def _part_text(part: Part) -> str:
+    mass = f", {_number(part.inertial.mass)} kg" if part.inertial is not None else ""
+    on = f", on part {part.parent}" if part.parent is not None else ""
+    return f"{joint_text(part.joint)}, {len(part.mesh.faces)} faces{mass}{on}"
+
+
+def _row(part: Part, on: str) -> tuple[str, ...]:
+    mass = f"{_number(part.inertial.mass)} kg" if part.inertial is not None else ""
+    joint = part.joint
+    told = (range_text(joint), sigma_text(joint), mass, f"{len(part.mesh.faces):,}")
+    return (part.name, on, joint.kind, *told)
+
+
+def _table(title: str, rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(c)}</th>" for c in _COLUMNS)
+    body = "".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows)
+    return f"<table><caption>{escape(title)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _number(quantity: Quantity) -> str:
+    low, high = quantity.interval
+    return f"{quantity.value:.3g} ({low:.3g} to {high:.3g})"
+
+
+def _vector(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
+    return f"({', '.join(f'{v:.3f}' for v in values)})"
+
+
+def _lengths(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
+    return " x ".join(f"{v:.3f}" for v in values)

@@ -1,0 +1,102 @@
+"""Articulated scenes from elsewhere become twins: URDF and MJCF files, whoever wrote them.
+
+    cabinet = twin.from_urdf("cabinet.urdf")
+    kitchen = twin.from_mjcf("kitchen.xml", exclude=["robot*"], closed={"microwave_joint": "upper"})
+
+A reader for each format fills one neutral description (twin.importers.source), from which the twin is built
+(twin.importers.build). docs/importing.md tells what is taken, what is left out and what stands in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from twin.errors import InputError
+from twin.importers.source import Closed
+from twin.lint.xml import read_xml
+from twin.paths import AnyPath
+from twin.scene import Twin
+
+__all__ = ["from_file", "from_mjcf", "from_urdf"]
+
+
+def from_urdf(
+    path: AnyPath,
+    *,
+    closed: Mapping[str, Closed] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    exclude: Sequence[str] = (),
+) -> Twin:
+    """The twin that a URDF file describes.
+
+    Links that don't move are the static scene; a link on a revolute or prismatic joint is a part, with what is fixed to it.
+    Numbers that the file doesn't state (mass, joint resistance, contact friction) come from the table of materials, as
+    in any twin. Nobody moved the parts: their motions are empty. What a twin can't carry is told as a UserWarning.
+
+    Args:
+        closed: joint -> its closed position, state 0 of the twin: "lower", "upper", or a number in the file's own m or rad.
+            Left out: the file's rest pose (zero) where it is an end of the range, else the lower end.
+        limits: joint -> (lower, upper) in the file's own m or rad; for joints that have none, or others.
+        exclude: names of links, * and ? allowed, that are left out with all that hangs on them.
+    Raises:
+        InputError: the file, or a mesh that it names, can't be read, or it moves in a way that a twin can't: names the
+            element.
+    """
+    return _from("urdf", path, closed, limits, exclude)
+
+
+def from_mjcf(
+    path: AnyPath,
+    *,
+    closed: Mapping[str, Closed] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    exclude: Sequence[str] = (),
+) -> Twin:
+    """The twin that an MJCF file describes: as `from_urdf`, with bodies for links; the rest pose is that of qpos0."""
+    return _from("mjcf", path, closed, limits, exclude)
+
+
+def from_file(
+    path: AnyPath,
+    *,
+    closed: Mapping[str, Closed] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    exclude: Sequence[str] = (),
+) -> Twin:
+    """`from_urdf` or `from_mjcf`, whichever the file's root element asks for."""
+    return _from("", path, closed, limits, exclude)
+
+
+def _from(
+    wanted: str,
+    path: AnyPath,
+    closed: Mapping[str, Closed] | None,
+    limits: Mapping[str, tuple[float, float]] | None,
+    exclude: Sequence[str],
+) -> Twin:
+    file = Path(path)
+    fmt = format_of(file)
+    if wanted and fmt != wanted:
+        raise InputError(f"{file} is {fmt.upper()}, not {wanted.upper()}", f"read it with twin.from_{fmt}")
+    if fmt == "urdf":
+        from twin.importers.urdf import read
+    else:
+        from twin.importers.mjcf import read
+    from twin.importers.build import build
+
+    return build(read(file), closed or {}, limits or {}, exclude)
+
+
+def format_of(path: Path) -> str:
+    """ "urdf" or "mjcf", by the root element. Raises InputError for any other file."""
+    if not path.is_file():
+        raise InputError(f"{path} is no file", "give a URDF or MJCF file")
+    if path.suffix.lower() == ".xacro":
+        raise InputError(f"{path} is a xacro template", "expand it first: xacro model.xacro > model.urdf")
+    if path.suffix.lower() in (".usd", ".usda", ".usdc", ".usdz"):
+        raise InputError(f"{path} is USD, which is not read yet", "give the scene as URDF or MJCF")
+    tag = read_xml(path)[0].tag
+    if tag not in ("robot", "mujoco"):
+        raise InputError(f"{path} is neither URDF nor MJCF: its root is <{tag}>", "give a URDF or MJCF file")
+    return "urdf" if tag == "robot" else "mjcf"

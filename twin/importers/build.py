@@ -1,0 +1,207 @@
+"""From what a reader found to a twin: fixed bodies join, joints start at their closed end, what is missing is filled in."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from twin.errors import InputError, SceneError, nearest_name
+from twin.geometry import Array
+from twin.importers.joints import at_rest, closed_at, joint_of, range_of
+from twin.importers.source import (
+    Closed,
+    Source,
+    SourceBody,
+    joined,
+    moved,
+    surface_of,
+)
+from twin.importers.stated import stated_inertial, with_stated
+from twin.names import legal_name
+from twin.physics import with_physics
+from twin.scene import (
+    FIRST_PART_ID,
+    HAND_LABEL,
+    Collision,
+    Mesh,
+    Motion,
+    Part,
+    StaticPart,
+    Twin,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Bodies that move as one, the one with the joint first; `first` is None for what does not move."""
+
+    first: SourceBody | None
+    bodies: tuple[SourceBody, ...]
+
+
+def build(
+    source: Source,
+    closed: Mapping[str, Closed],
+    limits: Mapping[str, tuple[float, float]],
+    exclude: Sequence[str],
+) -> Twin:
+    """The twin of a file. What it can't carry is told as UserWarnings. Raises InputError that names the element."""
+    notes = list(source.notes)
+    bodies = _kept(source, exclude, notes)
+    groups = _groups(bodies)
+    moving = [g.first for g in groups if g.first is not None]
+    for asked, what in ((closed, "closed"), (limits, "limits")):
+        _require_known(source, asked, [b.joint.name for b in moving if b.joint is not None], what)
+    if len(moving) > HAND_LABEL - FIRST_PART_ID:
+        raise InputError(
+            f"{source.path} has {len(moving)} moving bodies, a twin at most {HAND_LABEL - FIRST_PART_ID}",
+            "leave some out with exclude",
+        )
+    taken: list[str] = []
+    static = _static(groups[0], taken)
+    parts = _parts(source, groups[1:], closed, limits, taken, notes)
+    twin = Twin(legal_name(source.name), static, parts)
+    try:
+        twin = with_physics(twin)
+    except SceneError as e:
+        raise InputError(f"{source.path}: {e.problem}", e.remedy) from e
+    stated = tuple(
+        with_stated(source, part, group.bodies) for part, group in zip(twin.parts, groups[1:], strict=True)
+    )
+    for note in notes:
+        warnings.warn(f"{source.path.name}: {note}", UserWarning, stacklevel=4)
+    return replace(twin, parts=stated)
+
+
+def _kept(source: Source, exclude: Sequence[str], notes: list[str]) -> list[SourceBody]:
+    """Bodies without what the user leaves out, and without what stands loose; each with all that hangs on it."""
+    names = [b.name for b in source.bodies]
+    for pattern in exclude:
+        if not any(fnmatchcase(n, pattern) for n in names):
+            close = nearest_name(pattern, names)
+            hint = f"did you mean {close!r}?" if close else f"there are: {', '.join(names[:12])}"
+            raise InputError(f"{source.path} has no body {pattern!r} to leave out", hint)
+    gone: set[str] = set()
+    kept = []
+    for body in source.bodies:
+        left_out = any(fnmatchcase(body.name, pattern) for pattern in exclude)
+        if left_out or body.parent in gone:
+            gone.add(body.name)
+        elif body.loose:
+            gone.add(body.name)
+            notes.append(
+                f"body {body.name!r} stands loose and is left out: a twin has hinges and slides only"
+            )
+        elif body.refused:
+            raise InputError(
+                f"{source.path}: body {body.name!r} moves as no part of a twin can: {body.refused}",
+                "a part has one hinge or one slide: leave the body out with exclude, or change the file",
+            )
+        else:
+            kept.append(body)
+    return kept
+
+
+def _groups(bodies: Sequence[SourceBody]) -> list[_Group]:
+    """What does not move, then one group for each joint, parents before their children."""
+    home: dict[str, str | None] = {}
+    members: dict[str | None, list[SourceBody]] = {None: []}
+    for body in bodies:
+        home[body.name] = body.name if body.joint is not None else home.get(body.parent or "")
+        members.setdefault(home[body.name], []).append(body)
+    return [_Group(b[0] if name is not None else None, tuple(b)) for name, b in members.items()]
+
+
+def _require_known(source: Source, asked: Mapping[str, object], known: Sequence[str], what: str) -> None:
+    for name in asked:
+        if name not in known:
+            close = nearest_name(name, list(known))
+            hint = f"did you mean {close!r}? " if close else ""
+            raise InputError(
+                f"{what}: {source.path} has no movable joint {name!r}",
+                f"{hint}its joints: {', '.join(known) or 'none'}",
+            )
+
+
+def _surfaces(group: _Group) -> Mesh:
+    """What is seen of a group; where nothing is, what touches."""
+    seen = [m for b in group.bodies for m in b.visual]
+    return joined(seen or [surface_of(c) for b in group.bodies for c in b.collision])
+
+
+def _shapes(group: _Group) -> tuple[Collision, ...]:
+    """The group's collision shapes; none, so that they are made, when some can't be used."""
+    return tuple(c for b in group.bodies for c in b.collision) if all(b.shapes for b in group.bodies) else ()
+
+
+def _static(group: _Group, taken: list[str]) -> StaticPart:
+    """What does not move, named after its only body, if it is one."""
+    solid = [b.name for b in group.bodies if b.visual or b.collision]
+    name = legal_name(solid[0] if len(solid) == 1 and solid[0] != "world" else "static")
+    taken.append(name)
+    return StaticPart(name, _surfaces(group), _shapes(group))
+
+
+def _parts(
+    source: Source,
+    groups: Sequence[_Group],
+    closed: Mapping[str, Closed],
+    limits: Mapping[str, tuple[float, float]],
+    taken: list[str],
+    notes: list[str],
+) -> tuple[Part, ...]:
+    """Parts with mesh, joint, shapes and what they are stated to weigh at state 0: every joint of the file at its closed
+    position."""
+    ids: dict[str, int] = {}
+    poses: dict[int | None, Array] = {None: np.eye(4)}
+    placed: list[Part] = []
+    for group in groups:
+        first = group.first
+        assert first is not None
+        assert first.joint is not None
+        parent = _part_above(first, ids, source.bodies)
+        mesh = _surfaces(group)
+        if not len(mesh.faces):
+            raise InputError(
+                f"{source.path}: body {first.name!r}, moved by joint {first.joint.name!r}, has no shape",
+                "give it one, or leave it out with exclude",
+            )
+        low, high = range_of(source, first.joint, limits)
+        start, direction, why = closed_at(source, first.joint, low, high, closed)
+        T = poses[parent] @ at_rest(first.joint).pose(start - first.joint.rest)
+        mesh = mesh.transformed(T)
+        name = legal_name(first.name.partition("#")[0], taken)
+        taken.append(name)
+        part_id = FIRST_PART_ID + len(placed)
+        ids[first.name], poses[part_id] = part_id, T
+        ends = sorted(direction * (end - start) for end in (low, high))
+        part = Part(
+            part_id,
+            name,
+            mesh,
+            joint_of(first.joint, T, direction, ends, mesh),
+            Motion(np.zeros(0, np.int64), np.zeros(0), np.zeros(0)),  # nobody moved it
+            inertial=stated_inertial(source, group.bodies, T, notes),
+            collision=tuple(moved(c, T) for c in _shapes(group)),
+            parent=parent,
+            limits_source="given by the user"
+            if first.joint.name in limits
+            else f"stated in {source.path.name}",
+            closed_source=why,
+            type_source=f"stated in {source.path.name}",
+        )
+        placed.append(part)
+    return tuple(placed)
+
+
+def _part_above(body: SourceBody, ids: Mapping[str, int], bodies: Sequence[SourceBody]) -> int | None:
+    """The part that a body is mounted on: the nearest one above it that moves."""
+    above = {b.name: b.parent for b in bodies}
+    name = body.parent
+    while name is not None and name not in ids:
+        name = above[name]
+    return None if name is None else ids[name]

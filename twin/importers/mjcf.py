@@ -1,0 +1,272 @@
+"""Reads MJCF: MuJoCo compiles it, so that defaults, includes, primitives and masses are what MuJoCo takes them for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.importers.shapes import (
+    box,
+    capsule,
+    convex,
+    cylinder,
+    ellipsoid,
+    painted,
+    rectangle,
+    welded,
+)
+from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
+from twin.lint.xml import read_xml
+from twin.scene import Box, Collision, Mesh
+
+_SHOWN = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
+# What MuJoCo takes where a file says nothing; a file that says the same can't be told from it.
+_DENSITY, _FRICTION = 1000.0, 1.0
+_UNNAMED = "MuJoCo Model"
+_KINDS: dict[int, Literal["revolute", "prismatic"]] = {
+    int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
+    int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
+}
+_GEOM = mujoco.mjtGeom
+
+
+def read(path: Path) -> Source:
+    """Read an MJCF file. Raises InputError, with MuJoCo's own reason where it refuses the file."""
+    for _ in _included(path, set()):
+        pass  # each is refused if it declares a document type
+    try:
+        spec = mujoco.MjSpec.from_file(str(path.resolve()))
+        spec.compiler.discardvisual = False
+        spec.compiler.fusestatic = False
+        model = spec.compile()
+    except ValueError as e:
+        reason = " ".join(str(e).split())
+        raise InputError(f"MuJoCo can't load {path}: {reason}", f"see `twin lint {path}`") from e
+    down = np.asarray(model.opt.gravity)
+    if np.linalg.norm(down) > 0 and geo.angle_between(down, [0.0, 0.0, -1.0]) > 1e-6:
+        raise InputError(f"{path}: gravity is {down.tolist()}", "turn the scene: a twin's z points up")
+    scene = _Scene(spec, model, path)
+    bodies = tuple(scene.body(b) for b in range(model.nbody))
+    name = path.stem if spec.modelname in ("", _UNNAMED) else spec.modelname
+    return Source(path, name, bodies, (*scene.notes, *_not_carried(model)))
+
+
+def _included(path: Path, seen: set[Path]) -> Iterator[Path]:
+    """The file and all that it includes, each read once."""
+    seen.add(path.resolve())
+    yield path
+    for element in read_xml(path)[0].iter("include"):
+        inner = path.parent / element.get("file", "")
+        if inner.is_file() and inner.resolve() not in seen:  # MuJoCo says what is not there
+            yield from _included(inner, seen)
+
+
+def _not_carried(model: Any) -> list[str]:
+    """What a twin has no place for."""
+    notes = [f"equality {_equality(model, k)} is not carried" for k in range(model.neq)]
+    springs = [model.joint(j).name or j for j in range(model.njnt) if float(model.jnt_stiffness[j]) != 0.0]
+    notes += [f"the spring of joint {name!r} is not carried" for name in springs]
+    if model.nu:
+        notes.append(
+            f"{model.nu} actuators are not carried: what they move becomes parts unless its bodies are excluded"
+        )
+    if float(np.max(model.dof_armature, initial=0.0)) > 0:
+        notes.append("armature of joints is not carried: exports choose their own")
+    for count, what in ((model.ntendon, "tendons"), (model.nflex, "flexible bodies"), (model.nskin, "skins")):
+        if count:
+            notes.append(f"{count} {what} are not carried")
+    return notes
+
+
+def _equality(model: Any, k: int) -> str:
+    """An equality by its name or kind, and the joints that it couples."""
+    kind = mujoco.mjtEq(int(model.eq_type[k]))
+    what = str(model.eq(k).name) or kind.name.removeprefix("mjEQ_").lower()
+    if kind != mujoco.mjtEq.mjEQ_JOINT:
+        return repr(what)
+    ends = [int(j) for j in (model.eq_obj1id[k], model.eq_obj2id[k]) if j >= 0]
+    return f"{what!r} of joints {', '.join(repr(str(model.joint(j).name)) for j in ends)}"
+
+
+class _Scene:
+    """A compiled model at rest."""
+
+    def __init__(self, spec: Any, model: Any, path: Path) -> None:
+        self.spec, self.model, self.path = spec, model, path
+        self.data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, self.data)
+        mujoco.mj_comPos(model, self.data)
+        self.notes: list[str] = []
+        self._stated = {int(b.id): _states_mass(b) for b in spec.bodies}
+
+    def name(self, body: int) -> str:
+        """The body's name; one without is named after what it carries."""
+        known = str(self.model.body(body).name)
+        if known:
+            return known
+        joint = int(self.model.body_jntadr[body])
+        named = str(self.model.joint(joint).name) if joint >= 0 else ""
+        return f"{named or 'body'}#{body}"  # no body's own name: they are looked up by it
+
+    def body(self, body: int) -> SourceBody:
+        """One body; the world itself is the first."""
+        m = self.model
+        joint, refused, loose = self._motion(body)
+        visual: list[Mesh] = []
+        collision: list[Collision] = []
+        friction: list[float] = []
+        first = int(m.body_geomadr[body])
+        for g in range(first, first + int(m.body_geomnum[body])):
+            surface = self._surface(g)
+            if surface is None:
+                continue
+            rgba = self._rgba(g)
+            if int(m.geom_group[g]) < _SHOWN and rgba[3] > 0:
+                visual.append(
+                    (surface if surface.colors is not None else painted(surface, rgba)).transformed(
+                        self._pose(g)
+                    )
+                )
+            if m.geom_contype[g] or m.geom_conaffinity[g]:
+                collision += self._shape(g, surface)
+                friction.append(float(m.geom_friction[g, 0]))
+        return SourceBody(
+            self.name(body),
+            None if body == 0 else self.name(int(m.body_parentid[body])),
+            joint,
+            tuple(visual),
+            tuple(collision),
+            self._mass(body),
+            stated=self._stated.get(body, False),
+            friction=tuple(f for f in friction if f != _FRICTION),
+            refused=refused,
+            loose=loose,
+        )
+
+    def _motion(self, body: int) -> tuple[SourceJoint | None, str, bool]:
+        """The joint of a body, or why it can't be one of a twin, or that it floats."""
+        m, count, j = self.model, int(self.model.body_jntnum[body]), int(self.model.body_jntadr[body])
+        if count == 0:
+            return None, "", False
+        if int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE):
+            return None, "", True
+        name = str(m.joint(j).name) or self.name(body)
+        if count > 1:
+            names = ", ".join(repr(str(m.joint(k).name)) for k in range(j, j + count))
+            return None, f"it has {count} joints ({names})", False
+        kind = _KINDS.get(int(m.jnt_type[j]))
+        if kind is None:
+            return None, f"joint {name!r} is a ball joint", False
+        dof = int(m.jnt_dofadr[j])
+        bounded = bool(m.jnt_limited[j])
+        damping, frictionloss = float(np.ravel(m.dof_damping[dof])[0]), float(m.dof_frictionloss[dof])
+        return (
+            SourceJoint(
+                name,
+                kind,
+                geo.unit(self.data.xaxis[j]),
+                self.data.xanchor[j].copy(),
+                float(m.qpos0[m.jnt_qposadr[j]]),
+                float(m.jnt_range[j, 0]) if bounded else None,
+                float(m.jnt_range[j, 1]) if bounded else None,
+                damping or None,  # MuJoCo's own value is 0: what is not written
+                frictionloss or None,
+            ),
+            "",
+            False,
+        )
+
+    def _mass(self, body: int) -> SourceMass | None:
+        m, d = self.model, self.data
+        if body == 0 or float(m.body_mass[body]) <= 0:
+            return None
+        axes = d.ximat[body].reshape(3, 3)
+        tensor = axes @ np.diag(m.body_inertia[body]) @ axes.T
+        return SourceMass(float(m.body_mass[body]), d.xipos[body].copy(), (tensor + tensor.T) / 2)
+
+    def _pose(self, g: int) -> Array:
+        return geo.make_pose(self.data.geom_xmat[g].reshape(3, 3), self.data.geom_xpos[g])
+
+    def _rgba(self, g: int) -> Array:
+        material = int(self.model.geom_matid[g])
+        rgba = self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
+        return np.asarray(rgba, dtype=np.float64)
+
+    def _surface(self, g: int) -> Mesh | None:
+        """A geom in its own frame; None, with a note, where it has no surface that could be kept."""
+        kind, size = int(self.model.geom_type[g]), np.asarray(self.model.geom_size[g], np.float64)
+        if kind == _GEOM.mjGEOM_MESH:
+            return self._mesh(g)
+        if kind == _GEOM.mjGEOM_BOX:
+            return box(2 * size)
+        if kind == _GEOM.mjGEOM_SPHERE:
+            return ellipsoid(np.full(3, size[0]))
+        if kind == _GEOM.mjGEOM_ELLIPSOID:
+            return ellipsoid(size)
+        if kind == _GEOM.mjGEOM_CYLINDER:
+            return cylinder(size[0], 2 * size[1])
+        if kind == _GEOM.mjGEOM_CAPSULE:
+            return capsule(size[0], 2 * size[1])
+        if kind == _GEOM.mjGEOM_PLANE and size[0] > 0 and size[1] > 0:
+            return rectangle(size[:2])
+        what = _GEOM(kind).name.removeprefix("mjGEOM_").lower()
+        label = repr(str(self.model.geom(g).name)) if self.model.geom(g).name else f"{g}"
+        self.notes.append(
+            f"geom {label} ({'infinite ' if kind == _GEOM.mjGEOM_PLANE else ''}{what}) is left out"
+        )
+        return None
+
+    def _shape(self, g: int, surface: Mesh) -> list[Collision]:
+        """What touches: boxes, and hulls, which MuJoCo takes of every mesh."""
+        if int(self.model.geom_type[g]) == _GEOM.mjGEOM_BOX:
+            return [Box(self._pose(g), 2 * np.asarray(self.model.geom_size[g], np.float64))]
+        hull = convex(surface)
+        return [] if hull is None else [hull.transformed(self._pose(g))]
+
+    def _mesh(self, g: int) -> Mesh:
+        """A mesh as MuJoCo keeps it (centred, single precision), its texture sampled at the corners."""
+        m, mesh = self.model, int(self.model.geom_dataid[g])
+        v0, f0, fn = int(m.mesh_vertadr[mesh]), int(m.mesh_faceadr[mesh]), int(m.mesh_facenum[mesh])
+        vertices = np.asarray(m.mesh_vert[v0 : v0 + int(m.mesh_vertnum[mesh])], np.float64)
+        faces = np.asarray(m.mesh_face[f0 : f0 + fn], np.int64)
+        texture = self._texture(g)
+        if texture is None or not int(m.mesh_texcoordnum[mesh]):
+            return welded(vertices, faces, None)
+        t0 = int(m.mesh_texcoordadr[mesh])
+        uv = np.asarray(m.mesh_texcoord[t0:], np.float64)[np.asarray(m.mesh_facetexcoord[f0 : f0 + fn])]
+        colors = _sampled(texture, uv.reshape(-1, 2))
+        return welded(vertices[faces].reshape(-1, 3), np.arange(3 * fn).reshape(-1, 3), colors)
+
+    def _texture(self, g: int) -> NDArray[np.uint8] | None:
+        """The picture (rows, columns, 3) on a geom, None without one that lies flat."""
+        m, material = self.model, int(self.model.geom_matid[g])
+        if material < 0:
+            return None
+        t = int(m.mat_texid[material, int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
+        if t < 0 or int(m.tex_type[t]) != int(mujoco.mjtTexture.mjTEXTURE_2D) or int(m.tex_nchannel[t]) < 3:
+            return None
+        shape = (int(m.tex_height[t]), int(m.tex_width[t]), int(m.tex_nchannel[t]))
+        start = int(m.tex_adr[t])
+        return np.asarray(m.tex_data[start : start + int(np.prod(shape))]).reshape(shape)[:, :, :3]
+
+
+def _states_mass(body: Any) -> bool:
+    """Whether the file itself says what a body weighs: an <inertial>, or a mass or density of a geom."""
+    said = any(not np.isnan(g.mass) or g.density not in (_DENSITY, 0.0) for g in body.geoms)
+    return bool(body.explicitinertial) or said
+
+
+def _sampled(picture: NDArray[np.uint8], uv: Array) -> NDArray[np.uint8]:
+    """Colours (n, 3) at texture coordinates (n, 2) as MuJoCo counts them, the first row at v = 0."""
+    rows, columns = picture.shape[:2]
+    x = np.clip(((uv[:, 0] % 1.0) * columns).astype(np.int64), 0, columns - 1)
+    y = np.clip(((uv[:, 1] % 1.0) * rows).astype(np.int64), 0, rows - 1)
+    return picture[y, x]

@@ -1,0 +1,114 @@
+"""What both readers fill: bodies with what is known about them, everything in the file's world at its rest pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from twin.geometry import Array
+from twin.scene import Box, Collision, Mesh
+
+Closed = float | str  # a coordinate of the file's joint, "lower" or "upper"
+_GREY = 180  # of what has no colour, beside what has
+
+
+@dataclass(frozen=True, eq=False)
+class SourceJoint:
+    """A hinge or slide. axis, pivot (3,): unit and m, in the world at rest. `rest`, `lower`, `upper` are in the file's own
+    coordinate, m or rad; without limits they are None. damping, frictionloss: None where the file states none."""
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    axis: Array
+    pivot: Array
+    rest: float = 0.0
+    lower: float | None = None
+    upper: float | None = None
+    damping: float | None = None
+    frictionloss: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMass:
+    """Mass (kg), centre (3,) m and tensor (3, 3) kg m^2 about it, in the world at rest."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SourceBody:
+    """A rigid body. `parent` names another, None what stands in the world. friction: of each shape that touches.
+
+    stated: whether the file states the mass, and not only the program that reads it. refused: why a twin can't carry how it
+    moves. loose: it stands on nothing. shapes: False when some of its collision shapes can't be used.
+    """
+
+    name: str
+    parent: str | None
+    joint: SourceJoint | None = None
+    visual: tuple[Mesh, ...] = ()
+    collision: tuple[Collision, ...] = ()
+    mass: SourceMass | None = None
+    stated: bool = True
+    friction: tuple[float, ...] = ()
+    refused: str = ""
+    loose: bool = False
+    shapes: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A file as read: `bodies` with parents before their children, `notes` what of it no twin holds."""
+
+    path: Path
+    name: str
+    bodies: tuple[SourceBody, ...]
+    notes: tuple[str, ...] = ()
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh of several; grey where only others have colours."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    faces = np.concatenate([m.faces + s for m, s in zip(meshes, starts[:-1], strict=True)])
+    colors = None
+    if any(m.colors is not None for m in meshes):
+        grey = [np.full((len(m.vertices), 3), _GREY, np.uint8) for m in meshes]
+        colors = np.concatenate(
+            [g if m.colors is None else m.colors for m, g in zip(meshes, grey, strict=True)]
+        )
+    return Mesh(np.concatenate([m.vertices for m in meshes]), faces, colors)
+
+
+def joined_mass(masses: Sequence[SourceMass]) -> SourceMass | None:
+    """Mass, centre and tensor of bodies that move as one; None when nothing weighs anything."""
+    total = sum(m.mass for m in masses)
+    if total <= 0:
+        return None
+    com = np.asarray(sum(m.mass * m.com for m in masses) / total)
+    tensor = np.zeros((3, 3))
+    for m in masses:
+        d = m.com - com
+        tensor += m.inertia + m.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    return SourceMass(total, com, tensor)
+
+
+def surface_of(shape: Collision) -> Mesh:
+    """A collision shape as a surface."""
+    if isinstance(shape, Mesh):
+        return shape
+    from twin.importers.shapes import box
+
+    return box(shape.size).transformed(shape.T_world_box)
+
+
+def moved(shape: Collision, T: Array) -> Collision:
+    """A collision shape elsewhere."""
+    return shape.transformed(T) if isinstance(shape, Mesh) else Box(T @ shape.T_world_box, shape.size)

@@ -1,0 +1,192 @@
+"""Reads URDF: yourdfpy parses it, meshes are looked for as `twin lint` does."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.importers.shapes import box, convex, cylinder, ellipsoid, is_convex, mesh_file, painted
+from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
+from twin.lint.meshes import locate
+from twin.lint.xml import read_xml
+from twin.scene import Box, Collision, Mesh
+
+_WORLD = "world"
+
+
+def read(path: Path) -> Source:
+    """Read a URDF file. Raises InputError."""
+    robot = _parsed(path)
+    links = {k.name: k for k in robot.links}
+    above = _joints_above(path, robot)
+    materials = {m.name: m.color.rgba for m in robot.materials if m.color is not None}
+    bodies: list[SourceBody] = []
+    notes: list[str] = []
+    poses: dict[str, Array] = {}
+
+    def add(name: str) -> None:
+        joint = above.get(name)
+        origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
+        poses[name] = origin if joint is None else poses[joint.parent] @ origin
+        bodies.append(_body(path, links[name], joint, poses[name], materials, notes))
+        for other in robot.joints:
+            if other.parent == name:
+                add(other.child)
+
+    for name in links:
+        if name not in above:
+            add(name)
+    left = sorted(set(links) - set(poses))
+    if left:
+        raise InputError(f"{path}: link {left[0]!r} hangs on itself", "links must form a tree")
+    notes += [
+        f"joint {j.name!r} follows {j.mimic.joint!r} (mimic): the twin moves it by itself"
+        for j in robot.joints
+        if j.mimic is not None
+    ]
+    return Source(path, robot.name, tuple(bodies), tuple(notes))
+
+
+def _parsed(path: Path) -> Any:
+    read_xml(path)  # refuses document types, which the parser of yourdfpy would follow
+    import yourdfpy
+
+    quiet = logging.getLogger("yourdfpy.urdf")
+    level = quiet.level
+    quiet.setLevel(logging.CRITICAL)  # what it warns about is told here, or has no weight for a twin
+    try:
+        return yourdfpy.URDF.load(
+            str(path), build_scene_graph=False, load_meshes=False, load_collision_meshes=False
+        ).robot
+    except Exception as e:  # the parser's errors have no common base
+        reason = " ".join(f"{type(e).__name__}: {e}".split())[:200]
+        raise InputError(f"{path} can't be read as URDF: {reason}", f"see `twin lint {path}`") from e
+    finally:
+        quiet.setLevel(level)
+
+
+def _joints_above(path: Path, robot: Any) -> dict[str, Any]:
+    """Link -> the joint that it hangs on."""
+    names = {k.name for k in robot.links}
+    above: dict[str, Any] = {}
+    for j in robot.joints:
+        for end in (j.parent, j.child):
+            if end not in names:
+                raise InputError(f"{path}: joint {j.name!r} names the link {end!r}, which is not there")
+        if j.child in above:
+            raise InputError(
+                f"{path}: link {j.child!r} hangs on two joints, {above[j.child].name!r} and {j.name!r}",
+                "a twin is a tree: leave one of them out",
+            )
+        above[j.child] = j
+    return above
+
+
+def _body(
+    path: Path, link: Any, joint: Any, pose: Array, materials: dict[str, Array], notes: list[str]
+) -> SourceBody:
+    visual: list[Mesh] = []
+    for k, v in enumerate(link.visuals):
+        place = pose if v.origin is None else pose @ v.origin
+        color = None if v.material is None else materials.get(v.material.name)
+        if v.material is not None and v.material.color is not None:
+            color = v.material.color.rgba
+        mesh, own = _surface(path, v.geometry, f"visual {k} of link {link.name!r}")
+        visual.append((mesh if own else painted(mesh, color)).transformed(place))
+    collision: list[Collision] = []
+    usable = True
+    for k, c in enumerate(link.collisions):
+        place, owner = pose if c.origin is None else pose @ c.origin, f"collision {k} of link {link.name!r}"
+        if c.geometry.box is not None:
+            collision.append(Box(place, c.geometry.box.size))
+            continue
+        mesh, _ = _surface(path, c.geometry, owner)
+        hull = convex(mesh)
+        if hull is None or not is_convex(mesh):
+            usable = False
+            notes.append(f"{owner} is not convex: shapes are made from the surface instead")
+        else:
+            collision.append(hull.transformed(place))
+    if joint is None or joint.type == "fixed":
+        moves: tuple[SourceJoint | None, str, bool] = (None, "", False)
+    else:
+        moves = _motion(joint, pose)
+    return SourceBody(
+        link.name,
+        None if joint is None else joint.parent,
+        moves[0],
+        tuple(visual),
+        tuple(collision),
+        _mass(link.inertial, pose),
+        refused=moves[1],
+        loose=moves[2],
+        shapes=usable,
+    )
+
+
+def _motion(joint: Any, pose: Array) -> tuple[SourceJoint | None, str, bool]:
+    """The joint, or why it can't be one of a twin, or that its child floats."""
+    if joint.type == "floating":
+        return None, "", True
+    if joint.type not in ("revolute", "continuous", "prismatic"):
+        return None, f"joint {joint.name!r} is of type {joint.type!r}", False
+    axis = np.asarray(joint.axis, dtype=np.float64)
+    if axis.shape != (3,) or not np.all(np.isfinite(axis)) or np.linalg.norm(axis) < 1e-9:
+        return None, f"joint {joint.name!r} has the axis {axis.tolist()}", False
+    bounded = joint.limit if joint.type != "continuous" else None
+    resists = joint.dynamics
+    return (
+        SourceJoint(
+            joint.name,
+            "prismatic" if joint.type == "prismatic" else "revolute",
+            geo.unit(geo.rotate(pose, axis)),
+            pose[:3, 3].copy(),
+            0.0,
+            None if bounded is None else bounded.lower,
+            None if bounded is None else bounded.upper,
+            _number(resists, "damping"),
+            _number(resists, "friction"),
+        ),
+        "",
+        False,
+    )
+
+
+def _number(dynamics: Any, key: str) -> float | None:
+    text = None if dynamics is None else getattr(dynamics, key)
+    return None if text is None else float(text)
+
+
+def _mass(inertial: Any, pose: Array) -> SourceMass | None:
+    if inertial is None or not inertial.mass:
+        return None
+    place = pose if inertial.origin is None else pose @ inertial.origin
+    tensor = np.zeros((3, 3)) if inertial.inertia is None else np.asarray(inertial.inertia, np.float64)
+    turned = place[:3, :3] @ tensor @ place[:3, :3].T
+    return SourceMass(float(inertial.mass), place[:3, 3].copy(), (turned + turned.T) / 2)
+
+
+def _surface(path: Path, geometry: Any, owner: str) -> tuple[Mesh, bool]:
+    """A geometry in its own frame, and whether it has colours of its own."""
+    if geometry.box is not None:
+        return box(geometry.box.size), False
+    if geometry.cylinder is not None:
+        return cylinder(geometry.cylinder.radius, geometry.cylinder.length), False
+    if geometry.sphere is not None:
+        return ellipsoid(np.full(3, geometry.sphere.radius)), False
+    if geometry.mesh is None:
+        raise InputError(f"{path}: {owner} has no shape", "give a box, cylinder, sphere or mesh")
+    found = locate(geometry.mesh.filename, path.parent)
+    if found is None:
+        raise InputError(
+            f"{path}: {owner} names {geometry.mesh.filename!r}, which can't be found from here",
+            "put the package beside the file",
+        )
+    scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+    return mesh_file(found, np.broadcast_to(np.asarray(scale, np.float64), (3,)), f"{path}: {owner}")
