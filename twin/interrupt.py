@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -55,6 +54,15 @@ def leave(tell: bool = False) -> NoReturn:
     os._exit(code())
 
 
+def finish(code: int) -> NoReturn:
+    """End the program, whose work is done and told, with its exit code; an interruption from here on only hastens it."""
+    if happened():
+        leave()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(code))
+    sys.exit(code)
+
+
 @contextmanager
 def spared() -> Iterator[None]:
     """Processes that are started in here don't hear Ctrl-C, which a terminal sends to all: they end with this one, silently."""
@@ -98,6 +106,8 @@ def _unraisable(told: Any) -> None:
 
 def _descendants(process: int) -> list[int]:
     """Processes that this one started, and theirs (Linux: from /proc)."""
+    from pathlib import Path  # here: the handler is to stand before anything takes time
+
     found = []
     for task in Path(f"/proc/{process}/task").glob("*/children"):
         with suppress(OSError):

@@ -22,6 +22,7 @@ from pathlib import Path
 from platform import python_version
 from typing import Any, Generic, Protocol, TypeVar
 
+from twin.atomic import write_file
 from twin.codec import TreeCodec
 from twin.errors import FuntwinError, InputError
 from twin.run_lock import claim, release
@@ -306,9 +307,7 @@ def write_json(path: Path, data: Any) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Replace a text file at once."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    write_file(path, text.encode())
 
 
 def read_json(path: Path) -> dict[str, Any]:

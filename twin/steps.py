@@ -288,6 +288,7 @@ def trajectory(
     out: Path,
     goal: str = "open",
     start: str | None = None,
+    overwrite: bool = False,
 ) -> Outcome:
     """Hand over what `replay` left of one part into `out`, or of all parts into folders of their names."""
     twin, spec = load(run), named("robots:resolve")(robot)
@@ -312,7 +313,8 @@ def trajectory(
     for k, source in enumerate(sources):
         part_name = source.part.name
         progress("trajectory", k / len(sources), part_name)
-        written = named("robots.formats:hand_over")(source, formats, out if name else out / part_name)
+        place = out if name else out / part_name
+        written = named("robots.formats:hand_over")(source, formats, place, overwrite=overwrite)
         files[part_name] = {f: [str(p) for p in paths] for f, paths in written.items()}
         rows += [[part_name, f, path] for f, paths in files[part_name].items() for path in paths]
     progress("trajectory", 1.0, f"{len(rows)} files")

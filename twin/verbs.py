@@ -184,11 +184,12 @@ def trajectory(
     out: Path,
     goal: str = "open",
     start: str | None = None,
+    overwrite: bool = False,
 ) -> Outcome:
     """What a replay planned, in robots' formats."""
     require_writable(out)
     with console.progress() as progress:
-        return steps.trajectory(progress, run, robot, part, formats, out, goal, start)
+        return steps.trajectory(progress, run, robot, part, formats, out, goal, start, overwrite)
 
 
 def evaluate(console: Console, run: Path, truth: Path) -> Outcome:

@@ -294,3 +294,35 @@ def test_extra_keys_and_known_ones_make_up_the_whole(known: dict, raw: dict) -> 
     assert extra_of(whole, known) == extra
     assert set(whole) == set(known) | set(raw)
     assert all(whole[k] == known[k] or isinstance(known[k], dict) for k in known)
+
+
+def test_a_list_of_the_user_that_bears_the_name_of_ours_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "mjcf").mkdir()
+    (tmp_path / "mjcf" / "files.json").write_text('{"my": "list"}')
+    with pytest.raises(InputError, match=r"files\.json is not a file that was exported"):
+        export(cabinet_twin(), tmp_path, formats=("mjcf",))
+    assert (tmp_path / "mjcf" / "files.json").read_text() == '{"my": "list"}'
+
+
+def test_folders_that_may_not_be_written_leave_nothing_behind(tmp_path: Path) -> None:
+    """The old folder's links are removed after the new one took its place; a read-only folder in it kept them."""
+    twin = cabinet_twin()
+    save(twin, tmp_path / "twin")
+    locked = tmp_path / "twin" / "archive"
+    locked.mkdir()
+    (locked / "a.txt").write_text("mine")
+    locked.chmod(0o555)
+    code = (
+        "import ctypes, sys; from pathlib import Path; from twin.storage import load, save\n"
+        "for capability in (1, 2):  # what lets root write everywhere\n"
+        "    ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)\n"
+        "import os; os.execv(sys.executable, [sys.executable, '-c', sys.argv[1], sys.argv[2]])"
+    )
+    again = (
+        "import sys; from dataclasses import replace; from twin.storage import load, save\n"
+        "twin = load(sys.argv[1]); save(replace(twin, parts=twin.parts[:1]), sys.argv[1])"
+    )
+    subprocess.run([sys.executable, "-c", code, again, str(tmp_path / "twin")], check=True)
+    assert len(load(tmp_path).parts) == 1
+    assert (locked / "a.txt").read_text() == "mine"
+    assert [p.name for p in tmp_path.iterdir()] == ["twin"]

@@ -101,7 +101,9 @@ def export(
             for fmt, here in staged.items():
                 replace_own(here, folder / fmt, overwrite)
     except OSError as e:
-        raise InputError(f"{folder} can't be written: {e}", "check space and permissions") from e
+        raise InputError(
+            f"{folder} can't be written: {e.strerror or e}", "check space and permissions"
+        ) from e
     return Exported(files, tuple(warnings))
 
 
