@@ -206,7 +206,7 @@ def test_notebooks_show_a_table_with_every_part(whole: bool) -> None:
     assert "flap" in text
 
 
-def test_what_a_user_wrote_is_escaped_in_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_user_wrote_is_escaped_in_the_table() -> None:
     """Names are legal, so no sign of HTML passes; a law of types that changes must not open the table."""
     made = cabinet_twin()
     object.__setattr__(made, "name", "<script>&")
