@@ -26,7 +26,7 @@ from twin.report import render
 from twin.scene import JointSigma, Part, Twin
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("twin", "robots")
+PACKAGES = ("twin", "robots", "recon")
 
 
 @pytest.mark.parametrize("package", PACKAGES)
