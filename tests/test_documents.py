@@ -61,7 +61,9 @@ SNIPPETS_PARSED = {
 # what stands before a page's snippets, and what of them is made smaller to be quick
 BEFORE = {
     "docs/robots.md": "from pathlib import Path\nimport numpy as np\nimport twin as package\n"
-    "twin = package.load('RUN')\nrecording = [type('', (), {'color': np.zeros((48, 64, 3), np.uint8)})] * 60\n",
+    "from types import SimpleNamespace as Frame\ntwin = package.load('RUN')\n"
+    "class Recording(list):\n    def frame(self, k): return self[k]\n"
+    "recording = Recording([Frame(color=np.zeros((48, 64, 3), np.uint8))] * 60)\n",
 }
 SMALLER = {"trials=100": "trials=1", "--trials 100": "--trials 1"}
 LESS_WORK = {
