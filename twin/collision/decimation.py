@@ -1,0 +1,53 @@
+"""Large meshes with fewer triangles: quadric edge collapse (Garland and Heckbert 1997), as fast-simplification does it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.collision.closed_pieces import enclosed
+from twin.collision.solid import pieces_of
+from twin.scene import Mesh
+
+_SAME_VOLUME = 0.02  # share, chosen by us: what the noise of a scan takes from a body
+
+
+def decimated(mesh: Mesh, faces: int) -> Mesh:
+    """The mesh with at most about `faces` triangles; corners at the same place are one and those of no face are left out."""
+    if len(mesh.faces) <= faces:
+        return mesh
+    import fast_simplification
+
+    welded = _welded(mesh)
+    if len(welded.faces) <= faces:
+        return welded
+    middle = (welded.vertices.min(axis=0) + welded.vertices.max(axis=0)) / 2
+    size = max(float(np.abs(welded.vertices - middle).max()), 1e-12)  # its thresholds are for numbers about one
+    vertices, triangles = fast_simplification.simplify(
+        (welded.vertices - middle) / size, welded.faces.astype(np.int32), target_count=faces
+    )
+    return Mesh(vertices * size + middle, triangles)
+
+
+def decimated_body(body: Mesh, faces: int) -> Mesh | None:
+    """A closed piece with at most about `faces` triangles that is one closed piece again and holds as much; else None."""
+    if len(body.faces) <= faces:
+        return body
+    small = decimated(body, faces)
+    pieces = pieces_of(small)
+    if len(pieces) != 1 or not pieces[0][1]:
+        return None
+    held = abs(enclosed(body))
+    return pieces[0][0] if abs(abs(enclosed(pieces[0][0])) - held) <= _SAME_VOLUME * held else None
+
+
+def _welded(mesh: Mesh) -> Mesh:
+    """The mesh with equal corners joined: edges of a soup of triangles can't be collapsed."""
+    used = np.zeros(len(mesh.vertices), bool)
+    used[mesh.faces] = True
+    size = max(float(np.ptp(mesh.vertices[used], axis=0).max()), 1e-12)
+    first, which = geo.unique_rows(np.round(mesh.vertices / (1e-7 * size)).astype(np.int64))
+    faces = which[mesh.faces]
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    kept, index = np.unique(faces[whole], return_inverse=True)
+    return Mesh(mesh.vertices[first[kept]], index.reshape(-1, 3).astype(np.int32))
