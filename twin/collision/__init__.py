@@ -20,7 +20,7 @@ from twin.collision.cache import ShapeCache
 from twin.collision.clearance import make_clear, points_of, sweep_states
 from twin.collision.closed_pieces import closed_piece_shapes
 from twin.collision.convex import areas, cut, thick_hull, triangles_of
-from twin.collision.decimation import decimated, decimated_body
+from twin.collision.decimation import decimated, decimated_body, joined
 from twin.collision.main_axes import main_axes, outline_axes
 from twin.collision.solid import pieces_of
 from twin.collision.splitting import decompose, merge
@@ -177,15 +177,6 @@ def whole_hull(mesh: Mesh, config: CollisionConfig) -> tuple[Collision, ...]:
     small = decimated(mesh, config.part_faces)
     hull = thick_hull(small.vertices[small.faces], config.thickness) if len(small.faces) else None
     return () if hull is None else (hull.mesh,)
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one, without colours."""
-    start = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + n for m, n in zip(meshes, start, strict=False)]),
-    )
 
 
 def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Collision]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from twin import geometry as geo
@@ -39,6 +41,15 @@ def decimated_body(body: Mesh, faces: int) -> Mesh | None:
         return None
     held = abs(enclosed(body))
     return pieces[0][0] if abs(abs(enclosed(pieces[0][0])) - held) <= _SAME_VOLUME * held else None
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """All meshes as one, without colours."""
+    start = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + n for m, n in zip(meshes, start, strict=False)]),
+    )
 
 
 def _welded(mesh: Mesh) -> Mesh:

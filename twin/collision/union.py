@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.collision.closed_pieces import outward
+from twin.collision.decimation import joined
 from twin.collision.solid import pieces_of
 from twin.scene import Mesh
+
+OVERLAP = 0.001  # share of the bodies' volume, chosen by us: less is the rounding of boards that touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +48,6 @@ def united(mesh: Mesh) -> Union | None:
     if whole.status() != manifold3d.Error.NoError or not whole.num_tri() or apart <= 0:
         return None
     out = whole.to_mesh64()
-    joined = Mesh(np.asarray(out.vert_properties)[:, :3] + middle, np.asarray(out.tri_verts, dtype=np.int32))
+    body = Mesh(np.asarray(out.vert_properties)[:, :3] + middle, np.asarray(out.tri_verts, dtype=np.int32))
     rest = [piece for piece, closed in pieces if not closed]
-    return Union(_beside([joined, *rest]), max(0.0, 1.0 - float(whole.volume()) / apart))
-
-
-def _beside(meshes: list[Mesh]) -> Mesh:
-    start = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + n for m, n in zip(meshes, start, strict=False)]),
-    )
+    return Union(joined([body, *rest]), max(0.0, 1.0 - float(whole.volume()) / apart))

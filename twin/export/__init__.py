@@ -17,7 +17,7 @@ from twin.export.notes import readme
 from twin.export.package import check_package, write_package
 from twin.export.tree import build_tree, require_ranges
 from twin.scene import Twin
-from twin.soundness import require_sound
+from twin.soundness import overlaps, require_sound
 
 Format = Literal["urdf", "mjcf", "usd"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -69,14 +69,18 @@ def export(
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
     if package:
         check_package(package)
+    from twin.collision.stated import meetings
+
     asset = AssetInfo() if asset is None else asset
-    tree = build_tree(complete(twin, cache_dir))
+    ready = complete(twin, cache_dir)
+    tree = build_tree(ready)
     files: dict[str, Path] = {}
     warnings: list[str] = [
         f"all: {k.name} has no collision shapes, so nothing can touch it"
         for k in tree.links
         if not k.collision
     ]
+    warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready))]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
@@ -99,9 +103,12 @@ def export(
 def complete(twin: Twin, cache_dir: Path | None = None) -> Twin:
     """The twin with mass, friction and collision shapes wherever they were missing.
 
-    Raises SceneError for a part whose mesh is empty or passes through itself, or that can't move.
+    Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not convex.
     """
+    from twin.collision.stated import require_convex
+
     require_sound(twin)
+    require_convex(twin)
     require_ranges(twin)
     if any(p.inertial is None or p.physics is None for p in twin.parts):
         from twin.physics import with_physics
