@@ -49,7 +49,7 @@ def _overlap(part: Part) -> str:
         from_surface = part.inertial is None or part.inertial.mass.origin == "geometry"
         mass = "mass is that of their union" if from_surface else "mass is as stated"
         return f"bodies of part {part.name!r} overlap by {whole.share:.1%} of their volume; its {mass}"
-    share, at = crossing(decimated(part.mesh, _FACES)) if whole is None else (0.0, np.zeros(3))
+    share, at = crossing(decimated(part.mesh, _FACES))
     if share <= _SHARE:
         return ""
     where = " ".join(f"{x:.3f}" for x in at)

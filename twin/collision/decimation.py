@@ -24,7 +24,9 @@ def decimated(mesh: Mesh, faces: int) -> Mesh:
     if len(welded.faces) <= faces:
         return welded
     middle = (welded.vertices.min(axis=0) + welded.vertices.max(axis=0)) / 2
-    size = max(float(np.abs(welded.vertices - middle).max()), 1e-12)  # its thresholds are for numbers about one
+    size = max(
+        float(np.abs(welded.vertices - middle).max()), 1e-12
+    )  # its thresholds are for numbers about one
     vertices, triangles = fast_simplification.simplify(
         (welded.vertices - middle) / size, welded.faces.astype(np.int32), target_count=faces
     )

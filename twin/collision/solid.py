@@ -23,7 +23,9 @@ from twin.scene import Box, Collision, Mesh
 
 _SAME = 1e-7  # m: corners nearer than this are one
 _JUST_OUTSIDE = 2e-4  # m: far more than single precision loses over a few metres, far less than any board
-_PIECES = 1000  # taken one by one, chosen by us: furniture has tens of bodies, a scan tens of thousands of shreds
+_PIECES = (
+    1000  # taken one by one, chosen by us: furniture has tens of bodies, a scan tens of thousands of shreds
+)
 _AT_ONCE = 1 << 20  # lines that faces are tried against at a time: a hundred megabytes
 _RAYS = 3  # votes whether a point is inside: a ray may run along an edge
 # A grid turned so that no board lies along it: aligned with one, rows of cells would be in or out as a whole.

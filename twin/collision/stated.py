@@ -44,19 +44,25 @@ def hollow(mesh: Mesh) -> tuple[float, float]:
     volume would not, and asks nothing of what lies inside. Where sides are missing, less if the faces there are lie on the
     hull: how far they are, the way they face, from its outside. A flat mesh has no inside: 0.
     """
-    small = decimated(mesh, _FACES)
-    triangles = triangles_of(small)
-    hull = hull_of(small.vertices[np.unique(small.faces)]) if len(triangles) else None
-    if hull is None:
+    size = (
+        float(np.linalg.norm(np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)))
+        if len(mesh.faces)
+        else 0.0
+    )
+    if size <= 0:
         return 0.0, 1.0
-    size = float(np.linalg.norm(np.ptp(hull.vertices, axis=0)))
+    small = decimated(Mesh((mesh.vertices - mesh.vertices[mesh.faces[0, 0]]) / size, mesh.faces), _FACES)
+    triangles = triangles_of(small)
+    hull = hull_of(triangles.reshape(-1, 3)) if len(triangles) else None
+    if hull is None:
+        return 0.0, size
     off = np.abs(Solid([], [small]).signed_distance(spread(hull.vertices[hull.faces], _POINTS)[0]))
     depth = float(off.max())
-    if depth > _HOLLOW * size and not all(closed for _, closed in pieces_of(small)):
+    if depth > _HOLLOW and not all(closed for _, closed in pieces_of(small)):
         points, normals = spread(triangles, _POINTS)
         sides = [float(np.quantile(_way_out(hull, points, s * normals), _ROUGH)) for s in (1, -1)]
         depth = min(depth, *sides)
-    return depth, size
+    return depth * size, size
 
 
 def _way_out(hull: Hull, points: Array, directions: Array) -> Array:

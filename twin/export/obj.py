@@ -79,7 +79,9 @@ class Dressed:
     corners: NDArray[np.int64]
 
 
-_DRESSED: WeakKeyDictionary[Mesh, Dressed] = WeakKeyDictionary()  # formats write the same meshes one after another
+_DRESSED: WeakKeyDictionary[Mesh, Dressed] = (
+    WeakKeyDictionary()
+)  # formats write the same meshes one after another
 
 
 def dress(mesh: Mesh) -> Dressed:
