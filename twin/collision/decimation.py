@@ -37,12 +37,12 @@ def decimated_body(body: Mesh, faces: int) -> Mesh | None:
     """A closed piece with at most about `faces` triangles that is one closed piece again and holds as much; else None."""
     if len(body.faces) <= faces:
         return body
-    small = decimated(body, faces)
-    pieces = pieces_of(small)
-    if len(pieces) != 1 or not pieces[0][1]:
+    pieces = pieces_of(decimated(body, faces))
+    if not pieces:
         return None
+    small, closed = max(pieces, key=lambda row: row[0].area)  # beside it may lie crumbs that came off
     held = abs(enclosed(body))
-    return pieces[0][0] if abs(abs(enclosed(pieces[0][0])) - held) <= _SAME_VOLUME * held else None
+    return small if closed and abs(abs(enclosed(small)) - held) <= _SAME_VOLUME * held else None
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
