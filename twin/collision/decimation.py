@@ -8,6 +8,7 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.collision.closed_pieces import enclosed
+from twin.collision.convex import Hull, hull_of
 from twin.collision.solid import pieces_of
 from twin.scene import Mesh
 
@@ -37,12 +38,25 @@ def decimated_body(body: Mesh, faces: int) -> Mesh | None:
     """A closed piece with at most about `faces` triangles that is one closed piece again and holds as much; else None."""
     if len(body.faces) <= faces:
         return body
+    hull = hull_of(body.vertices)
+    if hull is not None and abs(enclosed(body)) > (1 - _SAME_VOLUME) * hull.volume:
+        return _fewer_corners(hull)
     pieces = pieces_of(decimated(body, faces))
     if not pieces:
         return None
     small, closed = max(pieces, key=lambda row: row[0].area)  # beside it may lie crumbs that came off
     held = abs(enclosed(body))
     return small if closed and abs(abs(enclosed(small)) - held) <= _SAME_VOLUME * held else None
+
+
+def _fewer_corners(hull: Hull) -> Mesh | None:
+    """The hull of the corners that reach furthest in 1000 even directions (Fibonacci lattice)."""
+    z = 1.0 - (2.0 * np.arange(1000) + 1.0) / 1000.0
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(1000)
+    ways = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
+    reach = [int(np.argmax(hull.vertices @ way)) for way in ways]
+    small = hull_of(hull.vertices[np.unique(reach)])
+    return None if small is None else small.mesh
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
