@@ -92,8 +92,8 @@ def with_collision(
         renew: replace shapes that the twin has already; otherwise a twin in which everything has shapes is returned as is.
     """
     config = CollisionConfig() if config is None else config
-    owners = (twin.static, *twin.parts)
-    stated: list[tuple[Collision, ...]] = [() if renew else o.collision for o in owners]
+    given = [twin.static.collision, *(p.collision for p in twin.parts)]
+    stated: list[tuple[Collision, ...]] = [() if renew else own for own in given]
     if all(stated):
         return twin
     cache = ShapeCache(cache_dir, asdict(config))

@@ -12,7 +12,7 @@ from twin.collision.decimation import decimated
 from twin.collision.solid import Solid, pieces_of, spread
 from twin.errors import SceneError
 from twin.geometry import Array
-from twin.scene import Collision, Mesh, Twin
+from twin.scene import Collision, Mesh, Part, StaticPart, Twin
 
 _HOLLOW = 0.04  # of a shape's diagonal, chosen by us: noise of 1.5 mm on 100 mm of board stays below
 _FACES = 5000  # a shape of more is judged by as many
@@ -22,9 +22,14 @@ _MEET = 1e-4  # m, chosen by us: less deep is rounding
 _STEP = 0.02  # m: as CollisionConfig.step
 
 
+def owners_of(twin: Twin) -> list[StaticPart | Part]:
+    """The static scene, then the parts."""
+    return [twin.static, *twin.parts]
+
+
 def require_convex(twin: Twin) -> None:
     """Raises SceneError that names the first collision mesh that is not convex: engines would fill its hollows."""
-    for owner in (twin.static, *twin.parts):
+    for owner in owners_of(twin):
         for k, shape in enumerate(owner.collision):
             if not isinstance(shape, Mesh):
                 continue
@@ -79,8 +84,8 @@ def _way_out(hull: Hull, points: Array, directions: Array) -> Array:
 def meetings(twin: Twin) -> list[str]:
     """One line for every two lists of collision shapes that meet while a part opens, with depth and state; parts and what
     they are mounted on may touch."""
-    shapes = [list(o.collision) for o in (twin.static, *twin.parts)]
-    names = [o.name for o in (twin.static, *twin.parts)]
+    shapes = [list(o.collision) for o in owners_of(twin)]
+    names = [o.name for o in owners_of(twin)]
     deepest: dict[tuple[str, str], tuple[float, str]] = {}
     for owners, depth, where in _contacts(twin, shapes):
         pair = (names[owners[0]], names[owners[1]])
