@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 
 from twin import geometry as geo
-from twin.export.obj import bake, corner_normals, mean_color
+from twin.export.obj import dress, mean_color
 from twin.export.tree import Link, Tree
 from twin.export.usd.layers import ints, link_path, new_layer, points, world_origins
 from twin.geometry import Array
@@ -82,10 +82,9 @@ def _place(shape: UsdGeom.Xformable, pose: Array) -> None:
 
 def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
     """A mesh with its colours twice: texture coordinates, and the display colours of its vertices."""
-    baked = bake(mesh)
-    faces = mesh.faces[baked.order]
-    shape = _mesh(stage, path, mesh.vertices, faces)
-    normals, corners = corner_normals(mesh.vertices, faces)
+    dressed = dress(mesh)
+    baked, normals, corners = dressed.baked, dressed.normals, dressed.corners
+    shape = _mesh(stage, path, mesh.vertices, mesh.faces[baked.order])
     kind = Sdf.ValueTypeNames.Normal3fArray
     _primvar(shape, "normals", kind, points(_unit(normals)), "faceVarying", corners.ravel())
     index: NDArray[np.integer] | None
