@@ -144,6 +144,9 @@ def replay(
     # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([named("robots.touch:NothingToHold")] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
+    if contact is None:
+        off = [o for o in named("twin.contacts:contacts_off")(twin) if o.part in {p.name for p in parts}]
+        warnings += [f"{o.problem}: its shape decides where to hold it; give --contact X,Y,Z" for o in off]
     rows, reports, tables = [], {}, []
     config = named("robots:ReplayConfig")(**(settings or {}))
     for part in parts:

@@ -95,9 +95,11 @@ def lint(console: Console, paths: Sequence[Path], ignore: Sequence[str], show_ru
     """Faults in simulation files, ours or not."""
     from twin.lint import lint as look
     from twin.lint.rules import RULES
+    from twin.lint.rules.twins import TWIN_RULES
 
     if show_rules:
         rules = [[name, rule.catches, rule.matters] for name, rule in RULES.items()]
+        rules += [[name, rule.catches, rule.matters] for name, rule in TWIN_RULES.items()]
         data = {"rules": [{"name": n, "catches": c, "matters": m} for n, c, m in rules]}
         return Outcome(data, [Table("rules", ["rule", "finds", "why it matters"], rules)])
     if not paths:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from twin._module_call import call_as
+from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.export.asset import AssetInfo
 from twin.export.notes import readme
@@ -77,6 +78,7 @@ def export(
         for k in tree.links
         if not k.collision
     ]
+    warnings += [f"all: {off.problem}; {off.remedy}" for off in contacts_off(twin)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
