@@ -124,10 +124,12 @@ def replay(
     start: str | None = None,
     recording: Path | None = None,
     contact: tuple[float, ...] | None = None,
+    floor: float | None = None,
 ) -> Step:
     """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin.
 
-    settings: fields of `robots.ReplayConfig`. contact: point (3,) in m where a part is held, twin's world at state 0.
+    settings: fields of `robots.ReplayConfig`. contact: point (3,) in m where a part is held, twin's world at state 0. floor:
+    height (m) in the twin's world.
     """
     started = time.perf_counter()
     twin = load(run)
@@ -147,6 +149,8 @@ def replay(
     if contact is None:
         off = [o for o in named("twin.contacts:contacts_off")(twin) if o.part in {p.name for p in parts}]
         warnings += [f"{o.problem}: its shape decides where to hold it; give --contact X,Y,Z" for o in off]
+    ground = named("robots.floor:floor_of")(twin, floor)
+    warnings += [ground.warning] if ground.warning else []
     rows, reports, tables = [], {}, []
     config = named("robots:ReplayConfig")(**(settings or {}))
     for part in parts:
@@ -159,6 +163,7 @@ def replay(
             config,
             tasks[part.id],
             contact,
+            ground,
             demonstration,
             missed,
         )
@@ -171,7 +176,17 @@ def replay(
             )
             tables.append(table)
             notes += assumed
-    columns = ["part", "opened", "open at the end", "slip", "torque used", "grasp", "pedestal", "result"]
+    columns = [
+        "part",
+        "opened",
+        "open at the end",
+        "slip",
+        "torque used",
+        "grasp",
+        "pedestal",
+        "floor",
+        "result",
+    ]
     ok = all(r["ok"] for r in reports.values())
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
     tables = [Table(f"replay with {robot}", columns, rows), *tables]
@@ -211,6 +226,7 @@ def _replay_part(
     config: Any,
     task: Any,
     contact: tuple[float, ...] | None,
+    floor: Any,
     demonstration: Any,
     missed: tuple[type[FuntwinError], ...],
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
@@ -218,11 +234,11 @@ def _replay_part(
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
     try:
         trajectory = named("robots:plan")(
-            twin, part.id, robot, contact=contact, goal=task.goal, start=task.start
+            twin, part.id, robot, contact=contact, goal=task.goal, start=task.start, floor=floor
         )
     except missed as e:
         progress(f"plan {part.name}", 1.0, "found none")
-        row = ["-", "not", "-", "-", "-", "-", "FAILED"]
+        row = ["-", "not", "-", "-", "-", "-", floor.text, "FAILED"]
         return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
@@ -238,6 +254,7 @@ def _replay_part(
         f"{100 * max(r.torque_share):.0f} %",
         r.grasp,
         f"{r.pedestal:.2f} m",
+        r.floor.text,
         "ok" if r.ok else "FAILED",
     ]
     return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else [], trajectory
@@ -312,7 +329,9 @@ def trajectory(
         files[part_name] = {f: [str(p) for p in paths] for f, paths in written.items()}
         rows += [[part_name, f, path] for f, paths in files[part_name].items() for path in paths]
     progress("trajectory", 1.0, f"{len(rows)} files")
-    return Outcome({"files": files}, [Table(f"trajectories of {robot}", ["part", "format", "file"], rows)])
+    table = Table(f"trajectories of {robot}", ["part", "format", "file"], rows)
+    floors = [s.trajectory.floor for s in sources if s.trajectory.floor is not None]
+    return Outcome({"files": files}, [table], warnings=list({f.warning: 0 for f in floors if f.warning}))
 
 
 def evaluate(progress: Progress, run: Path, truth: Path) -> Step:

@@ -133,6 +133,7 @@ def replay(
     start: str | None = None,
     recording: Path | None = None,
     contact: tuple[float, ...] | None = None,
+    floor: float | None = None,
 ) -> Outcome:
     """A robot opens or closes the parts."""
     options = None
@@ -145,7 +146,7 @@ def replay(
     settings = {key: value for key, value in asked.items() if value is not None}
     with console.progress() as progress, _page(run):
         return steps.replay(
-            progress, run, robot, parts, settings, options, goal, start, recording, contact
+            progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
         ).outcome
 
 
