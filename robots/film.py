@@ -30,7 +30,7 @@ def alone(
 ) -> list[Image]:
     """The robot's `images` (f of (H, W, 3)), under each the part's state out of `states` (f,), the pace, and an assumed floor."""
     floor = trajectory.floor
-    told = "floor assumed, " if floor is not None and floor.source == "assumed" else ""
+    told = f"floor {floor.text}, " if floor is not None and floor.source == "assumed" else ""
     return [
         captioned(image, f"{trajectory.robot}  {state_text(part, state)}", f"{told}{pace}")
         for image, state in zip(images, states.tolist(), strict=True)

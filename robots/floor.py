@@ -22,7 +22,7 @@ _CELL = 0.05
 _ABOVE = (0.10, 1.90)  # over a floor that one can stand on there is nothing; a ceiling does not count
 _BELOW, _SHARE = (
     0.05,
-    0.1,
+    0.2,
 )  # what lies deeper than that below a floor is its own edge: little against its area
 _EYES = 0.9  # a level less than this below the eyes is a table's; who kneels still sees the floor 1.1 m below
 
@@ -45,7 +45,11 @@ class Floor:
     @property
     def text(self) -> str:
         """For tables and films."""
-        return f"{self.source}, z {self.height:.2f} m"
+        return f"{self.source}, z {self._z} m"
+
+    @property
+    def _z(self) -> str:
+        return f"{round(self.height, 2) + 0.0:.2f}"
 
     @property
     def warning(self) -> str:
@@ -53,8 +57,8 @@ class Floor:
         if self.source != "assumed":
             return ""
         return (
-            f"the recording shows no floor: it is assumed at the scene's lowest point, z = {self.height:.2f} m, and the robot "
-            "stands on that; give its height in the twin's world with --floor Z"
+            f"the twin shows no floor: it is assumed at the scene's lowest point, z = {self._z} m, and the robot's height "
+            "counts from there; give the floor's own in the twin's world with --floor Z"
         )
 
 

@@ -219,7 +219,7 @@ def _why(
 ) -> str:
     """The reason of the base that came nearest to success, and where it stands."""
     verb = "open" if task.direction > 0 else "close"
-    where = f" on a floor assumed at z = {floor.height:.2f} m" if floor.source == "assumed" else ""
+    where = f" on a floor that is {floor.text}" if floor.source == "assumed" else ""
     head = f"{spec.name} can't {verb} part {part.name!r} from any of {len(bases)} base poses{where}"
     reached = [b for b in rejected if np.isfinite(b.position_error)]
     if not reached:

@@ -239,7 +239,7 @@ def _replay_part(
     except missed as e:
         progress(f"plan {part.name}", 1.0, "found none")
         row = ["-", "not", "-", "-", "-", "-", floor.text, "FAILED"]
-        return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"], None
+        return row, {"ok": False, "floor": vars(floor), "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
     folder = _replay_folder(run, robot, part, task)
