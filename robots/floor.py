@@ -20,10 +20,8 @@ _BAND = 0.06  # what counts as one level: noise, and a degree of gravity's error
 _LEAST = 0.25  # open area of a floor: half of what Spot stands on
 _CELL = 0.05
 _ABOVE = (0.10, 1.90)  # over a floor that one can stand on there is nothing; a ceiling does not count
-_BELOW, _SHARE = (
-    0.05,
-    0.2,
-)  # what lies deeper than that below a floor is its own edge: little against its area
+_BELOW = 0.05  # what lies deeper than that below a floor is its own edge:
+_SHARE = 0.2  # at most so much against its area
 _EYES = 0.9  # a level less than this below the eyes is a table's; who kneels still sees the floor 1.1 m below
 
 
