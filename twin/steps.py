@@ -254,7 +254,7 @@ def _replay_part(
         f"{100 * max(r.torque_share):.0f} %",
         r.grasp,
         f"{r.pedestal:.2f} m",
-        r.floor.text,
+        floor.text,
         "ok" if r.ok else "FAILED",
     ]
     return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else [], trajectory
