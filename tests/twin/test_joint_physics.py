@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import robots
 from robots import resolve
 from robots.world import build_world, with_collision
 from tests.robots import furniture
@@ -19,6 +21,7 @@ from twin.check.expected import armatures
 from twin.export import export
 from twin.export.tree import build_tree
 from twin.physics import read_materials, with_physics
+from twin.physics.edit import given, set_physics
 from twin.physics.joints import GRAVITY, armature, inertia_about, resistance
 from twin.quantities import Inertial, Quantity
 from twin.scene import ContactPath, Part, Prismatic, Revolute, StaticPart, Twin
@@ -128,3 +131,11 @@ def test_a_lid_of_3_cm_and_a_wardrobe_door_behave_when_exported(
     assert report.warnings == ()
     too_heavy = {"demonstration_m"} if mass > 100 else set()  # one hand does not swing 200 kg open in 3 s
     assert {r.quantity for r in report.failures} <= too_heavy, report.failures
+
+
+@pytest.mark.parametrize(("make", "mass"), [(furniture.lid, 0.005), (furniture.door, 40.0)])
+def test_a_robot_opens_a_lid_of_5_grams_and_a_door_of_40_kg(make: Callable[[], Twin], mass: float) -> None:
+    twin = set_physics(make(), 2, {"mass": given("mass", mass)}).twin
+    plan = robots.plan(twin, 2, config=robots.PlanConfig(candidates=150, finalists=2))
+    report = robots.replay(twin, plan, video=False)
+    assert report.ok, report.reason
