@@ -4,8 +4,8 @@ What is asked of every part, one part at a time while the others stay where the 
 
 - rest: closed, it stays within 1 mm for 10 s. `rest_half_open`: so it does half open, where its joint neither lifts nor lowers
   it (a hinge within 2 degrees of upright, a slide within 2 degrees of level).
-- open, close: a steady 10 N or 2 N m takes it from one limit to the other within 10 s, up to 1 % of its range. Weights are
-  left out, so that friction and obstacles are asked for and not the weight of a lid.
+- open, close: a steady 10 N or 2 N m, of a heavy part a tenth of its weight on its lever, takes it from one limit to the other
+  within 10 s, up to 1 % of its range. Weights are left out, so that friction and obstacles are asked for and not the weight of a lid.
 - sweep: over its range it meets nothing deeper than 1 mm, neither what the file says it must not touch nor the floor of MJCF's
   scene.xml.
 - energy: pushed half open and let go, it never has more energy than at the start, up to 1 % of what is at play.
@@ -31,9 +31,11 @@ from twin import geometry as geo
 from twin.check.process import BEHAVIOUR, ask
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.physics.joints import weight_on_lever
 from twin.scene import Part, Revolute, Twin
 
 PULL = {"revolute": 2.0, "prismatic": 10.0}  # N m, N: no furniture in a home should ask for more
+HEAVY = 0.1  # of weight x lever (twin/physics/joints.py); chosen by us: three times the friction of a usual hinge, twice a runner's
 PUSH = {
     "revolute": 1.0,
     "prismatic": 0.3,
@@ -126,13 +128,19 @@ def _asked(twin: Twin, part: Part) -> dict[str, Any]:
     return {
         "name": part.name,
         "held": {p.name: s for p in twin.parts if p is not part and (s := _state_beside(part, p))},
-        "force": PULL[kind],
+        "force": _pull(part),
         "hand": HAND * lever,
         "hand_inertia": HAND_MASS * lever**2,
         "speed": PUSH[kind],
         "times": motion.times.tolist(),
         "states": motion.state.tolist(),
     }
+
+
+def _pull(part: Part) -> float:
+    """What a hand is asked for at most (N or N m), by the kind of joint and the part's weight."""
+    heavy = 0.0 if part.inertial is None else HEAVY * weight_on_lever(part.joint, part.inertial)
+    return max(PULL[part.joint.kind], heavy)
 
 
 def _state_beside(part: Part, other: Part) -> float:
@@ -181,7 +189,7 @@ def _judge(fmt: str, twin: Twin, part: Part, got: Mapping[str, Any]) -> list[Beh
         add("rest_half_open_m", None if half is None else half["drift"] * lever, REST, told)
     for quantity, word in (("open", "opened"), ("close", "closed")):
         end = got[quantity]
-        told = "" if end is None else f"{word} by {PULL[part.joint.kind]:g} {unit}, {end['seconds']:.1f} s"
+        told = "" if end is None else f"{word} by {_pull(part):.3g} {unit}, {end['seconds']:.1f} s"
         add(quantity, None if end is None else end["left"], SHORT, told)
     add("sweep_m", got["sweep"], DEPTH, "deepest contact over the range")
     energy = got["energy"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.check.exceptions import unsupported
-from twin.check.expected import ARMATURE, STATES, Course, Dynamics, course, filled, motion
+from twin.check.expected import STATES, Course, Dynamics, armatures, course, filled, motion
 from twin.check.rows import CheckRow
 from twin.geometry import Array
 from twin.scene import Revolute, Twin
@@ -55,6 +55,10 @@ class Truth:
     @cached_property
     def motion(self) -> Array:
         return motion(self.twin, self.course.states)
+
+    @cached_property
+    def armature(self) -> Array:
+        return armatures(self.twin)
 
     @cached_property
     def _known(self) -> dict[tuple[bytes, bytes], tuple[Array, Array]]:
@@ -112,7 +116,7 @@ def _dynamics(
         np.array([float(own[k]) if not unsupported(engine, fmt, field) else float(got[p.name].get(field) or 0.0)
                   for k, p in enumerate(parts)])
         for field, own in (
-            ("armature", [ARMATURE[p.joint.kind] for p in parts]), ("damping", [n.damping.value for n in numbers]),
+            ("armature", truth.armature), ("damping", [n.damping.value for n in numbers]),
         )
     )  # fmt: skip
     return truth.dynamics(armature, damping)
@@ -132,7 +136,7 @@ def _values(truth: Truth, k: int) -> Iterator[tuple[str, Any]]:
     for name in ("damping", "frictionloss", "friction"):
         if name != "friction" or part.collision:
             yield name, getattr(physics, name).value
-    yield "armature", ARMATURE[joint.kind]
+    yield "armature", float(truth.armature[k])
     yield from (("mass", inertial.mass.value), ("com_m", inertial.com), ("inertia", inertial.inertia))
     if len(part.mesh.faces):
         v = part.mesh.vertices

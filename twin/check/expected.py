@@ -20,9 +20,6 @@ GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2
 STATES = 11
 SECONDS = 0.5
 TIMES = tuple(float(t) for t in np.round(np.linspace(0.05, SECONDS, 10), 3))
-# Added inertia of a joint that our MJCF and USD carry for light parts' sake (documented in docs/twin_format.md): kg m^2, kg.
-ARMATURE = {"revolute": 1e-3, "prismatic": 1e-2}
-
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
@@ -64,6 +61,20 @@ def filled(twin: Twin) -> list[tuple[Inertial, PartPhysics]]:
             )
         out.append((part.inertial, part.physics))
     return out
+
+
+def armatures(twin: Twin) -> Array:
+    """Added inertia (parts,) in kg m^2 or kg of the joints that our MJCF and USD carry (docs/concepts.md): a hundredth of the
+    part's own about its joint."""
+    out = []
+    for part, (inertial, _) in zip(twin.parts, filled(twin), strict=True):
+        own, joint = inertial.mass.value, part.joint
+        if isinstance(joint, Revolute):
+            arm = inertial.com - joint.pivot
+            arm = arm - joint.axis * (arm @ joint.axis)
+            own = float(own * (arm @ arm) + joint.axis @ inertial.inertia @ joint.axis)
+        out.append(0.01 * own)
+    return np.array(out)
 
 
 def motion(twin: Twin, states: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import Literal, get_args
 
 from twin._module_call import call_as
 from twin.atomic import staging
+from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.export.asset import AssetInfo
 from twin.export.notes import readme
@@ -92,6 +93,7 @@ def export(
         f"all: {k.name} has no surface, so it can't be seen" for k in tree.moving if not len(k.visual.faces)
     ]
     warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready))]
+    warnings += [f"all: {off.problem}; {off.remedy}" for off in contacts_off(twin)]
     try:
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}

@@ -10,7 +10,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.export.asset import AssetInfo
 from twin.export.obj import TexturedFiles, write_hull, write_textured
-from twin.export.tree import ARMATURE, Link, Tree, front, numbers
+from twin.export.tree import Link, Tree, front, numbers
 from twin.geometry import Array
 from twin.scene import Mesh
 
@@ -63,7 +63,7 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: P
         ET.SubElement(
             body, "joint", name=j.name, type=_MJ_TYPE[j.kind], axis=numbers(j.axis),
             range=numbers([j.lower, j.upper]), damping=numbers(j.damping), frictionloss=numbers(j.frictionloss),
-            armature=numbers(ARMATURE[j.kind]),
+            armature=numbers(j.armature),
         )  # fmt: skip
     if len(link.visual.faces):
         _visual(body, link, tree.name, asset, folder)

@@ -16,19 +16,18 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import SceneError
 from twin.geometry import Array
+from twin.physics import armature, static_friction
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 
 # URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand does.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
-# Added joint inertia that keeps light parts well-conditioned; chosen by us: a hundredth of a cabinet door.
-ARMATURE = {"revolute": 1e-3, "prismatic": 1e-2}  # kg m^2, kg
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping and friction."""
+    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping, friction and armature."""
 
     name: str
     kind: Literal["revolute", "prismatic"]
@@ -37,6 +36,7 @@ class TreeJoint:
     upper: float
     damping: float
     frictionloss: float
+    armature: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def build_tree(twin: Twin) -> Tree:
         offset=np.zeros(3),
         visual=twin.static.mesh,
         collision=twin.static.collision,
-        friction=_static_friction(twin),
+        friction=static_friction(twin),
         mass=mass,
         com=com,
         inertia=inertia,
@@ -127,12 +127,6 @@ def link_origin(part: Part) -> Array:
     if isinstance(part.joint, Revolute):
         return geo.nearest_point_on_line(center, part.joint.pivot, part.joint.axis)
     return center
-
-
-def _static_friction(twin: Twin) -> float:
-    """The scene's friction is not estimated: take the parts' mean, or the table's usual 0.6."""
-    values = [p.physics.friction.value for p in twin.parts if p.physics is not None]
-    return float(np.mean(values)) if values else 0.6
 
 
 def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
@@ -181,6 +175,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
             upper=float(joint.upper),
             damping=part.physics.damping.value,
             frictionloss=part.physics.frictionloss.value,
+            armature=armature(joint, part.inertial),
         ),
         mass=part.inertial.mass.value,
         com=part.inertial.com - origin,
