@@ -31,6 +31,7 @@ from twin import geometry as geo
 from twin.check.process import BEHAVIOUR, ask
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.names import scene_file
 from twin.scene import Part, Revolute, Twin
 
 PULL = {"revolute": 2.0, "prismatic": 10.0}  # N m, N: no furniture in a home should ask for more
@@ -107,7 +108,7 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
         if not Path(path).is_file():
             raise InputError(f"{path} does not exist", "run twin export again")
     asked = [_asked(twin, p) for p in twin.parts]
-    jobs = [{"path": str(Path(p).resolve()), "format": f, "parts": asked} for f, p in files.items()]
+    jobs = [_job(f, Path(p).resolve(), asked) for f, p in files.items()]
     answers = ask(BEHAVIOUR, jobs)
     rows: list[BehaviourRow] = []
     warnings: list[str] = []
@@ -118,6 +119,13 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
         for part in twin.parts:
             rows += _judge(fmt, twin, part, answer["parts"][part.name])
     return BehaviourReport(tuple(rows), tuple(warnings))
+
+
+def _job(fmt: str, path: Path, asked: list[dict[str, Any]]) -> dict[str, Any]:
+    """What the probe is asked of a file; MJCF's scene has a floor as well, which an opening part may meet."""
+    scene = path.with_name(scene_file(path.stem))
+    with_floor = scene if fmt == "mjcf" and scene.is_file() else path
+    return {"path": str(path), "format": fmt, "parts": asked, "scene": str(with_floor)}
 
 
 def _asked(twin: Twin, part: Part) -> dict[str, Any]:

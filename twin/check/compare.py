@@ -19,13 +19,19 @@ from twin.scene import Revolute, Twin
 # Largest difference that passes: degrees; metres; metres or radians; relative; for the rollout relative to the way it goes or
 # to the range, whichever is more.
 TOLERANCE = {
-    "tree": 0.0, "type": 0.0, "axis_deg": 1e-3, "pivot_m": 1e-5, "lower": 1e-5, "upper": 1e-5, "damping": 1e-5,
+    "loads": 0.0, "tree": 0.0, "type": 0.0, "axis_deg": 1e-3, "pivot_m": 1e-5, "lower": 1e-5, "upper": 1e-5, "damping": 1e-5,
     "frictionloss": 1e-5, "armature": 1e-5, "friction": 1e-5, "mass": 1e-5, "com_m": 1e-5, "inertia": 1e-5,
     "mesh_bounds_m": 1e-4, "motion": 1e-5, "mass_diagonal": 1e-5, "rollout": 1e-3, "self_collision_m": 1e-3,
 }  # fmt: skip
 FIELDS = tuple(TOLERANCE)
 SINGLE_PRECISION = ("newton", "physx", "sapien")  # engines that compute with 24 bits: ten times the tolerance
-_EXACT = ("tree", "type", "mesh_bounds_m", "self_collision_m")  # tolerances that don't depend on precision
+_EXACT = (
+    "loads",
+    "tree",
+    "type",
+    "mesh_bounds_m",
+    "self_collision_m",
+)  # tolerances that don't depend on precision
 _SWEPT = (
     "mujoco",
     "urdf",
@@ -96,6 +102,12 @@ def compare(engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, 
                 )
             )  # fmt: skip
     return rows
+
+
+def loads(engine: str, fmt: str, error: str | None) -> CheckRow:
+    """Whether the engine makes a model of the file at all: one that it refuses is a disagreement about everything in it."""
+    measured, off = ("refused", float("inf")) if error else ("a model", 0.0)
+    return CheckRow(fmt, engine, "loads", "", "a model", measured, off, tolerance(engine, "loads"))
 
 
 def _apart(want: Any, instead: float) -> bool:

@@ -12,6 +12,7 @@ from twin.export.asset import AssetInfo
 from twin.export.obj import TexturedFiles, write_hull, write_textured
 from twin.export.tree import ARMATURE, Link, Tree, front, numbers
 from twin.geometry import Array
+from twin.names import scene_file, unused
 from twin.scene import Mesh
 
 _ASIDE = 25.0  # deg: the scene's first view is not straight from the front
@@ -19,21 +20,23 @@ _MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
 
 
 def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]:
-    """Write `<name>.xml`, scene.xml and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
+    """Write `<name>.xml`, its scene (scene.xml) and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
     everything a tree holds)."""
     assets = folder / "assets"
     assets.mkdir(parents=True, exist_ok=True)
     root = ET.Element("mujoco", model=tree.name)
     ET.SubElement(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
-    _defaults(root, tree.name)
+    _defaults(root, tree)
     asset = ET.SubElement(root, "asset")
-    body = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=tree.name)
+    body = ET.SubElement(
+        ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=_main_class(tree)
+    )
     _fill(body, tree.root, tree, asset, assets)
     _excludes(root, tree)
     _keyframes(root, tree)
     path = folder / f"{tree.name}.xml"
     write_xml(root, path)
-    write_xml(_scene(tree), folder / "scene.xml")
+    write_xml(_scene(tree), folder / scene_file(tree.name))
     return path, []
 
 
@@ -43,8 +46,14 @@ def write_xml(root: ET.Element, path: Path) -> None:
     path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8", newline="\n")
 
 
-def _defaults(root: ET.Element, name: str) -> None:
+def _main_class(tree: Tree) -> str:
+    """Class of the whole model; "main" is MuJoCo's own, above all classes."""
+    return unused(tree.name, ["main"])
+
+
+def _defaults(root: ET.Element, tree: Tree) -> None:
     """Classes are named after the model, so that several twins fit into one scene."""
+    name = _main_class(tree)
     main = ET.SubElement(ET.SubElement(root, "default"), "default", {"class": name})
     visual = ET.SubElement(main, "default", {"class": f"{name}_visual"})
     ET.SubElement(visual, "geom", type="mesh", contype="0", conaffinity="0", group="2", density="0")
@@ -66,11 +75,11 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: P
             armature=numbers(ARMATURE[j.kind]),
         )  # fmt: skip
     if len(link.visual.faces):
-        _visual(body, link, tree.name, asset, folder)
-    _collision(body, link, tree.name, asset, folder)
+        _visual(body, link, _main_class(tree), asset, folder)
+    _collision(body, link, _main_class(tree), asset, folder)
     if link.grasp is not None:
         ET.SubElement(
-            body, "site", {"class": f"{tree.name}_grasp"}, name=f"{link.name}_grasp",
+            body, "site", {"class": f"{_main_class(tree)}_grasp"}, name=f"{link.name}_grasp",
             pos=numbers(link.grasp[:3, 3]), quat=numbers(geo.quat_wxyz_from_matrix(link.grasp[:3, :3])),
         )  # fmt: skip
     for child in tree.children(link.name):
@@ -78,7 +87,7 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: P
         _fill(inner, child, tree, asset, folder)
 
 
-def _visual(body: ET.Element, link: Link, model: str, asset: ET.Element, folder: Path) -> None:
+def _visual(body: ET.Element, link: Link, kind: str, asset: ET.Element, folder: Path) -> None:
     files: TexturedFiles = write_textured(link.visual, folder, f"{link.name}_visual")
     material = {"name": f"{link.name}_material", "specular": "0.2", "shininess": "0.2"}
     if files.png:
@@ -89,12 +98,12 @@ def _visual(body: ET.Element, link: Link, model: str, asset: ET.Element, folder:
     ET.SubElement(asset, "material", material)
     ET.SubElement(asset, "mesh", name=f"{link.name}_visual", file=files.obj, inertia="shell")
     ET.SubElement(
-        body, "geom", {"class": f"{model}_visual"}, name=f"{link.name}_visual", mesh=f"{link.name}_visual",
+        body, "geom", {"class": f"{kind}_visual"}, name=f"{link.name}_visual", mesh=f"{link.name}_visual",
         material=f"{link.name}_material",
     )  # fmt: skip
 
 
-def _collision(body: ET.Element, link: Link, model: str, asset: ET.Element, folder: Path) -> None:
+def _collision(body: ET.Element, link: Link, kind: str, asset: ET.Element, folder: Path) -> None:
     friction = numbers([link.friction, 0.005, 0.0001])
     for k, piece in enumerate(link.collision):
         name = f"{link.name}_collision_{k}"
@@ -102,11 +111,11 @@ def _collision(body: ET.Element, link: Link, model: str, asset: ET.Element, fold
             write_hull(piece, folder / f"{name}.obj")
             ET.SubElement(asset, "mesh", name=name, file=f"{name}.obj")
             ET.SubElement(
-                body, "geom", {"class": f"{model}_collision"}, name=name, type="mesh", mesh=name, friction=friction
+                body, "geom", {"class": f"{kind}_collision"}, name=name, type="mesh", mesh=name, friction=friction
             )  # fmt: skip
         else:
             ET.SubElement(
-                body, "geom", {"class": f"{model}_collision"}, name=name, type="box", size=numbers(piece.size / 2),
+                body, "geom", {"class": f"{kind}_collision"}, name=name, type="box", size=numbers(piece.size / 2),
                 pos=numbers(piece.T_world_box[:3, 3]),
                 quat=numbers(geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3])), friction=friction,
             )  # fmt: skip

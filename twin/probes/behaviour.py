@@ -1,6 +1,6 @@
 """MuJoCo moves the parts of exported files; run as an engine of its own, see the package.
 
-A job is {path, format, parts}; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
+A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
 N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
 demonstration. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
@@ -73,8 +73,7 @@ def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
     model = mujoco.MjSpec.from_file(str(path)).compile()
-    scene = path.parent / "scene.xml"  # has a floor as well, which an opening part may meet
-    weightless, touching = copy(model), _touching(scene if scene.is_file() and fmt == "mjcf" else path)
+    weightless, touching = copy(model), _touching(Path(job["scene"]))
     weightless.opt.gravity[:] = 0.0
     rest = _guarded(_rest, model, parts)
     out: dict[str, Any] = {}
