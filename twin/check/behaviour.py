@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
+from twin.check.expected import surface
 from twin.check.process import BEHAVIOUR, ask
 from twin.errors import InputError
 from twin.geometry import Array
@@ -156,7 +157,7 @@ def _lever(part: Part) -> float:
     if not isinstance(part.joint, Revolute):
         return 1.0
     return float(
-        np.linalg.norm(np.cross(part.mesh.vertices - part.joint.pivot, part.joint.axis), axis=1).max()
+        np.linalg.norm(np.cross(surface(part.mesh) - part.joint.pivot, part.joint.axis), axis=1).max()
     )
 
 
@@ -221,7 +222,8 @@ def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
     held = {p.id: _state_beside(part, p) for p in twin.parts if p is not part}
     start = twin.part_pose(part.id, held)
     want = np.stack([twin.part_pose(part.id, held | {part.id: float(s)}) for s in part.motion.state])
-    low, high = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
+    points = surface(part.mesh)
+    low, high = points.min(axis=0), points.max(axis=0)
     corners = np.array([[x, y, z, 1.0] for x, y, z in product(*zip(low, high, strict=True))]).T
     difference = (motion @ start - want) @ corners
     return np.asarray(np.linalg.norm(difference[:, :3], axis=1).max(axis=1))

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.check.exceptions import unsupported
-from twin.check.expected import ARMATURE, STATES, Course, Dynamics, course, filled, motion
+from twin.check.expected import ARMATURE, STATES, Course, Dynamics, course, filled, motion, surface
 from twin.check.rows import CheckRow
 from twin.geometry import Array
 from twin.scene import Revolute, Twin
@@ -147,7 +147,7 @@ def _values(truth: Truth, k: int) -> Iterator[tuple[str, Any]]:
     yield "armature", ARMATURE[joint.kind]
     yield from (("mass", inertial.mass.value), ("com_m", inertial.com), ("inertia", inertial.inertia))
     if len(part.mesh.faces):
-        v = part.mesh.vertices
+        v = surface(part.mesh)
         yield "mesh_bounds_m", np.stack([v.min(axis=0), v.max(axis=0)])
     yield "motion", truth.motion[k]
     yield "self_collision_m", 0.0

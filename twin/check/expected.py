@@ -14,7 +14,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import Inertial, PartPhysics, Revolute, Twin
+from twin.scene import Inertial, Mesh, PartPhysics, Revolute, Twin
 
 GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2
 STATES = 11
@@ -64,6 +64,11 @@ def filled(twin: Twin) -> list[tuple[Inertial, PartPhysics]]:
             )
         out.append((part.inertial, part.physics))
     return out
+
+
+def surface(mesh: Mesh) -> Array:
+    """Vertices (n, 3) m that a face uses: the others are no part of the surface, whatever a scan left there."""
+    return np.asarray(mesh.vertices[np.unique(mesh.faces)])
 
 
 def motion(twin: Twin, states: Array) -> Array:
