@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from twin._module_call import call_as
-from twin.check.compare import Truth, compare, loads
+from twin.check.compare import Truth, compare, far_away, loads
 from twin.check.exceptions import expected_to_say
 from twin.check.expected import TIMES, filled
 from twin.check.process import ENGINES, OURS, ask, python_of
@@ -119,7 +119,7 @@ def _report(
                 warnings.append(f"{fmt}/{engine}: can't be loaded: {' '.join(told['error'].split())}")
             else:
                 rows += compare(engine, fmt, truth, told["parts"])
-    return CheckReport(tuple(rows), tuple(warnings), versions, seconds)
+    return CheckReport(tuple(rows), tuple(warnings), versions, seconds, far_away(truth.twin))
 
 
 def _inputs(source: Twin | Path | str, exports: Mapping[str, Path] | None) -> tuple[Twin, dict[str, Path]]:

@@ -107,6 +107,10 @@ class Dynamics:
         """Joint-space inertia (parts, parts) at q (parts,)."""
         return self._terms(q, np.zeros(len(q)))[0]
 
+    def forces(self, q: Array, v: Array) -> Array:
+        """Generalised forces (parts,) of gravity and of turning axes, as they stand on the side of the inertia: h."""
+        return self._terms(q, v)[1]
+
     def acceleration(self, q: Array, v: Array) -> Array:
         """q'' (parts,)."""
         inertia, bias = self._terms(q, v)

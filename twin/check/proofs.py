@@ -58,7 +58,9 @@ def _agreement(progress: Progress, twin: Twin, files: Mapping[str, Path], engine
     summary = check_tables.summary(report)
     progress("check", 1.0, summary)
     shown, notes = check_tables.tables(report), check_tables.notes(report)
-    return Proof("agreement", report.ok, summary, report.to_dict(), shown, notes, report.warnings)
+    return Proof(
+        "agreement", report.ok, summary, report.to_dict(), shown, notes, (*report.warnings, *report.notes)
+    )
 
 
 def _behaviour(progress: Progress, twin: Twin, files: Mapping[str, Path]) -> Proof:
@@ -67,7 +69,9 @@ def _behaviour(progress: Progress, twin: Twin, files: Mapping[str, Path]) -> Pro
     summary = behaviour_tables.summary(report)
     progress("behaviour", 1.0, summary)
     shown = behaviour_tables.tables(report)
-    return Proof("behaviour", report.ok, summary, report.to_dict(), shown, warnings=report.warnings)
+    return Proof(
+        "behaviour", report.ok, summary, report.to_dict(), shown, warnings=(*report.warnings, *report.notes)
+    )
 
 
 def _validity(progress: Progress, path: Path) -> Proof:

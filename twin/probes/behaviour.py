@@ -2,7 +2,7 @@
 
 A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
 N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
-demonstration. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
+demonstration, and slides, whether its weight is more than friction holds when it is closed. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
 The files are simulated as they are, with the step and the integrator that they ask for. One thing is changed, in memory: in
 `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight of a lid; in `_sweep` bodies that
@@ -27,6 +27,7 @@ REST_SECONDS = 10.0
 REACH_SECONDS = 10.0
 SWING_SECONDS = 5.0
 SWEEP_STATES = 41
+SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
 VERSION = mujoco.__version__
 _LOOK = 5  # steps between two looks at a simulation
 _STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
@@ -83,6 +84,8 @@ def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
         out[part["name"]] = {
             "rest": None if rest is None else rest[part["name"]],
             "rest_half_open": _guarded(_half_open, weighed),
+            "slide": _guarded(_slide, _moved(model, {**part, "held": {}})) if part["slides"] else None,
+            "armature": float(model.dof_armature[weighed.dof]),
             "open": _guarded(_reach, free, free.lower, part["force"]),
             "close": _guarded(_reach, free, free.upper, -part["force"]),
             "sweep": _sweep(_moved(touching, part)),
@@ -145,23 +148,52 @@ def _insist(data: Any) -> None:
         raise _BrokenDown
 
 
-def _rest(model: Any, parts: list[dict[str, Any]]) -> dict[str, float]:
-    """Greatest change of state (m or rad) of every part in 10 s, all closed at the start."""
+def _rest(model: Any, parts: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Greatest change of state (m or rad) of every part in 10 s, all closed at the start and those that slide held there, and
+    what friction would yield in that time."""
     data = mujoco.MjData(model)
     at = {p["name"]: _moved(model, p).at for p in parts}
+    held = [_moved(model, p) for p in parts if p["slides"]]
     data.qpos[:] = 0.0
     most = np.zeros(model.nq)
 
     def look() -> bool:
+        for p in held:
+            data.qpos[p.at] = data.qvel[p.dof] = 0.0
         np.maximum(most, np.abs(data.qpos), out=most)
         return False
 
+    mujoco.mj_forward(model, data)
+    pulls = {p["name"]: abs(float(data.qfrc_bias[_moved(model, p).dof])) for p in parts}
+    creeps = {p["name"]: REST_SECONDS * _creep(_moved(model, p), pulls[p["name"]]) for p in parts}
     _steps(model, data, REST_SECONDS, look)
-    return {name: float(most[k]) for name, k in at.items()}
+    return {name: {"drift": float(most[k]), "creep": creeps[name]} for name, k in at.items()}
+
+
+def _slide(part: _Moved) -> list[float]:
+    """States at SLIDE_TIMES of the part let go when all are closed."""
+    data, course = part.data(0.0), []
+    for until in SLIDE_TIMES:
+        while data.time < until - part.model.opt.timestep / 2:
+            mujoco.mj_step(part.model, data)
+            part.hold_others(data)
+        _insist(data)
+        course.append(float(data.qpos[part.at]))
+    return course
+
+
+def _creep(part: _Moved, pull: float) -> float:
+    """Speed (m/s or rad/s) at which dry friction that holds against `pull` (N or N m) yields all the same: MuJoCo's friction is
+    a soft constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model")."""
+    model = part.model
+    constant, ratio = map(float, model.dof_solref[part.dof])
+    d = float(model.dof_solimp[part.dof, 0])
+    damping = 2.0 / (float(model.dof_solimp[part.dof, 1]) * constant) if constant > 0 else -ratio
+    return (1.0 - d) / d * float(model.dof_invweight0[part.dof]) * pull / damping
 
 
 def _half_open(part: _Moved) -> dict[str, float]:
-    """Greatest change of state in 10 s when left half open, and the greatest pull of gravity (N or N m) on the way."""
+    """Greatest change of state in 10 s when left half open, and what friction would yield to gravity's pull in that time."""
     data = part.data((part.lower + part.upper) / 2)
     begin, most = float(data.qpos[part.at]), 0.0
 
@@ -171,9 +203,9 @@ def _half_open(part: _Moved) -> dict[str, float]:
         most = max(most, abs(float(data.qpos[part.at]) - begin))
         return False
 
-    pull = abs(float(data.qfrc_bias[part.dof]))
+    creep = REST_SECONDS * _creep(part, abs(float(data.qfrc_bias[part.dof])))
     _steps(part.model, data, REST_SECONDS, look)
-    return {"drift": most, "pull": pull}
+    return {"drift": most, "creep": creep}
 
 
 def _reach(part: _Moved, start: float, force: float) -> dict[str, float]:
