@@ -50,7 +50,7 @@ GAIN = 0.01  # share of the energy at play
 FLOOR = 1e-3  # m: no reconstruction is asked to be better than this
 _LEVEL = math.radians(2.0)  # chosen by us: more than a carpenter's error and a reconstructed axis'
 _SIGMAS = 3.0
-_YIELD = 1.5  # chosen by us: what carries a part yields as well, up to a quarter more in chains of five
+_YIELD = 2.0  # chosen by us: what falls on a part between two steps pushes it as well, by up to half of this
 SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s, as in twin.probes.behaviour
 SLIDE_ERROR = 0.03  # of the way; chosen by us: a step of 2 ms and friction that is soft cost 1 % of it
 
@@ -193,11 +193,11 @@ def _judge(fmt: str, twin: Twin, part: Part, got: Mapping[str, Any]) -> list[Beh
     how = f"time step {1e3 * got['step']:g} ms, {got['integrator']}"
     closed = hold(twin, part, 0.0)
     if closed.moves:
-        off, way = _slid(twin, part, got["slide"], got["armature"])
+        off, limit = _slid(twin, part, got)
         told = (
             f"{closed.text}: it does not stay closed by itself; from the closed form of its way in 1 s; {how}"
         )
-        add("slides_m", None if off is None else off * lever, way * SLIDE_ERROR * lever + FLOOR, told)
+        add("slides_m", None if off is None else off * lever, limit * lever + FLOOR, told)
     else:
         add(*_left("rest_m", "closed", got["rest"], closed, lever), how)
     if _is_level(part):
@@ -244,15 +244,20 @@ def _left(
     return name, drift, REST + creep, text
 
 
-def _slid(twin: Twin, part: Part, course: list[float] | None, armature: float) -> tuple[float | None, float]:
-    """Largest distance (m or rad) of the course of a part that slides from the closed form, up to its stop, and the way."""
-    want = slide(twin, part, 0.0, SLIDE_TIMES, armature)
-    way = float(np.ptp(np.append(want, 0.0)))
-    if course is None:
-        return None, way
+def _slid(twin: Twin, part: Part, got: Mapping[str, Any]) -> tuple[float | None, float]:
+    """Largest distance (m or rad) of the course of a part that slides from the closed form, up to its stop, and what passes:
+    a share of the way (all of it on the edge of sliding), and what it goes in a time step, by which an integrator of first
+    order may be late."""
+    want, speed = slide(twin, part, 0.0, SLIDE_TIMES, got["armature"])
     span = part.joint.upper - part.joint.lower
-    free = np.abs(want) < (part.joint.upper if want[-1] > 0 else -part.joint.lower) - 0.05 * span
-    return float(np.abs(np.array(course) - want)[free].max(initial=0.0)), way
+    pull = hold(twin, part, 0.0).pull
+    stop = part.joint.upper if pull > 0 else -part.joint.lower
+    free = np.logical_and.accumulate(np.sign(pull) * want < stop - 0.05 * span)
+    late = 1.05 if hold(twin, part, 0.0).on_edge else SLIDE_ERROR
+    limit = late * float(np.abs(want).max()) + got["step"] * float(np.abs(speed[free]).max(initial=0.0))
+    if got["slide"] is None:
+        return None, limit
+    return float(np.abs(np.array(got["slide"]) - want)[free].max(initial=0.0)), limit
 
 
 def _is_level(part: Part) -> bool:

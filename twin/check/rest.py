@@ -31,6 +31,11 @@ class Hold:
         return not self.stopped and abs(self.pull) > self.friction
 
     @property
+    def on_edge(self) -> bool:
+        """It moves, but so little is left of the pull that MuJoCo's soft friction, whose impedance is 0.9, may hold it back."""
+        return self.moves and 0.85 * abs(self.pull) < self.friction
+
+    @property
     def text(self) -> str:
         """For a reader."""
         against = "a stop holds it" if self.stopped else f"friction holds {self.friction:.2g} {self.unit}"
@@ -46,8 +51,10 @@ def hold(twin: Twin, part: Part, state: float, others: dict[int, float] | None =
     return Hold(pull, friction, abs(state - stop) < 1e-9, "N m" if part.joint.kind == "revolute" else "N")
 
 
-def slide(twin: Twin, part: Part, state: float, times: Sequence[float], armature: float) -> Array:
-    """States (t,) at `times` (s, increasing) of a part that is let go at `state` and moves, up to its stop.
+def slide(
+    twin: Twin, part: Part, state: float, times: Sequence[float], armature: float
+) -> tuple[Array, Array]:
+    """States (t,) and speeds (t,), which no stop ends, at `times` (s, increasing) of a part that is let go at `state` and moves, up to its stop.
 
     armature: of its joint, kg m^2 or kg, as the file has it.
     """
@@ -67,7 +74,7 @@ def slide(twin: Twin, part: Part, state: float, times: Sequence[float], armature
         return [float(y[1]), -float(force / moved.mass_matrix(now)[k, k])]
 
     done = solve_ivp(rate, (0.0, times[-1]), [state, 0.0], "LSODA", t_eval=times, rtol=1e-8, atol=1e-10)
-    return np.asarray(np.clip(done.y[0], part.joint.lower, part.joint.upper))
+    return np.clip(done.y[0], part.joint.lower, part.joint.upper), np.asarray(done.y[1])
 
 
 def _place(twin: Twin, part: Part, state: float, others: dict[int, float] | None) -> tuple[int, Array]:

@@ -29,7 +29,7 @@ SWING_SECONDS = 5.0
 SWEEP_STATES = 41
 SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
 VERSION = mujoco.__version__
-_LOOK = 5  # steps between two looks at a simulation
+_LOOK = 1  # steps between two looks: what others gain until they are held again pushes the part
 _STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
 _BROKEN = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -76,15 +76,15 @@ def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
     model = mujoco.MjSpec.from_file(str(path)).compile()
     weightless, touching = copy(model), _touching(Path(job["scene"]))
     weightless.opt.gravity[:] = 0.0
-    rest = _guarded(_rest, model, parts)
     out: dict[str, Any] = {}
     for part in parts:
         free = _moved(weightless, part)
         weighed = _moved(model, part)
+        closed = _moved(model, {**part, "held": {}})
         out[part["name"]] = {
-            "rest": None if rest is None else rest[part["name"]],
-            "rest_half_open": _guarded(_half_open, weighed),
-            "slide": _guarded(_slide, _moved(model, {**part, "held": {}})) if part["slides"] else None,
+            "rest": None if part["slides"] else _guarded(_stay, closed, 0.0),
+            "rest_half_open": _guarded(_stay, weighed, (weighed.lower + weighed.upper) / 2),
+            "slide": _guarded(_slide, closed) if part["slides"] else None,
             "armature": float(model.dof_armature[weighed.dof]),
             "open": _guarded(_reach, free, free.lower, part["force"]),
             "close": _guarded(_reach, free, free.upper, -part["force"]),
@@ -113,11 +113,12 @@ def _moved(model: Any, part: Mapping[str, Any]) -> _Moved:
     for name, state in part["held"].items():
         home[model.jnt_qposadr[joints[f"{name}_joint"]]] = state
     j = joints[f"{part['name']}_joint"]
+    own = int(model.jnt_dofadr[j])
     lower, upper = map(float, model.jnt_range[j])
     return _Moved(
         model,
         int(model.jnt_bodyid[j]),
-        int(model.jnt_dofadr[j]),
+        own,
         int(model.jnt_qposadr[j]),
         lower,
         upper,
@@ -148,28 +149,6 @@ def _insist(data: Any) -> None:
         raise _BrokenDown
 
 
-def _rest(model: Any, parts: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Greatest change of state (m or rad) of every part in 10 s, all closed at the start and those that slide held there, and
-    what friction would yield in that time."""
-    data = mujoco.MjData(model)
-    at = {p["name"]: _moved(model, p).at for p in parts}
-    held = [_moved(model, p) for p in parts if p["slides"]]
-    data.qpos[:] = 0.0
-    most = np.zeros(model.nq)
-
-    def look() -> bool:
-        for p in held:
-            data.qpos[p.at] = data.qvel[p.dof] = 0.0
-        np.maximum(most, np.abs(data.qpos), out=most)
-        return False
-
-    mujoco.mj_forward(model, data)
-    pulls = {p["name"]: abs(float(data.qfrc_bias[_moved(model, p).dof])) for p in parts}
-    creeps = {p["name"]: REST_SECONDS * _creep(_moved(model, p), pulls[p["name"]]) for p in parts}
-    _steps(model, data, REST_SECONDS, look)
-    return {name: {"drift": float(most[k]), "creep": creeps[name]} for name, k in at.items()}
-
-
 def _slide(part: _Moved) -> list[float]:
     """States at SLIDE_TIMES of the part let go when all are closed."""
     data, course = part.data(0.0), []
@@ -183,24 +162,22 @@ def _slide(part: _Moved) -> list[float]:
 
 
 def _creep(part: _Moved, pull: float) -> float:
-    """Speed (m/s or rad/s) at which dry friction that holds against `pull` (N or N m) yields all the same: MuJoCo's friction is
-    a soft constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model")."""
-    model = part.model
-    constant, ratio = map(float, model.dof_solref[part.dof])
+    """Speed (m/s or rad/s) at which dry friction yields to a `pull` (N or N m) that it holds: MuJoCo's friction is a soft
+    constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model")."""
+    model, (constant, ratio) = part.model, map(float, part.model.dof_solref[part.dof])
     d = float(model.dof_solimp[part.dof, 0])
     damping = 2.0 / (float(model.dof_solimp[part.dof, 1]) * constant) if constant > 0 else -ratio
     return (1.0 - d) / d * float(model.dof_invweight0[part.dof]) * pull / damping
 
 
-def _half_open(part: _Moved) -> dict[str, float]:
-    """Greatest change of state in 10 s when left half open, and what friction would yield to gravity's pull in that time."""
-    data = part.data((part.lower + part.upper) / 2)
-    begin, most = float(data.qpos[part.at]), 0.0
+def _stay(part: _Moved, state: float) -> dict[str, float]:
+    """Greatest change of state in 10 s when left at `state`, and what friction would yield to gravity's pull in that time."""
+    data, most = part.data(state), 0.0
 
     def look() -> bool:
         nonlocal most
         part.hold_others(data)
-        most = max(most, abs(float(data.qpos[part.at]) - begin))
+        most = max(most, abs(float(data.qpos[part.at]) - state))
         return False
 
     creep = REST_SECONDS * _creep(part, abs(float(data.qfrc_bias[part.dof])))
