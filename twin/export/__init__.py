@@ -80,9 +80,6 @@ def export(
         for k in tree.links
         if not k.collision
     ]
-    warnings += [
-        f"all: {k.name} has no surface, so it can't be seen" for k in tree.moving if not len(k.visual.faces)
-    ]
     warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready))]
     try:
         folder.mkdir(parents=True, exist_ok=True)
