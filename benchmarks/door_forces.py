@@ -13,6 +13,8 @@ from the arm's joint torques and `f_ati` from a sensor in the wrist. Method:
    mass counts for nothing, and what damping adds can't be told from friction without times).
 4. Its torque: the wrist's reading times the radius is the estimate; the joint torques less the arm's own friction, at their 95th
    percentile, are the upper end; the lower end is 0 when the wrist's own zero, which no log shows, could explain the whole reading.
+5. As a share of weight x lever, which assets/materials.toml asks for: nobody weighed the doors, so they are taken for furniture board
+   `BOARD`, `HEIGHT` high and `BESIDE` wider than the handle's radius; the lever is the radius of gyration about the hinge.
 """
 
 from __future__ import annotations
@@ -27,6 +29,9 @@ from numpy.typing import NDArray
 
 BEYOND = 0.7  # rad; chosen by us: the wrist's reading falls steeply up to there in both runs of the IKEA door, and is even after
 STILL = 2e-3  # m
+BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
+HEIGHT, BESIDE = 0.6, 0.03  # m; chosen by us: a usual cabinet door, its handle that far from the free edge
+GRAVITY = 9.81  # m/s^2
 BINS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3, 1.5)
 Array = NDArray[np.float64]
 
@@ -71,6 +76,12 @@ class DoorLog:
         return self.radius * max(0.0, float(np.percentile(self.joints[self.free], 95)) - self.arm_friction)
 
     @property
+    def weight_on_lever(self) -> float:
+        """N m: what the door is taken to weigh, times its radius of gyration about the hinge."""
+        width = self.radius + BESIDE
+        return GRAVITY * BOARD * HEIGHT * width * width / float(np.sqrt(3.0))
+
+    @property
     def speed_slope(self) -> tuple[float, float]:
         """N per mm of path a sample, and its standard error, of the wrist's reading beyond catch and spring."""
         x, y = 1e3 * self.step[self.free], self.wrist[self.free]
@@ -111,9 +122,16 @@ def interval(logs: list[DoorLog]) -> tuple[float, float, float]:
     return 0.0, value, max(log.ceiling for log in logs)
 
 
+def share(logs: list[DoorLog]) -> tuple[float, float, float]:
+    """The same as a share of weight x lever."""
+    value = float(np.median([max(0.0, log.friction[0]) / log.weight_on_lever for log in logs]))
+    return 0.0, value, max(log.ceiling / log.weight_on_lever for log in logs)
+
+
 def table(logs: list[DoorLog]) -> str:
     """The page."""
     low, value, high = interval(logs)
+    shares = share(logs)
     lines = [
         "# Forces of real cabinet doors, and the friction of hinges",
         "",
@@ -133,7 +151,10 @@ def table(logs: list[DoorLog]) -> str:
         )
     lines += [
         "",
-        f"Friction torque of a cabinet door: **{value:.2f} N m, {low:.0f} to {high:.1f}**. Medians along the path, joint torques / wrist, N:",
+        (
+            f"Friction torque of a cabinet door: **{value:.2f} N m, {low:.0f} to {high:.1f}**; of weight x lever, were they furniture board "
+            f"{HEIGHT:g} m high: **{shares[1]:.3f}, {shares[0]:.0f} to {shares[2]:.2f}**. Medians along the path, joint torques / wrist, N:"
+        ),
         "",
         "| log | " + " | ".join(f"{a:g}–{b:g} rad" for a, b in itertools.pairwise(BINS)) + " |",
         "|---" * len(BINS) + "|",

@@ -101,14 +101,14 @@ CASES = (
     Case("import", (str(SCENE), "-o", "new"), results=("new/twin",), once="holds a twin already"),
     Case("export", ("run", "--asset", "author=Me"), 15, shapes_left, ("run/export", "run/twin/meshes")),
     Case("check", ("run",)),
-    Case("lint", ("run",), writes=False),
+    Case("lint", ("run",), 4, writes=False),
     Case("replay", ("run",), 15, other_replay, ("run/replay",)),
-    Case("trajectory", ("run", "--format", "json", "npz", "csv", "ros2", "moveit", "-o", "mine/out"), results=("mine/out",)),
-    Case("evaluate", ("run", "--truth", str(RECORDING / "truth"))),
+    Case("trajectory", ("run", "--format", "json", "npz", "csv", "ros2", "moveit", "-o", "mine/out"), 7, results=("mine/out",)),
+    Case("evaluate", ("run", "--truth", str(RECORDING / "truth")), 4),
     Case("physics", ("set", "run", "--mass", "3.5", "--note", "weighed"), 6, results=("run/twin",)),
-    Case("doctor", (), writes=False),
-    Case("robots", ("list",), writes=False),
-    Case("engines", (), writes=False),
+    Case("doctor", (), 4, writes=False),
+    Case("robots", ("list",), 6, writes=False),
+    Case("engines", (), 6, writes=False),
 )  # fmt: skip
 
 

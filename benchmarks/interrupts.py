@@ -121,9 +121,10 @@ def _end(process: subprocess.Popen[str], sent: signal.Signals | None) -> tuple[s
         return process.communicate()[1], ["did not end"]
     left = []
     if sent == signal.SIGINT:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, 0)
-            left = ["left a process"]
+        listed = subprocess.run(
+            ["ps", "-o", "stat=,args=", "-s", str(process.pid)], capture_output=True, text=True
+        )
+        left = [f"left a process: {x}" for x in listed.stdout.splitlines() if not x.startswith("Z")][:1]
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     return err, left

@@ -34,7 +34,7 @@ import robots
 from robots.batch import replay_all
 from robots.config import CONTROLS
 from robots.draws import Draw, draw, spread_of
-from robots.placement import floor_height
+from robots.floor import find_floor
 from robots.replayer import simulate
 from robots.report import measure
 from robots.trajectory import RobotTrajectory
@@ -107,9 +107,10 @@ def one(case: Case, robot: str, trials: int) -> dict[str, Any]:
     twin = _twin(case)
     part = twin.parts[0]
     assert part.contact is not None
+    floor = find_floor(twin)
     row: dict[str, Any] = {
         "case": case.name, "origin": case.origin, "robot": robot, "joint": part.joint.kind,
-        "height": float(part.contact.point[2] - floor_height(twin.static.mesh)),
+        "height": float(part.contact.point[2] - floor.height), "floor": floor.source,
     }  # fmt: skip
     row["open"], plan = _task(twin, robot, "open")
     row["close"], _ = _task(twin, robot, "close")

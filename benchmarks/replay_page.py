@@ -33,8 +33,9 @@ def page(rows: Sequence[Row], trials: int) -> str:
         "limit or beyond its range, both fingers on the part, <= 2 mm into the static scene. With errors: the real part's axis is 5°, its",
         "pivot 2 cm and its contact 1 cm off in random directions, mass, friction and damping anywhere in their intervals; the twin says",
         "that it is that uncertain. Stiff: the arm's own joint servos; compliant: the hand as a spring of 500 N/m and 60 N m/rad. In reach:",
-        "any part for Franka, whose pedestal is free; for Spot, contact 0.3 to 1.6 m above its floor, the lowest level surface that the twin",
-        "shows (of a reconstructed wall cabinet that can be a worktop). A part without a plan counts as failed in every column. Intervals are Wilson's, 95 %.",
+        "any part for Franka, whose pedestal is free; for Spot, contact 0.3 to 1.6 m above its floor. Parts whose twin shows no floor are marked *:",
+        "it is assumed at the scene's lowest point, and heights count from there. A part without a plan counts as failed in every column.",
+        "Intervals are Wilson's, 95 %.",
         "",
         "| robot | twins | parts in reach | opened | clean | closed | opened, compliant | errors, stiff | clean | errors, compliant | clean |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
@@ -54,6 +55,11 @@ def in_reach(row: Row) -> bool:
     return bool(low <= row["height"] <= high)
 
 
+def on_assumed_floor(row: Row) -> bool:
+    """Whether the twin shows no floor."""
+    return bool(row["floor"] == "assumed")
+
+
 def _summary(robot: str, name: str, rows: Sequence[Row], trials: int) -> str:
     n = len(rows)
     cells = [
@@ -66,7 +72,9 @@ def _summary(robot: str, name: str, rows: Sequence[Row], trials: int) -> str:
         done = [r["errors"][control] for r in rows if "errors" in r]
         for what in ("success", "clean"):
             cells.append(_rate(sum(e[what] for e in done), n * trials))
-    return f"| {robot} | {name} | {n} | {' | '.join(cells)} |"
+    assumed = sum(on_assumed_floor(r) for r in rows)
+    told = f"{n} ({assumed}*)" if assumed else str(n)
+    return f"| {robot} | {name} | {told} | {' | '.join(cells)} |"
 
 
 def _rate(good: int, total: int) -> str:
@@ -166,7 +174,8 @@ def _table(rows: Sequence[Row], robots: Iterable[str]) -> list[str]:
     for origin, case in dict.fromkeys((r["origin"], r["case"]) for r in rows):
         group = [by[(origin, case, robot)] for robot in robots]
         cells = [c for r in group for c in _cells(r)]
-        lines.append(f"| {case} | {origin} | {group[0]['height']:.2f} | {' | '.join(cells)} |")
+        mark = "*" if on_assumed_floor(group[0]) else ""
+        lines.append(f"| {case} | {origin} | {group[0]['height']:.2f}{mark} | {' | '.join(cells)} |")
     return lines
 
 

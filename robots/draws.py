@@ -8,22 +8,27 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from robots.part_physics import GRAVITY, frictionloss, joint_damping, mass_and_com, part_friction
+from robots.part_physics import (
+    frictionloss,
+    inertial_of,
+    joint_damping,
+    mass_and_com,
+    part_friction,
+    physics_of,
+)
 from robots.world import World
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
+from twin.physics.joints import GRAVITY, armature
+from twin.quantities import Inertial, Quantity
 from twin.scene import Joint, Part, Revolute
 
 # Used where the twin says nothing; all chosen by us. Contact: half the thickness of a bar. Axis and pivot: several times
-# what reconstructed twins state. Factors: what the twin's own physics tables span around their defaults.
+# what reconstructed twins state.
 CONTACT_SIGMA = 0.005  # m, along each axis
 AXIS_SIGMA = np.deg2rad(1.0)
 PIVOT_SIGMA = 0.005  # m
-MASS_FACTORS = (0.5, 1.5)
-FRICTION_FACTORS = (0.5, 1.5)
-DAMPING_FACTORS = (0.1, 4.0)
-FRICTIONLOSS_FACTORS = (0.0, 4.0)
 
 _QUANTITIES = ("mass", "friction", "damping", "frictionloss")
 
@@ -83,25 +88,22 @@ class Draw:
 
 
 def spread_of(part: Part) -> Spread:
-    """The uncertainty that a part states, and what stands in for what it does not state."""
+    """The uncertainty that a part with physics states, and what stands in for what it does not state."""
     missing: list[str] = []
     covariance = _joint_covariance(part, missing)
     missing.append(
         f"{part.name}: contact states no uncertainty; used {1000 * CONTACT_SIGMA:g} mm along each axis"
     )
-    mass = part.inertial.mass.interval if part.inertial else None
-    if mass is None:
-        mass = _around(mass_and_com(part)[0], MASS_FACTORS, part, "mass", missing)
-    values = {}
-    stand_in = {
-        "friction": (part_friction(part), FRICTION_FACTORS),
-        "damping": (joint_damping(part), DAMPING_FACTORS),
-        "frictionloss": (frictionloss(part), FRICTIONLOSS_FACTORS),
-    }
-    for key, (value, factors) in stand_in.items():
-        stated = getattr(part.physics, key).interval if part.physics else None
-        values[key] = stated or _around(value, factors, part, key, missing)
-    return Spread(covariance, CONTACT_SIGMA, mass, **values, missing=tuple(missing))
+    physics = physics_of(part)
+    return Spread(
+        covariance,
+        CONTACT_SIGMA,
+        inertial_of(part).mass.interval,
+        physics.friction.interval,
+        physics.damping.interval,
+        physics.frictionloss.interval,
+        missing=tuple(missing),
+    )
 
 
 def _joint_covariance(part: Part, missing: list[str]) -> Array:
@@ -123,14 +125,6 @@ def _joint_covariance(part: Part, missing: list[str]) -> Array:
         said += f", pivot {1000 * pivot:.2g} mm"
     missing.append(f"{part.name}: joint states no covariance; used {source} in every direction ({said})")
     return out
-
-
-def _around(
-    value: float, factors: tuple[float, float], part: Part, what: str, missing: list[str]
-) -> tuple[float, float]:
-    low, high = value * factors[0], value * factors[1]
-    missing.append(f"{part.name}: {what} states no interval; used {low:.3g} to {high:.3g}")
-    return low, high
 
 
 def nominal(part: Part) -> Draw:
@@ -201,6 +195,7 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
     model.body_inertia[body] *= factor
     model.dof_damping[dof] = drawn.damping
     model.dof_frictionloss[dof] = drawn.frictionloss
+    model.dof_armature[dof] = armature(drawn.joint, _drawn_inertial(part, drawn))
     geoms = world.geom_part == part.id
     # MuJoCo takes the larger friction of a pair, which is the finger pads': what makes the part slippery must reach them.
     model.geom_friction[geoms | world.finger, 0] *= drawn.friction / part_friction(part)
@@ -212,6 +207,12 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
         model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return replace(world, model=model)
+
+
+def _drawn_inertial(part: Part, drawn: Draw) -> Inertial:
+    own = inertial_of(part)
+    heavier = own.with_mass(Quantity(drawn.mass, own.mass.source, (drawn.mass, drawn.mass)))
+    return replace(heavier, com=own.com + drawn.contact, com_interval=None)
 
 
 def path_error(part: Part, drawn: Draw, point: Array, goal: float) -> float:

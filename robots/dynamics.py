@@ -11,11 +11,19 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from robots.part_physics import frictionloss, inertia, joint_damping, mass_and_com, weight_load
+from robots.part_physics import (
+    frictionloss,
+    inertia,
+    inertial_of,
+    joint_damping,
+    mass_and_com,
+    weight_load,
+)
 from robots.spec import RobotSpec
 from twin.geometry import Array
+from twin.physics import inertia_about
 from twin.quantities import Inertial, Quantity
-from twin.scene import Part, Revolute, Twin
+from twin.scene import Part, Twin
 
 _SETS_IN = 0.1  # of the highest rate, at which dry friction is fully fed forward (chosen by us)
 
@@ -48,7 +56,7 @@ class PartLoad:
     """How a part resists: generalised force (N or N m) along its joint.
 
     inertia: kg or kg m^2. damping: N s/m or N m s/rad. friction: N or N m. Source of the values: the part's physics and
-    inertial properties, else the replay's defaults.
+    inertial properties.
     """
 
     part: Part
@@ -86,11 +94,7 @@ def with_riders(twin: Twin, part: Part) -> Part:
 
 def part_load(part: Part) -> PartLoad:
     """What a part's physics say about the force it takes to move it, without what rides on it (see `with_riders`)."""
-    mass, com = mass_and_com(part)
-    resists = mass
-    if isinstance(part.joint, Revolute):
-        axis, arm = part.joint.axis, com - part.joint.pivot
-        resists = mass * float(arm @ arm - (arm @ axis) ** 2) + float(axis @ inertia(part) @ axis)
+    resists = inertia_about(part.joint, inertial_of(part))
     return PartLoad(part, resists, joint_damping(part), frictionloss(part))
 
 

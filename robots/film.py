@@ -1,4 +1,5 @@
-"""Puts the person and the robot into one picture, side by side, with a line under each that says the part's state."""
+"""The lines under a film's pictures: the part's state, how fast time passes and what the robot stands on if nobody saw it; and
+person and robot side by side."""
 
 from __future__ import annotations
 
@@ -14,7 +15,26 @@ from twin.scene import Part
 
 _LINE = 0.05  # height of a caption by the picture's
 _WIDEST = 2.0  # the recording's panel by its height; wider images get bands above and below
+_REAL = 0.05  # of the pace; less can't be seen
 _INK, _PAPER = (235, 235, 235), (28, 30, 33)
+
+
+def pace_text(seconds: float, frames: int, rate: float) -> str:
+    """How fast a film of so many frames at `rate` a second shows `seconds` of simulation, such as "1.6 x real time"."""
+    pace = seconds * rate / frames
+    return "real time" if abs(pace - 1.0) < _REAL else f"{pace:.2g} x real time"
+
+
+def alone(
+    images: Sequence[Image], states: Array, trajectory: RobotTrajectory, part: Part, pace: str
+) -> list[Image]:
+    """The robot's `images` (f of (H, W, 3)), under each the part's state out of `states` (f,), the pace, and an assumed floor."""
+    floor = trajectory.floor
+    told = f"floor {floor.text}, " if floor is not None and floor.source == "assumed" else ""
+    return [
+        captioned(image, f"{trajectory.robot}  {state_text(part, state)}", f"{told}{pace}")
+        for image, state in zip(images, states.tolist(), strict=True)
+    ]
 
 
 def side_by_side(
@@ -23,11 +43,12 @@ def side_by_side(
     trajectory: RobotTrajectory,
     part: Part,
     demonstration: Demonstration,
+    pace: str,
 ) -> list[Image]:
     """The robot's `images` (f of (H, W, 3)), each to the right of the frame in which the person had the part at its state.
 
     Args:
-        states: (f,) the part's states in the images, m or rad.
+        states: (f,) the part's states in the images, m or rad. pace: see `pace_text`.
 
     Raises:
         InputError: the recording doesn't fit the part's motion.
@@ -41,10 +62,8 @@ def side_by_side(
         )
         for k in np.unique(samples).tolist()
     }
-    return [
-        np.hstack([panels[k], captioned(image, f"{trajectory.robot}  {state_text(part, state)}")])
-        for k, image, state in zip(samples.tolist(), images, states.tolist(), strict=True)
-    ]
+    robot = alone(images, states, trajectory, part, pace)
+    return [np.hstack([panels[k], image]) for k, image in zip(samples.tolist(), robot, strict=True)]
 
 
 def state_text(part: Part, state: float) -> str:
@@ -64,20 +83,17 @@ def fitted(image: Image, height: int) -> Image:
     return np.pad(smaller, ((above, height - size[1] - above), (0, 0), (0, 0)))
 
 
-def captioned(image: Image, text: str) -> Image:
-    """The image with a line of text below it; the line's height is even."""
+def captioned(image: Image, text: str, right: str = "") -> Image:
+    """The image with a line below it, of even height: a text, and one that ends at the right; both smaller where they would meet."""
     height, width = image.shape[:2]
     tall = max(2 * round(_LINE * height / 2), 12)
     line = np.full((tall, width, 3), _PAPER, dtype=np.uint8)
-    scale = tall / 40
-    cv2.putText(
-        line,
-        text,
-        (tall // 3, round(0.72 * tall)),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        scale,
-        _INK,
-        1,
-        cv2.LINE_AA,
-    )
+    font, scale, margin = cv2.FONT_HERSHEY_SIMPLEX, tall / 40, tall // 3
+
+    def wide(words: str) -> int:
+        return int(cv2.getTextSize(words, font, scale, 1)[0][0])
+
+    scale *= min(1.0, max(width - 3 * margin, 1) / max(wide(text) + wide(right), 1))
+    for words, left in ((text, margin), (right, width - margin - wide(right))):
+        cv2.putText(line, words, (left, round(0.72 * tall)), font, scale, _INK, 1, cv2.LINE_AA)
     return np.vstack([image, line])

@@ -62,17 +62,8 @@ class Base:
         return float(np.arctan2(self.T_world_base[1, 0], self.T_world_base[0, 0]))
 
 
-def floor_height(static: Mesh) -> float:
-    """Height on which a pedestal stands: the lowest level surface that looks up, robust against single stray vertices."""
-    points, normals = sample_surface(static, 20_000, np.random.default_rng(0))
-    if len(points) == 0:
-        return 0.0
-    level = points[normals[:, 2] > 0.7]  # a floor modelled as a slab has an underside, too
-    return float(np.quantile(level[:, 2], 0.01) if len(level) > 200 else np.quantile(points[:, 2], 0.002))
-
-
 class BaseSearch:
-    """Tries base poses for the tool paths of several grasps on one part."""
+    """Tries base poses for the tool paths of several grasps on one part, on a floor at the height `floor` (m)."""
 
     def __init__(
         self,
@@ -83,6 +74,7 @@ class BaseSearch:
         spec: RobotSpec,
         static: Mesh,
         config: PlanConfig,
+        floor: float,
     ) -> None:
         if spec.planar:  # feet stand on the floor, never on a pedestal
             config = replace(config, pedestal=(0.0, 0.0))
@@ -91,7 +83,7 @@ class BaseSearch:
         self._states = np.concatenate([states[:1], states, states[-1:]])
         self._unit = "rad" if isinstance(joint, Revolute) else "m"
         self._paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
-        self._ground = _Ground(static, spec.footprint)
+        self._ground = _Ground(static, spec.footprint, floor)
         self._handle = float(self._paths[0, 1:-1, 2, 3].min()) - 0.05
         self._rng = np.random.default_rng(config.seed)
         # natural grasps are tried more often
@@ -163,9 +155,9 @@ class BaseSearch:
 class _Ground:
     """What a pedestal can stand on."""
 
-    def __init__(self, static: Mesh, footprint: float) -> None:
+    def __init__(self, static: Mesh, footprint: float, floor: float) -> None:
         points, _ = sample_surface(static, _POINTS, np.random.default_rng(0))
-        self.floor = floor_height(static)
+        self.floor = floor
         self._tree = cKDTree(points[:, :2]) if len(points) else None
         self._heights, self._footprint = points[:, 2], footprint
         self._expected = _POINTS / max(static.area, 1e-9) * np.pi * footprint**2

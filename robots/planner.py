@@ -15,6 +15,7 @@ from robots.config import PlanConfig
 from robots.contact_path import make_grasps
 from robots.dynamics import ArmDynamics, part_load, with_riders
 from robots.faults import SLIP_LIMIT
+from robots.floor import Floor, floor_of
 from robots.goals import Goal, Task, task_of
 from robots.grasp import Hold
 from robots.ik import PathSolver
@@ -50,6 +51,7 @@ def plan(
     goal: Goal | None = None,
     start: Goal | None = None,
     config: PlanConfig | None = None,
+    floor: Floor | float | None = None,
 ) -> RobotTrajectory:
     """Plan how a robot opens or closes a part the way the person held it.
 
@@ -60,14 +62,15 @@ def plan(
             its shape offers a bar, a knob or a rim.
         goal, start: states in m or rad, or texts: "open", "close", a share such as "50%". Default: open; from the closed
             end, or from the open end where the goal is closed.
-        config: of the search.
+        config: of the search. floor: its height z in m, twin's world; by default the one that the twin shows, else it is
+            assumed at the scene's lowest point (`RobotTrajectory.floor` says which).
 
     Returns:
         A trajectory inside the robot's position, velocity and torque limits, with base pose, score and rejected bases.
 
     Raises:
         SceneError: no such part. InputError: no such robot, a contact off the part, nothing to hold, a goal or start
-            outside the joint's range.
+            outside the joint's range, a floor that is not finite.
         PlanningError: no base reaches the part without touching anything, or the arm is too weak; says at which state
             and by how much.
     """
@@ -75,18 +78,19 @@ def plan(
     target = twin.part(part)
     spec = resolve(robot)
     task = task_of(target, goal, start)
+    ground = floor_of(twin, floor)
     holds = holds_of(twin, target, spec, contact, config.seed)
     twin = with_collision(twin)
     target = twin.part(part)
     try:
-        return _planned(twin, target, spec, task, holds, config, _ROUNDS, robot)
+        return _planned(twin, target, spec, task, holds, config, _ROUNDS, robot, ground)
     except PlanningError as first:
         others = elsewhere(target, holds, spec, config.seed)
         if not others:
             raise
         quick = replace(config, candidates=config.candidates // 2 + 1)
         try:
-            return _planned(twin, target, spec, task, others, quick, 1, robot)
+            return _planned(twin, target, spec, task, others, quick, 1, robot, ground)
         except PlanningError:
             raise first from None
 
@@ -100,6 +104,7 @@ def _planned(
     config: PlanConfig,
     rounds: int,
     robot: AnyPath,
+    floor: Floor,
 ) -> RobotTrajectory:
     """The best trajectory that takes the part by one of the holds; rounds: closer looks around bases that nearly do.
 
@@ -109,7 +114,7 @@ def _planned(
     chain = read_chain(alone, spec)
     way = task.goal - task.start
     grasps = [g for k, h in enumerate(holds) for g in make_grasps(h, target.joint, spec, config, k, way)]
-    search = BaseSearch(target.joint, task, grasps, chain, spec, twin.static.mesh, config)
+    search = BaseSearch(target.joint, task, grasps, chain, spec, twin.static.mesh, config, floor.height)
     check = ClearanceCheck(twin, target, spec, task, grasps, config)
     bases = search.everywhere()
     accepted, rejected = check.sort(bases)
@@ -128,16 +133,15 @@ def _planned(
     candidates: list[RobotTrajectory] = []
     for base in _unlike(accepted, 4 * config.finalists):
         try:
-            candidates.append(
-                refined(twin, target, spec, chain, solver, base, grasps[base.grasp], task, effort, config)
-            )
+            made = refined(twin, target, spec, chain, solver, base, grasps[base.grasp], task, effort, config)
+            candidates.append(replace(made, floor=floor))
         except PlanningError as e:
             rejected.append(replace(base, reason=e.problem))
         if len(candidates) == config.finalists:
             break
     if not candidates:
         raise PlanningError(
-            _why(spec, target, task, bases, rejected),
+            _why(spec, target, task, bases, rejected, floor),
             "clear the scene, choose another goal, or give another contact",
         )
     best = _best(twin, candidates, config.rehearse, robot)
@@ -205,10 +209,18 @@ def _reported(base: Base) -> RejectedBase:
     )
 
 
-def _why(spec: RobotSpec, part: Part, task: Task, bases: Sequence[Base], rejected: Sequence[Base]) -> str:
+def _why(
+    spec: RobotSpec,
+    part: Part,
+    task: Task,
+    bases: Sequence[Base],
+    rejected: Sequence[Base],
+    floor: Floor,
+) -> str:
     """The reason of the base that came nearest to success, and where it stands."""
     verb = "open" if task.direction > 0 else "close"
-    head = f"{spec.name} can't {verb} part {part.name!r} from any of {len(bases)} base poses"
+    where = f" on a floor that is {floor.text}" if floor.source == "assumed" else ""
+    head = f"{spec.name} can't {verb} part {part.name!r} from any of {len(bases)} base poses{where}"
     reached = [b for b in rejected if np.isfinite(b.position_error)]
     if not reached:
         return f"{head}: {bases[0].reason if bases else 'none was tried'}"

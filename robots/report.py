@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.faults import Fault, find_faults
+from robots.floor import Floor
 from robots.goals import Task
 from robots.record import Record
 from robots.spec import RobotSpec
@@ -62,7 +63,8 @@ class ReplayReport:
     to the end of the demonstrated range, that is the share open; for closing, the share closed.
     ok: success_90 with slip, torque and joint limits kept. slip_mm: largest displacement of the tool point in the
     part's frame between grasp and release. torque_share, torque_peak: of the limits, per joint. limit_margin: rad.
-    tracking: of the tool against the plan while the part is moved. reason: what went wrong, empty when ok.
+    tracking: of the tool against the plan while the part is moved. floor: what the robot stands on, see
+    `RobotTrajectory`. reason: what went wrong, empty when ok.
     """
 
     robot: str
@@ -90,6 +92,7 @@ class ReplayReport:
     phases: tuple[PhaseRow, ...]
     base_position: tuple[float, float, float]
     pedestal: float
+    floor: Floor | None
     grasp: str
     duration: float
     wall_seconds: float
@@ -148,6 +151,7 @@ def measure(
         phases=_rows(record, error, share, slip, still, upper, faults),
         base_position=(float(p[0]), float(p[1]), float(p[2])),
         pedestal=trajectory.pedestal,
+        floor=trajectory.floor,
         grasp=trajectory.grasp,
         duration=float(record.times[-1]),
         wall_seconds=wall,

@@ -6,17 +6,16 @@ import logging
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import trimesh
 
 from robots.grasp import Hold, clusters, dominant_plane, find_holds, sample_surface
 from robots.spec import RobotSpec
 from twin import geometry as geo
+from twin.contacts import allowed, contact_off, distance_to
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import ContactPath, Mesh, Part, Revolute, Twin
+from twin.scene import ContactPath, Part, Revolute, Twin
 
 _LOG = logging.getLogger(__name__)
-OFF = 0.08  # m; beyond it a contact speaks of something else: 3 cm error of a lifted hand plus the fist
 _SAMPLES = 30_000
 _FRONT = 0.05  # share of a slider's surface that must face its way for it to be a drawer's front
 _HEIGHTS = (0.010, 0.15)  # m above the face, as for a handle near a contact
@@ -45,7 +44,7 @@ def holds_of(
     if contact is not None:
         told = contact if isinstance(contact, ContactPath) else _at_point(twin, part, contact)
         distance = distance_to(part.mesh, told.point)
-        if distance > OFF:
+        if distance > allowed(told):
             raise InputError(
                 f"the contact {_text(told.point)} is {distance:.2f} m off part {part.name!r}",
                 f"give a point on it: it spans {_text(part.mesh.vertices.min(axis=0))} to "
@@ -53,14 +52,10 @@ def holds_of(
             )
         return find_holds(part.mesh, told, spec, seed)
     if part.contact is not None:
-        distance = distance_to(part.mesh, part.contact.point)
-        if distance <= OFF:
+        off = contact_off(part)
+        if off is None:
             return find_holds(part.mesh, part.contact, spec, seed)
-        _LOG.warning(
-            "the contact of %s is %.2f m off the part; its shape decides where to hold it",
-            part.name,
-            distance,
-        )
+        _LOG.warning("%s: its shape decides where to hold it", off.problem)
     holds = holds_by_shape(twin, part, spec, seed)
     if not holds:
         raise NothingToHold(
@@ -83,15 +78,6 @@ def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> 
             if best.kind == hold.kind and new:
                 found.append(best)
     return found
-
-
-def distance_to(mesh: Mesh, point: Array) -> float:
-    """Distance in m from a point (3,) to the surface."""
-    if len(mesh.faces) == 0:
-        return float("inf")
-    corners = mesh.vertices[mesh.faces]
-    nearest = trimesh.triangles.closest_point(corners, np.broadcast_to(point, (len(corners), 3)))
-    return float(np.linalg.norm(nearest - point, axis=1).min())
 
 
 def holds_by_shape(twin: Twin, part: Part, spec: RobotSpec, seed: int) -> list[Hold]:

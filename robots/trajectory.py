@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from robots.floor import Floor
 from twin.errors import PlanningError
 from twin.geometry import Array
 
@@ -34,6 +35,7 @@ class RobotTrajectory:
     effort: (n, j) N m (N for a slide) that the motion and the part ask of the joints beside gravity compensation, by the
     twin's physics; zeros when left out.
     start, goal: states from which and to which the part is brought. grasp: how the hand holds the part. score, clearance (m): of the chosen base.
+    floor: what it was planned to stand on; None in files of earlier versions, which don't say.
     """
 
     robot: str
@@ -60,6 +62,7 @@ class RobotTrajectory:
     rejected: tuple[RejectedBase, ...] = ()
     start: float = 0.0
     effort: Array = field(default_factory=lambda: np.zeros(0))
+    floor: Floor | None = None
 
     def __post_init__(self) -> None:
         n, j = len(self.times), len(self.joint_names)

@@ -19,6 +19,7 @@ from robots.batch import Tell, replay_all
 from robots.catalog import resolve
 from robots.config import ReplayConfig
 from robots.draws import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of
+from robots.floor import Floor
 from robots.report import ReplayReport
 from robots.statistics import CONFIDENCE, Estimate, mean, wilson
 from robots.trajectory import RobotTrajectory
@@ -159,7 +160,8 @@ class TrialRow:
 
 @dataclass(frozen=True, eq=False)
 class TrialReport:
-    """All rows of one part; the twin's own uncertainty first. assumed: what the twin did not state."""
+    """All rows of one part; the twin's own uncertainty first. floor: what the robot stands on. assumed: what the twin did not
+    state."""
 
     robot: str
     twin: str
@@ -169,15 +171,26 @@ class TrialReport:
     stiffness: float
     spread: Spread
     rows: tuple[TrialRow, ...]
+    floor: Floor | None = None
 
     @property
     def assumed(self) -> tuple[str, ...]:
         """What the twin did not state, and what was used instead."""
-        return self.spread.missing
+        floor = () if self.floor is None or not self.floor.warning else (self.floor.warning,)
+        return (*self.spread.missing, *floor)
 
     def summary(self) -> dict[str, Any]:
         """Plain JSON types, without the single trials."""
-        return {"seed": self.seed, "assumed": list(self.assumed), "rows": [r.summary() for r in self.rows]}
+        return {
+            "seed": self.seed,
+            "floor": self._floor,
+            "assumed": list(self.assumed),
+            "rows": [r.summary() for r in self.rows],
+        }
+
+    @property
+    def _floor(self) -> dict[str, Any] | None:
+        return None if self.floor is None else asdict(self.floor)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types; equal for equal runs."""
@@ -191,6 +204,7 @@ class TrialReport:
             "control": self.control,
             "stiffness": self.stiffness,
             "confidence": CONFIDENCE,
+            "floor": self._floor,
             "spread": {
                 "joint_covariance": s.joint.tolist(),
                 "contact_sigma": s.contact,
@@ -252,8 +266,9 @@ def run_trials(
     ]
     table = tuple(TrialRow(sizes, tuple(done[k * trials : (k + 1) * trials])) for k, sizes in enumerate(rows))
     report = TrialReport(
-        trajectory.robot, twin.name, part.name, seed, config.control, config.stiffness, spread, table
-    )
+        trajectory.robot, twin.name, part.name, seed, config.control, config.stiffness, spread, table,
+        trajectory.floor,
+    )  # fmt: skip
     if out is not None:
         _write(report, Path(out))
     return report

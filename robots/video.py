@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from robots.camera import choose_view
 from robots.config import ReplayConfig
 from robots.demonstration import Demonstration, Image
-from robots.film import side_by_side
+from robots.film import alone, pace_text, side_by_side
 from robots.trajectory import RobotTrajectory
 from robots.world import World
 from twin.errors import InputError, MissingDependencyError
@@ -41,6 +41,8 @@ def write_video(
 ) -> bool:
     """Draw joint positions `frames` (f, nq), beside what the person did if that is given, and write them to `path`.
 
+    The pace, simulated time over the film's, stands in the picture and in the file's comment.
+
     Returns False, after one warning, when no OpenGL is found: the replay itself doesn't need it. A demonstration that
     doesn't fit costs one warning and its half of the film.
     Raises OSError when the file can't be written.
@@ -50,14 +52,15 @@ def write_video(
     except MissingDependencyError as e:
         _LOG.warning("no video: %s", e)
         return False
+    states = frames[:, world.part_qpos[part.id]]
+    pace = pace_text(trajectory.duration + config.settle, len(frames), config.video_rate)
+    film = None
     if demonstration is not None:
         try:
-            images = side_by_side(
-                images, frames[:, world.part_qpos[part.id]], trajectory, part, demonstration
-            )
+            film = side_by_side(images, states, trajectory, part, demonstration, pace)
         except (InputError, OSError) as e:
             _LOG.warning("the film of %s shows the robot alone: %s", part.name, e)
-    encode(path, images, config.video_rate)
+    encode(path, film or alone(images, states, trajectory, part, pace), config.video_rate, pace)
     return True
 
 
@@ -167,14 +170,15 @@ def _with_hidden_axis(image: Image, scene: mujoco.MjvScene, arrow: tuple[Array, 
     return image
 
 
-def encode(path: Path, images: list[NDArray[np.uint8]], rate: int) -> None:
-    """Write images as H.264, yuv420p. Raises OSError when the file can't be written."""
+def encode(path: Path, images: list[NDArray[np.uint8]], rate: int, comment: str = "") -> None:
+    """Write images as H.264, yuv420p, with a comment in the file. Raises OSError when the file can't be written."""
     import av
 
     height, width = images[0].shape[:2]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with av.open(str(path), "w") as container:
+            container.metadata["comment"] = comment
             stream = container.add_stream(
                 "libx264", rate=Fraction(rate), options={"crf": "23", "preset": "fast"}
             )

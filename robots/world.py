@@ -16,18 +16,12 @@ from numpy.typing import NDArray
 
 from robots.model import robot_model
 from robots.paint import painted
-from robots.part_physics import (
-    DEFAULT_FRICTION,
-    frictionloss,
-    inertia,
-    joint_damping,
-    mass_and_com,
-    part_friction,
-)
+from robots.part_physics import frictionloss, inertial_of, joint_damping, part_friction
 from robots.spec import RobotSpec
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array
+from twin.physics import armature, static_friction, with_physics
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 
 AnyArray = NDArray[Any]
@@ -77,16 +71,20 @@ class World:
 
 
 def with_collision(twin: Twin) -> Twin:
-    """The twin with collision geometry for its static part and every part; made, with masses, when missing.
+    """The twin with collision geometry for its static part and every part, masses and friction; made when missing.
 
     Remembered as long as the twin lives, so that a plan and its replay make it once and get the same.
     """
-    if twin.static.collision and all(p.collision for p in twin.parts):
+    shaped = bool(twin.static.collision) and all(p.collision for p in twin.parts)
+    if shaped and all(p.inertial is not None and p.physics is not None for p in twin.parts):
         return twin
     if twin not in _MADE:
-        from twin.export import complete
+        if shaped:  # a stated shape may be anything; masses need no more than the surface
+            _MADE[twin] = with_physics(twin)
+        else:
+            from twin.export import complete
 
-        _MADE[twin] = complete(twin)
+            _MADE[twin] = complete(twin)
     return _MADE[twin]
 
 
@@ -96,7 +94,7 @@ def build_world(
     """Compile the scene.
 
     Args:
-        twin: its static part and parts need collision geometry.
+        twin: its static part and parts need collision geometry, its parts mass and friction (see `with_collision`).
         T_world_base: base pose (4, 4). pedestal: height in metres of the column under the base (0: none).
         visual: add the coloured meshes that a video shows.
 
@@ -148,9 +146,9 @@ def _parents_first(twin: Twin) -> list[Part]:
 
 
 def _add_static(scene: mujoco.MjSpec, twin: Twin, visual: bool) -> None:
-    body = scene.worldbody.add_body(name=f"static_{twin.static.name}")
+    body, friction = scene.worldbody.add_body(name=f"static_{twin.static.name}"), static_friction(twin)
     for k, shape in enumerate(twin.static.collision):
-        _add_shape(scene, body, shape, f"static_{k}", STATIC, DEFAULT_FRICTION)
+        _add_shape(scene, body, shape, f"static_{k}", STATIC, friction)
     if visual:
         _add_paint(scene, body, twin.static.mesh, "static", 24, 40_000)
 
@@ -161,7 +159,7 @@ def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: 
             f"part {part.name!r} has no collision geometry", "make it with twin.collision.with_collision"
         )
     body = parent.add_body(name=f"part_{part.id}")
-    joint = part.joint
+    joint, own = part.joint, inertial_of(part)
     kind = mujoco.mjtJoint.mjJNT_HINGE if isinstance(joint, Revolute) else mujoco.mjtJoint.mjJNT_SLIDE
     body.add_joint(
         name=f"part_{part.id}",
@@ -172,24 +170,17 @@ def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: 
         range=[joint.lower, joint.upper],
         damping=joint_damping(part),
         frictionloss=frictionloss(part),
-        armature=0.01,
+        armature=armature(joint, own),
     )
-    _add_inertia(body, part)
+    t = own.inertia
+    body.explicitinertial = True
+    body.mass, body.ipos = own.mass.value, own.com
+    body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
     for k, shape in enumerate(part.collision):
         _add_shape(scene, body, shape, f"part_{part.id}_{k}", PART, part_friction(part))
     if visual:
         _add_paint(scene, body, part.mesh, f"part_{part.id}", 12, 20_000)
     return body
-
-
-def _add_inertia(body: mujoco.MjsBody, part: Part) -> None:
-    body.explicitinertial = True
-    body.mass, body.ipos = mass_and_com(part)
-    t = inertia(part)
-    if part.inertial is None:
-        body.inertia = np.diag(t)
-        return
-    body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
 
 
 def _add_shape(

@@ -160,8 +160,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_wheel_holds_assets_templates_requirements_and_type_markers(installed: Path) -> None:
     assert tree(installed / "twin" / "_assets") == tree(ASSETS)
     for package in ("twin", "recon", "robots"):
-        files = {p.relative_to(ROOT).as_posix() for p in (ROOT / package).rglob("*") if p.suffix != ".pyc"}
-        shipped = {f for f in files if (ROOT / f).is_file()}
+        files = [p for p in (ROOT / package).rglob("*") if p.is_file() and "__pycache__" not in p.parts]
+        shipped = {p.relative_to(ROOT).as_posix() for p in files}
         assert f"{package}/py.typed" in shipped
         assert [f for f in sorted(shipped) if not (installed / f).is_file()] == []
 

@@ -70,6 +70,16 @@ def test_a_second_run_computes_nothing_and_changes_nothing(run: Path) -> None:
     assert twin_bytes(run) == before
 
 
+def test_the_config_that_a_run_wrote_repeats_it(run: Path, tmp_path: Path) -> None:
+    """Every stage has the key that it had, so that nothing is computed."""
+    before, config = twin_bytes(run), tmp_path / "config.toml"
+    shutil.move(run / "config.toml", config)
+    assert reconstruct(run, "--config", str(config)) == 0
+    assert computed(run) == {}
+    assert twin_bytes(run) == before
+    assert (run / "config.toml").read_bytes() == config.read_bytes()
+
+
 def test_an_interrupted_run_ends_with_the_same_bytes(finished: Path, tmp_path: Path) -> None:
     """What a killed process leaves: the first stages, and half of another in a temporary folder."""
     resumed = tmp_path / "run"

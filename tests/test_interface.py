@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import inspect
+import subprocess
+import sys
 import typing
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -24,7 +26,7 @@ from twin.report import render
 from twin.scene import JointSigma, Part, Twin
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("twin", "robots")
+PACKAGES = ("twin", "robots", "recon")
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -54,6 +56,31 @@ def test_a_misspelled_name_is_an_error_to_type_checkers() -> None:
     for package in ("twin", "robots"):
         tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
         assert "__getattr__" not in {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
+
+
+@pytest.mark.slow
+def test_mypy_knows_the_names_and_refuses_misspelled_ones(tmp_path: Path) -> None:
+    used = tmp_path / "used.py"
+    used.write_text(
+        "import robots, twin\n"
+        "made = twin.from_urdf('a.urdf')\n"
+        "reveal_type(made)\n"
+        "reveal_type(robots.plan(made, 'door'))\n"
+        "twin.export(made, 'out')\n"
+        "twin.lod('run')\n"
+        "robots.pln(made)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--config-file=", "--ignore-missing-imports", str(used)],
+        capture_output=True, text=True, cwd=ROOT,
+    )  # fmt: skip
+    said = [line for line in done.stdout.splitlines() if line.startswith(str(used)) or "used.py" in line]
+    assert [line.split(": ", 1)[1] for line in said if "reveal" not in line] == [
+        'note: Revealed type is "twin.scene.Twin"',
+        'note: Revealed type is "robots.trajectory.RobotTrajectory"',
+        'error: Module has no attribute "lod"; maybe "load"?  [attr-defined]',
+        'error: Module has no attribute "pln"; maybe "plan"?  [attr-defined]',
+    ]
 
 
 def public_functions() -> Iterator[tuple[str, Callable[..., Any]]]:
@@ -179,7 +206,7 @@ def test_notebooks_show_a_table_with_every_part(whole: bool) -> None:
     assert "flap" in text
 
 
-def test_what_a_user_wrote_is_escaped_in_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_user_wrote_is_escaped_in_the_table() -> None:
     """Names are legal, so no sign of HTML passes; a law of types that changes must not open the table."""
     made = cabinet_twin()
     object.__setattr__(made, "name", "<script>&")

@@ -5,6 +5,7 @@ Batches come first: a pose array is (..., 4, 4), a point array (..., 3). Angles 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -236,3 +237,27 @@ def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:
     if s < 1e-12:
         return np.eye(3) if c > 0 else exp_so3(np.pi * orthogonal_basis(a)[:, 0])
     return exp_so3(v / s * np.arctan2(s, c))
+
+
+def unique_rows(rows: NDArray[np.integer[Any]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Index of the first of each set of equal rows (m,) of whole numbers, these in rising order, and the set of each row (n,).
+
+    What np.unique(axis=0) gives, but it sorts one number a row where that can hold all columns: many times as fast.
+    """
+    if not len(rows):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    low = rows.min(axis=0).astype(np.int64)
+    span = [int(x) for x in rows.max(axis=0).astype(np.int64) - low + 1]
+    if math.prod(span) < 1 << 62:
+        key = np.zeros(len(rows), np.int64)
+        for column, start, width in zip(rows.T, low, span, strict=True):
+            key = key * width + (column - start)
+        order = np.argsort(key, kind="stable")
+        fresh = np.diff(key[order], prepend=-1) != 0
+    else:
+        order = np.lexsort(rows.T[::-1])
+        ranked = rows[order]
+        fresh = np.concatenate([[True], np.any(ranked[1:] != ranked[:-1], axis=1)])
+    inverse = np.empty(len(order), np.int64)
+    inverse[order] = np.cumsum(fresh) - 1
+    return order[fresh], inverse

@@ -31,6 +31,16 @@ def _point(text: str) -> tuple[float, ...]:
     return point
 
 
+def _height(text: str) -> float:
+    try:
+        height = float(text)
+    except ValueError:
+        height = math.nan
+    if not math.isfinite(height):
+        raise ArgumentTypeError(f"{text!r} is no height: write a number in m, such as -0.02")
+    return height
+
+
 def _demo(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("--recording", type=Path, help="another recording than the shipped one")
@@ -142,6 +152,7 @@ def _replay(parser: ArgumentParser) -> None:
     add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
     add("--recording", metavar="FOLDER", type=Path, help="shown beside the robot [where RUN has it from]")
     add("--contact", type=_point, metavar="X,Y,Z", help="hold it there: m, twin's world, part at state 0")
+    add("--floor", type=_height, metavar="Z", help="its height: m, twin's world [seen, else assumed]")
     add("--control", metavar="position|impedance", help="stiff joints or a compliant hand [position]")
     add("--stiffness", type=float, metavar="SHARE", help="share of the stiffness of either [1]")
     add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")

@@ -53,7 +53,9 @@ def shows_bar(stage: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
         def run(*args: P.args, **kwargs: P.kwargs) -> T:
             with default_progress() as progress:
                 progress(stage, 0.0)
-                return function(*args, **kwargs)
+                done = function(*args, **kwargs)
+                progress(stage, 1.0)
+                return done
 
         return run
 

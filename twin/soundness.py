@@ -1,4 +1,4 @@
-"""Refuses parts whose mesh can't stand for a body, before anything is written."""
+"""Refuses parts that no mesh stands for, and tells of meshes in which bodies overlap."""
 
 from __future__ import annotations
 
@@ -7,31 +7,52 @@ from numpy.typing import NDArray
 
 from twin.errors import SceneError
 from twin.geometry import Array
-from twin.scene import Mesh, Twin
+from twin.scene import Mesh, Part, Twin
 
 _CROSSING = 0.002  # m, chosen by us: above the noise of a scanned surface, below any board
 _SHARE = 0.1  # of a part's area, chosen by us: folds of a scanned surface are no harm (3 % of a drawer with 1.5 mm of noise)
+_FACES = 10_000  # looked at in a larger mesh: every triangle is tried against every other
 
 
 def require_sound(twin: Twin) -> None:
-    """Raises SceneError that names the first moving part whose mesh is empty or passes through itself.
+    """Raises SceneError that names the first moving part with an empty mesh.
 
-    Where surfaces cross, mass and collision shapes would count the same space twice. Boards that only touch are sound. The
-    static scene is not looked at: it has no mass, and its shapes follow the surface whatever it encloses.
+    Also where shapes and mass are stated: a file that lost its faces looks the same as one that never had any.
     """
     for part in twin.parts:
         if not len(part.mesh.faces) or part.mesh.area < 1e-9:
             raise SceneError(
-                f"the mesh of part {part.name!r} is empty", "give the part a surface or leave it out"
+                f"the mesh of part {part.name!r} is empty",
+                "give the part a surface or leave it out",
             )
-        share, at = crossing(part.mesh)
-        if share > _SHARE:
-            where = " ".join(f"{x:.3f}" for x in at)
-            raise SceneError(
-                f"the mesh of part {part.name!r} passes through itself on {100 * share:.0f} % of its area, "
-                f"for example at ({where}) m",
-                "join the overlapping bodies first, e.g. with trimesh.boolean.union",
-            )
+
+
+def overlaps(twin: Twin) -> list[str]:
+    """One line for every moving part whose mesh holds the same space twice, with the share and what became of it.
+
+    Boards that only touch are not meant. The static scene is not looked at: it has no mass, and its shapes follow the
+    surface whatever it encloses.
+    """
+    return [line for part in twin.parts if (line := _overlap(part))]
+
+
+def _overlap(part: Part) -> str:
+    from twin.collision.decimation import decimated
+    from twin.collision.union import OVERLAP, united
+
+    whole = united(part.mesh)
+    if whole is not None and whole.share > OVERLAP:
+        from_surface = part.inertial is None or part.inertial.mass.origin == "geometry"
+        mass = "mass is that of their union" if from_surface else "mass is as stated"
+        return f"bodies of part {part.name!r} overlap by {whole.share:.1%} of their volume; its {mass}"
+    share, at = crossing(decimated(part.mesh, _FACES))
+    if share <= _SHARE:
+        return ""
+    where = " ".join(f"{x:.3f}" for x in at)
+    return (
+        f"the mesh of part {part.name!r} passes through itself on {share:.0%} of its area, for example at ({where}) m, and "
+        "can't be united into one body; what is made from its surface may count the same space twice"
+    )
 
 
 def crossing(mesh: Mesh) -> tuple[float, Array]:

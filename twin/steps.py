@@ -129,10 +129,12 @@ def replay(
     start: str | None = None,
     recording: Path | None = None,
     contact: tuple[float, ...] | None = None,
+    floor: float | None = None,
 ) -> Step:
     """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin.
 
-    settings: fields of `robots.ReplayConfig`. contact: point (3,) in m where a part is held, twin's world at state 0.
+    settings: fields of `robots.ReplayConfig`. contact: point (3,) in m where a part is held, twin's world at state 0. floor:
+    height (m) in the twin's world.
     """
     started = time.perf_counter()
     twin = load(run)
@@ -152,6 +154,11 @@ def replay(
     # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([named("robots.touch:NothingToHold")] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
+    if contact is None:
+        off = [o for o in named("twin.contacts:contacts_off")(twin) if o.part in {p.name for p in parts}]
+        warnings += [f"{o.problem}: its shape decides where to hold it; give --contact X,Y,Z" for o in off]
+    ground = named("robots.floor:floor_of")(twin, floor)
+    warnings += [ground.warning] if ground.warning else []
     rows, reports, tables = [], {}, []
     for part in parts:
         row, report, note, trajectory = _replay_part(
@@ -163,6 +170,7 @@ def replay(
             config,
             tasks[part.id],
             contact,
+            ground,
             demonstration,
             missed,
         )
@@ -175,7 +183,17 @@ def replay(
             )
             tables.append(table)
             notes += assumed
-    columns = ["part", "opened", "open at the end", "slip", "torque used", "grasp", "pedestal", "result"]
+    columns = [
+        "part",
+        "opened",
+        "open at the end",
+        "slip",
+        "torque used",
+        "grasp",
+        "pedestal",
+        "floor",
+        "result",
+    ]
     ok = all(r["ok"] for r in reports.values())
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
     tables = [Table(f"replay with {robot}", columns, rows), *tables]
@@ -215,6 +233,7 @@ def _replay_part(
     config: Any,
     task: Any,
     contact: tuple[float, ...] | None,
+    floor: Any,
     demonstration: Any,
     missed: tuple[type[FuntwinError], ...],
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
@@ -222,12 +241,12 @@ def _replay_part(
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
     try:
         trajectory = named("robots:plan")(
-            twin, part.id, robot, contact=contact, goal=task.goal, start=task.start
+            twin, part.id, robot, contact=contact, goal=task.goal, start=task.start, floor=floor
         )
     except missed as e:
         progress(f"plan {part.name}", 1.0, "found none")
-        row = ["-", "not", "-", "-", "-", "-", "FAILED"]
-        return row, {"ok": False, "reason": str(e)}, [f"{part.name}: {e}"], None
+        row = ["-", "not", "-", "-", "-", "-", floor.text, "FAILED"]
+        return row, {"ok": False, "floor": vars(floor), "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
     folder = _replay_folder(run, robot, part, task)
@@ -242,6 +261,7 @@ def _replay_part(
         f"{100 * max(r.torque_share):.0f} %",
         r.grasp,
         f"{r.pedestal:.2f} m",
+        floor.text,
         "ok" if r.ok else "FAILED",
     ]
     return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else [], trajectory
@@ -318,7 +338,9 @@ def trajectory(
         files[part_name] = {f: [str(p) for p in paths] for f, paths in written.items()}
         rows += [[part_name, f, path] for f, paths in files[part_name].items() for path in paths]
     progress("trajectory", 1.0, f"{len(rows)} files")
-    return Outcome({"files": files}, [Table(f"trajectories of {robot}", ["part", "format", "file"], rows)])
+    table = Table(f"trajectories of {robot}", ["part", "format", "file"], rows)
+    floors = [s.trajectory.floor for s in sources if s.trajectory.floor is not None]
+    return Outcome({"files": files}, [table], warnings=list({f.warning: 0 for f in floors if f.warning}))
 
 
 def evaluate(progress: Progress, run: Path, truth: Path) -> Step:

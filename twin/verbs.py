@@ -123,9 +123,11 @@ def lint(console: Console, paths: Sequence[Path], ignore: Sequence[str], show_ru
     """Faults in simulation files, ours or not."""
     from twin.lint import lint as look
     from twin.lint.rules import RULES
+    from twin.lint.rules.twins import TWIN_RULES
 
     if show_rules:
         rules = [[name, rule.catches, rule.matters] for name, rule in RULES.items()]
+        rules += [[name, rule.catches, rule.matters] for name, rule in TWIN_RULES.items()]
         data = {"rules": [{"name": n, "catches": c, "matters": m} for n, c, m in rules]}
         return Outcome(data, [Table("rules", ["rule", "finds", "why it matters"], rules)])
     if not paths:
@@ -159,6 +161,7 @@ def replay(
     start: str | None = None,
     recording: Path | None = None,
     contact: tuple[float, ...] | None = None,
+    floor: float | None = None,
 ) -> Outcome:
     """A robot opens or closes the parts."""
     options = None
@@ -171,7 +174,7 @@ def replay(
     settings = {key: value for key, value in asked.items() if value is not None}
     with console.progress() as progress, _page(run):
         return steps.replay(
-            progress, run, robot, parts, settings, options, goal, start, recording, contact
+            progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
         ).outcome
 
 

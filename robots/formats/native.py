@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from robots.floor import Floor
 from robots.formats.handover import Handover
 from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.atomic import put, staging
@@ -60,6 +61,8 @@ def json_bytes(trajectory: RobotTrajectory) -> bytes:
             value = np.round(value, 9).tolist()
         elif f.name == "rejected":
             value = [asdict(r) for r in value]
+        elif isinstance(value, Floor):
+            value = asdict(value)
         document[f.name] = value
     return (json.dumps(document, indent=None, allow_nan=False) + "\n").encode()
 
@@ -86,7 +89,7 @@ def load(path: AnyPath) -> RobotTrajectory:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError(f"{path} is not of format {FORMAT}", _AGAIN)
     values: dict[str, Any] = {f.name: document.get(f.name) for f in fields(RobotTrajectory)}
-    missing = [name for name, value in values.items() if value is None]
+    missing = [name for name, value in values.items() if value is None and name != "floor"]
     if missing:
         raise InputError(f"{path} lacks {', '.join(missing)}", _AGAIN)
     try:
@@ -96,6 +99,8 @@ def load(path: AnyPath) -> RobotTrajectory:
             RejectedBase(**{**r, "position": tuple(r["position"])}) for r in values["rejected"]
         )
         values["joint_names"], values["phases"] = tuple(values["joint_names"]), tuple(values["phases"])
+        if values["floor"] is not None:
+            values["floor"] = Floor(float(values["floor"]["height"]), values["floor"]["source"])
         return RobotTrajectory(**values)
-    except (TypeError, ValueError, KeyError, PlanningError) as e:
+    except (TypeError, ValueError, KeyError, PlanningError, InputError) as e:
         raise InputError(f"{path} does not hold a valid trajectory: {e}") from e

@@ -118,4 +118,6 @@ def standing(source: Handover) -> str:
         if source.base
         else "the robot's base"
     )
-    return f"frame_id is {what}; it stands at x {x:.6f} y {y:.6f} z {z:.6f} m, yaw {yaw:.6f} rad of the twin's world"
+    floor = source.trajectory.floor
+    told = f"; floor {floor.text}" if floor is not None else ""
+    return f"frame_id is {what}; it stands at x {x:.6f} y {y:.6f} z {z:.6f} m, yaw {yaw:.6f} rad of the twin's world{told}"

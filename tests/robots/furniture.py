@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 from twin import geometry as geo
+from twin.physics import with_physics
 from twin.quantities import Inertial, Quantity
 from twin.scene import (
     Box,
@@ -84,7 +85,7 @@ def contact_at(point, along, out, width, *, error=0.0, seed=0):
 def twin_of(boxes, joint: Joint, static, contact, name="part"):
     motion = Motion(np.arange(5), np.arange(5) / 10.0, np.linspace(0, joint.upper, 5), ((0, 4),))
     part = Part(2, name, mesh_of(boxes), joint, motion, contact=contact, collision=tuple(boxes))
-    return Twin("furniture", StaticPart("cabinet", mesh_of(static), tuple(static)), (part,))
+    return with_physics(Twin("furniture", StaticPart("cabinet", mesh_of(static), tuple(static)), (part,)))
 
 
 def floor(z=0.0):
@@ -165,7 +166,7 @@ def laden_door(mass=8.0):
         parent=2,
         inertial=weighed,
     )
-    return replace(twin, parts=(*twin.parts, tray))
+    return with_physics(replace(twin, parts=(*twin.parts, tray)))
 
 
 def noisy(twin: Twin, sigma=0.005, seed=0):
@@ -176,4 +177,4 @@ def noisy(twin: Twin, sigma=0.005, seed=0):
     waves = geo.unit(rng.normal(size=(40, 3))) * (2 * np.pi / rng.uniform(0.03, 0.12, (40, 1)))
     phases = np.sin(v @ waves.T + rng.uniform(0, 2 * np.pi, 40))
     shift = phases @ rng.normal(0, 1, (40, 3)) * sigma / np.sqrt(20)
-    return replace(twin, parts=(replace(part, mesh=Mesh(v + shift, f)),))
+    return with_physics(replace(twin, parts=(replace(part, mesh=Mesh(v + shift, f)),)))

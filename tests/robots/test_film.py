@@ -12,7 +12,8 @@ import pytest
 import robots
 from robots.config import PlanConfig
 from robots.demonstration import Demonstration, matching_samples
-from robots.film import captioned, fitted, side_by_side, state_text
+from robots.film import captioned, fitted, pace_text, side_by_side, state_text
+from robots.floor import Floor
 from robots.replayer import simulate
 from robots.world import build_world
 from tests.robots import furniture
@@ -141,6 +142,29 @@ def test_captions_add_a_line_and_leave_the_picture() -> None:
     assert state_text(drawer, -1e-9) == "0 mm"
 
 
+def test_the_pace_is_what_time_passes_in_the_film() -> None:
+    assert pace_text(9.36, 130, 25) == "1.8 x real time"
+    assert pace_text(11.0, 130, 25) == "2.1 x real time"
+    assert pace_text(5.25, 130, 25) == "real time"
+    assert pace_text(2.6, 130, 25) == "0.5 x real time"
+
+
+def test_the_right_end_of_a_caption_never_meets_the_left_one() -> None:
+    for width in (60, 161, 640):
+        image = np.zeros((round(0.75 * width), width, 3), np.uint8)
+        left, right = (
+            captioned(image, "franka  120 mm"),
+            captioned(image, "", "floor assumed, 1.6 x real time"),
+        )
+        both = captioned(image, "franka  120 mm", "floor assumed, 1.6 x real time")
+        assert left.shape == right.shape == both.shape
+        lit = np.flatnonzero((both[len(image) :, :, 0] > 90).any(axis=0))
+        assert lit.max() < width
+        gaps = np.diff(lit)
+        if width == 640:
+            assert gaps.max() > 50, "a wide picture keeps them apart"
+
+
 @pytest.fixture(scope="module")
 def recorded() -> Twin:
     twin = furniture.drawer()
@@ -201,6 +225,32 @@ def test_in_the_film_person_and_robot_have_the_part_at_one_state(
 
 
 @pytest.mark.skipif(not can_draw(), reason="no OpenGL without a screen on this machine")
+def test_films_of_6_to_11_seconds_say_how_fast_they_run_and_that_nobody_saw_the_floor(
+    recorded: Twin, opening, tmp_path: Path
+) -> None:
+    import av
+
+    part, seconds = recorded.parts[0], opening.duration + SMALL.settle
+    pace = pace_text(seconds, SMALL.video_frames, SMALL.video_rate)
+    assert pace.startswith(f"{seconds * SMALL.video_rate / SMALL.video_frames:.2g} x")
+    unseen = replace(opening, floor=Floor(0.0, "assumed"))
+    for name, trajectory, told in (
+        ("a", opening, None),
+        ("b", opening, demonstration(part)),
+        ("c", unseen, None),
+    ):
+        robots.replay(recorded, trajectory, tmp_path / name, config=SMALL, demonstration=told)
+        with av.open(str(tmp_path / name / "replay.mp4")) as container:
+            assert container.metadata["comment"] == pace
+    height = SMALL.video_size[1]
+    lines = {n: decoded(tmp_path / n / "replay.mp4")[0, height:, -161:] for n in "abc"}
+    assert np.abs(lines["a"] - lines["b"][:, -lines["a"].shape[1] :]).mean() < 8, (
+        "the same line, with the person or without"
+    )
+    assert np.abs(lines["a"] - lines["c"]).mean() > 8, "an assumed floor is in the picture"
+
+
+@pytest.mark.skipif(not can_draw(), reason="no OpenGL without a screen on this machine")
 def test_a_recording_that_does_not_fit_costs_its_half_of_the_film_alone(
     recorded: Twin, opening, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -235,4 +285,4 @@ def test_what_is_no_colour_image_is_named(recorded: Twin, opening, wrong: np.nda
     part = recorded.parts[0]
     bad = Demonstration(1000, lambda _: wrong)
     with pytest.raises(InputError, match=r"frame \d+ is .* with shape .*give \(H, W, 3\) uint8"):
-        side_by_side([np.zeros((12, 12, 3), np.uint8)], np.zeros(1), opening, part, bad)
+        side_by_side([np.zeros((12, 12, 3), np.uint8)], np.zeros(1), opening, part, bad, "real time")

@@ -15,7 +15,7 @@ import pytest
 
 import robots
 from robots.config import PlanConfig
-from robots.placement import floor_height
+from robots.floor import find_floor
 from robots.refine import moves_alone
 from robots.world import build_world
 from tests.robots import furniture
@@ -96,15 +96,13 @@ def test_the_plan_is_inside_its_limits_and_on_its_path(door):
 
 
 def test_a_slab_is_stood_on_not_under():
-    assert floor_height(furniture.drawer().static.mesh) == pytest.approx(
-        0.0, abs=1e-3
-    )  # 1 cm thick, top at 0
+    assert find_floor(furniture.drawer()).height == pytest.approx(0.0, abs=1e-3)  # 1 cm thick, top at 0
 
 
 def test_the_pedestal_stands_on_the_ground_and_clear(door):
     twin, trajectory = door
     base = trajectory.T_world_base[:3, 3]
-    assert base[2] - trajectory.pedestal == pytest.approx(floor_height(twin.static.mesh), abs=0.02)
+    assert base[2] - trajectory.pedestal == pytest.approx(find_floor(twin).height, abs=0.02)
     for shape in twin.static.collision[1:]:
         nearest = np.clip(base[:2], shape.corners[:, :2].min(0), shape.corners[:, :2].max(0))
         assert np.linalg.norm(nearest - base[:2]) > 0.12
@@ -200,7 +198,7 @@ def test_a_video_shows_the_motion(drawer, tmp_path: Path):
         frames = [f.to_ndarray(format="rgb24").astype(int) for f in container.decode(video=0)]
         assert container.streams.video[0].codec_context.pix_fmt == "yuv420p"
     assert len(frames) == 12
-    assert frames[0].shape == (120, 160, 3)
+    assert frames[0].shape == (132, 160, 3)  # the picture and its caption
     assert np.abs(frames[0] - frames[-1]).max() > 50
     assert frames[0].std() > 10
 

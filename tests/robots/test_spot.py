@@ -15,9 +15,10 @@ from robots.chain import read_chain
 from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.contact_path import make_grasps
+from robots.floor import find_floor
 from robots.goals import Task
 from robots.grasp import find_holds
-from robots.placement import Base, floor_height
+from robots.placement import Base
 from robots.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
@@ -206,7 +207,7 @@ def test_only_the_claw_moves_the_part(drawer):
 def test_the_base_stays_on_the_floor_and_inside_its_limits(door):
     twin, trajectory = door
     assert trajectory.pedestal == 0.0
-    assert trajectory.T_world_base[2, 3] == pytest.approx(floor_height(twin.static.mesh), abs=1e-9)
+    assert trajectory.T_world_base[2, 3] == pytest.approx(find_floor(twin).height, abs=1e-9)
     assert np.all(np.abs(trajectory.qd) <= trajectory.velocity_limits)
     assert trajectory.joint_names[:3] == ("base_x", "base_y", "base_yaw")
     assert trajectory.position_error.max() <= PlanConfig().position_tolerance

@@ -18,10 +18,11 @@ from robots.goals import Task, task_of
 from robots.grasp import find_holds
 from robots.refine import may_move_alone, moves_alone
 from robots.replayer import simulate
-from robots.touch import distance_to, elsewhere, holds_by_shape
+from robots.touch import elsewhere, holds_by_shape
 from robots.world import build_world
 from tests.robots import furniture
 from twin import geometry as geo
+from twin.contacts import distance_to
 from twin.errors import InputError, PlanningError
 from twin.quantities import Inertial, Quantity
 from twin.scene import ContactPath, Twin

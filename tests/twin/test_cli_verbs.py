@@ -61,7 +61,10 @@ def test_replay_opens_every_part_and_keeps_the_result(
     planned: list[tuple[int, str]] = []
     tasks: list[tuple[Any, ...]] = []
 
-    def plan(twin: Any, part: int, robot: str, *, contact: Any, goal: float, start: float) -> Trajectory:
+    def plan(
+        twin: Any, part: int, robot: str, *, contact: Any, goal: float, start: float, floor: Any
+    ) -> Trajectory:
+        assert floor.source == "assumed"
         tasks.append((start, goal, contact))
         planned.append((part, robot))
         if part == 3:

@@ -18,7 +18,7 @@ from twin import engines
 from twin import geometry as geo
 from twin.export import Exported, export
 from twin.export.asset import AssetInfo
-from twin.export.tree import ARMATURE, build_tree, front
+from twin.export.tree import build_tree, front
 from twin.scene import Twin
 from twin.validators import check_rules, stages, validate_usd
 
@@ -219,7 +219,7 @@ print(json.dumps({
     "tints": [model.geom_rgba[g].tolist() for g in shown],
     "textured": [int(model.mat_texid[model.geom_matid[g]].max()) for g in shown],
     "colorspace": model.tex_colorspace.tolist(),
-    "armature": sorted(set(model.dof_armature.round(6).tolist())),
+    "armature": sorted(set(model.dof_armature.tolist())),
     "contacts": int(data.ncon),
     "excluded": model.nexclude,
 }))
@@ -236,10 +236,11 @@ def test_mujoco_finds_keyframes_sites_groups_and_untinted_textures(twin: Twin, e
     for name in ("door", "drawer"):
         assert np.allclose(told["sites"][f"{name}_grasp_site"], twin.part(name).contact.point, atol=1e-6)
     assert told["groups"] == [2, 3]
-    assert told["tints"] == [[0.5, 0.5, 0.5, 1.0]] * 5, "MuJoCo's default, which does not tint"
+    assert told["tints"] == [[1.0, 1.0, 1.0, 1.0]] * 5, "white, which does not tint"
     assert min(told["textured"]) >= 0
     assert set(told["colorspace"]) == {1}, "as the MJCF's textures"
-    assert told["armature"] == sorted(ARMATURE.values())
+    joints = [k.joint for k in build_tree(twin).moving]
+    assert told["armature"] == pytest.approx(sorted(j.armature for j in joints), rel=1e-6)
     assert (told["contacts"], told["excluded"]) == (0, 4)
 
 

@@ -12,6 +12,7 @@ from tests.twin.scenes import cabinet_twin
 from twin.errors import ConfigError, SceneError
 from twin.physics import keep_known, read_materials, with_physics
 from twin.physics.edit import given, set_physics
+from twin.physics.joints import resistance
 
 
 def test_with_physics_fills_what_is_missing_and_names_its_sources() -> None:
@@ -24,7 +25,8 @@ def test_with_physics_fills_what_is_missing_and_names_its_sources() -> None:
         assert p.inertial.mass.value == pytest.approx(truth.inertial.mass.value, rel=0.25)
         assert "furniture_board" in p.inertial.mass.source
         assert "furniture_board" in p.physics.density.source
-        assert p.physics.frictionloss == read_materials().joints[p.joint.kind]["frictionloss"]
+        law = read_materials().joints[p.joint.kind]
+        assert vars(p.physics).items() >= resistance(p.joint, p.inertial, law).items()
         assert {q.origin for q in vars(p.physics).values()} == {"default"}
         assert p.inertial.mass.origin == "geometry"
         assert p.inertial.inertia_source == p.inertial.mass.source
@@ -49,7 +51,7 @@ def test_unknown_names_and_empty_meshes_are_refused(tmp_path: Path) -> None:
 def test_the_table_states_a_source_for_every_number() -> None:
     table = read_materials()
     rows = [q for m in table.materials.values() for q in (m.density, m.thickness, m.friction)]
-    rows += [q for j in table.joints.values() for q in j.values()]
+    rows += [q for j in table.joints.values() for q in (j.friction, j.decay)]
     assert all(len(q.source) > 8 and q.interval[0] < q.interval[1] for q in rows)
     assert {q.origin for q in rows} <= {"default", "measured"}
     assert set(table.joints) == {"revolute", "prismatic"}
@@ -68,6 +70,10 @@ def test_what_the_user_found_out_survives_a_twin_made_again() -> None:
     )
     assert door.physics.damping.value == 0.1
     assert door.physics.friction.origin == "default"
+    expected = resistance(door.joint, door.inertial, read_materials().joints["revolute"])
+    assert door.physics.frictionloss == expected["frictionloss"], (
+        "what nobody stated follows the weighed mass"
+    )
     assert drawer.inertial.mass.origin == "geometry"
     assert with_physics(weighed, renew=True).part("door").inertial.mass.value == 3.2
     elsewhere = replace(weighed, recorded=replace(weighed.recorded, fingerprint="another"))

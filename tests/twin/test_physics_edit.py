@@ -52,8 +52,15 @@ def test_a_weighed_mass_scales_the_tensor_and_keeps_the_rest(filled: Twin) -> No
         new.inertia_interval[1] - new.inertia_interval[0] < old.inertia_interval[1] - old.inertia_interval[0]
     )
     assert edited.twin.part("drawer") is filled.part("drawer")
-    assert edited.twin.part("door").physics == filled.part("door").physics
-    assert {c.name for c in edited.changes} == {"mass", "principal moments"}
+    before, after = filled.part("door").physics, edited.twin.part("door").physics
+    assert (after.friction, after.density) == (before.friction, before.density)
+    grown = 3.2 / old.mass.value
+    assert after.damping.value == pytest.approx(grown * before.damping.value)
+    assert after.frictionloss.value == pytest.approx(grown * before.frictionloss.value)
+    assert {c.name for c in edited.changes} == {"mass", "principal moments", "damping", "frictionloss"}
+    stated = set_physics(filled, "door", {"frictionloss": given("frictionloss", 0.3)}).twin
+    kept = set_physics(stated, "door", {"mass": given("mass", 3.2)}).twin.part("door").physics
+    assert kept.frictionloss == stated.part("door").physics.frictionloss
     assert edited.warnings == ()
 
 
@@ -118,7 +125,9 @@ def test_the_verb_sets_and_shows(run: Path, capsys: pytest.CaptureFixture[str]) 
         capsys, "set", run, "--part", "door", "--mass", 3.2, "--mass-interval", 3.1, 3.3, "--damping", 0.2
     )
     assert code == 0
-    assert {c["quantity"] for c in told["changes"]} == {"mass", "principal moments", "damping"}
+    assert {c["quantity"] for c in told["changes"]} == {
+        "mass", "principal moments", "damping", "frictionloss"
+    }  # fmt: skip
     changed = {p.name for p, data in before.items() if p.read_bytes() != data}
     assert changed == {"twin.json"}
     assert {p for p in run.rglob("*") if p.is_file()} == set(before), "nothing is left behind"

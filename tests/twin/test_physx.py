@@ -10,6 +10,7 @@ from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin
 from twin import engines
 from twin.check import check, check_many
+from twin.check.expected import armatures
 from twin.export import export
 
 pytestmark = pytest.mark.skipif(
@@ -25,11 +26,11 @@ def test_physx_agrees_and_notices_a_changed_number(tmp_path: Path) -> None:
     assert report.failures == ()
     assert {r.field for r in report.rows} >= {"tree", "axis_deg", "damping", "frictionloss", "armature", "mass_diagonal", "rollout"}  # fmt: skip
     own = files["usd"].parent / "cabinet" / "simready_usd" / "runnables" / "physics" / "physx.usda"
-    text = own.read_text()
+    text, heavier = own.read_text(), float(armatures(twin)[1])
     assert "staticFrictionEffort = 0.3" in text
     own.write_text(
         text.replace("FrictionEffort = 0.3", "FrictionEffort = 0.31", 2).replace(
-            "armature = 0.01", "armature = 0.02"
+            f"armature = {heavier:.9g}"[:18], f"armature = {2 * heavier:.9g}"[:18]
         )
     )
     caught = {(r.part, r.field) for r in check(twin, files, ("physx",)).failures}

@@ -14,15 +14,12 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import Inertial, PartPhysics, Revolute, Twin
+from twin.scene import Inertial, Mesh, PartPhysics, Revolute, Twin
 
 GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2
 STATES = 11
 SECONDS = 0.5
 TIMES = tuple(float(t) for t in np.round(np.linspace(0.05, SECONDS, 10), 3))
-# Added inertia of a joint that our MJCF and USD carry for light parts' sake (documented in docs/twin_format.md): kg m^2, kg.
-ARMATURE = {"revolute": 1e-3, "prismatic": 1e-2}
-
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
@@ -66,6 +63,25 @@ def filled(twin: Twin) -> list[tuple[Inertial, PartPhysics]]:
     return out
 
 
+def armatures(twin: Twin) -> Array:
+    """Added inertia (parts,) in kg m^2 or kg of the joints that our MJCF and USD carry (docs/concepts.md): a hundredth of the
+    part's own about its joint."""
+    out = []
+    for part, (inertial, _) in zip(twin.parts, filled(twin), strict=True):
+        own, joint = inertial.mass.value, part.joint
+        if isinstance(joint, Revolute):
+            arm = inertial.com - joint.pivot
+            arm = arm - joint.axis * (arm @ joint.axis)
+            own = float(own * (arm @ arm) + joint.axis @ inertial.inertia @ joint.axis)
+        out.append(0.01 * own)
+    return np.array(out)
+
+
+def surface(mesh: Mesh) -> Array:
+    """Vertices (n, 3) m that a face uses: the others are no part of the surface, whatever a scan left there."""
+    return np.asarray(mesh.vertices[np.unique(mesh.faces)])
+
+
 def motion(twin: Twin, states: Array) -> Array:
     """Poses (parts, n, 4, 4) from state 0 to every row of `states` (n, parts)."""
     ids = [p.id for p in twin.parts]
@@ -101,6 +117,10 @@ class Dynamics:
     def mass_matrix(self, q: Array) -> Array:
         """Joint-space inertia (parts, parts) at q (parts,)."""
         return self._terms(q, np.zeros(len(q)))[0]
+
+    def forces(self, q: Array, v: Array) -> Array:
+        """Generalised forces (parts,) of gravity and of turning axes, as they stand on the side of the inertia: h."""
+        return self._terms(q, v)[1]
 
     def acceleration(self, q: Array, v: Array) -> Array:
         """q'' (parts,)."""

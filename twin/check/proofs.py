@@ -10,6 +10,7 @@ from typing import Any
 from twin.check import OURS, behaviour_tables, check, chosen_engines
 from twin.check import tables as check_tables
 from twin.check.behaviour import behave
+from twin.contacts import contacts_off
 from twin.engines import interpreter
 from twin.report.sections import Table
 from twin.scene import Twin
@@ -47,6 +48,7 @@ def prove(
         interpreter(VALIDATORS)  # told before the engines take their time
     proofs = [_agreement(progress, twin, files, engines)] if engines else []
     proofs.append(_behaviour(progress, twin, files))
+    proofs.append(_contacts(twin))
     if valid:
         proofs.append(_validity(progress, files["usd"]))
     return proofs
@@ -58,16 +60,32 @@ def _agreement(progress: Progress, twin: Twin, files: Mapping[str, Path], engine
     summary = check_tables.summary(report)
     progress("check", 1.0, summary)
     shown, notes = check_tables.tables(report), check_tables.notes(report)
-    return Proof("agreement", report.ok, summary, report.to_dict(), shown, notes, report.warnings)
+    return Proof(
+        "agreement", report.ok, summary, report.to_dict(), shown, notes, (*report.warnings, *report.notes)
+    )
 
 
 def _behaviour(progress: Progress, twin: Twin, files: Mapping[str, Path]) -> Proof:
     progress("behaviour", 0.0, "moving the parts in MuJoCo")
     report = behave(twin, files)
-    summary = f"{sum(r.ok for r in report.rows)} of {len(report.rows)} demands on behaviour met"
+    summary = behaviour_tables.summary(report)
     progress("behaviour", 1.0, summary)
     shown = behaviour_tables.tables(report)
-    return Proof("behaviour", report.ok, summary, report.to_dict(), shown, warnings=report.warnings)
+    return Proof(
+        "behaviour", report.ok, summary, report.to_dict(), shown, warnings=(*report.warnings, *report.notes)
+    )
+
+
+def _contacts(twin: Twin) -> Proof:
+    """Do the contacts lie on their parts? Every format carries them as they are."""
+    stated, off = sum(p.contact is not None for p in twin.parts), contacts_off(twin)
+    rows = [[o.part, f"{o.distance:.3f} m", f"{o.allowed:.3f} m", o.remedy] for o in off]
+    tables = (
+        [Table("contacts off their parts", ["part", "off by", "allowed", "what to do"], rows)] if off else []
+    )
+    summary = f"{stated - len(off)} of {stated} contacts lie on their parts"
+    data = {"ok": not off, "off": [vars(o) for o in off]}
+    return Proof("contacts", not off, summary, data, tables, warnings=[o.problem for o in off])
 
 
 def _validity(progress: Progress, path: Path) -> Proof:

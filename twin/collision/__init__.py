@@ -19,6 +19,7 @@ from twin.collision.cache import ShapeCache
 from twin.collision.clearance import make_clear, points_of, sweep_states
 from twin.collision.closed_pieces import closed_piece_shapes
 from twin.collision.convex import areas, cut, thick_hull, triangles_of
+from twin.collision.decimation import decimated, decimated_body, joined
 from twin.collision.main_axes import main_axes, outline_axes
 from twin.collision.solid import pieces_of
 from twin.collision.splitting import decompose, merge
@@ -79,27 +80,36 @@ class Made:
 def with_collision(
     twin: Twin, config: CollisionConfig | None = None, cache_dir: AnyPath | None = None, renew: bool = False
 ) -> Twin:
-    """Give the static scene and every part collision shapes in the world frame at state 0.
+    """Give the static scene and every part that has no collision shapes some, in the world frame at state 0.
 
     The shapes of a part keep `clearance` from those of the static scene over its whole range: static shapes give way,
-    because the recording showed that the part moves there.
+    because the recording showed that the part moves there. Shapes that the twin has already stay as they are, and what is
+    made gives way to them; where two of them meet is left to `twin.collision.stated.meetings` to say.
 
     Args:
         cache_dir: shapes are kept there and read back when mesh and config match, each part's by itself, and all again
-            after they gave way to one another, under a key of all meshes and joints.
+            after they gave way to one another, under a key of all meshes, joints and shapes that the twin has.
         renew: replace shapes that the twin has already; otherwise a twin in which everything has shapes is returned as is.
     """
     config = CollisionConfig() if config is None else config
-    if not renew and twin.static.collision and all(p.collision for p in twin.parts):
+    given = [twin.static.collision, *(p.collision for p in twin.parts)]
+    stated: list[tuple[Collision, ...]] = [() if renew else own for own in given]
+    if all(stated):
         return twin
     cache = ShapeCache(cache_dir, asdict(config))
-    shapes = cache.kept(cache.key_of_twin(twin), lambda: _make(twin, config, cache))
-    parts = tuple(replace(p, collision=tuple(s)) for p, s in zip(twin.parts, shapes[1:], strict=True))
-    return replace(twin, static=replace(twin.static, collision=tuple(shapes[0])), parts=parts)
+    kept = cache.kept(cache.key_of_twin(twin, stated), lambda: _make(twin, stated, config, cache))
+    shapes = [own or tuple(made) for own, made in zip(stated, kept, strict=True)]
+    parts = tuple(replace(p, collision=s) for p, s in zip(twin.parts, shapes[1:], strict=True))
+    return replace(twin, static=replace(twin.static, collision=shapes[0]), parts=parts)
 
 
-def _make(twin: Twin, config: CollisionConfig, cache: ShapeCache) -> list[list[Collision]]:
-    parts = [list(made_for(p.mesh, config, cache).shapes) for p in twin.parts]
+def _make(
+    twin: Twin, stated: Sequence[tuple[Collision, ...]], config: CollisionConfig, cache: ShapeCache
+) -> list[list[Collision]]:
+    parts = [
+        list(own or made_for(p.mesh, config, cache).shapes)
+        for p, own in zip(twin.parts, stated[1:], strict=True)
+    ]
     moved = [
         geo.transform(p.joint.pose(s), np.concatenate([points_of(x) for x in shapes]))
         for p, shapes in zip(twin.parts, parts, strict=True)
@@ -107,8 +117,9 @@ def _make(twin: Twin, config: CollisionConfig, cache: ShapeCache) -> list[list[C
         for s in sweep_states(p, 0.1)
     ]
     reach = np.concatenate(moved) if moved else np.zeros((0, 3))
-    static = static_shapes(twin.static.mesh, reach, config)
-    return make_clear(twin, [static, *parts], config.clearance, config.step)
+    static = list(stated[0]) or static_shapes(twin.static.mesh, reach, config)
+    fixed = {k for k, own in enumerate(stated) if own}
+    return make_clear(twin, [static, *parts], config.clearance, config.step, fixed)
 
 
 def made_for(mesh: Mesh, config: CollisionConfig, cache: ShapeCache) -> Made:
@@ -140,8 +151,9 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
         reserve = min(len(pieces) - 1 - k + len(rest), config.part_pieces // 4)
         room = config.part_pieces - len(shapes) - reserve
         found = None
-        if closed and room > 0:
-            found = closed_piece_shapes(piece, config.tolerance, room, splits < _SPLITS)
+        body = decimated_body(piece, config.part_faces) if closed and room > 0 else None
+        if body is not None:
+            found = closed_piece_shapes(body, config.tolerance, room, splits < _SPLITS)
         if found is None:
             rest.append(piece)
         else:
@@ -149,7 +161,7 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
             splits += len(found) > 1
     triangles = triangles_of(decimated(joined(rest), config.part_faces)) if rest else np.zeros((0, 3, 3))
     if not len(triangles):
-        return Made(tuple(shapes))
+        return Made(tuple(shapes) or whole_hull(mesh, config))
     room = max(1, config.part_pieces - len(shapes))
     covered, boards = cover(triangles, config, room)
     face = {b: float(np.prod(np.sort(b.box.size)[1:])) for b in boards}
@@ -157,16 +169,14 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
         s: sum(a for b, a in face.items() if b.back == s) / max(sum(face.values()), 1e-12)
         for s in ("edge", "table")
     }
-    return Made((*shapes, *covered), 0.0, share["edge"], share["table"])
+    return Made((*shapes, *covered) or whole_hull(mesh, config), 0.0, share["edge"], share["table"])
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one, without colours."""
-    start = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + n for m, n in zip(meshes, start, strict=False)]),
-    )
+def whole_hull(mesh: Mesh, config: CollisionConfig) -> tuple[Collision, ...]:
+    """The hull of a mesh too small or too ragged for pieces, so that whatever has a surface can be touched."""
+    small = decimated(mesh, config.part_faces)
+    hull = thick_hull(small.vertices[small.faces], config.thickness) if len(small.faces) else None
+    return () if hull is None else (hull.mesh,)
 
 
 def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Collision]:
@@ -220,15 +230,3 @@ def _static_cover(
     pieces = decompose(rest, tolerance, thickness, most) if len(rest) else []
     hulls = [h for h in (thick_hull(p, thickness) for p in pieces) if h is not None]
     return [*(b.box for b in boards), *(h.mesh for h in hulls)]
-
-
-def decimated(mesh: Mesh, faces: int) -> Mesh:
-    """The mesh with at most about `faces` triangles (quadric edge collapse)."""
-    if len(mesh.faces) <= faces:
-        return mesh
-    import fast_simplification
-
-    vertices, triangles = fast_simplification.simplify(
-        mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32), target_count=faces
-    )
-    return Mesh(vertices.astype(np.float64), triangles)

@@ -100,7 +100,7 @@ def _strongest_plane(
                 continue
             bins: NDArray[np.int64] = np.floor(along[facing] / search.noise).astype(np.int64)
             held = np.bincount(bins - bins.min(), weights=length[facing] / 2)
-            weight = np.convolve(held, [1.0, 1.0, 1.0], "same")  # a plane between two bins is one plane
+            weight = np.convolve(held, [1.0, 1.0, 1.0])[1:-1]  # a plane between two bins is one plane
             for b in np.argsort(-weight, kind="stable")[:30]:
                 if (k, sign, int(b + bins.min())) not in skip:
                     if weight[b] > search.smallest and (best is None or weight[b] > best[0]):

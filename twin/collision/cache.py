@@ -16,7 +16,7 @@ from twin.atomic import write_file
 from twin.paths import AnyPath
 from twin.scene import Box, Collision, Mesh, Twin
 
-_VERSION = 5  # part of every key: raise it whenever the same input may give other shapes
+_VERSION = 6  # part of every key: raise it whenever the same input may give other shapes
 
 Shapes = list[list[Collision]]
 
@@ -34,14 +34,19 @@ class ShapeCache:
         h.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         return f"part_{h.hexdigest()[:24]}"
 
-    def key_of_twin(self, twin: Twin) -> str:
-        """Key of all shapes: every mesh and joint, and the config."""
+    def key_of_twin(self, twin: Twin, stated: Sequence[Sequence[Collision]]) -> str:
+        """Key of all shapes: every mesh and joint, the shapes that are stated (static first), and the config."""
         h = hashlib.sha256(self._config)
         for mesh in (twin.static.mesh, *(p.mesh for p in twin.parts)):
             h.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         for p in twin.parts:
             h.update(p.joint.pose(p.joint.upper).tobytes() + p.joint.pose(1.0).tobytes())
             h.update(f"{p.id} {p.parent} {p.joint.lower!r} {p.joint.upper!r}".encode())
+        for own in stated:
+            h.update(f"{len(own)} stated".encode())
+            for s in own:
+                both = (s.T_world_box, s.size) if isinstance(s, Box) else (s.vertices, s.faces)
+                h.update(b"".join(x.tobytes() + f"{x.shape}".encode() for x in both))
         return f"twin_{h.hexdigest()[:24]}"
 
     def kept(self, key: str, make: Callable[[], Shapes]) -> Shapes:

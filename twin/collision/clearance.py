@@ -7,7 +7,7 @@ contact gives way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -53,25 +53,27 @@ def _radius(joint: Revolute, points: Array) -> float:
 
 
 def make_clear(
-    twin: Twin, shapes: list[list[Collision]], clearance: float, step: float
+    twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, fixed: Set[int] = frozenset()
 ) -> list[list[Collision]]:
     """Cut shapes (static first, then one list per part) until parts keep `clearance` from others over their range.
 
     Static shapes give way to parts; of two parts, the later one in the twin. A part and its parent may touch. Shapes that
     overlapped can be cut down to the same rest: it stays once.
+
+    Args:
+        fixed: lists (0 static, then parts) that somebody stated: nothing of them is cut, what they touch gives way.
     """
     shapes = [list(s) for s in shapes]
+    touches = find_touches(twin, shapes, clearance, step, fixed)
     for _ in range(_ROUNDS):
-        touches = find_touches(twin, shapes, clearance, step)
         if not touches:
-            return [_distinct(s) for s in shapes]
+            break
         _give_way(shapes, touches, clearance)
-    for owner, index in sorted(
-        {(t.owner, t.index) for t in find_touches(twin, shapes, clearance, step)}, reverse=True
-    ):
+        touches = find_touches(twin, shapes, clearance, step, fixed)
+    for owner, index in sorted({(t.owner, t.index) for t in touches}, reverse=True):
         if owner == 0:  # could not be cut free in all rounds
             del shapes[0][index]
-    return [_distinct(s) for s in shapes]
+    return [s if k in fixed else _distinct(s) for k, s in enumerate(shapes)]
 
 
 def _distinct(shapes: list[Collision]) -> list[Collision]:
@@ -123,8 +125,12 @@ def _split_around(hull: Hull, point: Array) -> list[Hull]:
     return out if len(out) > 1 else []
 
 
-def find_touches(twin: Twin, shapes: list[list[Collision]], clearance: float, step: float) -> list[Touch]:
+def find_touches(
+    twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, fixed: Set[int] = frozenset()
+) -> list[Touch]:
     """The deepest touch of every shape that comes nearer than `clearance`, one part opened at a time.
+
+    Of two `fixed` lists neither gives way, so their touches are left out.
 
     Between two states of the sweep a thin edge could slip past unseen, so what moves is tested as the hull of each shape at
     both ends of the step: it holds the shape in every state between them (of a turning one all but the rise of its arcs
@@ -132,7 +138,7 @@ def find_touches(twin: Twin, shapes: list[list[Collision]], clearance: float, st
     """
     worst: dict[tuple[int, int], Touch] = {}
     for part in twin.parts:
-        for t in _touches_of(twin, shapes, part, clearance, step):
+        for t in _touches_of(twin, shapes, part, clearance, step, fixed):
             key = (t.owner, t.index)
             if key not in worst or t.depth < worst[key].depth:
                 worst[key] = t
@@ -140,13 +146,13 @@ def find_touches(twin: Twin, shapes: list[list[Collision]], clearance: float, st
 
 
 def _touches_of(
-    twin: Twin, shapes: list[list[Collision]], part: Part, clearance: float, step: float
+    twin: Twin, shapes: list[list[Collision]], part: Part, clearance: float, step: float, fixed: Set[int]
 ) -> Iterator[Touch]:  # fmt: skip
     """What comes too near while one part opens; several touches of one shape are possible."""
     import mujoco
 
     states = sweep_states(part, step)
-    moving = _carried(twin, part)
+    moving = carried(twin, part)
     delta = part.joint.pose(float(states[1] - states[0]))
     swept = [[_swept(s, delta) for s in own] if i in moving else own for i, own in enumerate(shapes)]
     margin = clearance
@@ -155,7 +161,7 @@ def _touches_of(
         margin += float(
             rise * max((_radius(part.joint, points_of(s)) for i in moving for s in shapes[i]), default=0.0)
         )
-    model = _model(twin, swept, moving, margin)
+    model = model_of(twin, swept, moving, margin)
     data = mujoco.MjData(model)
     names = [model.geom(g).name.split("_") for g in range(model.ngeom)]
     owner = np.array([int(n[1]) for n in names])
@@ -170,7 +176,9 @@ def _touches_of(
                 continue
             a, b = c.geom
             toward = c.frame[:3]  # from a to b
-            gives, sign = (a, 1.0) if owner[a] == 0 or owner[a] > owner[b] > 0 else (b, -1.0)
+            if {int(owner[a]), int(owner[b])} <= fixed:
+                continue
+            gives, sign = (a, 1.0) if _yields(int(owner[a]), int(owner[b]), fixed) else (b, -1.0)
             surface = c.pos + sign * toward * c.dist / 2  # of the one that stays
             key = (int(owner[gives]), int(index[gives]))
             piece = shapes[key[0]][key[1]]
@@ -179,12 +187,19 @@ def _touches_of(
             )
 
 
+def _yields(one: int, other: int, fixed: Set[int]) -> bool:
+    """Whether the first of two owners gives way to the second."""
+    if (one in fixed) != (other in fixed):
+        return other in fixed
+    return one == 0 or one > other > 0
+
+
 def _touch(
     twin: Twin, key: tuple[int, int], piece: Collision, depth: float, surface: Array, toward: Array, margin: float,
     part: Part, states: Array, state: float,
 ) -> Touch:  # fmt: skip
     """The touch in the coordinates of state 0 of the shape that gives way, at that end of the step where it reaches further."""
-    if key[0] not in _carried(twin, part):
+    if key[0] not in carried(twin, part):
         return Touch(key[0], key[1], depth, surface, toward, float(toward @ surface) - margin)
     delta = part.joint.pose(float(states[1] - states[0]))
     at = part.joint.pose(state)
@@ -195,7 +210,7 @@ def _touch(
     return Touch(key[0], key[1], depth, point, normal, float(normal @ point) - margin)
 
 
-def _carried(twin: Twin, part: Part) -> set[int]:
+def carried(twin: Twin, part: Part) -> set[int]:
     """Owners of the shapes that move with a part: itself and the parts on it."""
     ids = {part.id}
     for _ in twin.parts:
@@ -215,7 +230,7 @@ def points_of(piece: Collision) -> Array:
     return piece.corners if isinstance(piece, Box) else piece.vertices
 
 
-def _model(twin: Twin, shapes: list[list[Collision]], moving: set[int], margin: float) -> Any:
+def model_of(twin: Twin, shapes: list[list[Collision]], moving: set[int], margin: float) -> Any:
     """A model of the bare shapes in which only what moves meets what stays.
 
     Body frames are the world at state 0, geoms are called geom_<owner>_<index>.
@@ -252,7 +267,10 @@ def _add_geom(spec: Any, body: Any, name: str, piece: Collision, **options: Any)
     import mujoco
 
     if isinstance(piece, Mesh):
-        spec.add_mesh(name=name, uservert=piece.vertices.ravel(), userface=piece.faces.ravel())
+        hull = hull_of(piece.vertices)  # what engines take, however a stated mesh is wound
+        if hull is None:
+            return  # flat: it stands for no body
+        spec.add_mesh(name=name, uservert=hull.vertices.ravel(), userface=hull.faces.ravel())
         body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
     else:
         body.add_geom(

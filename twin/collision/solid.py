@@ -23,6 +23,10 @@ from twin.scene import Box, Collision, Mesh
 
 _SAME = 1e-7  # m: corners nearer than this are one
 _JUST_OUTSIDE = 2e-4  # m: far more than single precision loses over a few metres, far less than any board
+_PIECES = (
+    1000  # taken one by one, chosen by us: furniture has tens of bodies, a scan tens of thousands of shreds
+)
+_AT_ONCE = 1 << 20  # lines that faces are tried against at a time: a hundred megabytes
 _RAYS = 3  # votes whether a point is inside: a ray may run along an edge
 # A grid turned so that no board lies along it: aligned with one, rows of cells would be in or out as a whole.
 _TURNED = geo.exp_so3([0.41, -0.33, 0.27])
@@ -76,7 +80,8 @@ class Solid:
         total = sum(float(areas(m.vertices[m.faces]).sum()) for m in (*self.closed, *self.open))
         out = []
         for k, mesh in enumerate((*self.closed, *self.open)):
-            points, normals = _even_points(mesh, count / max(total, 1e-12))
+            corners = mesh.vertices[mesh.faces]
+            points, normals = spread(corners, count * float(areas(corners).sum()) / max(total, 1e-12))
             if k < len(self.closed):  # no outside where material is on both sides
                 sides = [self._holds(points + d * normals) for d in (_JUST_OUTSIDE, -_JUST_OUTSIDE)]
                 points = points[~(sides[0] & sides[1])]
@@ -162,34 +167,51 @@ def hull_of_shape(shape: Collision) -> Hull | None:
 def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:
     """The connected pieces of a mesh and whether each is closed: every edge is met by an even number of its faces.
 
-    Corners at the same place are one, faces without area are left out, and bodies that touch along an edge are two.
+    Corners at the same place are one, faces without area are left out, and bodies that touch along an edge are two. Of
+    more than 1000 pieces the smallest, of least area, are one open piece: shreds.
     """
     if not len(mesh.faces):
         return []
-    _, first, joined = np.unique(
-        np.round(mesh.vertices / _SAME).astype(np.int64), axis=0, return_index=True, return_inverse=True
-    )
-    faces = joined.ravel()[mesh.faces]
+    first, joined = geo.unique_rows(np.round(mesh.vertices / _SAME).astype(np.int64))
+    faces = joined[mesh.faces]
     vertices = mesh.vertices[first]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     turn = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3  # a face given twice is one
-    faces = faces[np.sort(np.unique(np.take_along_axis(faces, turn, axis=1), axis=0, return_index=True)[1])]
-    out = []
-    for own in _split(faces, _linked_by_corners(faces)):
+    faces = faces[np.sort(geo.unique_rows(np.take_along_axis(faces, turn, axis=1))[0])]
+    kept, shreds = _largest(faces, _linked_by_corners(faces), vertices)
+    out = [] if shreds is None else [(_piece(shreds, vertices), False)]
+    for own in kept:
         own = _without_seams(own, vertices)
         apart = _split(own, _linked_by_edges(own))
         bodies = apart if all(map(_is_closed, apart)) else [own]
         for body in bodies:
-            used, index = np.unique(body, return_inverse=True)
-            piece = Mesh(vertices[used], index.reshape(-1, 3).astype(np.int32))
-            out.append((piece, _is_closed(body)))
+            out.append((_piece(body, vertices), _is_closed(body)))
     return out
+
+
+def _piece(faces: NDArray[np.int64], vertices: Array) -> Mesh:
+    """Faces with the vertices that they use."""
+    used, index = np.unique(faces, return_inverse=True)
+    return Mesh(vertices[used], index.reshape(-1, 3).astype(np.int32))
+
+
+def _largest(
+    faces: NDArray[np.int64], label: NDArray[np.int64], vertices: Array
+) -> tuple[list[NDArray[np.int64]], NDArray[np.int64] | None]:
+    """The faces of each of the `_PIECES` largest pieces, and those of all others together."""
+    count = int(label.max(initial=-1)) + 1
+    if count <= _PIECES:
+        return _split(faces, label), None
+    area = np.bincount(label, weights=areas(vertices[faces]), minlength=count)
+    small = np.zeros(count, bool)
+    small[np.argsort(-area, kind="stable")[_PIECES:]] = True
+    return _split(faces[~small[label]], label[~small[label]]), faces[small[label]]
 
 
 def _without_seams(faces: NDArray[np.int64], vertices: Array) -> NDArray[np.int64]:
     """Without pairs of faces that coincide, as where two boards touch, unless more than such seams would go."""
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    left = faces[np.sort(first[count % 2 == 1])]
+    first, which = geo.unique_rows(np.sort(faces, axis=1))
+    left = faces[np.sort(first[np.bincount(which) % 2 == 1])]
     if len(left) in (0, len(faces)) or not _is_closed(left):
         return faces
     spans = [np.ptp(vertices[f.ravel()], axis=0) for f in (left, faces)]
@@ -202,7 +224,7 @@ def _sides(faces: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _is_closed(faces: NDArray[np.int64]) -> bool:
-    return bool(np.all(np.unique(_sides(faces), axis=0, return_counts=True)[1] % 2 == 0))
+    return bool(np.all(np.bincount(geo.unique_rows(_sides(faces))[1]) % 2 == 0))
 
 
 def _linked_by_corners(faces: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -215,9 +237,9 @@ def _linked_by_corners(faces: NDArray[np.int64]) -> NDArray[np.int64]:
 def _linked_by_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """The same, but for edges at which other than two faces meet: there bodies touch."""
     ends, owner = _sides(faces), np.repeat(np.arange(len(faces)), 3)
-    order = np.lexsort((ends[:, 1], ends[:, 0]))
-    edge, met = np.unique(ends[order], axis=0, return_inverse=True, return_counts=True)[1:]
-    first = np.flatnonzero(met[edge.ravel()] == 2)[::2]
+    edge = geo.unique_rows(ends)[1]
+    order = np.argsort(edge, kind="stable")
+    first = np.flatnonzero(np.bincount(edge)[edge[order]] == 2)[::2]
     joins = (owner[order[first]], owner[order[first + 1]])
     graph = coo_matrix((np.ones(len(first)), joins), shape=(len(faces),) * 2)
     return np.asarray(connected_components(graph, directed=False)[1])
@@ -228,16 +250,15 @@ def _split(faces: NDArray[np.int64], label: NDArray[np.int64]) -> list[NDArray[n
     return np.split(faces[order], np.flatnonzero(np.diff(label[order])) + 1) if len(faces) else []
 
 
-def _even_points(mesh: Mesh, density: float) -> tuple[Array, Array]:
-    """Points (n, 3) on a mesh, `density` of them a square metre, and the unit normals (n, 3) of their faces.
+def spread(corners: Array, count: float) -> tuple[Array, Array]:
+    """About `count` points (n, 3) evenly on triangles (F, 3, 3), and the unit normals (n, 3) of those.
 
     The quasi-random sequence of Roberts (2018, "The unreasonable effectiveness of quasirandom sequences", R3) spreads
     them more evenly than chance and needs no seed.
     """
-    corners = mesh.vertices[mesh.faces]
     size = areas(corners)
     edge = np.cumsum(size)
-    n = max(1, round(float(edge[-1]) * density))
+    n = max(1, round(count))
     root = 1.2207440846057596  # the real root of x^4 = x + 1
     u = (0.5 + np.arange(1, n + 1)[:, None] / root ** np.arange(1, 4)) % 1.0
     face = np.minimum(np.searchsorted(edge, u[:, 0] * edge[-1], side="right"), len(size) - 1)
@@ -256,26 +277,27 @@ def _inside_spans(
     Lines run along z through the middles of a grid of squares from `low` on, `columns` of them in y. A line that meets
     the surface an odd number of times grazes it; it loses its last hit.
     """
-    t = vertices[faces] - low
+    corners = vertices[faces] - low
+    xy = corners[:, :, :2] / spacing - 0.5
+    first = np.ceil(xy.min(axis=1)).astype(np.int64)
+    count = np.maximum(np.floor(xy.max(axis=1)).astype(np.int64) - first + 1, 0)
+    cells = count.prod(axis=1)
+    edge = xy[:, 1:] - xy[:, :1]
+    det = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
+    meets = np.flatnonzero((cells > 0) & (np.abs(det) >= 1e-12))
     line, height = [], []
-    for corners in t:
-        xy = corners[:, :2] / spacing - 0.5
-        lo, hi = np.ceil(xy.min(axis=0)).astype(int), np.floor(xy.max(axis=0)).astype(int)
-        if np.any(hi < lo):
-            continue
-        i, j = (g.ravel() for g in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(lo, hi, strict=True))))
-        (e1, e2), d = xy[1:] - xy[0], np.stack([i, j], axis=1) - xy[0]
-        det = e1[0] * e2[1] - e1[1] * e2[0]
-        if abs(det) < 1e-12:
-            continue
-        v = (d[:, 0] * e2[1] - d[:, 1] * e2[0]) / det
-        w = (e1[0] * d[:, 1] - e1[1] * d[:, 0]) / det
+    for some in np.split(meets, np.flatnonzero(np.diff(np.cumsum(cells[meets]) // _AT_ONCE)) + 1):
+        face = np.repeat(some, cells[some])
+        k = np.arange(len(face)) - np.repeat(np.cumsum(cells[some]) - cells[some], cells[some])
+        at = first[face] + np.stack([k // count[face, 1], k % count[face, 1]], axis=1)
+        d, (e1, e2) = at - xy[face, 0], edge[face].transpose(1, 0, 2)
+        v = (d[:, 0] * e2[:, 1] - d[:, 1] * e2[:, 0]) / det[face]
+        w = (e1[:, 0] * d[:, 1] - e1[:, 1] * d[:, 0]) / det[face]
         hit = (v >= 0) & (w >= 0) & (v + w <= 1)
-        line.append(i[hit] * columns + j[hit])
-        z = corners[:, 2]
-        height.append((z[0] + v * (z[1] - z[0]) + w * (z[2] - z[0]))[hit])
-    lines = np.concatenate(line) if line else np.zeros(0, int)
-    heights = np.concatenate(height) if height else np.zeros(0)
+        z = corners[face, :, 2]
+        line.append((at[:, 0] * columns + at[:, 1])[hit])
+        height.append((z[:, 0] + v * (z[:, 1] - z[:, 0]) + w * (z[:, 2] - z[:, 0]))[hit])
+    lines, heights = np.concatenate(line), np.concatenate(height)
     order = np.lexsort((heights, lines))
     lines, heights = lines[order], heights[order]
     start = np.searchsorted(lines, lines)

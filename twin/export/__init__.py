@@ -11,6 +11,7 @@ from typing import Literal, get_args
 
 from twin._module_call import call_as
 from twin.atomic import staging
+from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.export.asset import AssetInfo
 from twin.export.notes import readme
@@ -20,7 +21,7 @@ from twin.own_files import hashes, refuse_edited, replace_own
 from twin.paths import AnyPath
 from twin.progress import shows_bar
 from twin.scene import Twin
-from twin.soundness import require_sound
+from twin.soundness import overlaps, require_sound
 
 Format = Literal["urdf", "mjcf", "usd"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -77,14 +78,19 @@ def export(
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
     if package:
         check_package(package)
+    from twin.collision.stated import meetings
+
     asset = AssetInfo() if asset is None else asset
-    tree = build_tree(complete(twin, cache_dir))
+    ready = complete(twin, cache_dir)
+    tree = build_tree(ready)
     files: dict[str, Path] = {}
     warnings: list[str] = [
         f"all: {k.name} has no collision shapes, so nothing can touch it"
         for k in tree.links
         if not k.collision
     ]
+    warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready))]
+    warnings += [f"all: {off.problem}; {off.remedy}" for off in contacts_off(twin)]
     try:
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
@@ -110,9 +116,12 @@ def export(
 def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
     """The twin with mass, friction and collision shapes wherever they were missing.
 
-    Raises SceneError for a part whose mesh is empty or passes through itself, or that can't move.
+    Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not convex.
     """
+    from twin.collision.stated import require_convex
+
     require_sound(twin)
+    require_convex(twin)
     require_ranges(twin)
     if any(p.inertial is None or p.physics is None for p in twin.parts):
         from twin.physics import with_physics

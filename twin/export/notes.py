@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from twin.export.tree import ARMATURE, Tree
+from twin.export.tree import Tree
+from twin.names import scene_file
 
 _PASSIVE = """Its joints are passive. Isaac Sim's URDF importer makes every joint a position servo, which holds a door
 shut: choose no target for the joint drives when you import, or set their stiffness to 0 afterwards."""
@@ -38,12 +39,12 @@ def _urdf(tree: Tree) -> str:
 
 
 def _mjcf(tree: Tree) -> str:
-    return f"""`scene.xml` is `{tree.name}.xml` with floor and light; include or attach `{tree.name}.xml` into your own scene.
+    return f"""`{scene_file(tree.name)}` is `{tree.name}.xml` with floor and light; include or attach `{tree.name}.xml` into your own scene.
 
 - Keyframes `closed` and `open`; sites `<part>_grasp` (x along the closing direction of a gripper, y along the handle, z out
   of the part); visual geoms in group 2, collision geoms in group 3.
 - Parts do not collide with what they are mounted on (`<exclude>`): hinges and runners are not modelled as contact.
-- Joints have armature {ARMATURE["revolute"]:g} kg m^2 or {ARMATURE["prismatic"]:g} kg, which keeps light parts well-conditioned."""
+- Each joint has armature, a hundredth of its part's inertia about it: too little to be felt."""
 
 
 def _usd(tree: Tree) -> str:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Mesh
 
@@ -34,9 +36,9 @@ def write_hull(mesh: Mesh, path: Path) -> None:
 
 def write_textured(mesh: Mesh, folder: Path, name: str) -> TexturedFiles:
     """Write name.obj, name.mtl and, when the mesh has colours, name.png into `folder`."""
-    baked = bake(mesh)
+    dressed = dress(mesh)
+    baked, normals, normal_index = dressed.baked, dressed.normals, dressed.corners
     faces = mesh.faces[baked.order]
-    normals, normal_index = corner_normals(mesh.vertices, faces)
     png = write_image(baked.image, folder / f"{name}.png") if baked.image is not None else None
     lines = [f"mtllib {name}.mtl", f"usemtl {name}"]
     lines += _rows("v {:.7f} {:.7f} {:.7f}", mesh.vertices + 0.0)
@@ -66,6 +68,28 @@ class Baked:
     order: NDArray[np.int64]
     uv: Array
     image: NDArray[np.uint8] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Dressed:
+    """Texture of a mesh, and normals (M, 3) with the index (F, 3) of each corner's, faces in texture order."""
+
+    baked: Baked
+    normals: Array
+    corners: NDArray[np.int64]
+
+
+_DRESSED: WeakKeyDictionary[Mesh, Dressed] = (
+    WeakKeyDictionary()
+)  # formats write the same meshes one after another
+
+
+def dress(mesh: Mesh) -> Dressed:
+    """Texture and normals of a mesh, made once."""
+    if mesh not in _DRESSED:
+        baked = bake(mesh)
+        _DRESSED[mesh] = Dressed(baked, *corner_normals(mesh.vertices, mesh.faces[baked.order]))
+    return _DRESSED[mesh]
 
 
 def bake(mesh: Mesh) -> Baked:
@@ -165,5 +189,6 @@ def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, ND
         length[:, None] > 1e-15, total / np.maximum(length, 1e-300)[:, None], np.repeat(unit, 3, axis=0)
     )
     smooth[np.linalg.norm(smooth, axis=1) < 0.5] = (0.0, 0.0, 1.0)  # faces without area
-    normals, index = np.unique(np.round(smooth, 4), axis=0, return_inverse=True)
-    return normals.astype(np.float64), np.asarray(index, dtype=np.int64).reshape(-1, 3)
+    steps = np.round(smooth * 1e4).astype(np.int64)
+    first, index = geo.unique_rows(steps)
+    return steps[first] / 1e4, index.reshape(-1, 3)

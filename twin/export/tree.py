@@ -7,7 +7,6 @@ The root link is the static scene and its frame is the world.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,20 +14,24 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.errors import SceneError
+from twin.export.visual import drawn
 from twin.geometry import Array
+from twin.physics import armature, static_friction
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 
 # URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand does.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
-# Added joint inertia that keeps light parts well-conditioned; chosen by us: a hundredth of a cabinet door.
-ARMATURE = {"revolute": 1e-3, "prismatic": 1e-2}  # kg m^2, kg
+_ROUNDING, _LEAST = (
+    1e-9,
+    1e-9,
+)  # of a tensor's trace, and kg m^2: far above double precision, far below any scene; chosen by us
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping and friction."""
+    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping, friction and armature."""
 
     name: str
     kind: Literal["revolute", "prismatic"]
@@ -37,6 +40,7 @@ class TreeJoint:
     upper: float
     damping: float
     frictionloss: float
+    armature: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +94,9 @@ def build_tree(twin: Twin) -> Tree:
         name=twin.static.name,
         parent=None,
         offset=np.zeros(3),
-        visual=twin.static.mesh,
+        visual=drawn(twin.static.mesh),
         collision=twin.static.collision,
-        friction=_static_friction(twin),
+        friction=static_friction(twin),
         mass=mass,
         com=com,
         inertia=inertia,
@@ -129,12 +133,6 @@ def link_origin(part: Part) -> Array:
     return center
 
 
-def _static_friction(twin: Twin) -> float:
-    """The scene's friction is not estimated: take the parts' mean, or the table's usual 0.6."""
-    values = [p.physics.friction.value for p in twin.parts if p.physics is not None]
-    return float(np.mean(values)) if values else 0.6
-
-
 def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
     """Mass (kg), centre (3,) and tensor (3, 3) about it of the static scene.
 
@@ -155,7 +153,9 @@ def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
     corners = corners - com
     vertices = np.concatenate([corners, corners.sum(axis=1, keepdims=True)], axis=1)
     second = np.einsum("f,fki,fkj->ij", mass / 12, vertices, vertices)  # moments of triangles
-    return total, com, np.trace(second) * np.eye(3) - second
+    tensor = np.trace(second) * np.eye(3) - second
+    # a flat scene's moments meet the triangle inequality as an equation, which rounding can break
+    return total, com, tensor + max(_ROUNDING * float(np.trace(tensor)), _LEAST) * np.eye(3)
 
 
 def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
@@ -170,7 +170,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
         name=part.name,
         parent=parent,
         offset=offset,
-        visual=part.mesh.transformed(to_link),
+        visual=drawn(part.mesh.transformed(to_link)),
         collision=tuple(_moved(c, to_link) for c in part.collision),
         friction=part.physics.friction.value,
         joint=TreeJoint(
@@ -181,6 +181,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
             upper=float(joint.upper),
             damping=part.physics.damping.value,
             frictionloss=part.physics.frictionloss.value,
+            armature=armature(joint, part.inertial),
         ),
         mass=part.inertial.mass.value,
         com=part.inertial.com - origin,
@@ -206,14 +207,6 @@ def front(tree: Tree) -> Array:
 
 def _moved(piece: Collision, pose: Array) -> Collision:
     return piece.transformed(pose) if isinstance(piece, Mesh) else Box(pose @ piece.T_world_box, piece.size)
-
-
-def unused(name: str, taken: Iterable[str]) -> str:
-    """The name, with underscores behind it until it is none of those taken, whatever their case."""
-    others = {t.lower() for t in taken}
-    while name.lower() in others:
-        name += "_"
-    return name
 
 
 def numbers(values: object) -> str:

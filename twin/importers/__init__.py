@@ -96,7 +96,10 @@ def format_of(path: Path) -> str:
         raise InputError(f"{path} is a xacro template", "expand it first: xacro model.xacro > model.urdf")
     if path.suffix.lower() in (".usd", ".usda", ".usdc", ".usdz"):
         raise InputError(f"{path} is USD, which is not read yet", "give the scene as URDF or MJCF")
-    tag = read_xml(path)[0].tag
+    root = read_xml(path)[0]
+    tag = root.tag
+    if any(e.tag.startswith("xacro:") for e in root.iter()):
+        raise InputError(f"{path} is a xacro template", "expand it first: xacro model.xacro > model.urdf")
     if tag not in ("robot", "mujoco"):
         raise InputError(f"{path} is neither URDF nor MJCF: its root is <{tag}>", "give a URDF or MJCF file")
     return "urdf" if tag == "robot" else "mjcf"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.errors import InputError
+from twin.errors import InputError, SceneError
 from twin.geometry import Array
 from twin.importers.shapes import (
     box,
@@ -54,7 +54,10 @@ def read(path: Path) -> Source:
     if np.linalg.norm(down) > 0 and geo.angle_between(down, [0.0, 0.0, -1.0]) > 1e-6:
         raise InputError(f"{path}: gravity is {down.tolist()}", "turn the scene: a twin's z points up")
     scene = _Scene(spec, model, path)
-    bodies = tuple(scene.body(b) for b in range(model.nbody))
+    try:
+        bodies = tuple(scene.body(b) for b in range(model.nbody))
+    except SceneError as e:
+        raise InputError(f"{path}: {e.problem}", e.remedy) from e
     name = path.stem if spec.modelname in ("", _UNNAMED) else spec.modelname
     return Source(path, name, bodies, (*scene.notes, *_not_carried(model)))
 

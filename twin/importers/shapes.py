@@ -132,11 +132,12 @@ def _colors_of(piece: Any) -> NDArray[np.uint8] | None:
     visual = piece.visual
     if not visual.defined:
         return None
-    if visual.kind == "texture":
-        if visual.uv is None and visual.material is None:
-            return None
-        visual = visual.to_color()
-    return np.asarray(visual.vertex_colors, np.uint8)[:, :3]
+    if visual.kind != "texture":
+        return np.asarray(visual.vertex_colors, np.uint8)[:, :3]
+    if visual.uv is None:  # a material without a texture
+        plain = np.asarray(visual.material.main_color, np.uint8)[:3]
+        return np.tile(plain, (len(piece.vertices), 1))
+    return np.asarray(visual.to_color().vertex_colors, np.uint8)[:, :3]
 
 
 def _plain(made: Any) -> Mesh:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from twin import geometry as geo
-from twin.errors import InputError
+from twin.errors import InputError, SceneError
 from twin.geometry import Array
 from twin.importers.shapes import box, convex, cylinder, ellipsoid, is_convex, mesh_file, painted
 from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
@@ -24,17 +25,28 @@ def read(path: Path) -> Source:
     """Read a URDF file. Raises InputError."""
     robot = _parsed(path)
     links = {k.name: k for k in robot.links}
+    if len(links) < len(robot.links):
+        raise InputError(
+            f"{path} has two links {Counter(k.name for k in robot.links).most_common(1)[0][0]!r}",
+            "rename one",
+        )
     above = _joints_above(path, robot)
     materials = {m.name: m.color.rgba for m in robot.materials if m.color is not None}
     bodies: list[SourceBody] = []
     notes: list[str] = []
     poses: dict[str, Array] = {}
+    wild = [j.name for j in robot.joints if j.origin is not None and not np.isfinite(j.origin).all()]
+    if wild:
+        raise InputError(f"{path}: the origin of joint {wild[0]!r} is not finite", "correct the number")
 
     def add(name: str) -> None:
         joint = above.get(name)
         origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
         poses[name] = origin if joint is None else poses[joint.parent] @ origin
-        bodies.append(_body(path, links[name], joint, poses[name], materials, notes))
+        try:
+            bodies.append(_body(path, links[name], joint, poses[name], materials, notes))
+        except (SceneError, ValueError) as e:  # numbers that are none, sizes that no shape has
+            raise InputError(f"{path}: link {name!r}: {e}", "correct the number") from e
         for other in robot.joints:
             if other.parent == name:
                 add(other.child)
@@ -166,6 +178,8 @@ def _number(dynamics: Any, key: str) -> float | None:
 def _mass(inertial: Any, pose: Array) -> SourceMass | None:
     if inertial is None or not inertial.mass:
         return None
+    if inertial.mass < 0:
+        raise SceneError(f"mass must be positive, got {inertial.mass:g} kg")
     place = pose if inertial.origin is None else pose @ inertial.origin
     tensor = np.zeros((3, 3)) if inertial.inertia is None else np.asarray(inertial.inertia, np.float64)
     turned = place[:3, :3] @ tensor @ place[:3, :3].T
@@ -174,6 +188,10 @@ def _mass(inertial: Any, pose: Array) -> SourceMass | None:
 
 def _surface(path: Path, geometry: Any, owner: str) -> tuple[Mesh, bool]:
     """A geometry in its own frame, and whether it has colours of its own."""
+    for shape in (geometry.box, geometry.cylinder, geometry.sphere):
+        sizes = np.hstack([np.zeros(0), *vars(shape).values()]) if shape is not None else np.ones(1)
+        if not np.all(sizes > 0) or not np.isfinite(sizes).all():
+            raise SceneError(f"the sizes of {owner} must be positive, got {sizes.tolist()}")
     if geometry.box is not None:
         return box(geometry.box.size), False
     if geometry.cylinder is not None:

@@ -16,7 +16,10 @@ from typing import Any
 from twin.errors import InputError, nearest_name
 from twin.lint.model import Behaviour, LintModel, Severity
 from twin.lint.rules import RULES
+from twin.lint.rules.twins import TWIN_RULES
+from twin.names import scene_file
 from twin.paths import AnyPath
+from twin.storage import load
 
 SUFFIXES = {".urdf": "urdf", ".usd": "usd", ".usda": "usd", ".usdc": "usd", ".usdz": "usd", ".mjcf": "mjcf"}
 
@@ -69,8 +72,9 @@ def lint(paths: Sequence[AnyPath], ignore: Sequence[str] = ()) -> LintReport:
         InputError: a file can't be read or is none of the formats, a folder holds no export, a rule is not known.
     """
     for name in ignore:
-        if name not in RULES:
-            close = nearest_name(name, list(RULES))
+        known = [*RULES, *TWIN_RULES]
+        if name not in known:
+            close = nearest_name(name, known)
             raise InputError(
                 f"rule {name!r} is not known",
                 f"did you mean {close!r}?" if close else "see twin lint --rules",
@@ -82,7 +86,9 @@ def lint(paths: Sequence[AnyPath], ignore: Sequence[str] = ()) -> LintReport:
         found, said = _lint_one(path, frozenset(ignore))
         findings += found
         notes += [f"{path}: {s}" for s in said]
-    return LintReport(tuple(map(str, files)), tuple(findings), tuple(notes))
+    of_twins = [f for p in paths for f in _lint_twin(Path(p), frozenset(ignore))]
+    names = dict.fromkeys([*map(str, files), *(f.file for f in of_twins)])
+    return LintReport(tuple(names), (*findings, *of_twins), tuple(notes))
 
 
 def read(path: AnyPath) -> LintModel:
@@ -118,6 +124,20 @@ def _lint_one(path: Path, ignore: frozenset[str]) -> tuple[list[Finding], list[s
     ] if seen.skipped else []
 
 
+def _lint_twin(path: Path, ignore: frozenset[str]) -> list[Finding]:
+    """What is wrong with the twin of a run folder; nothing for a file."""
+    folder = path if (path / "twin.json").is_file() else path / "twin"
+    if not (folder / "twin.json").is_file():
+        return []
+    twin = load(folder)
+    return [
+        Finding(name, f.severity, str(folder / "twin.json"), f.element, f.value, f.problem, f.remedy)
+        for name, rule in TWIN_RULES.items()
+        if name not in ignore
+        for f in rule.find(twin)
+    ]
+
+
 def _apply(model: LintModel, ignore: frozenset[str], simulates: bool) -> list[Finding]:
     return [
         Finding(name, f.severity, str(model.path), f.element, f.value, f.problem, f.remedy)
@@ -128,7 +148,7 @@ def _apply(model: LintModel, ignore: frozenset[str], simulates: bool) -> list[Fi
 
 
 def _files(path: Path) -> list[Path]:
-    """The file itself, or the main file of every format that a run folder exported."""
+    """The file itself, or the main file of every format that a run folder exported, and the scene of MJCF."""
     if not path.is_dir():
         return [path]
     run = path.parent if path.name == "twin" and (path / "twin.json").is_file() else path
@@ -142,9 +162,12 @@ def _files(path: Path) -> list[Path]:
             ) from e
     found: list[Path] = []
     for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*")):
-        files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file() and f.name != "scene.xml"]
+        files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file()]
         # beside the main file lie stages for other runtimes, <name>_physx.usda, whose friction only those know
-        found += sorted(files, key=lambda f: (len(f.name), f.name))[:1]
+        files.sort(key=lambda f: (len(f.name), f.name))
+        scenes = {f: f.with_name(scene_file(f.stem)) for f in files if fmt == "mjcf"}
+        whole = [[f, scene] for f, scene in scenes.items() if scene.is_file()]
+        found += whole[0] if whole else files[:1]
     if not found:
         raise InputError(f"{path} holds no exported files", "run `twin export` first, or name a file")
     return found

@@ -1,6 +1,7 @@
 """Runs one file in MuJoCo: python -m twin.lint.run FILE FORMAT ANSWER.json. See twin.lint.simulate.
 
-The probe stands for a hand: 10 N on a slide, 2 N m on a hinge (a door of 0.4 m pulled with 5 N at its edge), gravity left out so that a
+The probe stands for a hand: 10 N on a slide, 2 N m on a hinge (a door of 0.4 m pulled with 5 N at its edge), on what is heavy a tenth of
+its weight on its lever, as `twin check` asks (twin/check/behaviour.py), gravity left out so that a
 heavy lid is not taken for a stuck one, all other joints held. Joints with a motor, or coupled to others, are left to their
 controllers.
 """
@@ -24,6 +25,7 @@ from twin.lint.meshes import locate
 from twin.lint.xml import read_xml
 
 _FORCE = {int(mujoco.mjtJoint.mjJNT_SLIDE): 10.0, int(mujoco.mjtJoint.mjJNT_HINGE): 2.0}  # N, N m
+_HEAVY = 0.1 * 9.81  # m/s^2
 _DEEP = 1e-3  # m
 _DRIFT = 1e-3  # m
 _SECONDS = 10.0  # of simulated time
@@ -192,7 +194,8 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
         if not m.jnt_limited[j] or not upper > lower or int(m.body_rootid[m.jnt_bodyid[j]]) in scene.loose:
             continue
         turning = int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)
-        unit, scale, force = ("degrees", np.rad2deg(1.0), "2 N m") if turning else ("mm", 1000.0, "10 N")
+        unit, scale, of = ("degrees", np.rad2deg(1.0), "N m") if turning else ("mm", 1000.0, "N")
+        force = f"{_pull(scene, j):.3g} {of}"
         for sign, name, limit in ((1.0, "upper", upper), (-1.0, "lower", lower)):
             end = _push(scene, j, sign)
             if not np.isfinite(end) or sign * (limit - end) > _REACHED * (upper - lower):
@@ -203,6 +206,13 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
     m.opt.gravity[:], m.opt.disableflags = gravity, flags
 
 
+def _pull(scene: Scene, j: int) -> float:
+    """The probe's force (N or N m); the lever of a hinge is the radius of gyration about it, sqrt(inertia / mass)."""
+    m = scene.model
+    mass, inertia = float(m.body_subtreemass[m.jnt_bodyid[j]]), float(m.dof_M0[m.jnt_dofadr[j]])
+    return max(_FORCE[int(m.jnt_type[j])], _HEAVY * float(np.sqrt(mass * inertia)))
+
+
 def _push(scene: Scene, j: int, sign: float) -> float:
     """Where the joint ends under the probe, every other joint held."""
     m, d = scene.model, scene.data
@@ -211,7 +221,7 @@ def _push(scene: Scene, j: int, sign: float) -> float:
     rest = d.qpos.copy()
     reach = float(m.jnt_range[j, 1] - m.jnt_range[j, 0])
     goal = float(m.jnt_range[j, 1] if sign > 0 else m.jnt_range[j, 0])
-    force = sign * _FORCE[int(m.jnt_type[j])]
+    force = sign * _pull(scene, j)
     still, limit = 0, max(int(0.5 / m.opt.timestep), 1)
     for _ in range(int(_SECONDS / m.opt.timestep)):
         d.qfrc_applied[:] = 0

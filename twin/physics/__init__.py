@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
+from twin.errors import SceneError
+from twin.physics.joints import armature as armature
+from twin.physics.joints import inertia_about as inertia_about
+from twin.physics.joints import resistance
 from twin.physics.materials import Material as Material
 from twin.physics.materials import MaterialTable as MaterialTable
 from twin.physics.materials import read_materials as read_materials
 from twin.physics.surface_mass import shell_inertial as shell_inertial
-from twin.scene import Part, PartPhysics, Twin
+from twin.scene import Inertial, Part, PartPhysics, Twin
 
 # Numbers that somebody took the trouble to find out: nothing but the user replaces them.
 KEPT = ("measured", "user")
@@ -39,39 +45,66 @@ def with_physics(
         inertial = (
             part.inertial if part.inertial is not None and not renew else shell_inertial(part.mesh, material)
         )
+        new = replace(part, inertial=inertial)
         physics = (
             part.physics
             if part.physics is not None and not renew
-            else joint_and_contact(part, material, table)
+            else joint_and_contact(new, material, table)
         )
-        parts.append(with_known(replace(part, inertial=inertial, physics=physics), part))
+        parts.append(with_known(replace(new, physics=physics), part, table))
     return replace(twin, parts=tuple(parts))
 
 
 def joint_and_contact(
     part: Part, material: Material, table: MaterialTable, chosen_by: str = ""
 ) -> PartPhysics:
-    """Friction and density of a material, damping and frictionloss of the joint's type, all from the table.
+    """Friction and density of a material, and by the law of the joint's type damping and frictionloss, all from the table.
 
-    chosen_by: who named the material, kept in the density's source.
+    chosen_by: who named the material, kept in the density's source. Raises SceneError for a part without a mass.
     """
-    joint = table.joints[part.joint.kind]
+    if part.inertial is None:
+        raise SceneError(f"part {part.name!r} has no mass", "call twin.physics.with_physics")
+    resists = resistance(part.joint, part.inertial, table.joints[part.joint.kind])
     word, _, detail = material.density.source.partition(": ")
     name = f"{material.name}, {chosen_by}" if chosen_by else material.name
     density = replace(material.density, source=f"{word}: {name}: {detail}")
-    return PartPhysics(material.friction, joint["damping"], joint["frictionloss"], density)
+    return PartPhysics(material.friction, resists["damping"], resists["frictionloss"], density)
 
 
-def with_known(part: Part, earlier: Part) -> Part:
+def weighed(part: Part, inertial: Inertial, table: MaterialTable | None = None) -> Part:
+    """The part with another mass; a damping or frictionloss that nobody stated follows it, by the table."""
+    part = replace(part, inertial=inertial)
+    if part.physics is None:
+        return part
+    law = (read_materials() if table is None else table).joints[part.joint.kind]
+    follows = {
+        k: q
+        for k, q in resistance(part.joint, inertial, law).items()
+        if getattr(part.physics, k).origin == "default"
+    }
+    return replace(part, physics=replace(part.physics, **follows))
+
+
+def with_known(part: Part, earlier: Part, table: MaterialTable | None = None) -> Part:
     """The part with those numbers of an earlier state of it that the user measured or stated, and what others added to it;
     the tensor grows with the mass."""
-    inertial, physics = part.inertial, part.physics
-    if inertial is not None and earlier.inertial is not None and earlier.inertial.mass.origin in KEPT:
-        inertial = inertial.with_mass(earlier.inertial.mass)
-    if physics is not None and earlier.physics is not None:
+    before = earlier.inertial
+    known_mass = before is not None and before.mass.origin in KEPT
+    if before is not None and known_mass and part.inertial is not None and part.inertial.mass != before.mass:
+        part = weighed(part, part.inertial.with_mass(before.mass), table)
+    if part.physics is not None and earlier.physics is not None:
         known = {k: q for k, q in vars(earlier.physics).items() if q.origin in KEPT}
-        physics = replace(physics, **known)
-    return replace(part, inertial=inertial, physics=physics, extra={**earlier.extra, **part.extra})
+        part = replace(part, physics=replace(part.physics, **known))
+    return replace(part, extra={**earlier.extra, **part.extra})
+
+
+def static_friction(twin: Twin) -> float:
+    """Sliding friction of the static scene, which is not estimated: the parts' mean, or that of the table's default material."""
+    values = [p.physics.friction.value for p in twin.parts if p.physics is not None]
+    if values:
+        return float(np.mean(values))
+    table = read_materials()
+    return table.material(table.default).friction.value
 
 
 def keep_known(twin: Twin, earlier: Twin) -> Twin:

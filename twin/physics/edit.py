@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin.errors import InputError, SceneError
-from twin.physics import KEPT, joint_and_contact
+from twin.physics import KEPT, joint_and_contact, weighed
 from twin.physics.materials import Material, MaterialTable, read_materials
 from twin.physics.options import UNITS
 from twin.physics.surface_mass import shell_inertial
@@ -85,7 +85,8 @@ def set_physics(
         material: a name of the table; how mass is spread, density and friction then come from it, and so does the mass
             unless it was measured or stated by the user.
 
-    The centre and the tensor keep the shape that the surface gives and grow with the mass.
+    The centre and the tensor keep the shape that the surface gives and grow with the mass, and so do a damping and a
+    frictionloss that nobody stated.
 
     Raises SceneError, ConfigError for an unknown part or material; InputError for an unknown quantity.
     """
@@ -96,19 +97,20 @@ def set_physics(
     old = twin.part(key)
     chosen = table.material(material or table.default)
     prior = _prior(old, chosen)
-    inertial, physics = old.inertial, old.physics or joint_and_contact(old, chosen, table)
+    inertial = old.inertial
     if material or inertial is None:
         fresh = prior or shell_inertial(old.mesh, chosen)  # the second tells what is wrong with the mesh
         keep = inertial is not None and inertial.mass.origin in KEPT
         inertial = fresh.with_mass(inertial.mass) if keep and inertial is not None else fresh
-    if material:
-        named = joint_and_contact(old, chosen, table, "named by the user")
-        friction = physics.friction if physics.friction.origin in KEPT else named.friction
-        physics = replace(physics, density=named.density, friction=friction)
     if "mass" in values:
         inertial = inertial.with_mass(values["mass"])
-    physics = replace(physics, **{k: v for k, v in values.items() if k != "mass"})
-    new = replace(old, inertial=inertial, physics=physics)
+    new = replace(old, inertial=inertial) if inertial is old.inertial else weighed(old, inertial, table)
+    physics = new.physics or joint_and_contact(new, chosen, table)
+    if material:
+        named = joint_and_contact(new, chosen, table, "named by the user")
+        friction = physics.friction if physics.friction.origin in KEPT else named.friction
+        physics = replace(physics, density=named.density, friction=friction)
+    new = replace(new, physics=replace(physics, **{k: v for k, v in values.items() if k != "mass"}))
     parts = tuple(new if p.id == old.id else p for p in twin.parts)
     return Edited(replace(twin, parts=parts), changes(old, new), _doubts(old, inertial.mass, prior))
 

@@ -13,6 +13,8 @@ from twin.errors import ConfigError, SceneError, nearest_name
 from twin.paths import AnyPath
 from twin.quantities import Quantity, origin_of
 
+_JOINTS = ("revolute", "prismatic")
+
 
 @dataclass(frozen=True)
 class Material:
@@ -25,13 +27,20 @@ class Material:
 
 
 @dataclass(frozen=True)
+class JointLaw:
+    """How joints of one type resist. friction: share of weight x lever; decay: s in which damping alone takes the speed to 1/e."""
+
+    friction: Quantity
+    decay: Quantity
+
+
+@dataclass(frozen=True)
 class MaterialTable:
-    """Materials by name, the default one, and joint resistance by joint type ("revolute": N m and N m s/rad,
-    "prismatic": N and N s/m) as frictionloss and damping."""
+    """Materials by name, the default one, and how joints resist by type ("revolute", "prismatic")."""
 
     default: str
     materials: Mapping[str, Material]
-    joints: Mapping[str, Mapping[str, Quantity]]
+    joints: Mapping[str, JointLaw]
 
     def material(self, name: str) -> Material:
         """The material of that name. Raises ConfigError with the nearest name."""
@@ -61,7 +70,9 @@ def read_materials(path: AnyPath | None = None) -> MaterialTable:
             name: Material(name, *(_quantity(row[k]) for k in ("density", "thickness", "friction")))
             for name, row in data["materials"].items()
         }
-        joints = {k: {q: _quantity(v) for q, v in row.items()} for k, row in data["joints"].items()}
+        joints = {
+            k: JointLaw(*(_quantity(data["joints"][k][q]) for q in ("friction", "decay"))) for k in _JOINTS
+        }
         return MaterialTable(materials[data["default"]].name, materials, joints)
     except (KeyError, TypeError, SceneError) as e:
         raise ConfigError(f"table of materials {path}: {e}", "start from assets/materials.toml") from e

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from twin import geometry as geo
 from twin.errors import SceneError
 from twin.geometry import Array
 from twin.physics.mass_bounds import shape_bounds
@@ -31,7 +32,7 @@ _DEPTHS = (
 _EDGE = (
     1.4  # board thicknesses: faces are cut until no edge is longer; half of it changes masses by about 1 %
 )
-_MOST_FACES = 30_000  # but not into many more than these
+_MOST_FACES = 30_000  # but not into many more than these; a mesh of over twice as many is decimated
 
 
 def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
@@ -40,10 +41,21 @@ def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
     The mass lies between thin boards of light material and thick ones of heavy material. The intervals of centre and
     tensor hold for any spread of such boards over the part: a heavy front on a light box, glass in a frame.
 
+    Bodies that overlap are joined first, so that what they share weighs once; where that can't be, they count by their
+    surface as it is (twin.soundness.overlaps tells).
+
     Raises SceneError for a mesh without area.
     """
     if mesh.area < 1e-9:
         raise SceneError("a part's mesh has no area, so its mass can't be estimated", "give the part a mesh")
+    from twin.collision.union import (
+        OVERLAP,
+        united,
+    )  # imports SciPy, which a table of materials has no need of
+
+    whole = united(mesh)
+    if whole is not None and whole.share > OVERLAP:
+        mesh = whole.mesh
     t, rho = material.thickness, material.density
     shell = _Shell.of(mesh, t.value)
     share = shell.slabs(t.value)
@@ -74,8 +86,10 @@ class _Shell:
 
     @staticmethod
     def of(mesh: Mesh, thickness: float) -> _Shell:
+        from twin.collision.decimation import decimated
+
         solid = _closed_volume(mesh)
-        fine = _cut(mesh, thickness)
+        fine = _cut(decimated(mesh, 2 * _MOST_FACES), thickness)
         areas, normals = _face_frames(fine)
         return _Shell(fine, areas, normals, behind(fine, normals, _MAX_BOARD * thickness), solid)
 
@@ -176,11 +190,10 @@ def _scene(mesh: Mesh) -> Any:
 
 def _closed_volume(mesh: Mesh) -> float | None:
     """Enclosed volume (m^3) of a closed, consistently wound mesh; None for an open one."""
-    _, joined = np.unique(np.round(mesh.vertices / 1e-7).astype(np.int64), axis=0, return_inverse=True)
-    faces = joined.ravel()[mesh.faces]
+    faces = geo.unique_rows(np.round(mesh.vertices / 1e-7).astype(np.int64))[1][mesh.faces]
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    forward = np.unique(edges, axis=0)
-    back = np.unique(edges[:, ::-1], axis=0)
+    forward = edges[geo.unique_rows(edges)[0]]
+    back = edges[:, ::-1][geo.unique_rows(edges[:, ::-1])[0]]
     if forward.shape != back.shape or not np.array_equal(forward, back):
         return None
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(axis=0) for k in range(3))

@@ -15,7 +15,7 @@ import numpy as np
 
 from twin.errors import SceneError, ServiceError
 from twin.geometry import Array
-from twin.physics import KEPT, joint_and_contact
+from twin.physics import KEPT, joint_and_contact, weighed
 from twin.physics.edit import Edited, changes
 from twin.physics.materials import Material, MaterialTable, read_materials
 from twin.physics.surface_mass import shell_inertial
@@ -175,10 +175,6 @@ def apply(
         )
     material = known or table.material(table.default)
     inertial = shell_inertial(old.mesh, material)
-    physics = joint_and_contact(old, material, table, f"named by {model}" if known else "")
-    if old.physics is not None:
-        friction = old.physics.friction if old.physics.friction.origin in KEPT else physics.friction
-        physics = replace(old.physics, friction=friction, density=physics.density)
     if old.inertial is not None and old.inertial.mass.origin in KEPT:
         doubts.append(
             f"{old.name}: its mass stays {old.inertial.mass.value:.3g} kg, which was {old.inertial.mass.origin}"
@@ -188,7 +184,12 @@ def apply(
         mass, doubt = _mass(inertial.mass, verdict.mass, material, model)
         inertial = inertial.with_mass(mass)
         doubts += [f"{old.name}: {doubt}"] if doubt else []
-    new = replace(old, inertial=inertial, physics=physics)
+    new = weighed(old, inertial, table)
+    physics = joint_and_contact(new, material, table, f"named by {model}" if known else "")
+    if new.physics is not None:
+        friction = new.physics.friction if new.physics.friction.origin in KEPT else physics.friction
+        physics = replace(new.physics, friction=friction, density=physics.density)
+    new = replace(new, physics=physics)
     parts = tuple(new if p.id == old.id else p for p in twin.parts)
     return Edited(replace(twin, parts=parts), changes(old, new), tuple(doubts))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 
 from twin import geometry as geo
-from twin.export.obj import bake, corner_normals, mean_color
+from twin.export.obj import dress, mean_color
 from twin.export.tree import Link, Tree
 from twin.export.usd.layers import ints, link_path, new_layer, points, world_origins
 from twin.geometry import Array
@@ -82,10 +82,9 @@ def _place(shape: UsdGeom.Xformable, pose: Array) -> None:
 
 def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
     """A mesh with its colours twice: texture coordinates, and the display colours of its vertices."""
-    baked = bake(mesh)
-    faces = mesh.faces[baked.order]
-    shape = _mesh(stage, path, mesh.vertices, faces)
-    normals, corners = corner_normals(mesh.vertices, faces)
+    dressed = dress(mesh)
+    baked, normals, corners = dressed.baked, dressed.normals, dressed.corners
+    shape = _mesh(stage, path, mesh.vertices, mesh.faces[baked.order])
     kind = Sdf.ValueTypeNames.Normal3fArray
     _primvar(shape, "normals", kind, points(_unit(normals)), "faceVarying", corners.ravel())
     index: NDArray[np.integer] | None
@@ -93,7 +92,9 @@ def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
         uv = Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(baked.uv, dtype=np.float32))
         _primvar(shape, "st", Sdf.ValueTypeNames.TexCoord2fArray, uv, "faceVarying")
         colors, which = np.unique(mesh.colors, axis=0, return_inverse=True)
-        table, where, index = (colors / 255.0) ** 2.2, "vertex", which.ravel()
+        # white comes first and no vertex has it: MuJoCo takes a table's first colour and tints the texture with it
+        table = np.concatenate([np.ones((1, 3)), (colors / 255.0) ** 2.2])
+        where, index = "vertex", which.ravel() + 1
     else:
         table, where, index = np.array([mean_color(mesh)]) ** 2.2, "constant", None
     _primvar(shape, "displayColor", Sdf.ValueTypeNames.Color3fArray, points(np.round(table, 4)), where, index)

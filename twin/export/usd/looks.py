@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
-from twin.export.obj import bake, mean_color, write_image
+from twin.export.obj import dress, mean_color, write_image
 from twin.export.tree import Link, Tree
 from twin.export.usd.layers import link_path, material_path, new_layer, scope_path
 
@@ -35,7 +35,7 @@ def write_looks(tree: Tree, payload: Path, textures: Path) -> None:
 
 def _look(stage: Usd.Stage, path: str, link: Link, payload: Path, textures: Path) -> None:
     """A rough surface with the link's texture (readers multiply it with the colour: white), else with its mean colour."""
-    image = bake(link.visual).image
+    image = dress(link.visual).baked.image
     surface = define_surface(stage, path, mean_color(link.visual) if image is None else (1.0, 1.0, 1.0))
     if image is None:
         return

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from twin.export.tree import ARMATURE, Link, Tree, TreeJoint
+from twin.export.tree import Link, Tree, TreeJoint
 from twin.export.usd.geometry import collision_names
 from twin.export.usd.layers import joint_path, link_path, new_layer, points, scope_path
 from twin.export.usd.physics import degrees_per
@@ -53,7 +53,7 @@ def _physx(stage: Usd.Stage, tree: Tree) -> None:
         drive.CreateTargetVelocityAttr(0.0)
         prim.AddAppliedSchema(f"PhysxJointAxisAPI:{axis}")
         for name, value in (
-            ("armature", ARMATURE[j.kind]),
+            ("armature", j.armature),
             ("staticFrictionEffort", j.frictionloss),
             ("dynamicFrictionEffort", j.frictionloss),
         ):
@@ -71,7 +71,7 @@ def _newton(stage: Usd.Stage, tree: Tree) -> None:
         prim.AddAppliedSchema("NewtonJointAPI")
         _author(prim, "newton:damping", _FLOAT, j.damping / degrees_per(j.kind))
         _author(prim, "newton:friction", _FLOAT, j.frictionloss)
-        _author(prim, "newton:armature", _FLOAT, ARMATURE[j.kind])
+        _author(prim, "newton:armature", _FLOAT, j.armature)
 
 
 def _mujoco_joints(stage: Usd.Stage, tree: Tree) -> None:
@@ -81,7 +81,7 @@ def _mujoco_joints(stage: Usd.Stage, tree: Tree) -> None:
         prim.AddAppliedSchema("MjcJointAPI")
         _author(prim, "mjc:damping", _DOUBLE, j.damping, uniform=True)
         _author(prim, "mjc:frictionloss", _DOUBLE, j.frictionloss, uniform=True)
-        _author(prim, "mjc:armature", _DOUBLE, ARMATURE[j.kind], uniform=True)
+        _author(prim, "mjc:armature", _DOUBLE, j.armature, uniform=True)
 
 
 def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
@@ -91,9 +91,6 @@ def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
         if len(link.visual.faces):
             shape = stage.OverridePrim(f"{path}/{link.name}_visual")
             _group(shape, "MjcImageableAPI", 2)
-            color = UsdGeom.PrimvarsAPI(shape).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray)
-            color.GetAttr().Block()  # MuJoCo would tint the texture with the first vertex's colour
-            color.CreateIndicesAttr().Block()
         for name in collision_names(link):
             _group(stage.OverridePrim(f"{path}/{name}"), "MjcCollisionAPI", 3)
         if link.grasp is not None:

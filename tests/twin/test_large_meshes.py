@@ -1,0 +1,116 @@
+"""Scans of many faces are exported: on fewer triangles where that gives the same answer, with the visual mesh as given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.twin.large_meshes import fine_boards, fine_scene, round_body, soup
+from tests.twin.scenes import boards_mesh, cabinet_twin, door_boards
+from twin import geometry as geo
+from twin.collision import CollisionConfig, part_shapes
+from twin.collision.convex import hull_of
+from twin.collision.decimation import decimated
+from twin.collision.fit import fit_of
+from twin.collision.solid import Solid, pieces_of
+from twin.export import export
+from twin.physics import read_materials, shell_inertial
+from twin.scene import Box, Mesh, Twin
+
+
+@pytest.mark.parametrize("height", [0.0001, 0.0005, 0.0014, 0.002])
+def test_a_plane_within_fewer_than_three_bins_is_covered(height: float) -> None:
+    """A strip too narrow for a board was looked for at heights where nothing lies: a division by zero."""
+    corners = np.array([[0, 0, height], [1, 0, height], [1, 0.01, height], [0, 0.01, height]])
+    (shape,) = part_shapes(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), CollisionConfig())
+    points = shape.corners if isinstance(shape, Box) else shape.vertices
+    np.testing.assert_allclose(np.sort(np.ptp(points, axis=0))[1:], [0.01, 1.0], atol=0.002)
+
+
+@pytest.mark.parametrize("make", [fine_boards, soup])
+def test_shapes_and_mass_of_a_mesh_of_50k_faces_are_those_of_its_boards(make: type) -> None:
+    mesh = make(50_000)
+    exact = boards_mesh(door_boards())
+    assert len(mesh.faces) > 40_000
+    fit = fit_of(part_shapes(mesh, CollisionConfig()), Solid.of_mesh(exact))
+    assert fit.shapes <= 32
+    assert fit.outside < 0.004
+    assert fit.missed < 0.004
+    table = read_materials()
+    material = table.material(table.default)
+    got, want = shell_inertial(mesh, material).mass.value, shell_inertial(exact, material).mass.value
+    assert got == pytest.approx(want, rel=0.1)
+
+
+def test_a_fine_ball_is_one_hull_of_few_faces() -> None:
+    (shape,) = part_shapes(round_body(100_000), CollisionConfig())
+    assert isinstance(shape, Mesh)
+    assert len(shape.faces) <= CollisionConfig().part_faces
+    hull = hull_of(shape.vertices)
+    assert hull is not None
+    assert hull.volume == pytest.approx(4 / 3 * np.pi * 0.15**3, rel=0.01)
+
+
+@pytest.mark.parametrize("scale", [0.001, 10.0])
+def test_decimation_keeps_bodies_whatever_their_size(scale: float) -> None:
+    mesh = fine_boards(50_000)
+    far = Mesh(scale * mesh.vertices + 100.0 * scale, mesh.faces)
+    small = decimated(far, 6000)
+    assert len(small.faces) <= 6100
+    boards = sorted(pieces_of(small), key=lambda row: -row[0].area)[:4]
+    assert all(closed for _, closed in boards)
+    assert sum(m.area for m, _ in boards) == pytest.approx(small.area, rel=0.02)
+    np.testing.assert_allclose(
+        np.ptp(small.vertices, axis=0), np.ptp(far.vertices, axis=0), atol=0.004 * scale
+    )
+
+
+def test_a_part_of_a_millimetre_has_a_shape() -> None:
+    mesh = boards_mesh(door_boards())
+    tiny = Mesh(0.001 * mesh.vertices, mesh.faces[: len(mesh.faces) // 2])
+    assert part_shapes(tiny, CollisionConfig())
+
+
+def test_equal_rows_are_found_as_numpy_finds_them() -> None:
+    rng = np.random.default_rng(0)
+    for rows in (rng.integers(-9, 9, (500, 3)), rng.integers(-(2**60), 2**60, (50, 2)).repeat(2, axis=0)):
+        first, which = geo.unique_rows(rows)
+        _, want, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        np.testing.assert_array_equal(first, want)
+        np.testing.assert_array_equal(which, inverse.ravel())
+    assert [len(x) for x in geo.unique_rows(np.zeros((0, 3), int))] == [0, 0]
+
+
+def _large(faces: int, which: str) -> Twin:
+    twin = cabinet_twin()
+    pose = twin.static.mesh.vertices.mean(axis=0)
+    scene = fine_scene(faces) if which == "static" else twin.static.mesh
+    if which == "static":
+        scene = scene.transformed(geo.make_pose(translation=pose - scene.vertices.mean(axis=0)))
+    parts = []
+    for part in twin.parts:
+        mesh = part.mesh
+        if which == "part" and part.name == "door":
+            mesh = fine_boards(faces)
+            mesh = mesh.transformed(
+                geo.make_pose(translation=part.mesh.vertices.mean(axis=0) - mesh.vertices.mean(axis=0))
+            )
+        parts.append(replace(part, mesh=mesh, collision=(), inertial=None, physics=None))
+    return replace(twin, static=replace(twin.static, mesh=scene, collision=()), parts=tuple(parts))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", ["part", "static"])
+@pytest.mark.parametrize("faces", [200_000, 1_000_000])
+def test_a_mesh_of_200k_and_a_million_faces_is_exported(faces: int, which: str, tmp_path: Path) -> None:
+    twin = _large(faces, which)
+    largest = max((twin.static.mesh, *(p.mesh for p in twin.parts)), key=lambda m: len(m.faces))
+    assert len(largest.faces) > faces / 2
+    files = export(twin, tmp_path)
+    name = "door" if which == "part" else twin.static.name
+    lines = next(files["mjcf"].parent.rglob(f"{name}_visual.obj")).read_text().splitlines()
+    assert sum(x.startswith("f ") for x in lines) == len(largest.faces), "the visual mesh is as given"
+    assert not [w for w in files.warnings if "has no collision shapes" in w]
