@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
@@ -20,7 +21,7 @@ from twin.errors import InputError
 from twin.export import export
 from twin.run_lock import claim, claimed, release
 from twin.scene import Twin
-from twin.storage import load, save, update
+from twin.storage import keep_aside, load, save, update
 
 KEYS = st.text("abcdefgh_", min_size=1, max_size=5).map("x_".__add__)
 VALUES = st.recursive(
@@ -326,3 +327,36 @@ def test_folders_that_may_not_be_written_leave_nothing_behind(tmp_path: Path) ->
     assert len(load(tmp_path).parts) == 1
     assert (locked / "a.txt").read_text() == "mine"
     assert [p.name for p in tmp_path.iterdir()] == ["twin"]
+
+
+def test_a_copy_of_an_earlier_twin_is_whole_or_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save(cabinet_twin(), tmp_path / "twin")
+    before, link = state(tmp_path), os.link
+    calls: list[str] = []
+
+    def ends(source: str, target: str, **options: bool) -> None:
+        calls.append(source)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        link(source, target, **options)
+
+    monkeypatch.setattr(os, "link", ends)
+    with pytest.raises(KeyboardInterrupt):
+        keep_aside(tmp_path / "twin")
+    assert state(tmp_path) == before
+    monkeypatch.undo()
+    assert state(keep_aside(tmp_path / "twin")).keys() == state(tmp_path / "twin").keys()
+
+
+def test_an_error_of_a_full_disk_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "a.json").write_text("old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left") as told:
+        atomic.write_file(tmp_path / "a.json", b"new")
+    assert told.value.filename == str(tmp_path / "a.json")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.json", "old")]
