@@ -79,7 +79,8 @@ def replay(
         return measure(record, trajectory, part, spec, wall, None)
     try:
         with staging(out) as staged:
-            native.save(trajectory, staged)
+            (staged / "trajectory.json").write_bytes(native.json_bytes(trajectory))
+            (staged / "trajectory.npz").write_bytes(native.npz_bytes(trajectory))
             film = staged / FILM if video else None
             if film is not None:
                 from robots.video import write_video
