@@ -65,6 +65,7 @@ BEFORE = {
     "class Recording(list):\n    def frame(self, k): return self[k]\n"
     "recording = Recording([Frame(color=np.zeros((48, 64, 3), np.uint8))] * 60)\n",
 }
+FIRST = {"twin export out/chest": "twin import assets/scenes/chest.xml -o out/chest"}  # as the page has it
 SMALLER = {"trials=100": "trials=1", "--trials 100": "--trials 1"}
 LESS_WORK = {
     "twin simulate": "--set width=64 --set height=48 --set frames=60 --set samples=1 --set clutter=0"
@@ -192,6 +193,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save(replace(twin, parts=tuple(named)), place / "RUN" / "twin")
     assert cli.run(["export", str(place / "RUN"), "--json"]) == 0
     scene = asset("scenes/base_cabinet.xml").read_text(encoding="utf-8")
+    (place / "assets").symlink_to(asset("scenes").parent)
     (place / "SCENE.xml").write_text(scene.replace("drawer_top", "NAME"), encoding="utf-8")
     return place
 
@@ -199,7 +201,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def place(exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy that a command may change, as the folder where it is run."""
-    shutil.copytree(exported, tmp_path / "place")
+    shutil.copytree(exported, tmp_path / "place", symlinks=True)
     monkeypatch.chdir(tmp_path / "place")
     return tmp_path / "place"
 
@@ -212,7 +214,8 @@ def test_quick_commands_run_as_they_stand(
     monkeypatch.setattr(
         report_page, "_pictures", lambda _: {"opening": [], "dollhouse": ""}
     )  # has tests of its own
-    assert cli.run(words_of(command)) == 0, capsys.readouterr().err
+    for line in [*([FIRST[command]] if command in FIRST else []), command]:
+        assert cli.run(words_of(line)) == 0, capsys.readouterr().err
 
 
 def python(code: str, folder: Path) -> str:

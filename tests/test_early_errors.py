@@ -29,13 +29,16 @@ CODE = (
 )
 
 
+PAGE = "<title>run · Funtwin</title>"
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run folder with a twin, and a page and a manifest as a reconstruction leaves them."""
     folder = tmp_path_factory.mktemp("run")
     twin.save(cabinet_twin(), folder / "twin")
     (folder / "manifest.json").write_text('{"format": "funtwin-run/1", "stages": []}')
-    (folder / "report.html").write_text("the page")
+    (folder / "report.html").write_text(PAGE)
     return folder
 
 
@@ -82,7 +85,7 @@ def test_a_wrong_name_is_told_before_heavy_imports(
     places = {"RUN": str(run), "OUT": str(tmp_path / "out")}
     assert words in told_early([places.get(word, word) for word in options.split()])
     assert not (tmp_path / "out").exists()
-    assert (run / "report.html").read_text() == "the page"
+    assert (run / "report.html").read_text() == PAGE
 
 
 OUTPUTS = (

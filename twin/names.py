@@ -27,3 +27,16 @@ def legal_name(text: str, taken: Iterable[str] = ()) -> str:
     while name.lower() in used:
         name, k = f"{base}_{k}", k + 1
     return name
+
+
+def unused(name: str, taken: Iterable[str]) -> str:
+    """The name, with underscores behind it until it is none of those taken, whatever their case."""
+    others = {t.lower() for t in taken}
+    while name.lower() in others:
+        name += "_"
+    return name
+
+
+def scene_file(twin: str) -> str:
+    """Name of the file with floor and light beside a twin's MJCF: scene.xml, unless the twin is called so itself."""
+    return f"{unused('scene', [twin])}.xml"

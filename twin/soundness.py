@@ -17,18 +17,14 @@ _FACES = 10_000  # looked at in a larger mesh: every triangle is tried against e
 def require_sound(twin: Twin) -> None:
     """Raises SceneError that names the first moving part with an empty mesh.
 
-    One that has collision shapes and mass stated can do without: it is only invisible.
+    Also where shapes and mass are stated: a file that lost its faces looks the same as one that never had any.
     """
     for part in twin.parts:
-        if (not len(part.mesh.faces) or part.mesh.area < 1e-9) and not _invisible(part):
+        if not len(part.mesh.faces) or part.mesh.area < 1e-9:
             raise SceneError(
                 f"the mesh of part {part.name!r} is empty",
-                "give the part a surface, or collision shapes and mass, or leave it out",
+                "give the part a surface or leave it out",
             )
-
-
-def _invisible(part: Part) -> bool:
-    return bool(part.collision) and part.inertial is not None
 
 
 def overlaps(twin: Twin) -> list[str]:

@@ -198,7 +198,7 @@ def test_a_video_shows_the_motion(drawer, tmp_path: Path):
         frames = [f.to_ndarray(format="rgb24").astype(int) for f in container.decode(video=0)]
         assert container.streams.video[0].codec_context.pix_fmt == "yuv420p"
     assert len(frames) == 12
-    assert frames[0].shape == (120, 160, 3)
+    assert frames[0].shape == (132, 160, 3)  # the picture and its caption
     assert np.abs(frames[0] - frames[-1]).max() > 50
     assert frames[0].std() > 10
 

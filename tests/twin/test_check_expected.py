@@ -166,7 +166,7 @@ def test_agreement_by_chance_is_no_unexpected_pass() -> None:
     assert {r.status for r in rows if r.field == "friction"} == {"known"}
 
 
-@pytest.mark.parametrize("field", FIELDS)
+@pytest.mark.parametrize("field", [f for f in FIELDS if f != "loads"])
 def test_a_field_that_an_engine_no_longer_tells_fails(field: str) -> None:
     asked = {
         "tree": "parent",

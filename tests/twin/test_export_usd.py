@@ -236,7 +236,7 @@ def test_mujoco_finds_keyframes_sites_groups_and_untinted_textures(twin: Twin, e
     for name in ("door", "drawer"):
         assert np.allclose(told["sites"][f"{name}_grasp_site"], twin.part(name).contact.point, atol=1e-6)
     assert told["groups"] == [2, 3]
-    assert told["tints"] == [[0.5, 0.5, 0.5, 1.0]] * 5, "MuJoCo's default, which does not tint"
+    assert told["tints"] == [[1.0, 1.0, 1.0, 1.0]] * 5, "white, which does not tint"
     assert min(told["textured"]) >= 0
     assert set(told["colorspace"]) == {1}, "as the MJCF's textures"
     joints = [k.joint for k in build_tree(twin).moving]

@@ -105,7 +105,12 @@ def test_a_run_folder_is_taken_whole(clean: Exported, tmp_path: Path) -> None:
     for fmt, path in clean.items():
         shutil.copytree(path.parent, tmp_path / "run" / "export" / fmt)
     report = lint([tmp_path / "run"], ignore=SIMULATED)
-    assert [Path(f).name for f in report.files] == ["cabinet.urdf", "cabinet.xml", "cabinet.usda"]
+    assert [Path(f).name for f in report.files] == [
+        "cabinet.urdf",
+        "cabinet.xml",
+        "scene.xml",
+        "cabinet.usda",
+    ]
     with pytest.raises(InputError, match="run `twin export` first"):
         lint([tmp_path])
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -13,7 +12,6 @@ import trimesh
 from tests.laws import random_pose
 from tests.twin.scenes import cabinet_twin
 from twin.cli import run
-from twin.export import export
 from twin.physics import read_materials, shell_inertial, with_physics
 from twin.scene import Mesh, Twin
 from twin.soundness import crossing, overlaps, require_sound
@@ -124,10 +122,3 @@ def test_export_names_an_empty_mesh_and_writes_nothing(
     assert error.strip().splitlines()[-1].startswith("twin: the mesh of part 'door' is empty")
     assert "Traceback" not in error
     assert sorted(tmp_path.rglob("*")) == before
-
-
-def test_a_part_without_surface_but_with_shapes_and_mass_is_exported_invisible(tmp_path: Path) -> None:
-    files = export(with_mesh(EMPTY), tmp_path)
-    assert "all: door has no surface, so it can't be seen" in files.warnings
-    for fmt in ("urdf", "mjcf"):
-        mujoco.MjModel.from_xml_path(str(files[fmt]))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from twin._module_call import call_as
-from twin.check.compare import Truth, compare
+from twin.check.compare import Truth, compare, far_away, loads
 from twin.check.exceptions import expected_to_say
 from twin.check.expected import TIMES, filled
 from twin.check.process import ENGINES, OURS, ask, python_of
@@ -36,7 +36,7 @@ def check(
         exports: format -> file. Left out for a run folder: RUN/export/<format>/.
         engines: names, or "all"; those that come with this project by default.
     Returns:
-        rows for tree, joint type, axis (1e-3 deg), pivot (1e-5 m), limits (1e-5), damping, dry friction, armature and contact
+        rows for whether the file loads, tree, joint type, axis (1e-3 deg), pivot (1e-5 m), limits (1e-5), damping, dry friction, armature and contact
         friction (1e-5 relative), mass and inertia as a world tensor (1e-5 relative), centre of mass (1e-5 m), bounds of the
         visual mesh (1e-4 m), motion in 11 states (1e-5), diagonal of the mass matrix (1e-5 relative), a damped rollout of
         0.5 s (1e-3 of the way) and self-collision (1 mm); ten times that for engines in single precision.
@@ -115,11 +115,12 @@ def _report(
                 f"{fmt}/{engine}: {x}" for x in told["warnings"] if not expected_to_say(engine, fmt, x)
             ]
             versions[engine], seconds[engine, fmt] = told["version"], told["seconds"]
+            rows.append(loads(engine, fmt, told["error"]))
             if told["error"]:
                 warnings.append(f"{fmt}/{engine}: can't be loaded: {' '.join(told['error'].split())}")
             else:
                 rows += compare(engine, fmt, truth, told["parts"])
-    return CheckReport(tuple(rows), tuple(warnings), versions, seconds)
+    return CheckReport(tuple(rows), tuple(warnings), versions, seconds, far_away(truth.twin))
 
 
 def _inputs(source: Twin | AnyPath, exports: Mapping[str, AnyPath] | None) -> tuple[Twin, dict[str, Path]]:

@@ -6,6 +6,13 @@ from twin.check.behaviour import BehaviourReport
 from twin.report.sections import Table
 
 
+def summary(report: BehaviourReport) -> str:
+    """One line."""
+    refused = [w.partition(":")[0] for w in report.warnings]
+    extra = f"; can't be simulated: {', '.join(refused)}" if refused else ""
+    return f"{sum(r.ok for r in report.rows)} of {len(report.rows)} demands on behaviour met{extra}"
+
+
 def tables(report: BehaviourReport) -> list[Table]:
     """What each part does in each format, and every demand that is not met."""
     formats = list(dict.fromkeys(r.format for r in report.rows))

@@ -14,7 +14,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import Inertial, PartPhysics, Revolute, Twin
+from twin.scene import Inertial, Mesh, PartPhysics, Revolute, Twin
 
 GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2
 STATES = 11
@@ -77,6 +77,11 @@ def armatures(twin: Twin) -> Array:
     return np.array(out)
 
 
+def surface(mesh: Mesh) -> Array:
+    """Vertices (n, 3) m that a face uses: the others are no part of the surface, whatever a scan left there."""
+    return np.asarray(mesh.vertices[np.unique(mesh.faces)])
+
+
 def motion(twin: Twin, states: Array) -> Array:
     """Poses (parts, n, 4, 4) from state 0 to every row of `states` (n, parts)."""
     ids = [p.id for p in twin.parts]
@@ -112,6 +117,10 @@ class Dynamics:
     def mass_matrix(self, q: Array) -> Array:
         """Joint-space inertia (parts, parts) at q (parts,)."""
         return self._terms(q, np.zeros(len(q)))[0]
+
+    def forces(self, q: Array, v: Array) -> Array:
+        """Generalised forces (parts,) of gravity and of turning axes, as they stand on the side of the inertia: h."""
+        return self._terms(q, v)[1]
 
     def acceleration(self, q: Array, v: Array) -> Array:
         """q'' (parts,)."""

@@ -60,16 +60,20 @@ def _agreement(progress: Progress, twin: Twin, files: Mapping[str, Path], engine
     summary = check_tables.summary(report)
     progress("check", 1.0, summary)
     shown, notes = check_tables.tables(report), check_tables.notes(report)
-    return Proof("agreement", report.ok, summary, report.to_dict(), shown, notes, report.warnings)
+    return Proof(
+        "agreement", report.ok, summary, report.to_dict(), shown, notes, (*report.warnings, *report.notes)
+    )
 
 
 def _behaviour(progress: Progress, twin: Twin, files: Mapping[str, Path]) -> Proof:
     progress("behaviour", 0.0, "moving the parts in MuJoCo")
     report = behave(twin, files)
-    summary = f"{sum(r.ok for r in report.rows)} of {len(report.rows)} demands on behaviour met"
+    summary = behaviour_tables.summary(report)
     progress("behaviour", 1.0, summary)
     shown = behaviour_tables.tables(report)
-    return Proof("behaviour", report.ok, summary, report.to_dict(), shown, warnings=report.warnings)
+    return Proof(
+        "behaviour", report.ok, summary, report.to_dict(), shown, warnings=(*report.warnings, *report.notes)
+    )
 
 
 def _contacts(twin: Twin) -> Proof:

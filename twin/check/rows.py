@@ -49,12 +49,13 @@ class CheckRow:
 @dataclass(frozen=True)
 class CheckReport:
     """Rows, and whatever a loader warned about or failed with, as "format/engine: text"; versions of the engines and the
-    seconds that each took for a format."""
+    seconds that each took for a format; notes on what limits the comparison."""
 
     rows: tuple[CheckRow, ...]
     warnings: tuple[str, ...]
     versions: Mapping[str, str] = field(default_factory=dict)
     seconds: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -75,6 +76,7 @@ class CheckReport:
         return {
             "ok": self.ok,
             "warnings": list(self.warnings),
+            "notes": list(self.notes),
             "engines": dict(self.versions),
             "rows": [_plain(r) for r in self.rows],
             "known_unsupported": [

@@ -17,6 +17,8 @@ def summary(report: CheckReport) -> str:
     known = sum(r.status == "known" for r in report.rows)
     agree = sum(r.agrees for r in report.rows)
     extra = f"; {known} are known not to be supported" if known else ""
+    refused = [f"{r.format} in {r.consumer}" for r in report.failures if r.field == "loads"]
+    extra += f"; can't be loaded: {', '.join(refused)}" if refused else ""
     return f"{agree} of {len(report.rows) - known} comparisons agree{extra}"
 
 

@@ -89,9 +89,6 @@ def export(
         for k in tree.links
         if not k.collision
     ]
-    warnings += [
-        f"all: {k.name} has no surface, so it can't be seen" for k in tree.moving if not len(k.visual.faces)
-    ]
     warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready))]
     warnings += [f"all: {off.problem}; {off.remedy}" for off in contacts_off(twin)]
     try:

@@ -12,28 +12,35 @@ from twin.export.asset import AssetInfo
 from twin.export.obj import TexturedFiles, write_hull, write_textured
 from twin.export.tree import Link, Tree, front, numbers
 from twin.geometry import Array
+from twin.names import scene_file, unused
 from twin.scene import Mesh
 
 _ASIDE = 25.0  # deg: the scene's first view is not straight from the front
+# Shares of a surface's own colour that each light shows: together 0.98, so that white stays below 255 wherever it faces; what
+# faces the camera alone has 0.83, what faces no light 0.5. Highlights would add to that and are left out. Chosen by us.
+_HEADLIGHT = {"ambient": 0.5, "diffuse": 0.33, "specular": 0.0}
+_LAMP = 0.15
 _MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
 
 
 def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]:
-    """Write `<name>.xml`, scene.xml and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
+    """Write `<name>.xml`, its scene (scene.xml) and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
     everything a tree holds)."""
     assets = folder / "assets"
     assets.mkdir(parents=True, exist_ok=True)
     root = ET.Element("mujoco", model=tree.name)
     ET.SubElement(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
-    _defaults(root, tree.name)
+    _defaults(root, tree)
     asset = ET.SubElement(root, "asset")
-    body = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=tree.name)
+    body = ET.SubElement(
+        ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=_main_class(tree)
+    )
     _fill(body, tree.root, tree, asset, assets)
     _excludes(root, tree)
     _keyframes(root, tree)
     path = folder / f"{tree.name}.xml"
     write_xml(root, path)
-    write_xml(_scene(tree), folder / "scene.xml")
+    write_xml(_scene(tree), folder / scene_file(tree.name))
     return path, []
 
 
@@ -43,8 +50,14 @@ def write_xml(root: ET.Element, path: Path) -> None:
     path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8", newline="\n")
 
 
-def _defaults(root: ET.Element, name: str) -> None:
+def _main_class(tree: Tree) -> str:
+    """Class of the whole model; "main" is MuJoCo's own, above all classes."""
+    return unused(tree.name, ["main"])
+
+
+def _defaults(root: ET.Element, tree: Tree) -> None:
     """Classes are named after the model, so that several twins fit into one scene."""
+    name = _main_class(tree)
     main = ET.SubElement(ET.SubElement(root, "default"), "default", {"class": name})
     visual = ET.SubElement(main, "default", {"class": f"{name}_visual"})
     ET.SubElement(visual, "geom", type="mesh", contype="0", conaffinity="0", group="2", density="0")
@@ -66,11 +79,11 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: P
             armature=numbers(j.armature),
         )  # fmt: skip
     if len(link.visual.faces):
-        _visual(body, link, tree.name, asset, folder)
-    _collision(body, link, tree.name, asset, folder)
+        _visual(body, link, _main_class(tree), asset, folder)
+    _collision(body, link, _main_class(tree), asset, folder)
     if link.grasp is not None:
         ET.SubElement(
-            body, "site", {"class": f"{tree.name}_grasp"}, name=f"{link.name}_grasp",
+            body, "site", {"class": f"{_main_class(tree)}_grasp"}, name=f"{link.name}_grasp",
             pos=numbers(link.grasp[:3, 3]), quat=numbers(geo.quat_wxyz_from_matrix(link.grasp[:3, :3])),
         )  # fmt: skip
     for child in tree.children(link.name):
@@ -78,7 +91,7 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: P
         _fill(inner, child, tree, asset, folder)
 
 
-def _visual(body: ET.Element, link: Link, model: str, asset: ET.Element, folder: Path) -> None:
+def _visual(body: ET.Element, link: Link, kind: str, asset: ET.Element, folder: Path) -> None:
     files: TexturedFiles = write_textured(link.visual, folder, f"{link.name}_visual")
     material = {"name": f"{link.name}_material", "specular": "0.2", "shininess": "0.2"}
     if files.png:
@@ -89,12 +102,12 @@ def _visual(body: ET.Element, link: Link, model: str, asset: ET.Element, folder:
     ET.SubElement(asset, "material", material)
     ET.SubElement(asset, "mesh", name=f"{link.name}_visual", file=files.obj, inertia="shell")
     ET.SubElement(
-        body, "geom", {"class": f"{model}_visual"}, name=f"{link.name}_visual", mesh=f"{link.name}_visual",
+        body, "geom", {"class": f"{kind}_visual"}, name=f"{link.name}_visual", mesh=f"{link.name}_visual",
         material=f"{link.name}_material",
     )  # fmt: skip
 
 
-def _collision(body: ET.Element, link: Link, model: str, asset: ET.Element, folder: Path) -> None:
+def _collision(body: ET.Element, link: Link, kind: str, asset: ET.Element, folder: Path) -> None:
     friction = numbers([link.friction, 0.005, 0.0001])
     for k, piece in enumerate(link.collision):
         name = f"{link.name}_collision_{k}"
@@ -102,11 +115,11 @@ def _collision(body: ET.Element, link: Link, model: str, asset: ET.Element, fold
             write_hull(piece, folder / f"{name}.obj")
             ET.SubElement(asset, "mesh", name=name, file=f"{name}.obj")
             ET.SubElement(
-                body, "geom", {"class": f"{model}_collision"}, name=name, type="mesh", mesh=name, friction=friction
+                body, "geom", {"class": f"{kind}_collision"}, name=name, type="mesh", mesh=name, friction=friction
             )  # fmt: skip
         else:
             ET.SubElement(
-                body, "geom", {"class": f"{model}_collision"}, name=name, type="box", size=numbers(piece.size / 2),
+                body, "geom", {"class": f"{kind}_collision"}, name=name, type="box", size=numbers(piece.size / 2),
                 pos=numbers(piece.T_world_box[:3, 3]),
                 quat=numbers(geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3])), friction=friction,
             )  # fmt: skip
@@ -150,9 +163,8 @@ def _scene(tree: Tree) -> ET.Element:
         root, "statistic", center=numbers(np.round(center, 4)), extent=numbers(round(max(extent, 0.1), 4))
     )
     visual = ET.SubElement(root, "visual")
-    ET.SubElement(
-        visual, "headlight", diffuse="0.5 0.5 0.5", ambient="0.35 0.35 0.35", specular="0.1 0.1 0.1"
-    )
+    shades = {k: numbers([v] * 3) for k, v in _HEADLIGHT.items()}
+    ET.SubElement(visual, "headlight", shades)
     ET.SubElement(
         visual,
         "global",
@@ -173,8 +185,9 @@ def _scene(tree: Tree) -> ET.Element:
     ET.SubElement(asset, "material", name="floor", texture="floor", texrepeat="2 2", texuniform="true")
     world = ET.SubElement(root, "worldbody")
     ET.SubElement(
-        world, "light", pos=numbers(np.round(center + [0, 0, 3.0], 4)), dir="0 0 -1", directional="true"
-    )
+        world, "light", pos=numbers(np.round(center + [0, 0, 3.0], 4)), dir="0 0 -1", directional="true",
+        diffuse=numbers([_LAMP] * 3), specular="0 0 0",
+    )  # fmt: skip
     ET.SubElement(
         world, "geom", name="floor", type="plane", size="0 0 0.05", material="floor",
         pos=numbers([0.0, 0.0, np.floor(min(low[2], _lowest(tree)) * 1000 - 1) / 1000]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from twin.export.tree import Tree
+from twin.names import scene_file
 
 _PASSIVE = """Its joints are passive. Isaac Sim's URDF importer makes every joint a position servo, which holds a door
 shut: choose no target for the joint drives when you import, or set their stiffness to 0 afterwards."""
@@ -38,7 +39,7 @@ def _urdf(tree: Tree) -> str:
 
 
 def _mjcf(tree: Tree) -> str:
-    return f"""`scene.xml` is `{tree.name}.xml` with floor and light; include or attach `{tree.name}.xml` into your own scene.
+    return f"""`{scene_file(tree.name)}` is `{tree.name}.xml` with floor and light; include or attach `{tree.name}.xml` into your own scene.
 
 - Keyframes `closed` and `open`; sites `<part>_grasp` (x along the closing direction of a gripper, y along the handle, z out
   of the part); visual geoms in group 2, collision geoms in group 3.

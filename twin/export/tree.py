@@ -7,7 +7,6 @@ The root link is the static scene and its frame is the world.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.errors import SceneError
+from twin.export.visual import drawn
 from twin.geometry import Array
 from twin.physics import armature, static_friction
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
@@ -22,6 +22,10 @@ from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 # URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand does.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
+_ROUNDING, _LEAST = (
+    1e-9,
+    1e-9,
+)  # of a tensor's trace, and kg m^2: far above double precision, far below any scene; chosen by us
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
 
@@ -90,7 +94,7 @@ def build_tree(twin: Twin) -> Tree:
         name=twin.static.name,
         parent=None,
         offset=np.zeros(3),
-        visual=twin.static.mesh,
+        visual=drawn(twin.static.mesh),
         collision=twin.static.collision,
         friction=static_friction(twin),
         mass=mass,
@@ -149,7 +153,9 @@ def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
     corners = corners - com
     vertices = np.concatenate([corners, corners.sum(axis=1, keepdims=True)], axis=1)
     second = np.einsum("f,fki,fkj->ij", mass / 12, vertices, vertices)  # moments of triangles
-    return total, com, np.trace(second) * np.eye(3) - second
+    tensor = np.trace(second) * np.eye(3) - second
+    # a flat scene's moments meet the triangle inequality as an equation, which rounding can break
+    return total, com, tensor + max(_ROUNDING * float(np.trace(tensor)), _LEAST) * np.eye(3)
 
 
 def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
@@ -164,7 +170,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
         name=part.name,
         parent=parent,
         offset=offset,
-        visual=part.mesh.transformed(to_link),
+        visual=drawn(part.mesh.transformed(to_link)),
         collision=tuple(_moved(c, to_link) for c in part.collision),
         friction=part.physics.friction.value,
         joint=TreeJoint(
@@ -201,14 +207,6 @@ def front(tree: Tree) -> Array:
 
 def _moved(piece: Collision, pose: Array) -> Collision:
     return piece.transformed(pose) if isinstance(piece, Mesh) else Box(pose @ piece.T_world_box, piece.size)
-
-
-def unused(name: str, taken: Iterable[str]) -> str:
-    """The name, with underscores behind it until it is none of those taken, whatever their case."""
-    others = {t.lower() for t in taken}
-    while name.lower() in others:
-        name += "_"
-    return name
 
 
 def numbers(values: object) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 from twin import geometry as geo
 from twin.export.asset import AssetInfo
 from twin.export.mjcf import write_xml
-from twin.export.obj import mean_color, write_hull, write_textured
-from twin.export.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers, unused
+from twin.export.obj import write_hull, write_textured
+from twin.export.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array
+from twin.names import unused
 from twin.scene import Mesh
 
 MESHES = "meshes/"
@@ -79,7 +80,9 @@ def _link(root: ET.Element, link: Link, folder: Path) -> None:
         _origin(visual, np.eye(4))
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"{MESHES}{files.obj}")
         material = ET.SubElement(visual, "material", name=f"{link.name}_material")
-        ET.SubElement(material, "color", rgba=numbers([*mean_color(link.visual), 1.0]))
+        # readers multiply the texture with this colour (PyBullet), or draw the mesh in it without any texture
+        color = (1.0, 1.0, 1.0) if files.png else files.color
+        ET.SubElement(material, "color", rgba=numbers([*color, 1.0]))
     for k, piece in enumerate(link.collision):
         name = f"{link.name}_collision_{k}"
         collision = ET.SubElement(element, "collision", name=name)

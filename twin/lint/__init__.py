@@ -17,6 +17,7 @@ from twin.errors import InputError, nearest_name
 from twin.lint.model import Behaviour, LintModel, Severity
 from twin.lint.rules import RULES
 from twin.lint.rules.twins import TWIN_RULES
+from twin.names import scene_file
 from twin.paths import AnyPath
 from twin.storage import load
 
@@ -147,7 +148,7 @@ def _apply(model: LintModel, ignore: frozenset[str], simulates: bool) -> list[Fi
 
 
 def _files(path: Path) -> list[Path]:
-    """The file itself, or the main file of every format that a run folder exported."""
+    """The file itself, or the main file of every format that a run folder exported, and the scene of MJCF."""
     if not path.is_dir():
         return [path]
     run = path.parent if path.name == "twin" and (path / "twin.json").is_file() else path
@@ -161,9 +162,12 @@ def _files(path: Path) -> list[Path]:
             ) from e
     found: list[Path] = []
     for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*")):
-        files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file() and f.name != "scene.xml"]
+        files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file()]
         # beside the main file lie stages for other runtimes, <name>_physx.usda, whose friction only those know
-        found += sorted(files, key=lambda f: (len(f.name), f.name))[:1]
+        files.sort(key=lambda f: (len(f.name), f.name))
+        scenes = {f: f.with_name(scene_file(f.stem)) for f in files if fmt == "mjcf"}
+        whole = [[f, scene] for f, scene in scenes.items() if scene.is_file()]
+        found += whole[0] if whole else files[:1]
     if not found:
         raise InputError(f"{path} holds no exported files", "run `twin export` first, or name a file")
     return found

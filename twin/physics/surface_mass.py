@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
-from twin.collision.decimation import decimated
-from twin.collision.union import OVERLAP, united
 from twin.errors import SceneError
 from twin.geometry import Array
 from twin.physics.mass_bounds import shape_bounds
@@ -50,6 +48,11 @@ def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
     """
     if mesh.area < 1e-9:
         raise SceneError("a part's mesh has no area, so its mass can't be estimated", "give the part a mesh")
+    from twin.collision.union import (
+        OVERLAP,
+        united,
+    )  # imports SciPy, which a table of materials has no need of
+
     whole = united(mesh)
     if whole is not None and whole.share > OVERLAP:
         mesh = whole.mesh
@@ -83,6 +86,8 @@ class _Shell:
 
     @staticmethod
     def of(mesh: Mesh, thickness: float) -> _Shell:
+        from twin.collision.decimation import decimated
+
         solid = _closed_volume(mesh)
         fine = _cut(decimated(mesh, 2 * _MOST_FACES), thickness)
         areas, normals = _face_frames(fine)

@@ -1,8 +1,8 @@
 """MuJoCo moves the parts of exported files; run as an engine of its own, see the package.
 
-A job is {path, format, parts}; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
+A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
 N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
-demonstration. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
+demonstration, and slides, whether its weight is more than friction holds when it is closed. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
 The files are simulated as they are, with the step and the integrator that they ask for. One thing is changed, in memory: in
 `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight of a lid; in `_sweep` bodies that
@@ -27,8 +27,9 @@ REST_SECONDS = 10.0
 REACH_SECONDS = 10.0
 SWING_SECONDS = 5.0
 SWEEP_STATES = 41
+SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
 VERSION = mujoco.__version__
-_LOOK = 5  # steps between two looks at a simulation
+_LOOK = 1  # steps between two looks: what others gain until they are held again pushes the part
 _STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
 _BROKEN = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -73,17 +74,18 @@ def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
     model = mujoco.MjSpec.from_file(str(path)).compile()
-    scene = path.parent / "scene.xml"  # has a floor as well, which an opening part may meet
-    weightless, touching = copy(model), _touching(scene if scene.is_file() and fmt == "mjcf" else path)
+    weightless, touching = copy(model), _touching(Path(job["scene"]))
     weightless.opt.gravity[:] = 0.0
-    rest = _guarded(_rest, model, parts)
     out: dict[str, Any] = {}
     for part in parts:
         free = _moved(weightless, part)
         weighed = _moved(model, part)
+        closed = _moved(model, {**part, "held": {}})
         out[part["name"]] = {
-            "rest": None if rest is None else rest[part["name"]],
-            "rest_half_open": _guarded(_half_open, weighed),
+            "rest": None if part["slides"] else _guarded(_stay, closed, 0.0),
+            "rest_half_open": _guarded(_stay, weighed, (weighed.lower + weighed.upper) / 2),
+            "slide": _guarded(_slide, closed) if part["slides"] else None,
+            "armature": float(model.dof_armature[weighed.dof]),
             "open": _guarded(_reach, free, free.lower, part["force"]),
             "close": _guarded(_reach, free, free.upper, -part["force"]),
             "sweep": _sweep(_moved(touching, part)),
@@ -111,11 +113,12 @@ def _moved(model: Any, part: Mapping[str, Any]) -> _Moved:
     for name, state in part["held"].items():
         home[model.jnt_qposadr[joints[f"{name}_joint"]]] = state
     j = joints[f"{part['name']}_joint"]
+    own = int(model.jnt_dofadr[j])
     lower, upper = map(float, model.jnt_range[j])
     return _Moved(
         model,
         int(model.jnt_bodyid[j]),
-        int(model.jnt_dofadr[j]),
+        own,
         int(model.jnt_qposadr[j]),
         lower,
         upper,
@@ -146,35 +149,40 @@ def _insist(data: Any) -> None:
         raise _BrokenDown
 
 
-def _rest(model: Any, parts: list[dict[str, Any]]) -> dict[str, float]:
-    """Greatest change of state (m or rad) of every part in 10 s, all closed at the start."""
-    data = mujoco.MjData(model)
-    at = {p["name"]: _moved(model, p).at for p in parts}
-    data.qpos[:] = 0.0
-    most = np.zeros(model.nq)
-
-    def look() -> bool:
-        np.maximum(most, np.abs(data.qpos), out=most)
-        return False
-
-    _steps(model, data, REST_SECONDS, look)
-    return {name: float(most[k]) for name, k in at.items()}
+def _slide(part: _Moved) -> list[float]:
+    """States at SLIDE_TIMES of the part let go when all are closed."""
+    data, course = part.data(0.0), []
+    for until in SLIDE_TIMES:
+        while data.time < until - part.model.opt.timestep / 2:
+            mujoco.mj_step(part.model, data)
+            part.hold_others(data)
+        _insist(data)
+        course.append(float(data.qpos[part.at]))
+    return course
 
 
-def _half_open(part: _Moved) -> dict[str, float]:
-    """Greatest change of state in 10 s when left half open, and the greatest pull of gravity (N or N m) on the way."""
-    data = part.data((part.lower + part.upper) / 2)
-    begin, most = float(data.qpos[part.at]), 0.0
+def _creep(part: _Moved, pull: float) -> float:
+    """Speed (m/s or rad/s) at which dry friction yields to a `pull` (N or N m) that it holds: MuJoCo's friction is a soft
+    constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model")."""
+    model, (constant, ratio) = part.model, map(float, part.model.dof_solref[part.dof])
+    d = float(model.dof_solimp[part.dof, 0])
+    damping = 2.0 / (float(model.dof_solimp[part.dof, 1]) * constant) if constant > 0 else -ratio
+    return (1.0 - d) / d * float(model.dof_invweight0[part.dof]) * pull / damping
+
+
+def _stay(part: _Moved, state: float) -> dict[str, float]:
+    """Greatest change of state in 10 s when left at `state`, and what friction would yield to gravity's pull in that time."""
+    data, most = part.data(state), 0.0
 
     def look() -> bool:
         nonlocal most
         part.hold_others(data)
-        most = max(most, abs(float(data.qpos[part.at]) - begin))
+        most = max(most, abs(float(data.qpos[part.at]) - state))
         return False
 
-    pull = abs(float(data.qfrc_bias[part.dof]))
+    creep = REST_SECONDS * _creep(part, abs(float(data.qfrc_bias[part.dof])))
     _steps(part.model, data, REST_SECONDS, look)
-    return {"drift": most, "pull": pull}
+    return {"drift": most, "creep": creep}
 
 
 def _reach(part: _Moved, start: float, force: float) -> dict[str, float]:

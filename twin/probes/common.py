@@ -82,27 +82,6 @@ def stepped(
     return np.array(course)
 
 
-def runge_kutta(
-    acceleration: Callable[[Array, Array], Array], position: ArrayLike, velocity: ArrayLike,
-    times: Sequence[float], step: float,
-) -> Array:  # fmt: skip
-    """Positions (t, n) at `times` (s, increasing) by the classical method of fourth order."""
-    q, v, now, out = np.asarray(position, float), np.asarray(velocity, float), 0.0, []
-    for until in times:
-        count = max(1, round((until - now) / step))
-        h = (until - now) / count
-        for _ in range(count):
-            a1 = acceleration(q, v)
-            a2 = acceleration(q + h / 2 * v, v + h / 2 * a1)
-            a3 = acceleration(q + h / 2 * v + h * h / 4 * a1, v + h / 2 * a2)
-            a4 = acceleration(q + h * v + h * h / 2 * a2, v + h * a3)
-            q = q + h * v + h * h / 6 * (a1 + a2 + a3)
-            v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-        now = until
-        out.append(q)
-    return np.array(out)
-
-
 def keep(out: dict[str, Any], field: str, values: Array, parts: Sequence[str]) -> None:
     """Hand columns of `values` (..., n) to the parts, in order."""
     for k, name in enumerate(parts):

@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 
 from .common import Array, bounds, keep, pose, tensor
+from .stiff import integrated
 
 VERSION = mujoco.__version__
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
-STEP = 5e-4  # s; its Runge-Kutta of fourth order
 
 
 def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
@@ -110,19 +110,20 @@ def _mass_diagonal(
 def _rollout(
     model: Any, data: Any, found: dict[str, tuple[int, int]], job: dict[str, Any], out: dict[str, Any]
 ) -> None:
+    """Its accelerations, without contacts, limits and dry friction: its own integrators have a fixed step."""
     places, dofs = _address(model, found)
-    flags, integrator, step = model.opt.disableflags, model.opt.integrator, model.opt.timestep
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # contacts, limits, dry friction
-    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
+    flags = model.opt.disableflags
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     mujoco.mj_resetData(model, data)
-    data.qpos[places], data.qvel[dofs] = job["position"], job["velocity"]
-    course = []
-    for until in job["times"]:
-        while data.time < until - STEP / 2:
-            mujoco.mj_step(model, data)
-        course.append(data.qpos[places].copy())
-    keep(out, "rollout", np.array(course), list(found))
-    model.opt.disableflags, model.opt.integrator, model.opt.timestep = flags, integrator, step
+
+    def acceleration(q: Array, v: Array) -> Array:
+        data.qpos[places], data.qvel[dofs] = q, v
+        mujoco.mj_forward(model, data)
+        return np.array(data.qacc[dofs])
+
+    course = integrated(acceleration, job["position"], job["velocity"], job["times"])
+    keep(out, "rollout", course, list(found))
+    model.opt.disableflags = flags
     mujoco.mj_resetData(model, data)
 
 

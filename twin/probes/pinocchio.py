@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from .common import Array, bounds, keep, pose, runge_kutta, tensor
+from .common import Array, bounds, keep, pose, tensor
+from .stiff import integrated
 
 VERSION = pin.__version__
-STEP = 1e-3  # s
 
 
 def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
         return np.asarray(pin.aba(model, data, q, v, -model.damping * v))
 
     start = [_full(model, index, job[x]) for x in ("position", "velocity")]
-    course = runge_kutta(acceleration, start[0], start[1], job["times"], STEP)
+    course = integrated(acceleration, start[0], start[1], job["times"])
     keep(out, "rollout", course[:, index], list(ids))
     _bounds(model, path, fmt, ids, out)
     return out

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -71,11 +73,24 @@ def validate_usd(path: Path) -> UsdVerdict:
         InputError: the file is missing, or a validator fails to run. MissingDependencyError: they are not installed.
     """
     python = interpreter("validators")
-    files = stages(path)
-    asset = files[-1]
-    findings = check_rules(files, python)
-    told, features = _profile(python, asset)
+    with _neutral(stages(path)) as files:
+        findings = check_rules(files, python)
+        told, features = _profile(python, files[-1])
     return UsdVerdict(tuple(findings + told), features)
+
+
+@contextmanager
+def _neutral(files: Sequence[Path]) -> Iterator[list[Path]]:
+    """The files of an export in a copy whose folder is called usd: some rules judge every name of a path, and what a person
+    calls the folder above is none of the file's faults. A file that is no export may refer to others and is judged in place."""
+    if len(files) == 1:
+        yield list(files)
+        return
+    root = files[0].parent
+    with tempfile.TemporaryDirectory(prefix="usd") as folder:
+        copy = Path(folder) / "usd"
+        shutil.copytree(root, copy)
+        yield [copy / f.relative_to(root) for f in files]
 
 
 def stages(path: Path) -> list[Path]:

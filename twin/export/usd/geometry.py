@@ -92,7 +92,9 @@ def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
         uv = Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(baked.uv, dtype=np.float32))
         _primvar(shape, "st", Sdf.ValueTypeNames.TexCoord2fArray, uv, "faceVarying")
         colors, which = np.unique(mesh.colors, axis=0, return_inverse=True)
-        table, where, index = (colors / 255.0) ** 2.2, "vertex", which.ravel()
+        # white comes first and no vertex has it: MuJoCo takes a table's first colour and tints the texture with it
+        table = np.concatenate([np.ones((1, 3)), (colors / 255.0) ** 2.2])
+        where, index = "vertex", which.ravel() + 1
     else:
         table, where, index = np.array([mean_color(mesh)]) ** 2.2, "constant", None
     _primvar(shape, "displayColor", Sdf.ValueTypeNames.Color3fArray, points(np.round(table, 4)), where, index)

@@ -91,9 +91,6 @@ def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
         if len(link.visual.faces):
             shape = stage.OverridePrim(f"{path}/{link.name}_visual")
             _group(shape, "MjcImageableAPI", 2)
-            color = UsdGeom.PrimvarsAPI(shape).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray)
-            color.GetAttr().Block()  # MuJoCo would tint the texture with the first vertex's colour
-            color.CreateIndicesAttr().Block()
         for name in collision_names(link):
             _group(stage.OverridePrim(f"{path}/{name}"), "MjcCollisionAPI", 3)
         if link.grasp is not None:

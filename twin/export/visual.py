@@ -1,0 +1,54 @@
+"""What is drawn of a surface: its own vertices only, and never so flat that a reader refuses it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.geometry import Array
+from twin.scene import Mesh
+
+# m, chosen by us: a tenth of what the check allows of a mesh's bounds, and far above a reader's smallest volume
+SHEET = 1e-5
+_SPACINGS = 8  # of single precision, in which readers keep a mesh; chosen by us
+
+
+def drawn(mesh: Mesh) -> Mesh:
+    """The mesh as writers write it: without vertices that no face uses, and without faces when these have no area.
+
+    A flat mesh (a sheet seen from one side) encloses nothing, and MuJoCo refuses it in URDF and in USD, where nothing says that
+    it is a shell; a single triangle it refuses everywhere. It gets its back: every face once more, turned around, and
+    SHEET behind. This is for what is drawn only: mass and collision shapes come from the twin.
+    """
+    used, index = np.unique(mesh.faces, return_inverse=True)
+    vertices = mesh.vertices[used]
+    faces = np.asarray(index.reshape(-1, 3), dtype=np.int32)
+    colors = None if mesh.colors is None else mesh.colors[used]
+    normals, area = _normals(vertices, faces)
+    if not area.sum() > 0:
+        return Mesh(vertices[:0], faces[:0], None if colors is None else colors[:0])
+    thick = max(SHEET, _SPACINGS * float(np.spacing(np.float32(np.abs(vertices).max()))))
+    if _thickness(vertices[faces], normals, area) >= thick:
+        return Mesh(vertices, faces, colors)
+    behind = (vertices[faces] - thick * normals[:, None]).reshape(-1, 3)
+    back = len(vertices) + np.arange(len(behind)).reshape(-1, 3)[:, ::-1]
+    return Mesh(
+        np.concatenate([vertices, behind]),
+        np.concatenate([faces, np.asarray(back, dtype=np.int32)]),
+        None if colors is None else np.concatenate([colors, colors[faces.ravel()]]),
+    )
+
+
+def _normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, Array]:
+    """Unit normals (f, 3), zero without area, and areas (f,) m^2."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1)
+    return cross / np.maximum(length, 1e-300)[:, None], length / 2
+
+
+def _thickness(corners: Array, normals: Array, area: Array) -> float:
+    """Mean distance (m) of the faces' planes from their common centroid: what a reader multiplies by the area."""
+    middles = corners.mean(axis=1)
+    centroid = area @ middles / area.sum()
+    return float(area @ np.abs(np.einsum("fi,fi->f", normals, middles - centroid)) / area.sum())
