@@ -132,7 +132,7 @@ def test_a_concave_collision_mesh_is_refused_with_its_name(
     assert run(["export", str(tmp_path)]) == 1
 
 
-def test_thin_open_flat_and_noisy_convex_meshes_are_accepted(exact: Twin) -> None:
+def test_thin_open_and_noisy_convex_meshes_are_accepted_and_flat_ones_refused(exact: Twin) -> None:
     rng = np.random.default_rng(0)
     scan = trimesh.creation.box((0.1, 0.1, 0.02)).subdivide_to_size(0.005)
     lidless = trimesh.creation.box((0.3, 0.3, 0.1))
@@ -143,7 +143,11 @@ def test_thin_open_flat_and_noisy_convex_meshes_are_accepted(exact: Twin) -> Non
         np.array(scan.vertices) + 0.0015 * rng.normal(size=scan.vertices.shape), np.array(scan.faces)
     )
     thin = mesh_of(trimesh.creation.box((0.5, 0.5, 0.0005)))
-    shapes = (thin, mesh_of(lidless), mesh_of(nested), flat, noisy, mesh_of(trimesh.creation.icosphere(4)))
+    shapes = (thin, mesh_of(lidless), mesh_of(nested), noisy, mesh_of(trimesh.creation.icosphere(4)))
     require_convex(with_shapes(exact, door=shapes))
+    with pytest.raises(
+        SceneError, match=r"collision\[1\] of 'door' is flat"
+    ):  # MuJoCo loads no file with one
+        require_convex(with_shapes(exact, door=(thin, flat)))
     turned = Mesh(shapes[1].vertices, shapes[1].faces[:, ::-1].copy())
     assert hollow(turned)[0] < 1e-6
