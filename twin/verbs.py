@@ -28,9 +28,10 @@ def demo(
     steps.named("robots:resolve")(robot)
     recording = recording or asset("recordings/cabinet_drawer")
     truth = recording / "truth"
+    opened = steps.named("recon.recording:open_recording")(recording)
     with console.progress() as progress, _page(out):
         settings = _settings("recon.config:ReconConfig", config, set)
-        done = [steps.reconstruct(progress, recording, out, None, settings)]
+        done = [steps.reconstruct(progress, opened, out, settings)]
         with claimed(out):
             if truth.is_dir():
                 done.append(steps.evaluate(progress, out, truth))
@@ -54,6 +55,7 @@ def simulate(
     """Render a recording with truth."""
     require_writable(out)
     settings = _settings("recon.simulate.config:SimulateConfig", config, set)
+    steps.named("recon.simulate.joints:require_joint")(scene, joint)
     with console.progress() as progress:
 
         def tell(done: int, total: int) -> None:
@@ -74,9 +76,10 @@ def reconstruct(
 ) -> Outcome:
     """Recording to twin."""
     _require_run(out)
+    opened = steps.named("recon.recording:open_recording")(recording, layout)
     settings = _settings("recon.config:ReconConfig", config, set)
     with console.progress() as progress, _page(out):
-        return steps.reconstruct(progress, recording, out, layout, settings, joint_hint).outcome
+        return steps.reconstruct(progress, opened, out, settings, joint_hint).outcome
 
 
 def import_scene(
