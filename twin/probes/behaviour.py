@@ -123,7 +123,9 @@ def _moved(spec: Any, whole: Any, part: str, held: Mapping[str, float]) -> _Move
     alone.compiler.fusestatic = False
     model = alone.compile()
     lower, upper = map(float, model.jnt_range[0])
-    return _Moved(model, int(model.jnt_bodyid[0]), int(model.jnt_dofadr[0]), int(model.jnt_qposadr[0]), lower, upper)
+    return _Moved(
+        model, int(model.jnt_bodyid[0]), int(model.jnt_dofadr[0]), int(model.jnt_qposadr[0]), lower, upper
+    )
 
 
 def _joint(model: Any, part: str) -> int:
@@ -194,15 +196,16 @@ def _creep(part: _Moved, pull: float) -> float:
 
 
 def _stay(part: _Moved, state: float) -> dict[str, float]:
-    """Greatest change of state in 10 s when left at `state`, and what friction would yield to gravity's pull in that time."""
-    data, most = part.data(state), 0.0
+    """Greatest change of state in 10 s when left at `state`, and what friction would yield in that time to gravity's pull where
+    the part is: a door that creeps away from its balance is pulled more and more."""
+    data, most, creep = part.data(state), 0.0, 0.0
 
     def look() -> bool:
-        nonlocal most
+        nonlocal most, creep
         most = max(most, abs(float(data.qpos[part.at]) - state))
+        creep += part.model.opt.timestep * _creep(part, abs(float(data.qfrc_bias[part.dof])))
         return False
 
-    creep = REST_SECONDS * _creep(part, abs(float(data.qfrc_bias[part.dof])))
     _steps(part.model, data, REST_SECONDS, look)
     return {"drift": most, "creep": creep}
 
