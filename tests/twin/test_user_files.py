@@ -9,13 +9,14 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.twin.scenes import cabinet_twin
-from twin import atomic, cli
+from twin import atomic, cli, stages
 from twin.document import extra_of, with_extra
 from twin.errors import InputError
 from twin.export import export
@@ -360,3 +361,12 @@ def test_an_error_of_a_full_disk_names_the_file(tmp_path: Path, monkeypatch: pyt
         atomic.write_file(tmp_path / "a.json", b"new")
     assert told.value.filename == str(tmp_path / "a.json")
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.json", "old")]
+
+
+def test_a_run_that_can_not_begin_gives_its_folder_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stages, "write_text", Mock(side_effect=OSError(errno.EFBIG, "File too large")))
+    with pytest.raises(OSError, match="File too large"):
+        stages.Run(tmp_path, "fingerprint", config={"a": 1})
+    assert not (tmp_path / ".lock").exists()
