@@ -156,7 +156,9 @@ def _files(path: Path) -> list[Path]:
         try:
             name = str(read_document(run / "twin" / "twin.json")["name"])
         except KeyError as e:
-            raise InputError(f"{run / 'twin' / 'twin.json'}: {e} is missing", "see docs/twin_format.md") from e
+            raise InputError(
+                f"{run / 'twin' / 'twin.json'}: {e} is missing", "see docs/twin_format.md"
+            ) from e
     found: list[Path] = []
     for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*")):
         files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file()]
