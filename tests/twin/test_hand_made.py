@@ -150,7 +150,7 @@ def test_a_legal_twin_is_exported_and_checked_or_told_the_true_cause(case: Case,
     assert not misstated(document, user.run / "export" / "urdf" / f"{document['name']}.urdf")
     checked = user.does("check", "RUN")
     linted = user.does("lint", "RUN")
-    shown = user.does("physics", "show", "RUN")
+    shown = user.does("physics", "show", "RUN", "--json")
     assert checked.code == (2 if case.cause else 0), checked.text
     assert linted.code == (2 if case.faults else 0), linted.text
     assert shown.code == 0
@@ -158,7 +158,9 @@ def test_a_legal_twin_is_exported_and_checked_or_told_the_true_cause(case: Case,
         (case.warned, f"{made.text} {checked.text}"), (case.cause, checked.text), (case.faults, linted.text),
     ):  # fmt: skip
         assert [w for w in words if w not in said] == [], said
-    assert all(part["name"] in shown.text.replace(" ", "") for part in document["parts"])
+    weighed = {name: part["inertial"]["mass"] for name, part in json.loads(shown.out)["parts"].items()}
+    assert list(weighed) == [part["name"] for part in document["parts"]]
+    assert all(weighed[p["name"]] == p["inertial"]["mass"] for p in document["parts"] if p["inertial"])
     again = user.does("export", "RUN")
     assert again.code == 0, again.text
     assert not user.lost()

@@ -10,6 +10,7 @@ from tests.twin.hand_made.drafts import Draft, cupboard
 
 Verdict = Literal["legal", "illegal", "open"]
 Words = tuple[str, ...]
+Change = Callable[[Draft], None]
 
 
 @dataclass(frozen=True)
@@ -49,15 +50,16 @@ class Cases(list[Case]):
         warned: Words = (),
         cause: Words = (),
         faults: Words = (),
-    ) -> Callable[[Callable[[Draft], None]], None]:
+    ) -> Callable[[Change], Change]:
         """Register a change of `base()`."""
 
-        def register(change: Callable[[Draft], None]) -> None:
+        def register(change: Change) -> Change:
             def build() -> Draft:
                 draft = base()
                 change(draft)
                 return draft
 
             self.append(Case(name, self.verdict, build, refused, warned, cause, faults))
+            return change
 
         return register
