@@ -177,9 +177,8 @@ def replay(
         raise InputError("--grid and --seed belong to trials", "add --trials 100")
     asked = {"stiffness": stiffness, "control": control}
     settings = {key: value for key, value in asked.items() if value is not None}
-    # steps tell of a contact off its part in the warnings, which the page keeps
-    logging.getLogger("robots.touch").setLevel(logging.ERROR)
-    with console.progress() as progress, _page(run):
+    # of a contact off its part the step tells in its warnings, which the page keeps
+    with _unlogged("robots.touch"), console.progress() as progress, _page(run):
         return steps.replay(
             progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
         ).outcome
@@ -253,6 +252,18 @@ def engines(console: Console, install: Sequence[str]) -> Outcome:
     missing = [e.name for e in ENGINES.values() if not e.installed]
     notes = [f"install with: twin engines --install {' '.join(missing)}"] if missing else []
     return Outcome(data, [Table("engines", ["name", "what for", "where"], rows)], notes)
+
+
+@contextmanager
+def _unlogged(name: str) -> Iterator[None]:
+    """Keep the warnings of a logger from the terminal, where the verb tells them itself."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ def scaled(twin: Twin, factor: float, density: bool = False) -> Twin:
             return replace(piece, vertices=factor * piece.vertices)
         T = piece.T_world_box.copy()
         T[:3, 3] *= factor
-        return Box(T, (factor * piece.size[0], factor * piece.size[1], factor * piece.size[2]))
+        return Box(T, factor * piece.size)
 
     def part(p: Part) -> Part:
         own, joint, motion = p.inertial, p.joint, p.motion
