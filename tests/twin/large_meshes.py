@@ -38,7 +38,7 @@ def soup(faces: int) -> Mesh:
     mesh = fine_boards(faces)
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     stray = np.random.default_rng(1).uniform(-9.0, 9.0, corners.shape)
-    return Mesh(np.concatenate([corners, stray]), np.arange(len(corners)).reshape(-1, 3))
+    return Mesh(np.concatenate([corners, stray]), np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
 
 
 def shells(faces: int) -> Mesh:
@@ -50,7 +50,7 @@ def shells(faces: int) -> Mesh:
     )[0]
     vertices = points[:, None] + 0.003 * np.array(small.vertices)
     index = np.array(small.faces) + 12 * np.arange(count)[:, None, None]
-    return Mesh(vertices.reshape(-1, 3), index.reshape(-1, 3))
+    return Mesh(vertices.reshape(-1, 3), index.reshape(-1, 3).astype(np.int32))
 
 
 def with_slivers(faces: int) -> Mesh:
@@ -102,7 +102,7 @@ def bodies(faces: int, count: int = 1000) -> Mesh:
     at = np.stack([k % 10, k // 10 % 10, k // 100], axis=1) * [0.06, 0.03, 0.04]
     vertices = at[:, None] + np.array(box.vertices)
     index = np.array(box.faces) + len(box.vertices) * k[:, None, None]
-    return Mesh(vertices.reshape(-1, 3), index.reshape(-1, 3))
+    return Mesh(vertices.reshape(-1, 3), index.reshape(-1, 3).astype(np.int32))
 
 
 def crossed_edges(faces: int) -> Mesh:
