@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,8 @@ _SCALARS = {
     "uint16": "<u2", "int": "<i4", "int32": "<i4", "uint": "<u4", "uint32": "<u4", "float": "<f4", "float32": "<f4",
     "double": "<f8", "float64": "<f8",
 }  # fmt: skip
+_COLORS = ("red", "green", "blue")
+_CORNERS = ("vertex_indices", "vertex_index")  # what programs call the list of a face's corners
 
 
 def ply_bytes(mesh: Mesh) -> bytes:
@@ -49,11 +52,9 @@ def read_ply(path: Path) -> Mesh:
         raise InputError(
             f"mesh {path} is not a binary little-endian PLY file", "convert it, e.g. with Open3D or trimesh"
         )
-    counts, vertex_fields, face_fields = _elements(head, path)
-    vertex = np.dtype(vertex_fields)
+    counts, vertex, face = _elements(head, path)
     start = end + len(b"end_header\n")
     split = start + vertex.itemsize * counts["vertex"]
-    face = np.dtype(face_fields)
     if len(data) < split + face.itemsize * counts["face"]:
         raise InputError(
             f"mesh {path} is cut short: {len(data)} bytes for {counts['vertex']} vertices and {counts['face']} faces",
@@ -62,35 +63,43 @@ def read_ply(path: Path) -> Mesh:
     v = np.frombuffer(data, vertex, counts["vertex"], start)
     f = np.frombuffer(data, face, counts["face"], split)
     if len(f) and np.any(f["n"] != 3):
-        raise InputError(f"mesh {path} has a face of {int(f['n'].max())} corners", "triangulate it")
-    colors = np.stack([v[c] for c in ("red", "green", "blue")], 1) if "red" in vertex.names else None  # type: ignore[operator]
+        raise InputError(f"mesh {path} has a face of {int(f['n'][f['n'] != 3][0])} corners", "triangulate it")
+    colors = np.stack([v[c] for c in _COLORS], 1) if "red" in (vertex.names or ()) else None
     try:
         return Mesh(np.stack([v["x"], v["y"], v["z"]], 1), f["v"], colors)
     except SceneError as e:
         raise InputError(f"mesh {path}: {e.problem}", e.remedy) from e
 
 
-def _elements(head: list[str], path: Path) -> tuple[dict[str, int], list[tuple[str, str]], list[tuple]]:  # type: ignore[type-arg]
+def _elements(head: list[str], path: Path) -> tuple[dict[str, int], np.dtype[Any], np.dtype[Any]]:
+    """Counts of the elements, and what stands in a vertex and in a triangle."""
     counts: dict[str, int] = {}
-    vertex: list[tuple[str, str]] = []
-    face: list[tuple] = []  # type: ignore[type-arg]
+    fields: dict[str, list[tuple[Any, ...]]] = {"vertex": [], "face": []}
+    element = ""
     try:
-        for line in head:
-            word = line.split()
+        for word in map(str.split, head):
             if word[0] == "element":
-                counts[word[1]] = int(word[2])
-            elif word[:2] == ["property", "list"]:
-                face = [("n", _SCALARS[word[2]]), ("v", _SCALARS[word[3]], (3,))]
-            elif word[0] == "property":
-                vertex.append((word[2], _SCALARS[word[1]]))
-        if (
-            list(counts)[:2] != ["vertex", "face"]
-            or not face
-            or not {"x", "y", "z"} <= {n for n, _ in vertex}
-        ):
+                element = word[1]
+                counts[element] = int(word[2])
+            elif word[0] == "property" and element in fields:
+                if word[1] != "list":
+                    fields[element].append((word[2], _SCALARS[word[1]]))
+                elif element == "face" and word[4] in _CORNERS:
+                    fields[element] += [("n", _SCALARS[word[2]]), ("v", _SCALARS[word[3]], (3,))]
+                else:
+                    raise KeyError(f"the list {word[4]} of each {element}")
+        vertex, face = (np.dtype(fields[e]) for e in ("vertex", "face"))
+        if list(counts)[:2] != ["vertex", "face"] or not {"x", "y", "z"} <= set(vertex.names or ()):
             raise KeyError("vertex and face elements")
+        if "v" not in (face.names or ()):
+            raise KeyError("the corners of faces")
+        if min(counts.values()) < 0:
+            raise ValueError(f"{counts['vertex']} vertices, {counts['face']} faces")
+        if any(vertex[c] != np.uint8 for c in _COLORS if {"red"} & set(vertex.names or ())):
+            raise ValueError("colours that are not uchar")
     except (IndexError, KeyError, ValueError) as e:
         raise InputError(
-            f"mesh {path} has a PLY header that can't be used ({e})", "save the twin again"
+            f"mesh {path} has a PLY header that can't be used: {e.args[0] if e.args else e}",
+            "write x y z, red green blue as uchar, and one list of corners, e.g. with Open3D or trimesh",
         ) from e
     return counts, vertex, face

@@ -5,7 +5,7 @@ Numpy only; every type checks its own laws when it is built.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -16,6 +16,8 @@ from twin.geometry import Array
 
 Origin = Literal["measured", "geometry", "vlm", "user", "default", "other"]
 ORIGINS: tuple[Origin, ...] = get_args(Origin)
+# Chosen by us: beyond it a double can't tell tenths of a millimetre, and what is computed from it soon overflows.
+LARGEST = 1e12
 
 
 class Described:
@@ -38,6 +40,8 @@ def frozen_array(
         raise SceneError(
             f"{what} holds values that are not finite", "drop or repair them before building the type"
         )
+    if a.dtype.kind == "f" and a.size:
+        require_sane(float(a.flat[int(np.argmax(np.abs(a)))]), f"the largest of {what}")
     a.flags.writeable = False
     return a
 
@@ -70,6 +74,7 @@ class Quantity:
             raise SceneError(
                 f"a quantity must lie inside its finite interval, got {self.value} in {self.interval}"
             )
+        require_sane(self.value, "a quantity")
         _require_source(self.source)
 
     @property
@@ -154,6 +159,18 @@ class PartPhysics(Described):
     damping: Quantity
     frictionloss: Quantity
     density: Quantity
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name).value
+            if value < 0:
+                raise SceneError(f"{f.name} must not be negative, got {value:g}")
+
+
+def require_sane(value: float, what: str) -> None:
+    """Raises SceneError for a number that nothing real has."""
+    if abs(value) > LARGEST:
+        raise SceneError(f"{what} is {value:g}, which is beyond {LARGEST:g}", "check the unit and the file")
 
 
 def _require_source(source: str) -> None:

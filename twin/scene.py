@@ -26,6 +26,7 @@ from twin.quantities import PartPhysics as PartPhysics
 from twin.quantities import Quantity as Quantity
 from twin.quantities import frozen_array as _frozen
 from twin.quantities import origin_of as origin_of
+from twin.quantities import require_sane
 from twin.quantities import set_field as _set
 
 STATIC_LABEL = 1
@@ -133,6 +134,7 @@ class Joint(Described, ABC):
             raise SceneError(
                 f"joint limits must be finite with lower <= upper, got {self.lower}..{self.upper}"
             )
+        require_sane(max(-self.lower, self.upper), "a joint limit")
         if self.covariance is not None:
             c = _frozen(self.covariance, (self._dof, self._dof), "joint covariance")
             if not np.allclose(c, c.T, atol=1e-12) or np.linalg.eigvalsh(c).min() < -1e-12:

@@ -35,17 +35,12 @@ class Step:
 
 
 def reconstruct(
-    progress: Progress,
-    recording: Path,
-    out: Path,
-    layout: str | None,
-    settings: Any,
-    joint_hint: str | None = None,
+    progress: Progress, recording: Any, out: Path, settings: Any, joint_hint: str | None = None
 ) -> Step:
+    """recording: a `recon.Recording`."""
     started = time.perf_counter()
-    opened = named("recon.recording:open_recording")(recording, layout)
     hint = None if joint_hint is None else named("recon.models:joint_hint")(joint_hint)
-    twin = named("recon.pipeline:reconstruct")(opened, settings, out=out, progress=progress, hint=hint)
+    twin = named("recon.pipeline:reconstruct")(recording, settings, out=out, progress=progress, hint=hint)
     manifest = read_json(out / MANIFEST)
     warnings = [
         *manifest.get("warnings", []),
@@ -345,9 +340,9 @@ def trajectory(
 
 def evaluate(progress: Progress, run: Path, truth: Path) -> Step:
     started = time.perf_counter()
-    twin = load(run)
+    twin, true = load(run), named("recon.truth:load_truth")(truth)  # before what takes seconds to import
     progress("evaluate", 0.0, "")
-    evaluation = named("recon.evaluate:evaluate")(twin, truth)
+    evaluation = named("recon.evaluate:evaluate")(twin, true)
     progress("evaluate", 1.0, "")
     goals = [r for r in evaluation.rows if r.ok is not None]
     met = sum(bool(r.ok) for r in goals)

@@ -15,6 +15,7 @@ from twin.document import FORMAT, extra_of, part_document, twin_document
 from twin.errors import InputError, SceneError
 from twin.geometry import Array
 from twin.ply import read_ply
+from twin.quantities import LARGEST
 from twin.scene import (
     Box,
     Collision,
@@ -38,6 +39,19 @@ from twin.scene import (
 from twin.storage import LabelFolder, read_document
 
 T = TypeVar("T")
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    """What a list of lists holds."""
+    for v in value:
+        if isinstance(v, list):
+            yield from _leaves(v)
+        else:
+            yield v
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 class Node:
@@ -83,6 +97,8 @@ class Node:
         value = self.raw(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(f"must be a number, is {value!r:.60}", key)
+        if not abs(value) < np.inf or abs(value) > LARGEST:
+            raise self.error(f"must be a number within ±{LARGEST:g}, is {value!r:.20}", key)
         return float(value)
 
     def integer(self, key: str) -> int:
@@ -94,15 +110,17 @@ class Node:
     def array(self, key: str, shape: tuple[int | None, ...], whole: bool = False) -> Any:
         value = self.list(key)
         try:
+            if not all(map(_is_number, _leaves(value))):
+                raise ValueError
             a = np.array(value, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError, RecursionError):
             raise self.error(f"must hold numbers only, is {value!r:.60}", key) from None
         if not value and shape[0] is None:
             a = np.zeros((0, *(s or 0 for s in shape[1:])))
         if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
             raise self.error(f"must have shape {shape}, has {a.shape}", key)
-        if whole and np.any(a != np.floor(a)):
-            raise self.error("must hold whole numbers", key)
+        if whole and (not np.all(np.abs(a) <= LARGEST) or np.any(a != np.floor(a))):
+            raise self.error(f"must hold whole numbers within ±{LARGEST:g}", key)
         return a.astype(np.int64) if whole else a
 
     @contextmanager
@@ -223,7 +241,9 @@ def _quantity(n: Node) -> Quantity:
 
 
 def _physics(n: Node) -> PartPhysics:
-    return PartPhysics(*(_quantity(n.child(k)) for k in ("friction", "damping", "frictionloss", "density")))
+    values = [_quantity(n.child(k)) for k in ("friction", "damping", "frictionloss", "density")]
+    with n.building():
+        return PartPhysics(*values)
 
 
 def _contact(n: Node) -> ContactPath:
@@ -242,10 +262,20 @@ def _mesh(n: Node, key: str, folder: Path) -> Mesh:
 
 
 def _mesh_file(n: Node, key: str, name: str, folder: Path) -> Mesh:
+    return read_ply(_inside(n, key, name, folder))
+
+
+def _inside(n: Node, key: str, name: str, folder: Path) -> Path:
+    """The file that the document names."""
     path = folder / name
-    if Path(name).is_absolute() or not path.resolve().is_relative_to(folder.resolve()):
-        raise n.error(f"must be a path inside the twin's folder, is {name!r}", key)
-    return read_ply(path)
+    try:
+        path.is_file()  # raises where no file system could have it: a name too long, a zero byte
+        inside = not Path(name).is_absolute() and path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError):
+        inside = False
+    if not inside:
+        raise n.error(f"must be a path inside the twin's folder, is {name!r:.60}", key)
+    return path
 
 
 def _collision(n: Node, folder: Path) -> tuple[Collision, ...]:
@@ -262,7 +292,7 @@ def _collision(n: Node, folder: Path) -> tuple[Collision, ...]:
 
 
 def _cameras(n: Node, folder: Path) -> Trajectory:
-    path = folder / n.text("file")
+    path = _inside(n, "file", n.text("file"), folder)
     try:
         rows = [r.split() for r in path.read_text(encoding="ascii").splitlines() if r and r[0] != "#"]
         values = np.array(rows, dtype=np.float64).reshape(-1, 8)
@@ -273,8 +303,14 @@ def _cameras(n: Node, folder: Path) -> Trajectory:
     frames = n.array("frames", (None,), whole=True)
     if len(frames) != len(values):
         raise n.error(f"counts {len(frames)} frames but {path.name} has {len(values)} lines", "frames")
+    turns = values[:, [7, 4, 5, 6]]
+    if np.any(short := np.linalg.norm(turns, axis=1) < 1e-9):
+        raise InputError(
+            f"{path}: line {int(np.argmax(short)) + 1} holds no rotation, its quaternion is 0",
+            "repair or drop the line",
+        )
     poses = np.tile(np.eye(4), (len(values), 1, 1))
-    poses[:, :3, :3] = geo.matrix_from_quat_wxyz(values[:, [7, 4, 5, 6]])
+    poses[:, :3, :3] = geo.matrix_from_quat_wxyz(turns)
     poses[:, :3, 3] = values[:, 1:4]
     with n.building():
         return Trajectory(frames, values[:, 0], poses)

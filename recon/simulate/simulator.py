@@ -12,6 +12,7 @@ from recon.simulate.config import SimulateConfig
 from recon.simulate.gaze import camera_path
 from recon.simulate.grasp import find_grasp
 from recon.simulate.hand import HandShape, arm, hand_shape
+from recon.simulate.joints import scene_path
 from recon.simulate.mjcf import OPENING_SHARE, Articulation, load_articulation
 from recon.simulate.reach import hand_motion
 from recon.simulate.record import (
@@ -73,15 +74,6 @@ def simulate(
                 progress(i + 1, stage.timeline.frames)
         write_truth(staged, stage.truth(), stage.camera)
     return folder
-
-
-def scene_path(scene: Path | str) -> Path:
-    """The MJCF file that `scene` names: a path, or "kitchen"."""
-    if str(scene) == "kitchen":
-        from recon.simulate.kitchen import kitchen_scene
-
-        return kitchen_scene()
-    return Path(scene)
 
 
 class Stage:

@@ -95,6 +95,16 @@ def test_stated_shapes_that_meet_are_told_and_left(exact: Twin, tmp_path: Path) 
     assert meetings(exact) == []
 
 
+def test_a_made_shape_that_stays_in_a_stated_one_is_told_as_made(exact: Twin) -> None:
+    """Who reads that it was left as stated looks for an error of his own."""
+    wall = Box(exact.part("door").collision[0].T_world_box, np.full(3, 0.05))  # type: ignore[union-attr]
+    twin = replace(exact, static=replace(exact.static, collision=(*exact.static.collision, wall)))
+    (told,) = meetings(twin, {"door"})
+    assert "those made for 'door' could not be cut free: state shapes that keep clear" in told
+    assert "left as stated" not in told
+    assert "left as stated" in meetings(twin)[0]
+
+
 CHANNEL = trimesh.util.concatenate(
     [
         trimesh.creation.box(bounds=[[0, 0, 0], [0.4, 0.06, 0.01]]),
@@ -132,7 +142,7 @@ def test_a_concave_collision_mesh_is_refused_with_its_name(
     assert run(["export", str(tmp_path)]) == 1
 
 
-def test_thin_open_flat_and_noisy_convex_meshes_are_accepted(exact: Twin) -> None:
+def test_thin_open_and_noisy_convex_meshes_are_accepted_and_flat_ones_refused(exact: Twin) -> None:
     rng = np.random.default_rng(0)
     scan = trimesh.creation.box((0.1, 0.1, 0.02)).subdivide_to_size(0.005)
     lidless = trimesh.creation.box((0.3, 0.3, 0.1))
@@ -143,7 +153,11 @@ def test_thin_open_flat_and_noisy_convex_meshes_are_accepted(exact: Twin) -> Non
         np.array(scan.vertices) + 0.0015 * rng.normal(size=scan.vertices.shape), np.array(scan.faces)
     )
     thin = mesh_of(trimesh.creation.box((0.5, 0.5, 0.0005)))
-    shapes = (thin, mesh_of(lidless), mesh_of(nested), flat, noisy, mesh_of(trimesh.creation.icosphere(4)))
+    shapes = (thin, mesh_of(lidless), mesh_of(nested), noisy, mesh_of(trimesh.creation.icosphere(4)))
     require_convex(with_shapes(exact, door=shapes))
+    with pytest.raises(
+        SceneError, match=r"collision\[1\] of 'door' is flat"
+    ):  # MuJoCo loads no file with one
+        require_convex(with_shapes(exact, door=(thin, flat)))
     turned = Mesh(shapes[1].vertices, shapes[1].faces[:, ::-1].copy())
     assert hollow(turned)[0] < 1e-6

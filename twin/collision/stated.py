@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from twin.geometry import Array
 from twin.scene import Collision, Mesh, Part, StaticPart, Twin
 
 _HOLLOW = 0.04  # of a shape's diagonal, chosen by us: noise of 1.5 mm on 100 mm of board stays below
+_SHEET = 1e-5  # m, chosen by us: thinner is flat, no engine takes it for a body
 _FACES = 5000  # a shape of more is judged by as many
 _POINTS = 3000  # on the hull, and on the surface
 _ROUGH = 0.75  # of an open surface may look inward by more: noise turns faces at its edges
@@ -28,11 +29,17 @@ def owners_of(twin: Twin) -> list[StaticPart | Part]:
 
 
 def require_convex(twin: Twin) -> None:
-    """Raises SceneError that names the first collision mesh that is not convex: engines would fill its hollows."""
+    """Raises SceneError that names the first collision mesh that is not a convex body: engines would fill its hollows, and
+    refuse one that is flat."""
     for owner in owners_of(twin):
         for k, shape in enumerate(owner.collision):
             if not isinstance(shape, Mesh):
                 continue
+            if _flat(shape):
+                raise SceneError(
+                    f"collision[{k}] of {owner.name!r} is flat: its {len(shape.faces)} faces enclose nothing",
+                    "give it a thickness, or leave the list empty and `twin export` makes shapes",
+                )
             depth, size = hollow(shape)
             if depth > _HOLLOW * size:
                 raise SceneError(
@@ -40,6 +47,15 @@ def require_convex(twin: Twin) -> None:
                     f"{depth / size:.0%} of its size, where {_HOLLOW:.0%} are allowed",
                     "split it into convex pieces, or leave the list empty and `twin export` makes it",
                 )
+
+
+def _flat(mesh: Mesh) -> bool:
+    """Whether the faces lie in one plane, or there are none."""
+    points = mesh.vertices[np.unique(mesh.faces)]
+    if len(points) < 4:
+        return True
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    return float(np.ptp(points @ axes[2])) < _SHEET
 
 
 def hollow(mesh: Mesh) -> tuple[float, float]:
@@ -81,9 +97,13 @@ def _way_out(hull: Hull, points: Array, directions: Array) -> Array:
     return np.asarray(far.min(axis=1))
 
 
-def meetings(twin: Twin) -> list[str]:
+def meetings(twin: Twin, made: Set[str] = frozenset()) -> list[str]:
     """One line for every two lists of collision shapes that meet while a part opens, with depth and state; parts and what
-    they are mounted on may touch."""
+    they are mounted on may touch.
+
+    Args:
+        made: names of the parts and the static scene whose shapes were made here; the others were stated.
+    """
     shapes = [list(o.collision) for o in owners_of(twin)]
     names = [o.name for o in owners_of(twin)]
     deepest: dict[tuple[str, str], tuple[float, str]] = {}
@@ -92,9 +112,18 @@ def meetings(twin: Twin) -> list[str]:
         if depth > deepest.get(pair, (_MEET, ""))[0]:
             deepest[pair] = (depth, where)
     return [
-        f"the collision shapes of {a!r} and {b!r} overlap by {1e3 * depth:.1f} mm {where}; they were left as stated"
+        f"the collision shapes of {a!r} and {b!r} overlap by {1e3 * depth:.1f} mm {where}; {_why([n for n in (a, b) if n in made])}"
         for (a, b), (depth, where) in deepest.items()
     ]
+
+
+def _why(made: list[str]) -> str:
+    """Why shapes overlap, some of which were made."""
+    if not made:
+        return "they were left as stated"
+    return (
+        f"those made for {' and '.join(map(repr, made))} could not be cut free: state shapes that keep clear"
+    )
 
 
 def _contacts(twin: Twin, shapes: list[list[Collision]]) -> Iterator[tuple[tuple[int, int], float, str]]:

@@ -6,7 +6,6 @@ Readers fill one neutral model (twin.lint.model), rules look at it (twin.lint.ru
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
@@ -19,7 +18,7 @@ from twin.lint.rules import RULES
 from twin.lint.rules.twins import TWIN_RULES
 from twin.names import scene_file
 from twin.paths import AnyPath
-from twin.storage import load
+from twin.storage import load, read_document
 
 SUFFIXES = {".urdf": "urdf", ".usd": "usd", ".usda": "usd", ".usdc": "usd", ".usdz": "usd", ".mjcf": "mjcf"}
 
@@ -155,10 +154,10 @@ def _files(path: Path) -> list[Path]:
     name = "*"
     if (run / "twin" / "twin.json").is_file():
         try:
-            name = str(json.loads((run / "twin" / "twin.json").read_text(encoding="utf-8"))["name"])
-        except (ValueError, KeyError, TypeError) as e:
+            name = str(read_document(run / "twin" / "twin.json")["name"])
+        except KeyError as e:
             raise InputError(
-                f"{run / 'twin' / 'twin.json'} can't be read: {e}", "export the twin again"
+                f"{run / 'twin' / 'twin.json'}: {e} is missing", "see docs/twin_format.md"
             ) from e
     found: list[Path] = []
     for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*")):

@@ -29,6 +29,7 @@ _HEAVY = 0.1 * 9.81  # m/s^2
 _DEEP = 1e-3  # m
 _DRIFT = 1e-3  # m
 _SECONDS = 10.0  # of simulated time
+_PUSHED = 60.0  # s, chosen by us: a gate of 10 m whose damping stops it in a second takes 15 s; what is stuck stands still long before
 _REACHED = 0.01  # share of the range that may be left: limits are soft
 _STALLED = 1e-5  # share of the range per step; slower for half a second is standing still
 _READABLE = (".obj", ".stl", ".msh")
@@ -223,7 +224,7 @@ def _push(scene: Scene, j: int, sign: float) -> float:
     goal = float(m.jnt_range[j, 1] if sign > 0 else m.jnt_range[j, 0])
     force = sign * _pull(scene, j)
     still, limit = 0, max(int(0.5 / m.opt.timestep), 1)
-    for _ in range(int(_SECONDS / m.opt.timestep)):
+    for _ in range(int(_PUSHED / m.opt.timestep)):
         d.qfrc_applied[:] = 0
         d.qfrc_applied[va] = force
         before = float(d.qpos[qa])
