@@ -188,7 +188,11 @@ def _slanted(d: Draft) -> None:
     part["collision"] = [{**b, "center": center.tolist()}]
 
 
-@CASES.add("a drawer that slides upwards", empty_room)
+@CASES.add(
+    "a drawer that slides upwards and needs 30 N",
+    empty_room,
+    faults=("10 N don't bring it to its upper limit",),
+)
 def _upwards(d: Draft) -> None:
     low, high = (0, 0, 0.5), (0.4, 0.02, 0.9)
     stated = {"inertial": solid(2.0, low, high), "physics": physics(frictionloss=30.0)}
