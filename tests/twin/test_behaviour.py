@@ -80,7 +80,7 @@ def test_friction_short_limits_and_negative_damping_turn_their_own_rows_red(
     physics = spoilt.part("flap").physics
     assert physics is not None
     # no twin has it, but a writer might turn the sign
-    object.__setattr__(physics, "damping", replace(physics.damping, value=-0.5))
+    object.__setattr__(physics, "damping", replace(physics.damping, value=-0.5, interval=(-0.5, -0.5)))
     report = behave(twin, export(spoilt, tmp_path))
     want = {("door", "open"), ("door", "close"), ("drawer", "demonstration_m"), ("flap", "energy")}
     assert red(report) == dict.fromkeys(FORMATS, want)
