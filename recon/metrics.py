@@ -10,9 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import ConvexHull, QhullError, cKDTree
-from scipy.spatial.distance import pdist
 
 from twin import geometry as geo
 from twin.geometry import Array
@@ -94,6 +91,8 @@ def span_detection(true: Sequence[Span], found: Sequence[Span], least: float = 0
     if not true or not found:
         right = float(not true and not found)
         return right, 1.0 if not true else 0.0
+    from scipy.optimize import linear_sum_assignment
+
     iou = np.array([[span_iou(t, f) for f in found] for t in true])
     rows, cols = linear_sum_assignment(-np.where(iou >= least, iou, 0.0))
     hits = int(np.sum(iou[rows, cols] >= least))
@@ -129,6 +128,9 @@ def diameter(points: Array) -> float:
     """Largest distance in metres between two of the points (n, 3)."""
     if len(points) < 2:
         return 0.0
+    from scipy.spatial import ConvexHull, QhullError
+    from scipy.spatial.distance import pdist
+
     try:
         corners = points[ConvexHull(points).vertices]
     except (QhullError, ValueError):  # flat or too few: every point is its own corner
@@ -138,6 +140,8 @@ def diameter(points: Array) -> float:
 
 def vertex_distances(points: Array, T_true: Array, T_found: Array) -> tuple[float, float]:
     """Mean distance in metres of points (n, 3) under two poses: of the same point (ADD), of the nearest one (ADD-S)."""
+    from scipy.spatial import cKDTree
+
     true, found = geo.transform(T_true, points), geo.transform(T_found, points)
     nearest, _ = cKDTree(true).query(found)
     return float(np.mean(np.linalg.norm(true - found, axis=1))), float(np.mean(nearest))

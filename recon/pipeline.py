@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -35,7 +34,7 @@ from twin.progress import default_progress
 from twin.scene import Trajectory, Twin
 from twin.settings import as_dict
 from twin.stages import MANIFEST, Progress, Run, read_json, update_manifest, versions
-from twin.storage import digest, keep_aside, load, require_place, save
+from twin.storage import aside_name, digest, keep_aside, load, require_place, save
 
 T = TypeVar("T")
 Labels = dict[int, NDArray[np.uint8]]
@@ -280,8 +279,8 @@ def _earlier_twin(run: Run, folder: Path) -> Twin | None:
     try:
         return load(folder)
     except InputError as e:
-        aside = keep_aside(folder)
-        shutil.rmtree(folder)
+        aside = aside_name(folder)
+        folder.rename(aside)
         run.warn(f"the earlier twin can't be read and is kept in {aside}: {e.problem}")
         return None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,12 +24,15 @@ from robots.spec import RobotSpec
 from robots.trajectory import PHASES, RobotTrajectory
 from robots.world import PART, ROBOT, World, build_world, with_collision
 from twin import geometry as geo
+from twin.atomic import contents, put, staging
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.paths import AnyPath
 from twin.progress import shows_bar
 from twin.scene import Twin
+from twin.stages import write_json
 
+FILM = "replay.mp4"
 _RECORD_EVERY = 5  # simulation steps between samples: 10 ms
 
 
@@ -49,7 +51,7 @@ def replay(
 
     Args:
         twin: the one that was planned for. out: folder for trajectory.json, trajectory.npz, report.json and
-            replay.mp4 (usually RUN/replay/<robot>/<part>); nothing is written without it.
+            replay.mp4 (usually RUN/replay/<robot>/<part>), which change at once; nothing is written without it.
         robot: name or robot file when it is not the trajectory's own name. video: write replay.mp4.
         demonstration: the recording's frames; the film then shows the person beside the robot, at the same state.
 
@@ -58,7 +60,7 @@ def replay(
         PlanningError: MuJoCo refuses the scene.
     """
     config = config or ReplayConfig()
-    out = None if out is None else Path(out)
+    out = None if out is None else Path(out).resolve()
     part = twin.part(trajectory.part_id)
     spec = resolve(robot or trajectory.robot)
     if spec.arm_joints != trajectory.joint_names:
@@ -73,17 +75,23 @@ def replay(
     )
     record, frames = simulate(world, trajectory, config)
     wall = time.perf_counter() - started
-    written: str | None = None
-    if out is not None:
-        native.save(trajectory, out)
-        if video:
-            from robots.video import write_video
+    if out is None:
+        return measure(record, trajectory, part, spec, wall, None)
+    try:
+        with staging(out) as staged:
+            (staged / "trajectory.json").write_bytes(native.json_bytes(trajectory))
+            (staged / "trajectory.npz").write_bytes(native.npz_bytes(trajectory))
+            film = staged / FILM if video else None
+            if film is not None:
+                from robots.video import write_video
 
-            if write_video(out / "replay.mp4", world, trajectory, part, frames, config, demonstration):
-                written = "replay.mp4"
-    report = measure(record, trajectory, part, spec, wall, written)
-    if out is not None:
-        _write_report(report, out / "report.json")
+                if not write_video(film, world, trajectory, part, frames, config, demonstration):
+                    film = None
+            report = measure(record, trajectory, part, spec, wall, None if film is None else film.name)
+            write_json(staged / "report.json", report.to_json())
+            put(staged, out, contents(staged))
+    except OSError as e:
+        raise InputError(f"{out} can't be written ({e.strerror})", "choose another output folder") from e
     return report
 
 
@@ -206,12 +214,3 @@ class _Recorder:
             np.array(c, dtype=np.float64) for c in zip(*self._rows, strict=True)
         )
         return Record(times, phase, state, speed, q, torque, tool, grip, touching, tuple(self._contacts))
-
-
-def _write_report(report: ReplayReport, path: Path) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(report.to_json(), indent=1, allow_nan=False)
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as e:
-        raise InputError(f"{path} can't be written ({e.strerror})", "choose another output folder") from e

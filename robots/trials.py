@@ -24,6 +24,7 @@ from robots.report import ReplayReport
 from robots.statistics import CONFIDENCE, Estimate, mean, wilson
 from robots.trajectory import RobotTrajectory
 from robots.world import build_world, with_collision
+from twin.atomic import write_file
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.paths import AnyPath
@@ -310,10 +311,9 @@ def _write(report: TrialReport, out: Path) -> None:
 
     picture = plot(report)
     try:
-        out.mkdir(parents=True, exist_ok=True)
         text = json.dumps(report.to_json(), indent=1, allow_nan=False)
-        (out / "trials.json").write_text(text + "\n", encoding="utf-8")
-        (out / "trials.png").write_bytes(picture)
+        write_file(out / "trials.json", f"{text}\n".encode())
+        write_file(out / "trials.png", picture)
     except OSError as e:
         raise InputError(f"{out} can't be written ({e.strerror})", "choose another output folder") from e
 

@@ -45,7 +45,7 @@ def write_video(
 
     Returns False, after one warning, when no OpenGL is found: the replay itself doesn't need it. A demonstration that
     doesn't fit costs one warning and its half of the film.
-    Raises InputError when the file can't be written.
+    Raises OSError when the file can't be written.
     """
     try:
         images = draw(world, trajectory, part, frames, config.video_size)
@@ -171,7 +171,7 @@ def _with_hidden_axis(image: Image, scene: mujoco.MjvScene, arrow: tuple[Array, 
 
 
 def encode(path: Path, images: list[NDArray[np.uint8]], rate: int, comment: str = "") -> None:
-    """Write images as H.264, yuv420p, with a comment in the file. Raises InputError when the file can't be written."""
+    """Write images as H.264, yuv420p, with a comment in the file. Raises OSError when the file can't be written."""
     import av
 
     height, width = images[0].shape[:2]
@@ -189,5 +189,5 @@ def encode(path: Path, images: list[NDArray[np.uint8]], rate: int, comment: str 
                     container.mux(packet)
             for packet in stream.encode():
                 container.mux(packet)
-    except (OSError, av.FFmpegError) as e:
-        raise InputError(f"{path} can't be written: {e}", "choose another output folder") from e
+    except av.FFmpegError as e:
+        raise OSError(e.errno, e.strerror, str(path)) from e

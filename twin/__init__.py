@@ -6,27 +6,27 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import FuntwinError, InputError, MissingDependencyError
-from twin.scene import (
-    Box,
-    ContactPath,
-    Inertial,
-    Joint,
-    Mesh,
-    Motion,
-    Part,
-    PartPhysics,
-    Prismatic,
-    Quantity,
-    Revolute,
-    StaticPart,
-    Trajectory,
-    Twin,
-)
 
 if TYPE_CHECKING:
     from twin.check import check
     from twin.export import export
     from twin.importers import from_mjcf, from_urdf
+    from twin.scene import (
+        Box,
+        ContactPath,
+        Inertial,
+        Joint,
+        Mesh,
+        Motion,
+        Part,
+        PartPhysics,
+        Prismatic,
+        Quantity,
+        Revolute,
+        StaticPart,
+        Trajectory,
+        Twin,
+    )
     from twin.storage import load, save
 
 __version__ = "0.1.0"
@@ -57,13 +57,33 @@ __all__ = [
     "save",
 ]
 
-# Heavy modules are imported on first use, so that `import twin` stays light. `twin.export` and `twin.check` are the
+# Modules are imported on first use, so that `import twin` stays light and the command hears Ctrl-C from its first hundredth of a
+# second on. `twin.export` and `twin.check` are the
 # modules of that name, which can be called: twin.export(twin, folder), and imported from: from twin.export import urdf.
 _LAZY = {
     "from_mjcf": "twin.importers",
     "from_urdf": "twin.importers",
     "load": "twin.storage",
     "save": "twin.storage",
+    **dict.fromkeys(
+        (
+            "Box",
+            "ContactPath",
+            "Inertial",
+            "Joint",
+            "Mesh",
+            "Motion",
+            "Part",
+            "PartPhysics",
+            "Prismatic",
+            "Quantity",
+            "Revolute",
+            "StaticPart",
+            "Trajectory",
+            "Twin",
+        ),
+        "twin.scene",
+    ),
 }
 _CALLABLE_MODULES = ("check", "export")
 

@@ -22,7 +22,10 @@ _AT_CWD = -100  # AT_FDCWD
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a file, in a folder that is made if need be; one that is there is replaced at once and gives its mode."""
+    """Write a file, in a folder that is made if need be; one that is there is replaced at once and gives its mode.
+
+    Raises OSError that names the file.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     tidy(path)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}-", suffix=".tmp", dir=path.parent)
@@ -34,6 +37,8 @@ def write_file(path: Path, data: bytes) -> None:
             os.fsync(out.fileno())
             Path(name).chmod(path.stat().st_mode & 0o777 if path.exists() else 0o644)
             Path(name).replace(path)
+    except OSError as e:  # a full disk is told without a name, and the temporary one tells nobody anything
+        raise OSError(e.errno, e.strerror, str(path)) from e
     finally:
         Path(name).unlink(missing_ok=True)
 
@@ -51,7 +56,7 @@ def staging(folder: Path) -> Iterator[Path]:
         staged.mkdir()
         yield staged
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        _remove(temporary)
         os.close(handle)
 
 
@@ -138,6 +143,16 @@ def _exchanged(one: Path, other: Path) -> bool:
     raise OSError(code, os.strerror(code), str(other))
 
 
+def _remove(folder: Path) -> None:
+    """Remove a folder with all in it, also folders in it that their owner made unwritable."""
+    for place, inner, _ in os.walk(folder):
+        for name in inner:
+            if not Path(place, name).is_symlink():
+                with suppress(OSError):
+                    Path(place, name).chmod(0o700)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 def tidy(path: Path) -> None:
     """Remove what killed processes left beside a path; a lock on each tells whether its process lives.
 
@@ -151,7 +166,7 @@ def tidy(path: Path) -> None:
                 if (left / "old").is_dir() and not path.exists():
                     (left / "old").rename(path)
                 if left.is_dir():
-                    shutil.rmtree(left, ignore_errors=True)
+                    _remove(left)
                 else:
                     left.unlink()
             finally:

@@ -47,6 +47,7 @@ VERBS = {
 _ENVIRONMENT = {
     errno.ENOSPC: "free some space and run again: what was computed is kept",
     errno.EDQUOT: "free some space and run again: what was computed is kept",
+    errno.EFBIG: "raise the limit of file sizes (`ulimit -f`) and run again: what was computed is kept",
     errno.EACCES: "give a folder that you may read and write",
     errno.EPERM: "give a folder that you may read and write",
     errno.EROFS: "give a folder that you may write",
@@ -57,12 +58,9 @@ _ENVIRONMENT = {
 
 
 def main() -> NoReturn:
-    """Entry point of the command."""
+    """Carry out the command line of this process and end it; `twin.__main__` calls it."""
     interrupt.handle()
-    code = run(sys.argv[1:])
-    if interrupt.happened():
-        interrupt.leave()
-    sys.exit(code)
+    interrupt.finish(run(sys.argv[1:]))
 
 
 def run(argv: Sequence[str]) -> int:

@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -55,6 +54,15 @@ def leave(tell: bool = False) -> NoReturn:
     os._exit(code())
 
 
+def finish(code: int) -> NoReturn:
+    """End the program, whose work is done and told, with its exit code; an interruption from here on only hastens it."""
+    if happened():
+        leave()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(code))
+    sys.exit(code)
+
+
 @contextmanager
 def spared() -> Iterator[None]:
     """Processes that are started in here don't hear Ctrl-C, which a terminal sends to all: they end with this one, silently."""
@@ -65,24 +73,30 @@ def spared() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _interrupted(number: int, _frame: FrameType | None) -> None:
+def _interrupted(number: int, frame: FrameType | None) -> None:
     if happened():
         leave(tell=True)
     _signals.append(number)
-    _raise_until(time.monotonic() + _GRACE)
+    _deadline[:] = [time.monotonic() + _GRACE]
+    _raise(frame)
 
 
-def _raise_until(deadline: float) -> NoReturn:
-    _deadline[:] = [deadline]
-    signal.setitimer(signal.ITIMER_REAL, max(deadline - time.monotonic(), _AGAIN))
+def _raise(frame: FrameType | None) -> None:
+    """Raise the interruption in `frame`, or a little later where it would be dropped and told as an error."""
+    while frame is not None:
+        if frame.f_code is _unraisable.__code__:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            return
+        frame = frame.f_back
+    signal.setitimer(signal.ITIMER_REAL, max(_deadline[0] - time.monotonic(), _AGAIN))
     raise KeyboardInterrupt
 
 
-def _late(_number: int, _frame: FrameType | None) -> None:
+def _late(_number: int, frame: FrameType | None) -> None:
     """The time to unwind is over, or the interruption was dropped and is raised once more."""
     if time.monotonic() >= _deadline[0]:
         leave(tell=True)
-    _raise_until(_deadline[0])
+    _raise(frame)
 
 
 def _unraisable(told: Any) -> None:
@@ -98,6 +112,8 @@ def _unraisable(told: Any) -> None:
 
 def _descendants(process: int) -> list[int]:
     """Processes that this one started, and theirs (Linux: from /proc)."""
+    from pathlib import Path  # here: the handler is to stand before anything takes time
+
     found = []
     for task in Path(f"/proc/{process}/task").glob("*/children"):
         with suppress(OSError):

@@ -176,6 +176,7 @@ def _trajectory(parser: ArgumentParser) -> None:
         help="json npz csv ros2 moveit spot lerobot",
     )
     add("-o", "--out", metavar="FOLDER", type=Path, required=True, help="folder to write")
+    add("--overwrite", action="store_true", help="also replace files there that no earlier call wrote")
 
 
 def _evaluate(parser: ArgumentParser) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+import os
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from twin.atomic import contents, put
@@ -30,12 +31,43 @@ def replace_own(staged: Path, folder: Path, overwrite: bool = False) -> None:
     put(staged, folder, ours)
 
 
-def refuse_edited(folder: Path, fresh: Mapping[str, str]) -> None:
-    """Raise InputError when writing the files `fresh` (path -> SHA-256) into `folder` would lose what somebody else wrote: a
-    file of ours that was changed since, or another one of the same name. Files that say what would be written are no loss."""
+def place_own(staged: Path, folder: Path, scope: Collection[str], overwrite: bool = False) -> None:
+    """Like `replace_own`, for a folder that is not ours: it stays itself, and each file in it changes at once.
+
+    scope: every path that such a call may write. What calls with another scope wrote stays, and stays on the list.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    fresh = hashes(staged)
+    if not overwrite:
+        refuse_edited(folder, fresh, scope)
     listed = _listed(folder)
-    lost = []
-    for path in contents(folder) if folder.is_dir() else []:
+    for path in fresh:
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+    for path in fresh:
+        (staged / path).replace(folder / path)
+    for path in set(listed) & set(scope) - set(fresh):
+        (folder / path).unlink(missing_ok=True)
+    kept = {path: value for path, value in listed.items() if path not in scope}
+    # Last: a call that dies before leaves files that the same call, made again, finds to be what it writes.
+    write_json(folder / LIST, {"format": _FORMAT, "files": dict(sorted((kept | fresh).items()))})
+
+
+def refuse_edited(folder: Path, fresh: Mapping[str, str], scope: Collection[str] | None = None) -> None:
+    """Raise InputError when writing the files `fresh` (path -> SHA-256) into `folder` would lose what somebody else wrote: a
+    file of ours that was changed since, or another one of the same name. Files that say what would be written are no loss.
+
+    scope: the paths that are looked at, beside `fresh`; None: all that the folder holds.
+    """
+    listed = _listed(folder)
+    if (folder / LIST).exists() and not listed:
+        lost = [(LIST, False)]
+    else:
+        lost = []
+    if scope is not None:
+        looked = sorted(path for path in {*scope, *fresh} if os.path.lexists(folder / path))
+    else:
+        looked = contents(folder) if folder.is_dir() else []
+    for path in looked:
         blocked = any(other.startswith(f"{path}/") or path.startswith(f"{other}/") for other in fresh)
         if blocked or path in fresh or (path in listed):
             stands = _hash(folder / path)

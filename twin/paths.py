@@ -26,5 +26,5 @@ def require_writable(folder: Path) -> None:
         Path(tempfile.mkdtemp(prefix=".try-", dir=here)).rmdir()
     except OSError as e:
         raise InputError(
-            f"{folder} can't be written: {e.strerror}", "give a folder that you may write"
+            f"{folder} can't be written: {e.strerror}", "give another folder, one that you may write"
         ) from e

@@ -22,6 +22,7 @@ from pathlib import Path
 from platform import python_version
 from typing import Any, Generic, Protocol, TypeVar
 
+from twin.atomic import write_file
 from twin.codec import TreeCodec
 from twin.errors import FuntwinError, InputError
 from twin.run_lock import claim, release
@@ -92,14 +93,19 @@ class Run:
             _make(folder)
             claim(folder)
             self._claimed = True
-            for left in (folder / "stages").glob(".*.tmp"):  # what a killed process was writing
-                shutil.rmtree(left)
-            if not (folder / MANIFEST).exists():
-                update_manifest(
-                    folder, fingerprint=fingerprint
-                )  # before all else: it tells that the folder is a run's
-            if config is not None:
-                write_text(folder / CONFIG, to_toml(config))
+            try:
+                self._prepare(folder, config)
+            except BaseException:
+                self.close()
+                raise
+
+    def _prepare(self, folder: Path, config: Any) -> None:
+        for left in (folder / "stages").glob(".*.tmp"):  # what a killed process was writing
+            shutil.rmtree(left)
+        if not (folder / MANIFEST).exists():  # before all else: it tells that the folder is a run's
+            update_manifest(folder, fingerprint=self.fingerprint)
+        if config is not None:
+            write_text(folder / CONFIG, to_toml(config))
 
     def stage(
         self,
@@ -233,6 +239,8 @@ class Run:
             if old is not None:
                 old.rename(place.with_name(f".{place.name}.old.tmp"))
             temporary.rename(place)
+        except OSError as e:  # a full disk is told without a name
+            raise OSError(e.errno, e.strerror, str(place)) from e
         finally:
             for left in (temporary, place.with_name(f".{place.name}.old.tmp")):
                 shutil.rmtree(left, ignore_errors=True)
@@ -306,9 +314,7 @@ def write_json(path: Path, data: Any) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Replace a text file at once."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    write_file(path, text.encode())
 
 
 def read_json(path: Path) -> dict[str, Any]:

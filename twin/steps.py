@@ -35,17 +35,12 @@ class Step:
 
 
 def reconstruct(
-    progress: Progress,
-    recording: Path,
-    out: Path,
-    layout: str | None,
-    settings: Any,
-    joint_hint: str | None = None,
+    progress: Progress, recording: Any, out: Path, settings: Any, joint_hint: str | None = None
 ) -> Step:
+    """recording: a `recon.Recording`."""
     started = time.perf_counter()
-    opened = named("recon.recording:open_recording")(recording, layout)
     hint = None if joint_hint is None else named("recon.models:joint_hint")(joint_hint)
-    twin = named("recon.pipeline:reconstruct")(opened, settings, out=out, progress=progress, hint=hint)
+    twin = named("recon.pipeline:reconstruct")(recording, settings, out=out, progress=progress, hint=hint)
     manifest = read_json(out / MANIFEST)
     warnings = [
         *manifest.get("warnings", []),
@@ -308,6 +303,7 @@ def trajectory(
     out: Path,
     goal: str = "open",
     start: str | None = None,
+    overwrite: bool = False,
 ) -> Outcome:
     """Hand over what `replay` left of one part into `out`, or of all parts into folders of their names."""
     twin, spec = load(run), named("robots:resolve")(robot)
@@ -332,7 +328,8 @@ def trajectory(
     for k, source in enumerate(sources):
         part_name = source.part.name
         progress("trajectory", k / len(sources), part_name)
-        written = named("robots.formats:hand_over")(source, formats, out if name else out / part_name)
+        place = out if name else out / part_name
+        written = named("robots.formats:hand_over")(source, formats, place, overwrite=overwrite)
         files[part_name] = {f: [str(p) for p in paths] for f, paths in written.items()}
         rows += [[part_name, f, path] for f, paths in files[part_name].items() for path in paths]
     progress("trajectory", 1.0, f"{len(rows)} files")
@@ -343,9 +340,9 @@ def trajectory(
 
 def evaluate(progress: Progress, run: Path, truth: Path) -> Step:
     started = time.perf_counter()
-    twin = load(run)
+    twin, true = load(run), named("recon.truth:load_truth")(truth)  # before what takes seconds to import
     progress("evaluate", 0.0, "")
-    evaluation = named("recon.evaluate:evaluate")(twin, truth)
+    evaluation = named("recon.evaluate:evaluate")(twin, true)
     progress("evaluate", 1.0, "")
     goals = [r for r in evaluation.rows if r.ok is not None]
     met = sum(bool(r.ok) for r in goals)

@@ -148,10 +148,18 @@ def keep_aside(folder: Path) -> Path:
 
     Files are linked, not copied: replacing one in either folder leaves the other's. Raises OSError.
     """
+    aside = aside_name(folder)
+    with staging(aside) as staged:
+        shutil.copytree(folder, staged, symlinks=True, copy_function=os.link, dirs_exist_ok=True)
+        staged.rename(aside)
+    return aside
+
+
+def aside_name(folder: Path) -> Path:
+    """A name beside a folder that is not taken: its own with `_before_` and a number."""
     k = 1
     while (aside := folder.with_name(f"{folder.name}_before_{k}")).exists():
         k += 1
-    shutil.copytree(folder, aside, symlinks=True, copy_function=os.link)
     return aside
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -28,9 +29,10 @@ def demo(
     steps.named("robots:resolve")(robot)
     recording = recording or asset("recordings/cabinet_drawer")
     truth = recording / "truth"
+    opened = steps.named("recon.recording:open_recording")(recording)
     with console.progress() as progress, _page(out):
         settings = _settings("recon.config:ReconConfig", config, set)
-        done = [steps.reconstruct(progress, recording, out, None, settings)]
+        done = [steps.reconstruct(progress, opened, out, settings)]
         with claimed(out):
             if truth.is_dir():
                 done.append(steps.evaluate(progress, out, truth))
@@ -54,6 +56,7 @@ def simulate(
     """Render a recording with truth."""
     require_writable(out)
     settings = _settings("recon.simulate.config:SimulateConfig", config, set)
+    steps.named("recon.simulate.joints:require_joint")(scene, joint)
     with console.progress() as progress:
 
         def tell(done: int, total: int) -> None:
@@ -74,9 +77,11 @@ def reconstruct(
 ) -> Outcome:
     """Recording to twin."""
     _require_run(out)
-    settings = _settings("recon.config:ReconConfig", config, set)
+    told = _told(config, set)
+    opened = steps.named("recon.recording:open_recording")(recording, layout)
+    settings = from_dict(steps.named("recon.config:ReconConfig"), *told)
     with console.progress() as progress, _page(out):
-        return steps.reconstruct(progress, recording, out, layout, settings, joint_hint).outcome
+        return steps.reconstruct(progress, opened, out, settings, joint_hint).outcome
 
 
 def import_scene(
@@ -172,7 +177,8 @@ def replay(
         raise InputError("--grid and --seed belong to trials", "add --trials 100")
     asked = {"stiffness": stiffness, "control": control}
     settings = {key: value for key, value in asked.items() if value is not None}
-    with console.progress() as progress, _page(run):
+    # of a contact off its part the step tells in its warnings, which the page keeps
+    with _unlogged("robots.touch"), console.progress() as progress, _page(run):
         return steps.replay(
             progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
         ).outcome
@@ -187,11 +193,12 @@ def trajectory(
     out: Path,
     goal: str = "open",
     start: str | None = None,
+    overwrite: bool = False,
 ) -> Outcome:
     """What a replay planned, in robots' formats."""
     require_writable(out)
     with console.progress() as progress:
-        return steps.trajectory(progress, run, robot, part, formats, out, goal, start)
+        return steps.trajectory(progress, run, robot, part, formats, out, goal, start, overwrite)
 
 
 def evaluate(console: Console, run: Path, truth: Path) -> Outcome:
@@ -248,6 +255,18 @@ def engines(console: Console, install: Sequence[str]) -> Outcome:
 
 
 @contextmanager
+def _unlogged(name: str) -> Iterator[None]:
+    """Keep the warnings of a logger from the terminal, where the verb tells them itself."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+@contextmanager
 def _page(run: Path) -> Iterator[None]:
     """Hold the run and render its page when the verb is done, also when it failed for a reason the user can mend after it
     changed the run.
@@ -282,6 +301,12 @@ def _require_run(out: Path) -> None:
 
 def _settings(cls: str, path: Path | None, assignments: Sequence[str]) -> Any:
     """The configuration class named by `cls`, from a TOML file and KEY=VALUE texts on top of it."""
+    data, where = _told(path, assignments)
+    return from_dict(steps.named(cls), data, where)
+
+
+def _told(path: Path | None, assignments: Sequence[str]) -> tuple[dict[str, Any], str]:
+    """Settings as they were given, and by what."""
     data = {} if path is None else read_toml(path)
     where = "--set" if path is None else str(path)
     for text in assignments:
@@ -289,7 +314,7 @@ def _settings(cls: str, path: Path | None, assignments: Sequence[str]) -> Any:
         if not equals or not key.strip():
             raise ConfigError(f"--set {text!r} is not KEY=VALUE", "write for example --set seed=3")
         _assign(data, key.strip().split("."), value.strip())
-    return from_dict(steps.named(cls), data, where)
+    return data, where
 
 
 def _texts(option: str, assignments: Sequence[str]) -> dict[str, str]:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,6 +70,8 @@ def check_complete(name: str, data: bytes) -> None:
 
 def decode_color(name: str, data: bytes) -> NDArray[np.uint8]:
     """Colour image (H, W, 3) uint8 RGB, stored orientation. Raises InputError when it is damaged or truncated."""
+    import cv2  # here: what is wrong with a recording is told without it
+
     check_complete(name, data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
@@ -83,6 +84,8 @@ def decode_depth(name: str, data: bytes, per_metre: float) -> NDArray[np.float32
 
     Raises InputError for other pixel types, damaged files, and images without any depth.
     """
+    import cv2  # here: what is wrong with a recording is told without it
+
     check_complete(name, data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:

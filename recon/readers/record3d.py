@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -232,6 +231,8 @@ class _Metadata:
 def _frame_reader(
     archive: _Archive, meta: _Metadata, native: Intrinsics, grid: Intrinsics
 ) -> Callable[[int], Frame]:
+    import cv2
+
     size = (grid.width, grid.height)
 
     def read(index: int) -> Frame:
@@ -297,6 +298,8 @@ def upsample_depth(depth: NDArray[np.float32], width: int, height: int) -> NDArr
     Between pixels of one surface it is bilinear, elsewhere the nearest pixel, so that no depth is invented between two
     surfaces or beside an unknown pixel.
     """
+    import cv2
+
     size = (width, height)
     nearest = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST_EXACT))
     linear = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_LINEAR))

@@ -10,15 +10,15 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from recon.simulate.joints import JOINT_TYPES, find_joint, load_model
 from recon.simulate.surfaces import Surface
 from recon.simulate.textures import Material, material_for
-from twin.errors import InputError, nearest_name
+from twin.errors import InputError
 from twin.geometry import Array, exp_so3, invert_pose, make_pose
 
 PLANE_HALF_SIZE = 4.0  # metres; MuJoCo planes are infinite, a recording needs the part around the camera
 VISUAL_GROUPS = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
 DEFAULT_HINGE, DEFAULT_SLIDE, OPENING_SHARE = 1.2, 0.3, 0.8  # chosen by us
-JOINT_TYPES = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
 
 
 @dataclass(frozen=True)
@@ -115,37 +115,6 @@ def load_articulation(
             if int(model.site_bodyid[i]) in moving
         },
     )
-
-
-def load_model(scene: Path | str) -> mujoco.MjModel:
-    """Load an MJCF file. Raises InputError with MuJoCo's reason in one line."""
-    if not Path(scene).is_file():
-        raise InputError(f"no scene file {scene}", "give the path of an MJCF file (*.xml)")
-    try:
-        return mujoco.MjModel.from_xml_path(str(scene))
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(
-            f"MuJoCo can't load the scene {scene}: {reason}", "check it with MuJoCo's viewer"
-        ) from error
-
-
-def joint_names(model: mujoco.MjModel) -> list[str]:
-    """Names of the hinge and slide joints of a model."""
-    return [model.joint(j).name for j in range(model.njnt) if int(model.jnt_type[j]) in JOINT_TYPES]
-
-
-def find_joint(model: mujoco.MjModel, name: str) -> int:
-    """Index of the hinge or slide joint `name`. Raises InputError that lists the joints there are."""
-    names = joint_names(model)
-    if name not in names:
-        near = nearest_name(name, names)
-        hint = f"did you mean {near!r}? " if near else ""
-        there = ", ".join(n for n in names if n) or "none"
-        raise InputError(
-            f"the scene has no hinge or slide joint {name!r}", f"{hint}joints that exist: {there}"
-        )
-    return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
 
 
 def _closed_end(model: mujoco.MjModel, index: int, kind: str) -> tuple[float, float, float]:

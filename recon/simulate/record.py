@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from recon.simulate.reach import HandMotion
 from recon.simulate.render import Camera
 from recon.simulate.surfaces import Surface, merged_mesh
 from recon.simulate.timeline import Timeline
+from twin.atomic import put, staging
 from twin.errors import InputError
 from twin.geometry import Array, quat_wxyz_from_matrix, transform
 
@@ -39,13 +42,20 @@ class Truth:
     keypoints: Array
 
 
-def prepare_folder(out: Path) -> None:
-    """Make the recording's folders. Raises InputError when `out` holds files already or can't be written."""
+@contextmanager
+def new_recording(out: Path) -> Iterator[Path]:
+    """A folder to write a recording into, which stands as `out` at the end, whole, or not at all.
+
+    Raises InputError when `out` holds files already or can't be written.
+    """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out} exists and is not an empty folder", "choose a new folder for the recording")
     try:
-        for name in ("color", "depth", "truth/labels"):
-            (out / name).mkdir(parents=True, exist_ok=True)
+        with staging(out.resolve()) as staged:
+            for name in ("color", "depth", "truth/labels"):
+                (staged / name).mkdir(parents=True, exist_ok=True)
+            yield staged
+            put(staged, out.resolve(), ())
     except OSError as error:
         raise InputError(f"can't write the folder {out}: {error.strerror}", "choose another place") from error
 

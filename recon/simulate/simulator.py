@@ -12,6 +12,7 @@ from recon.simulate.config import SimulateConfig
 from recon.simulate.gaze import camera_path
 from recon.simulate.grasp import find_grasp
 from recon.simulate.hand import HandShape, arm, hand_shape
+from recon.simulate.joints import scene_path
 from recon.simulate.mjcf import OPENING_SHARE, Articulation, load_articulation
 from recon.simulate.reach import hand_motion
 from recon.simulate.record import (
@@ -19,7 +20,7 @@ from recon.simulate.record import (
     PART_ID,
     STATIC_LABEL,
     Truth,
-    prepare_folder,
+    new_recording,
     write_frame,
     write_truth,
 )
@@ -59,29 +60,20 @@ def simulate(
     """
     config, folder = config or SimulateConfig(), Path(out)
     stage = Stage(scene_path(scene), joint, config)
-    prepare_folder(folder)
-    gain = 0.0
-    for i in range(stage.timeline.frames):
-        view = stage.render(i)
-        gain = gain if i > 0 else sensor.exposure(view.colour)
-        rng = np.random.default_rng([config.seed, 7, i])
-        drift = 1.0 + 0.015 * np.sin(0.11 * i) * config.colour_noise
-        colour = sensor.colour_image(view.colour, gain * drift, config.colour_noise, rng)
-        depth = sensor.depth_image(view, stage.view_directions(i), config.depth_noise, rng)
-        write_frame(folder, i, colour, depth, view.labels)
-        if progress is not None:
-            progress(i + 1, stage.timeline.frames)
-    write_truth(folder, stage.truth(), stage.camera)
+    with new_recording(folder) as staged:
+        gain = 0.0
+        for i in range(stage.timeline.frames):
+            view = stage.render(i)
+            gain = gain if i > 0 else sensor.exposure(view.colour)
+            rng = np.random.default_rng([config.seed, 7, i])
+            drift = 1.0 + 0.015 * np.sin(0.11 * i) * config.colour_noise
+            colour = sensor.colour_image(view.colour, gain * drift, config.colour_noise, rng)
+            depth = sensor.depth_image(view, stage.view_directions(i), config.depth_noise, rng)
+            write_frame(staged, i, colour, depth, view.labels)
+            if progress is not None:
+                progress(i + 1, stage.timeline.frames)
+        write_truth(staged, stage.truth(), stage.camera)
     return folder
-
-
-def scene_path(scene: Path | str) -> Path:
-    """The MJCF file that `scene` names: a path, or "kitchen"."""
-    if str(scene) == "kitchen":
-        from recon.simulate.kitchen import kitchen_scene
-
-        return kitchen_scene()
-    return Path(scene)
 
 
 class Stage:

@@ -13,6 +13,7 @@ import numpy as np
 from robots.floor import Floor
 from robots.formats.handover import Handover
 from robots.trajectory import RejectedBase, RobotTrajectory
+from twin.atomic import put, staging
 from twin.errors import InputError, PlanningError
 from twin.paths import AnyPath
 
@@ -27,22 +28,15 @@ _ARRAYS = (
 def save(trajectory: RobotTrajectory, folder: AnyPath) -> tuple[Path, Path]:
     """Write trajectory.json and trajectory.npz into `folder`; returns their paths.
 
-    Both are complete before either takes its place. Raises InputError when the folder can't be written.
+    Both take their places at once. Raises InputError when the folder can't be written.
     """
     folder = Path(folder)
     json_path, npz_path = folder / "trajectory.json", folder / "trajectory.npz"
-    contents = {json_path: json_bytes(trajectory), npz_path: npz_bytes(trajectory)}
-    made = {path: path.with_name(f".{path.name}.tmp") for path in contents}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        try:
-            for path, temporary in made.items():
-                temporary.write_bytes(contents[path])
-            for path, temporary in made.items():
-                temporary.replace(path)
-        finally:
-            for temporary in made.values():
-                temporary.unlink(missing_ok=True)
+        with staging(folder) as staged:
+            (staged / json_path.name).write_bytes(json_bytes(trajectory))
+            (staged / npz_path.name).write_bytes(npz_bytes(trajectory))
+            put(staged, folder, (json_path.name, npz_path.name))
     except OSError as e:
         raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
     return json_path, npz_path

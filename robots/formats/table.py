@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from robots.formats import delimited, lerobot, moveit, native, ros2, spot
 from robots.formats.handover import Handover
+from twin.atomic import staging
 from twin.errors import InputError, nearest_name
+from twin.own_files import place_own
 from twin.paths import AnyPath
 
 
@@ -43,14 +43,20 @@ FORMATS: dict[str, Format] = {
 }
 
 
-def hand_over(source: Handover, formats: Sequence[str], folder: AnyPath) -> dict[str, list[Path]]:
+def hand_over(
+    source: Handover, formats: Sequence[str], folder: AnyPath, overwrite: bool = False
+) -> dict[str, list[Path]]:
     """Write a trajectory in the named formats; returns the files of each, in the order asked for.
 
-    Everything is made before anything is written, then moved into place; files of an earlier call are replaced.
+    Everything is made before anything is written, then moved into place. Files of an earlier call are replaced; files.json in
+    the folder tells which those are.
+
+    Args:
+        overwrite: also replace files that were changed since, and others of the same names.
 
     Raises:
-        InputError: an unknown format, or a folder that can't be written or holds something else where a format
-            has its own folder.
+        InputError: an unknown format, or a folder that can't be written, holds something else where a format
+            has its own folder, or a file that would be replaced and is not, or no longer, what an earlier call wrote.
         MissingDependencyError: a format needs an optional package; the message names the extra.
     """
     chosen = [_known(name) for name in dict.fromkeys(formats)]
@@ -59,16 +65,11 @@ def hand_over(source: Handover, formats: Sequence[str], folder: AnyPath) -> dict
     for name in chosen:
         _refuse_strangers(folder, name)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(prefix=".trajectory-", dir=folder))
-        try:
+        with staging(folder / "trajectory") as staged:
             for path, data in (item for files in rendered.values() for item in files.items()):
-                (staging / path).parent.mkdir(parents=True, exist_ok=True)
-                (staging / path).write_bytes(data)
-            for name in chosen:
-                _place(staging, folder, name, rendered[name])
-        finally:
-            shutil.rmtree(staging, ignore_errors=True)
+                (staged / path).parent.mkdir(parents=True, exist_ok=True)
+                (staged / path).write_bytes(data)
+            place_own(staged, folder, [path for name in chosen for path in FORMATS[name].files], overwrite)
     except OSError as e:
         raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
     return {name: [folder / path for path in files] for name, files in rendered.items()}
@@ -95,13 +96,3 @@ def _refuse_strangers(folder: Path, name: str) -> None:
     blocked = [folder / path for path in own if (folder / path).is_dir()]
     if blocked:
         raise InputError(f"{blocked[0]} is a folder", "choose another output folder")
-
-
-def _place(staging: Path, folder: Path, name: str, files: Mapping[str, bytes]) -> None:
-    for path in FORMATS[name].files:
-        target = folder / path
-        if path in files:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            (staging / path).replace(target)
-        else:
-            target.unlink(missing_ok=True)

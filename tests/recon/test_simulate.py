@@ -19,6 +19,7 @@ from recon.simulate.caster import Caster
 from recon.simulate.hand import PHALANGES, hand_shape, skeleton
 from recon.simulate.kitchen import kitchen_scene
 from recon.simulate.mjcf import load_articulation
+from recon.simulate.record import new_recording
 from recon.simulate.sensor import depth_image
 from recon.simulate.simulator import Stage
 from recon.simulate.textures import PAINTERS, SIZE, make_material, mipmaps
@@ -335,3 +336,23 @@ def test_textures_tile_and_have_detail(kind: str) -> None:
     assert [level.shape[0] for level in levels[:3]] == [SIZE, SIZE // 2, SIZE // 4]
     means = [level.mean(axis=(0, 1), dtype=np.float64) for level in (levels[-1], picture)]
     np.testing.assert_allclose(means[0], means[1], atol=1e-5)
+
+
+def interrupted_after(path: Path) -> None:
+    path.write_bytes(b"a frame")
+    raise KeyboardInterrupt
+
+
+def test_a_recording_that_was_interrupted_can_be_simulated_again(tmp_path):
+    """Its first frames stood in the folder, and the same command refused to write into it."""
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt), new_recording(out) as staged:
+        interrupted_after(staged / "color/000000.jpg")
+    assert not list(tmp_path.iterdir())
+    out.mkdir()
+    with new_recording(out) as staged:
+        (staged / "color/000000.jpg").write_bytes(b"a frame")
+    assert (out / "color/000000.jpg").read_bytes() == b"a frame"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+    with pytest.raises(InputError, match="is not an empty folder"), new_recording(out):
+        pass

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import errno
+import hashlib
+import json
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
@@ -200,7 +202,7 @@ def test_equal_input_gives_equal_bytes_and_no_leftovers(source, folder, tmp_path
     absent = "base_trajectory.yaml", "_2_close.json", "_4_open.json"  # of a claw, and of a robot that walks
     expected = {f for name in LIGHT for f in FORMATS[name].files if not f.endswith(absent)}
     expected = {f for f in expected if not f.startswith("spot/body_")}
-    assert set(contents(tmp_path)) == expected
+    assert set(contents(tmp_path)) == expected | {"files.json"}
 
 
 def test_bad_output_is_told_and_changes_nothing(source, tmp_path):
@@ -261,7 +263,12 @@ def test_the_command_hands_over_what_the_replay_left(source, tmp_path, capsys):
         assert told.count("\n") == 1
     assert not out.exists()
     assert cli.run([*order, "--part", "door"]) == 0
-    assert sorted(contents(out)) == ["gripper_trajectory.yaml", "joint_trajectory.yaml", "trajectory.csv"]
+    assert sorted(contents(out)) == [
+        "files.json",
+        "gripper_trajectory.yaml",
+        "joint_trajectory.yaml",
+        "trajectory.csv",
+    ]
     assert cli.run(order) == 0
     assert (out / "door/trajectory.csv").read_bytes() == (out / "trajectory.csv").read_bytes()
     capsys.readouterr()
@@ -271,3 +278,33 @@ def test_the_command_hands_over_what_the_replay_left(source, tmp_path, capsys):
     native.save(handovers.closing(source).trajectory, run / "replay/franka/door_close")
     assert cli.run([*order, "--part", "door", "--goal", "close"]) == 0
     assert b"franka closes door" in (out / "joint_trajectory.yaml").read_bytes()
+
+
+def test_a_file_that_no_call_wrote_is_not_replaced_by_a_trajectory(source, tmp_path):
+    (tmp_path / "trajectory.csv").write_text("mine")
+    with pytest.raises(InputError, match=r"trajectory\.csv is not a file that was exported"):
+        hand_over(source, ["json", "csv"], tmp_path)
+    assert contents(tmp_path) == {"trajectory.csv": b"mine"}
+    hand_over(source, ["ros2"], tmp_path)  # another format is not in the way
+    hand_over(source, ["json"], tmp_path)
+    assert contents(tmp_path)["trajectory.csv"] == b"mine"
+    hand_over(source, ["json", "csv"], tmp_path, overwrite=True)
+    assert contents(tmp_path)["trajectory.csv"] != b"mine"
+    (tmp_path / "joint_trajectory.yaml").write_text("edited")
+    hand_over(source, ["json", "csv"], tmp_path)
+    with pytest.raises(InputError, match=r"joint_trajectory\.yaml was changed since"):
+        hand_over(source, ["ros2"], tmp_path)
+    assert contents(tmp_path)["joint_trajectory.yaml"] == b"edited"
+
+
+def test_what_a_trajectory_does_not_need_any_more_goes(source, tmp_path):
+    hand_over(source, ["ros2", "csv"], tmp_path)
+    listed = json.loads((tmp_path / "files.json").read_text())
+    stale = b"base: gone"
+    (tmp_path / "base_trajectory.yaml").write_bytes(stale)
+    listed["files"]["base_trajectory.yaml"] = hashlib.sha256(stale).hexdigest()
+    (tmp_path / "files.json").write_text(json.dumps(listed))
+    hand_over(source, ["ros2"], tmp_path)
+    assert set(contents(tmp_path)) == {
+        "trajectory.csv", "joint_trajectory.yaml", "gripper_trajectory.yaml", "files.json"
+    }  # fmt: skip

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
 import pytest
 
 import robots
+from robots import video
 from robots.config import PlanConfig
 from robots.floor import find_floor
 from robots.refine import moves_alone
@@ -59,6 +62,20 @@ def test_replay_is_deterministic_and_writes_its_files(drawer, tmp_path: Path):
     assert written["success_90"] is True
     assert [row["phase"] for row in written["phases"]] == list(dict.fromkeys(trajectory.phases))
     assert written["phases"][2]["state"] > 0.9 * trajectory.goal
+
+
+def test_a_replay_that_ends_early_leaves_the_earlier_one_whole(drawer, tmp_path: Path, monkeypatch):
+    """The trajectory was written first: a film that failed left it beside the earlier film and report."""
+    twin, trajectory = drawer
+    robots.replay(twin, trajectory, tmp_path / "r", video=False)
+    (tmp_path / "r/mine.csv").write_text("mine")
+    before = {p.name: p.read_bytes() for p in (tmp_path / "r").iterdir()}
+    for error, told in ((OSError(errno.ENOSPC, "No space left"), InputError), (KeyboardInterrupt(), None)):
+        monkeypatch.setattr(video, "write_video", Mock(side_effect=error))
+        with pytest.raises(told or KeyboardInterrupt):
+            robots.replay(twin, replace(trajectory, grasp="another"), tmp_path / "r")
+        assert {p.name: p.read_bytes() for p in (tmp_path / "r").iterdir()} == before
+        assert [p.name for p in tmp_path.iterdir()] == ["r"]
 
 
 def test_planning_is_deterministic(drawer):

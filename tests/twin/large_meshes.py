@@ -38,7 +38,7 @@ def soup(faces: int) -> Mesh:
     mesh = fine_boards(faces)
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     stray = np.random.default_rng(1).uniform(-9.0, 9.0, corners.shape)
-    return Mesh(np.concatenate([corners, stray]), np.arange(len(corners)).reshape(-1, 3))
+    return Mesh(np.concatenate([corners, stray]), np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
 
 
 def shells(faces: int) -> Mesh:
@@ -50,7 +50,7 @@ def shells(faces: int) -> Mesh:
     )[0]
     vertices = points[:, None] + 0.003 * np.array(small.vertices)
     index = np.array(small.faces) + 12 * np.arange(count)[:, None, None]
-    return Mesh(vertices.reshape(-1, 3), index.reshape(-1, 3))
+    return Mesh(vertices.reshape(-1, 3), index.reshape(-1, 3).astype(np.int32))
 
 
 def with_slivers(faces: int) -> Mesh:
@@ -68,6 +68,70 @@ def round_body(faces: int) -> Mesh:
     """A ball of 0.3 m, convex, of about `faces` triangles."""
     side = round(np.sqrt(faces / 2))
     return _mesh(trimesh.creation.uv_sphere(radius=0.15, count=[side, side]))
+
+
+def t_junctions(faces: int, noise: float = 0.0005) -> Mesh:
+    """The door with most triangles cut in four again and again, but not their neighbours: cracks everywhere."""
+    mesh, rng = boards_mesh(door_boards()), np.random.default_rng(1)
+    while len(mesh.faces) < faces:
+        some = np.flatnonzero(rng.uniform(size=len(mesh.faces)) < 0.7)
+        cut = trimesh.remesh.subdivide(mesh.vertices, mesh.faces, face_index=some)
+        mesh = Mesh(np.array(cut[0]), np.array(cut[1]))
+    return Mesh(mesh.vertices + rng.normal(size=mesh.vertices.shape) * noise, mesh.faces)
+
+
+def shreds(faces: int) -> Mesh:
+    """Every triangle of the door by itself, a little off its neighbours."""
+    mesh = soup(faces)
+    return Mesh(
+        mesh.vertices + np.random.default_rng(6).normal(size=mesh.vertices.shape) * 0.0003, mesh.faces
+    )
+
+
+def fan(faces: int) -> Mesh:
+    """A cylinder whose caps are fans of slivers: a quarter of all faces meet at either middle."""
+    return _mesh(trimesh.creation.cylinder(radius=0.2, height=0.4, sections=faces // 4))
+
+
+def bodies(faces: int, count: int = 1000) -> Mesh:
+    """Small closed boxes beside one another."""
+    box = trimesh.creation.box([0.02, 0.015, 0.01])
+    while 2 * len(box.faces) * count <= faces:
+        box = box.subdivide()
+    k = np.arange(count)
+    at = np.stack([k % 10, k // 10 % 10, k // 100], axis=1) * [0.06, 0.03, 0.04]
+    vertices = at[:, None] + np.array(box.vertices)
+    index = np.array(box.faces) + len(box.vertices) * k[:, None, None]
+    return Mesh(vertices.reshape(-1, 3), index.reshape(-1, 3).astype(np.int32))
+
+
+def crossed_edges(faces: int) -> Mesh:
+    """The door with a third face at many edges."""
+    mesh, rng = fine_boards(faces), np.random.default_rng(0)
+    edge = mesh.faces[rng.integers(0, len(mesh.faces), faces // 20)]
+    edge = np.concatenate([edge[:, :2], rng.integers(0, len(mesh.vertices), (len(edge), 1))], axis=1)
+    return Mesh(mesh.vertices, np.concatenate([mesh.faces, edge.astype(np.int32)]), mesh.colors)
+
+
+def twice(faces: int) -> Mesh:
+    """The door given twice in the same place, with corners of its own each time."""
+    mesh = fine_boards(faces // 2)
+    return Mesh(
+        np.concatenate([mesh.vertices, mesh.vertices]),
+        np.concatenate([mesh.faces, mesh.faces + len(mesh.vertices)]),
+    )
+
+
+def flat_front(faces: int) -> Mesh:
+    """The front without noise: all corners in one plane."""
+    mesh = front(faces)
+    return Mesh(mesh.vertices * [1.0, 0.0, 1.0], mesh.faces)
+
+
+def millimetres(faces: int) -> Mesh:
+    """The door in millimetres, read as metres."""
+    mesh = fine_boards(faces)
+    return Mesh(1000.0 * mesh.vertices, mesh.faces, mesh.colors)
 
 
 def front(faces: int) -> Mesh:
@@ -90,4 +154,12 @@ KINDS: dict[str, Callable[[int], Mesh]] = {
     "slivers": with_slivers,
     "ball": round_body,
     "front": front,
+    "flat front": flat_front,
+    "T-junctions": t_junctions,
+    "shreds": shreds,
+    "fan": fan,
+    "bodies": bodies,
+    "crossed edges": crossed_edges,
+    "twice": twice,
+    "millimetres": millimetres,
 }

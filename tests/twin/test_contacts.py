@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import logging
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,10 @@ import pytest
 from tests.twin.scenes import cabinet_twin
 from twin import cli
 from twin.contacts import allowed, contact_off, contacts_off, distance_to
+from twin.errors import PlanningError
+from twin.export import export
+from twin.lint import lint
+from twin.lint.rules.twins import TWIN_RULES
 from twin.scene import Twin
 from twin.storage import load, save
 
@@ -78,3 +84,32 @@ def test_a_contact_half_a_metre_off_is_told_by_export_check_and_lint(
     for argv in (["export"], ["check"]):
         assert run(capsys, *argv, tmp_path, "--format", "mjcf")[0] == 0
     assert run(capsys, "lint", tmp_path)[0] == 0
+
+
+def test_every_rule_for_twins_finds_its_fault_and_nothing_else(tmp_path: Path) -> None:
+    """What tests/twin/lint_mutations does for the rules of files."""
+    faults = {"contact-off-part": shifted(0.5)}
+    assert set(faults) == set(TWIN_RULES)
+    for name, faulty in faults.items():
+        save(faulty, tmp_path / name / "twin")
+        export(faulty, tmp_path / name / "export", ["urdf"])
+        assert {f.rule for f in lint([tmp_path / name]).findings} == {name}
+
+
+def test_a_replay_tells_of_a_contact_off_its_part_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The step tells of it in its warnings; the planner's log told it again on a terminal."""
+    save(shifted(0.5), tmp_path / "twin")
+    (tmp_path / "manifest.json").write_text('{"format": "funtwin-run/1", "stages": []}')
+
+    def plan(*_: object, **__: object) -> None:
+        logging.getLogger("robots.touch").warning("the contact of door is 0.50 m off the part")
+        raise PlanningError("no base is free", "clear the scene")
+
+    monkeypatch.setattr("robots.plan", plan, raising=False)
+    terminal = logging.StreamHandler(sys.stderr)  # what logging does by itself outside of pytest
+    monkeypatch.setattr(logging.getLogger("robots.touch"), "handlers", [terminal])
+    _, told = run(capsys, "replay", tmp_path, "--part", "door")
+    assert told.count("the contact of door is 0.50 m off the part") == 1
+    assert logging.getLogger("robots.touch").level == logging.NOTSET

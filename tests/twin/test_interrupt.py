@@ -9,10 +9,12 @@ import sys
 import textwrap
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tests.twin.scenes import cabinet_twin
+from twin import interrupt
 from twin.storage import save
 
 # Places in which Python can't hand a KeyboardInterrupt on as it is.
@@ -108,3 +110,59 @@ def test_a_reader_that_stops_reading_is_no_error(tmp_path: Path, options: list[s
     assert process.stderr is not None
     assert process.stderr.read() == b""
     assert process.wait(timeout=30) == 141
+
+
+def test_ctrl_c_is_heard_before_the_imports_that_take_time() -> None:
+    """Importing the scene types first left a tenth of a second in which Ctrl-C was a traceback."""
+    code = (
+        "import sys; from twin import __main__; print([m for m in ('numpy', 'argparse', 'dataclasses', 'json', 'twin.cli')"
+        " if m in sys.modules])"
+    )
+    command = [sys.executable, "-S", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[2], check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_ctrl_c_while_modules_are_imported_is_one_line(tmp_path: Path) -> None:
+    slow = "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(5)\n"
+    (tmp_path / "argparse.py").write_text(slow)
+    process = subprocess.run(
+        [sys.executable, "-m", "twin", "doctor"], capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])},
+    )  # fmt: skip
+    assert process.stderr == "twin: interrupted; run the same command again to go on\n"
+    assert process.returncode == 130
+
+
+def test_ctrl_c_when_all_is_done_keeps_the_exit_code() -> None:
+    code = (
+        "import atexit, os, signal, time\n"
+        "from twin import interrupt\n"
+        "atexit.register(lambda: (os.kill(os.getpid(), signal.SIGINT), time.sleep(5)))\n"
+        "interrupt.handle()\n"
+        "interrupt.finish(2)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2]
+    )
+    assert (done.returncode, done.stderr) == (2, "")
+
+
+def test_an_interruption_that_comes_back_while_the_first_is_dropped_waits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The timer ran out inside of the hook that had set it: "Exception ignored in: sys.unraisablehook" and a traceback."""
+    alarms = []
+
+    def at_once(_kind: int, seconds: float) -> None:
+        alarms.append(seconds)
+        if len(alarms) == 1:
+            interrupt._late(signal.SIGALRM, sys._getframe())
+
+    monkeypatch.setattr(interrupt, "_signals", [signal.SIGINT])
+    monkeypatch.setattr(interrupt, "_deadline", [time.monotonic() + 3])
+    monkeypatch.setattr(signal, "setitimer", at_once)
+    interrupt._unraisable(SimpleNamespace(exc_value=KeyboardInterrupt()))
+    assert len(alarms) == 2
+    with pytest.raises(KeyboardInterrupt):
+        interrupt._late(signal.SIGALRM, sys._getframe())

@@ -95,6 +95,16 @@ def test_stated_shapes_that_meet_are_told_and_left(exact: Twin, tmp_path: Path) 
     assert meetings(exact) == []
 
 
+def test_a_made_shape_that_stays_in_a_stated_one_is_told_as_made(exact: Twin) -> None:
+    """Who reads that it was left as stated looks for an error of his own."""
+    wall = Box(exact.part("door").collision[0].T_world_box, np.full(3, 0.05))  # type: ignore[union-attr]
+    twin = replace(exact, static=replace(exact.static, collision=(*exact.static.collision, wall)))
+    (told,) = meetings(twin, {"door"})
+    assert "those made for 'door' could not be cut free: state shapes that keep clear" in told
+    assert "left as stated" not in told
+    assert "left as stated" in meetings(twin)[0]
+
+
 CHANNEL = trimesh.util.concatenate(
     [
         trimesh.creation.box(bounds=[[0, 0, 0], [0.4, 0.06, 0.01]]),

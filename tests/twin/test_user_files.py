@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.twin.scenes import cabinet_twin
-from twin import atomic, cli
+from twin import atomic, cli, stages
 from twin.document import extra_of, with_extra
 from twin.errors import InputError
 from twin.export import export
 from twin.run_lock import claim, claimed, release
 from twin.scene import Twin
-from twin.storage import load, save, update
+from twin.storage import keep_aside, load, save, update
 
 KEYS = st.text("abcdefgh_", min_size=1, max_size=5).map("x_".__add__)
 VALUES = st.recursive(
@@ -294,3 +296,77 @@ def test_extra_keys_and_known_ones_make_up_the_whole(known: dict, raw: dict) -> 
     assert extra_of(whole, known) == extra
     assert set(whole) == set(known) | set(raw)
     assert all(whole[k] == known[k] or isinstance(known[k], dict) for k in known)
+
+
+def test_a_list_of_the_user_that_bears_the_name_of_ours_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "mjcf").mkdir()
+    (tmp_path / "mjcf" / "files.json").write_text('{"my": "list"}')
+    with pytest.raises(InputError, match=r"files\.json is not a file that was exported"):
+        export(cabinet_twin(), tmp_path, formats=("mjcf",))
+    assert (tmp_path / "mjcf" / "files.json").read_text() == '{"my": "list"}'
+
+
+def test_folders_that_may_not_be_written_leave_nothing_behind(tmp_path: Path) -> None:
+    """The old folder's links are removed after the new one took its place; a read-only folder in it kept them."""
+    twin = cabinet_twin()
+    save(twin, tmp_path / "twin")
+    locked = tmp_path / "twin" / "archive"
+    locked.mkdir()
+    (locked / "a.txt").write_text("mine")
+    locked.chmod(0o555)
+    code = (
+        "import ctypes, sys; from pathlib import Path; from twin.storage import load, save\n"
+        "for capability in (1, 2):  # what lets root write everywhere\n"
+        "    ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)\n"
+        "import os; os.execv(sys.executable, [sys.executable, '-c', sys.argv[1], sys.argv[2]])"
+    )
+    again = (
+        "import sys; from dataclasses import replace; from twin.storage import load, save\n"
+        "twin = load(sys.argv[1]); save(replace(twin, parts=twin.parts[:1]), sys.argv[1])"
+    )
+    subprocess.run([sys.executable, "-c", code, again, str(tmp_path / "twin")], check=True)
+    assert len(load(tmp_path).parts) == 1
+    assert (locked / "a.txt").read_text() == "mine"
+    assert [p.name for p in tmp_path.iterdir()] == ["twin"]
+
+
+def test_a_copy_of_an_earlier_twin_is_whole_or_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save(cabinet_twin(), tmp_path / "twin")
+    before, link = state(tmp_path), os.link
+    calls: list[str] = []
+
+    def ends(source: str, target: str, **options: bool) -> None:
+        calls.append(source)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        link(source, target, **options)
+
+    monkeypatch.setattr(os, "link", ends)
+    with pytest.raises(KeyboardInterrupt):
+        keep_aside(tmp_path / "twin")
+    assert state(tmp_path) == before
+    monkeypatch.undo()
+    assert state(keep_aside(tmp_path / "twin")).keys() == state(tmp_path / "twin").keys()
+
+
+def test_an_error_of_a_full_disk_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "a.json").write_text("old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left") as told:
+        atomic.write_file(tmp_path / "a.json", b"new")
+    assert told.value.filename == str(tmp_path / "a.json")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.json", "old")]
+
+
+def test_a_run_that_can_not_begin_gives_its_folder_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stages, "write_text", Mock(side_effect=OSError(errno.EFBIG, "File too large")))
+    with pytest.raises(OSError, match="File too large"):
+        stages.Run(tmp_path, "fingerprint", config={"a": 1})
+    assert not (tmp_path / ".lock").exists()

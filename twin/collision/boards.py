@@ -7,7 +7,7 @@ the other side of the board where it was seen, else from the depth of its edges,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,6 +21,7 @@ from twin.scene import Box
 _FACING = np.cos(np.deg2rad(25.0))  # chosen by us: noisy faces still belong to their plane
 _THINNEST = 0.003  # m
 _ENOUGH = 0.15  # share of a rectangle whose back was seen that speaks for the rest
+_CELLS = 2000  # along a surface, chosen by us: 12 m of a part; a mesh in millimetres would fill the memory
 _EDGE = 0.3  # share of an edge whose depth was seen that speaks for the rest
 
 
@@ -70,6 +71,9 @@ class _Plane:
 
 def find_boards(triangles: Array, axes: Array, search: BoardSearch) -> tuple[list[Board], Array]:
     """Boards of a surface (n, 3, 3) along the columns of `axes`, and the surface they leave."""
+    if len(triangles):
+        size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+        search = replace(search, cell=max(search.cell, size / _CELLS))
     boards: list[Board] = []
     skip: set[tuple[int, int, int]] = set()
     while len(triangles) and len(boards) < search.most:

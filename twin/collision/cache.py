@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
+import io
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.atomic import write_file
 from twin.paths import AnyPath
 from twin.scene import Box, Collision, Mesh, Twin
 
@@ -88,11 +88,9 @@ class ShapeCache:
                     arrays[f"{i}_{k}_pose"], arrays[f"{i}_{k}_size"] = piece.T_world_box, piece.size
                 else:
                     arrays[f"{i}_{k}_vertices"], arrays[f"{i}_{k}_faces"] = piece.vertices, piece.faces
-        self._folder.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(suffix=".npz", dir=self._folder)
-        with os.fdopen(handle, "wb") as out:
-            np.savez(out, **arrays)  # type: ignore[arg-type]
-        Path(temporary).replace(self._folder / f"{key}.npz")
+        data = io.BytesIO()
+        np.savez(data, **arrays)  # type: ignore[arg-type]
+        write_file(self._folder / f"{key}.npz", data.getvalue())
 
 
 def _shape(data: Any, name: str) -> Collision:

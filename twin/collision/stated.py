@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 
 import numpy as np
 
@@ -97,9 +97,13 @@ def _way_out(hull: Hull, points: Array, directions: Array) -> Array:
     return np.asarray(far.min(axis=1))
 
 
-def meetings(twin: Twin) -> list[str]:
+def meetings(twin: Twin, made: Set[str] = frozenset()) -> list[str]:
     """One line for every two lists of collision shapes that meet while a part opens, with depth and state; parts and what
-    they are mounted on may touch."""
+    they are mounted on may touch.
+
+    Args:
+        made: names of the parts and the static scene whose shapes were made here; the others were stated.
+    """
     shapes = [list(o.collision) for o in owners_of(twin)]
     names = [o.name for o in owners_of(twin)]
     deepest: dict[tuple[str, str], tuple[float, str]] = {}
@@ -108,9 +112,18 @@ def meetings(twin: Twin) -> list[str]:
         if depth > deepest.get(pair, (_MEET, ""))[0]:
             deepest[pair] = (depth, where)
     return [
-        f"the collision shapes of {a!r} and {b!r} overlap by {1e3 * depth:.1f} mm {where}; they were left as stated"
+        f"the collision shapes of {a!r} and {b!r} overlap by {1e3 * depth:.1f} mm {where}; {_why([n for n in (a, b) if n in made])}"
         for (a, b), (depth, where) in deepest.items()
     ]
+
+
+def _why(made: list[str]) -> str:
+    """Why shapes overlap, some of which were made."""
+    if not made:
+        return "they were left as stated"
+    return (
+        f"those made for {' and '.join(map(repr, made))} could not be cut free: state shapes that keep clear"
+    )
 
 
 def _contacts(twin: Twin, shapes: list[list[Collision]]) -> Iterator[tuple[tuple[int, int], float, str]]:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.collision.closed_pieces import outward
-from twin.collision.decimation import joined
+from twin.collision.decimation import decimated_body, joined
 from twin.collision.solid import pieces_of
 from twin.scene import Mesh
 
+_FACES = 20_000  # of all bodies, chosen by us: more are decimated, for the union of a million noisy faces takes minutes
 OVERLAP = 0.001  # share of the bodies' volume, chosen by us: less is the rounding of boards that touch
 
 
@@ -24,7 +25,7 @@ class Union:
 
 def united(mesh: Mesh) -> Union | None:
     """The union of the closed bodies of a mesh (Manifold's exact-topology booleans); None where it has fewer than two
-    of them, or one is not a body, as one that passes through itself."""
+    of them, or one is not a body, as one that passes through itself. Of large meshes, the union of bodies of fewer faces."""
     pieces = pieces_of(mesh)
     bodies = [piece for piece, closed in pieces if closed]
     if len(bodies) < 2:
@@ -33,7 +34,14 @@ def united(mesh: Mesh) -> Union | None:
 
     middle = mesh.vertices.mean(axis=0)
     solids = []
-    for body in map(outward, bodies):
+    for given_body in bodies:
+        share = min(1.0, _FACES / len(mesh.faces))
+        small = (
+            decimated_body(given_body, max(500, int(share * len(given_body.faces))))
+            if share < 1
+            else given_body
+        )
+        body = None if small is None else outward(small)
         if body is None:
             return None
         given = manifold3d.Mesh64(

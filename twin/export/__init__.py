@@ -78,8 +78,9 @@ def export(
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
     if package:
         check_package(package)
-    from twin.collision.stated import meetings
+    from twin.collision.stated import meetings, owners_of
 
+    made = {owner.name for owner in owners_of(twin) if not owner.collision}
     asset = AssetInfo() if asset is None else asset
     ready = complete(twin, cache_dir)
     tree = build_tree(ready)
@@ -89,7 +90,7 @@ def export(
         for k in tree.links
         if not k.collision
     ]
-    warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready))]
+    warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready, made))]
     warnings += [f"all: {off.problem}; {off.remedy}" for off in contacts_off(twin)]
     try:
         with ExitStack() as stack:
@@ -107,7 +108,9 @@ def export(
             for fmt, here in staged.items():
                 replace_own(here, folder / fmt, overwrite)
     except OSError as e:
-        raise InputError(f"{folder} can't be written: {e}", "check space and permissions") from e
+        raise InputError(
+            f"{folder} can't be written: {e.strerror or e}", "check space and permissions"
+        ) from e
     return Exported(files, tuple(warnings))
 
 

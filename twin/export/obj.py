@@ -16,6 +16,9 @@ from twin.scene import Mesh
 
 _MAX_TEXTURE = 2048  # texels; every renderer takes this
 _CREASE = np.cos(np.deg2rad(40.0))  # chosen by us: faces that meet at more keep their edge sharp
+_CROWDED = 200  # faces around one vertex, chosen by us: where they are more, those that face alike are taken together
+_WAYS = 16  # steps of a unit normal's components within which faces face alike: 4 degrees, chosen by us
+_AT_ONCE = 1 << 21  # pairs of faces at a time: some hundred megabytes
 _GREY = (180, 180, 180)
 
 
@@ -168,22 +171,13 @@ def _atlas(corner_colors: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Array]:
 
 def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int64]]:
     """Normals (M, 3) and the index (F, 3) of each face corner's: smooth over the surface, sharp at creases."""
-    from scipy.sparse import csr_matrix
-
     n = len(faces)
     if n == 0:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     unit = cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
-    corner = faces.ravel()
-    touch = csr_matrix((np.ones(3 * n), (np.arange(3 * n), corner)), shape=(3 * n, len(vertices)))
-    around = csr_matrix((np.ones(3 * n), (corner, np.repeat(np.arange(n), 3))), shape=(len(vertices), n))
-    pairs = (touch @ around).tocoo()
-    own, other = unit[pairs.row // 3], unit[pairs.col]
-    near = np.einsum("ij,ij->i", own, other) > _CREASE
-    keep = csr_matrix((near.astype(float), (pairs.row, pairs.col)), shape=pairs.shape)
-    total = np.asarray(keep @ cross)
+    total = _facing_alike(faces.ravel(), cross, unit)
     length = np.linalg.norm(total, axis=1)
     smooth = np.where(
         length[:, None] > 1e-15, total / np.maximum(length, 1e-300)[:, None], np.repeat(unit, 3, axis=0)
@@ -192,3 +186,28 @@ def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, ND
     steps = np.round(smooth * 1e4).astype(np.int64)
     first, index = geo.unique_rows(steps)
     return steps[first] / 1e4, index.reshape(-1, 3)
+
+
+def _facing_alike(corner: NDArray[np.int32], cross: Array, unit: Array) -> Array:
+    """For each face corner (3 F,), given by its vertex, the sum (3 F, 3) of `cross` (F, 3) over the faces around that vertex
+    which face (`unit`) within a crease of its own."""
+    owner = np.arange(len(corner)) // 3
+    crowded = np.bincount(corner)[corner] > _CROWDED
+    way = np.where(crowded[:, None], np.round(unit[owner] * _WAYS), 0.0).astype(np.int64)
+    apart = np.where(crowded, 0, owner + 1)  # elsewhere each face is a group of its own
+    first, group = geo.unique_rows(np.column_stack([corner, apart, way]))
+    held = np.stack([np.bincount(group, weights=column[owner]) for column in cross.T], axis=1)
+    facing = held / np.maximum(np.linalg.norm(held, axis=1), 1e-300)[:, None]
+    facing = np.where(crowded[first, None], facing, unit[owner[first]])
+    beside = np.bincount(corner[first])[corner[first]]  # groups come vertex by vertex
+    start = np.searchsorted(corner[first], corner[first])
+    total = np.zeros_like(held)
+    for some in np.split(np.arange(len(first)), np.flatnonzero(np.diff(np.cumsum(beside) // _AT_ONCE)) + 1):
+        count = beside[some]
+        row = np.repeat(np.arange(len(some)), count)
+        other = np.repeat(start[some] - (np.cumsum(count) - count), count) + np.arange(len(row))
+        near = np.einsum("ij,ij->i", facing[some][row], facing[other]) > _CREASE
+        row, other = row[near], other[near]
+        for k in range(3):
+            total[some, k] = np.bincount(row, weights=held[other, k], minlength=len(some))
+    return np.asarray(total[group])

@@ -94,7 +94,7 @@ def open_edges(surface: Surface) -> int:
 
 
 _MOST_FACES = 5000  # Open3D compares every pair of triangles: about a second at this count
-_SHARE = 0.01  # of the area; as where our own parts are refused (twin.soundness)
+_SHARE = 0.01  # of the area, chosen by us: a tenth of what is told of our own parts (twin.soundness), whose noise is known
 
 
 def crosses_itself(surface: Surface) -> bool:

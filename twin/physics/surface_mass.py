@@ -33,6 +33,9 @@ _EDGE = (
     1.4  # board thicknesses: faces are cut until no edge is longer; half of it changes masses by about 1 %
 )
 _MOST_FACES = 30_000  # but not into many more than these; a mesh of over twice as many is decimated
+_SLIVERS = (
+    8  # times as many at most, chosen by us: boards reach 4; each sliver across a fan would become thousands
+)
 
 
 def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
@@ -89,7 +92,10 @@ class _Shell:
         from twin.collision.decimation import decimated
 
         solid = _closed_volume(mesh)
-        fine = _cut(decimated(mesh, 2 * _MOST_FACES), thickness)
+        small = decimated(mesh, 2 * _MOST_FACES)
+        if _pieces(_longest_sides(small), _edge(small, thickness)) > _SLIVERS * _MOST_FACES:
+            small = decimated(mesh, _MOST_FACES // 8)
+        fine = _cut(small, thickness)
         areas, normals = _face_frames(fine)
         return _Shell(fine, areas, normals, behind(fine, normals, _MAX_BOARD * thickness), solid)
 
@@ -123,14 +129,31 @@ def _cut(mesh: Mesh, thickness: float) -> Mesh:
     """The mesh with no edge longer than a board is thick, as far as the number of faces allows."""
     from trimesh.remesh import subdivide_to_size
 
-    edge = max(_EDGE * thickness, float(np.sqrt(4.0 * mesh.area / _MOST_FACES)))
-    corners = mesh.vertices[mesh.faces]
-    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+    edge, sides = _edge(mesh, thickness), _longest_sides(mesh)
+    longest = float(sides.max())
+    while _pieces(sides, edge) > _SLIVERS * _MOST_FACES:
+        edge *= 1.5
     if longest <= edge:
         return mesh
     rounds = int(np.ceil(np.log2(longest / edge))) + 2
     vertices, faces = subdivide_to_size(mesh.vertices, mesh.faces, edge, max_iter=2 * rounds)
     return Mesh(vertices, faces)
+
+
+def _edge(mesh: Mesh, thickness: float) -> float:
+    """Longest edge (m) that the faces of a mesh are cut to."""
+    return max(_EDGE * thickness, float(np.sqrt(4.0 * mesh.area / _MOST_FACES)))
+
+
+def _longest_sides(mesh: Mesh) -> Array:
+    """Longest side (F,) m of each face."""
+    corners = mesh.vertices[mesh.faces]
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
+
+
+def _pieces(sides: Array, edge: float) -> float:
+    """Number of faces that come of faces with these longest sides (F,) when each is cut in four until none is over `edge`."""
+    return float((4.0 ** np.ceil(np.log2(np.maximum(sides / edge, 1.0)))).sum())
 
 
 def _face_frames(mesh: Mesh) -> tuple[Array, Array]:

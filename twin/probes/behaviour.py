@@ -4,9 +4,9 @@ A job is {path, format, parts, scene}, where scene is the file with a floor, or 
 N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
 demonstration, and slides, whether its weight is more than friction holds when it is closed. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
-The files are simulated as they are, with the step and the integrator that they ask for. One thing is changed, in memory: in
-`_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight of a lid; in `_sweep` bodies that
-the file keeps apart may touch; in `_demonstration` the hand's mass goes with the part.
+The files are simulated as they are, with the step and the integrator that they ask for. What is changed, in memory: the other
+parts have no joints (`_moved`); in `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight
+of a lid; in `_sweep` bodies that the file keeps apart may touch; in `_demonstration` the hand's mass goes with the part.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,6 @@ SWING_SECONDS = 5.0
 SWEEP_STATES = 41
 SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
 VERSION = mujoco.__version__
-_LOOK = 1  # steps between two looks: what others gain until they are held again pushes the part
 _STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
 _BROKEN = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -38,13 +38,16 @@ _BROKEN = (
 )
 
 
+_File = tuple[Any, Any]  # mujoco.MjSpec and the mujoco.MjModel compiled from it
+
+
 class _BrokenDown(Exception):
     """The simulation diverged."""
 
 
 @dataclass(frozen=True)
 class _Moved:
-    """One part of a model: its body, degree of freedom, place in qpos, range, and where the other parts are held."""
+    """A model in which one part moves: its body, degree of freedom, place in qpos, and range."""
 
     model: Any
     body: int
@@ -52,78 +55,101 @@ class _Moved:
     at: int
     lower: float
     upper: float
-    home: Any
 
     def data(self, state: float) -> Any:
-        """A fresh simulation with the part at `state` and the others where they are held."""
+        """A fresh simulation with the part at `state`."""
         data = mujoco.MjData(self.model)
-        data.qpos[:] = self.home
         data.qpos[self.at] = state
         mujoco.mj_forward(self.model, data)
         return data
 
-    def hold_others(self, data: Any) -> None:
-        state, speed = data.qpos[self.at], data.qvel[self.dof]
-        data.qpos[:], data.qvel[:] = self.home, 0.0
-        data.qpos[self.at], data.qvel[self.dof] = state, speed
-
 
 def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
     """Move every part of the model in `path`."""
-    parts = job["parts"]
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
-    model = mujoco.MjSpec.from_file(str(path)).compile()
-    weightless, touching = copy(model), _touching(Path(job["scene"]))
-    weightless.opt.gravity[:] = 0.0
-    out: dict[str, Any] = {}
-    for part in parts:
-        free = _moved(weightless, part)
-        weighed = _moved(model, part)
-        closed = _moved(model, {**part, "held": {}})
-        out[part["name"]] = {
-            "rest": None if part["slides"] else _guarded(_stay, closed, 0.0),
-            "rest_half_open": _guarded(_stay, weighed, (weighed.lower + weighed.upper) / 2),
-            "slide": _guarded(_slide, closed) if part["slides"] else None,
-            "armature": float(model.dof_armature[weighed.dof]),
-            "open": _guarded(_reach, free, free.lower, part["force"]),
-            "close": _guarded(_reach, free, free.upper, -part["force"]),
-            "sweep": _sweep(_moved(touching, part)),
-            "energy": _guarded(_energy, weighed, part["speed"]),
-            "demonstration": _guarded(_demonstration, weighed, part),
-            "step": float(model.opt.timestep),
-            "integrator": mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_").lower(),
-        }
-    return out
+    spec = mujoco.MjSpec.from_file(str(path))
+    whole, touching = spec.compile(), _touching(Path(job["scene"]))
+    ways = (spec, whole), (touching, touching.compile())
+    return {part["name"]: _measured(part, *ways) for part in job["parts"]}
+
+
+def _measured(part: Mapping[str, Any], file: _File, touching: _File) -> dict[str, Any]:
+    """All that is asked of one part. file, touching: a specification and the model compiled from it."""
+    weighed = _moved(*file, part["name"], part["held"])
+    closed = _moved(*file, part["name"], {}) if part["held"] else weighed
+    free = replace(weighed, model=copy(weighed.model))
+    free.model.opt.gravity[:] = 0.0
+    model = weighed.model
+    return {
+        "rest": None if part["slides"] else _guarded(_stay, closed, 0.0),
+        "rest_half_open": _guarded(_stay, weighed, (weighed.lower + weighed.upper) / 2),
+        "slide": _guarded(_slide, closed) if part["slides"] else None,
+        "armature": float(model.dof_armature[weighed.dof]),
+        "open": _guarded(_reach, free, free.lower, part["force"]),
+        "close": _guarded(_reach, free, free.upper, -part["force"]),
+        "sweep": _sweep(_moved(*touching, part["name"], part["held"])),
+        "energy": _guarded(_energy, weighed, part["speed"]),
+        "demonstration": _guarded(_demonstration, weighed, part),
+        "step": float(model.opt.timestep),
+        "integrator": mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_").lower(),
+    }
 
 
 def _touching(path: Path) -> Any:
-    """The model with every pair of bodies allowed to touch, also those the file keeps apart."""
+    """The specification with every pair of bodies allowed to touch, also those the file keeps apart."""
     spec = mujoco.MjSpec.from_file(str(path))
     for pair in list(spec.excludes):
         spec.delete(pair)
-    model = spec.compile()
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
-    return model
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    return spec
 
 
-def _moved(model: Any, part: Mapping[str, Any]) -> _Moved:
-    joints = {model.joint(j).name.split("/")[-1]: j for j in range(model.njnt)}
-    home = np.zeros(model.nq)
-    for name, state in part["held"].items():
-        home[model.jnt_qposadr[joints[f"{name}_joint"]]] = state
-    j = joints[f"{part['name']}_joint"]
-    own = int(model.jnt_dofadr[j])
-    lower, upper = map(float, model.jnt_range[j])
+def _moved(spec: Any, whole: Any, part: str, held: Mapping[str, float]) -> _Moved:
+    """The file with one joint, that of `part`, and the others' bodies fixed where `held` ({part: state}, else 0) has them.
+
+    They can't be held by putting them back after every step: within one, a heavy part that falls freely throws about the light
+    one that it hangs on. Nor by inertia or constraints: both leave the solver numbers that differ by a factor of 10^9.
+    """
+    alone, data, own = spec.copy(), mujoco.MjData(whole), _joint(whole, part)
+    for name, state in held.items():
+        data.qpos[whole.jnt_qposadr[_joint(whole, name)]] = state
+    mujoco.mj_kinematics(whole, data)
+    for joint in list(alone.joints):
+        if joint.name != whole.joint(own).name:
+            _place(joint.parent, whole, data)
+            alone.delete(joint)
+    _keep_apart(alone, whole, int(whole.jnt_bodyid[own]))
+    alone.compiler.fusestatic = False
+    model = alone.compile()
+    lower, upper = map(float, model.jnt_range[0])
     return _Moved(
-        model,
-        int(model.jnt_bodyid[j]),
-        own,
-        int(model.jnt_qposadr[j]),
-        lower,
-        upper,
-        home,
+        model, int(model.jnt_bodyid[0]), int(model.jnt_dofadr[0]), int(model.jnt_qposadr[0]), lower, upper
     )
+
+
+def _joint(model: Any, part: str) -> int:
+    """Index of the joint of a part, which readers may put into a namespace."""
+    return {model.joint(j).name.split("/")[-1]: j for j in range(model.njnt)}[f"{part}_joint"]
+
+
+def _place(body: Any, model: Any, data: Any) -> None:
+    """Give a body of a specification the pose in its parent that it has in `data`."""
+    at = model.body(body.name).id
+    pose = np.linalg.inv(_pose(data, int(model.body_parentid[at]))) @ _pose(data, at)
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, pose[:3, :3].flatten())
+    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    body.pos, body.quat = pose[:3, 3], quat
+
+
+def _keep_apart(spec: Any, model: Any, body: int) -> None:
+    """What a joint links does not touch; without a joint of its own the parent would count as the world, which does."""
+    parent = int(model.body_weldid[model.body_parentid[body]])
+    if parent == 0 or spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
+        return
+    for a, b in product(*(np.flatnonzero(model.body_weldid == k) for k in (parent, body))):
+        spec.add_exclude(bodyname1=model.body(a).name, bodyname2=model.body(b).name)
 
 
 def _guarded(run: Callable[..., Any], *arguments: Any) -> Any:
@@ -137,7 +163,7 @@ def _guarded(run: Callable[..., Any], *arguments: Any) -> Any:
 def _steps(model: Any, data: Any, seconds: float, look: Callable[[], bool]) -> None:
     """Simulate up to `seconds`, until a look says that it is done."""
     while data.time < seconds:
-        mujoco.mj_step(model, data, _LOOK)
+        mujoco.mj_step(model, data)
         _insist(data)
         if look():
             return
@@ -155,7 +181,6 @@ def _slide(part: _Moved) -> list[float]:
     for until in SLIDE_TIMES:
         while data.time < until - part.model.opt.timestep / 2:
             mujoco.mj_step(part.model, data)
-            part.hold_others(data)
         _insist(data)
         course.append(float(data.qpos[part.at]))
     return course
@@ -171,16 +196,16 @@ def _creep(part: _Moved, pull: float) -> float:
 
 
 def _stay(part: _Moved, state: float) -> dict[str, float]:
-    """Greatest change of state in 10 s when left at `state`, and what friction would yield to gravity's pull in that time."""
-    data, most = part.data(state), 0.0
+    """Greatest change of state in 10 s when left at `state`, and what friction would yield in that time to gravity's pull where
+    the part is: a door that creeps away from its balance is pulled more and more."""
+    data, most, creep = part.data(state), 0.0, 0.0
 
     def look() -> bool:
-        nonlocal most
-        part.hold_others(data)
+        nonlocal most, creep
         most = max(most, abs(float(data.qpos[part.at]) - state))
+        creep += part.model.opt.timestep * _creep(part, abs(float(data.qfrc_bias[part.dof])))
         return False
 
-    creep = REST_SECONDS * _creep(part, abs(float(data.qfrc_bias[part.dof])))
     _steps(part.model, data, REST_SECONDS, look)
     return {"drift": most, "creep": creep}
 
@@ -195,7 +220,6 @@ def _reach(part: _Moved, start: float, force: float) -> dict[str, float]:
 
     def look() -> bool:
         nonlocal left
-        part.hold_others(data)
         left = min(left, max(0.0, np.sign(force) * (goal - float(data.qpos[part.at])) / span))
         return left == 0.0
 
@@ -208,7 +232,6 @@ def _sweep(part: _Moved) -> float:
     model, data, deepest = part.model, mujoco.MjData(part.model), 0.0
     carried = _below(model, part.body)
     for state in np.linspace(part.lower, part.upper, SWEEP_STATES):
-        data.qpos[:] = part.home
         data.qpos[part.at] = state
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -244,7 +267,6 @@ def _energy(part: _Moved, speed: float) -> dict[str, float]:
 
         def look() -> bool:
             nonlocal most
-            part.hold_others(data)
             mujoco.mj_forward(model, data)  # the energy of what is held must not count
             most = max(most, float(data.energy.sum()) - begin)
             return False
@@ -285,7 +307,6 @@ def _demonstration(part: _Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
             data.qfrc_applied[part.dof] = pull
             most, k = max(most, abs(pull)), k + 1
             mujoco.mj_step(model, data)
-            part.hold_others(data)
         _insist(data)
         shown.qpos[:] = data.qpos
         shown.qpos[part.at] -= data.qvel[part.dof] * (steps[k] - t)  # the last step went a little past t

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
+from twin.atomic import write_file
 from twin.geometry import Array
 from twin.paths import AnyPath
 from twin.scene import HAND_LABEL, Part, Revolute, Twin
@@ -61,15 +62,16 @@ def save_key_frames(run: AnyPath, frames: Mapping[int, Image], camera_matrix: Ar
 
     folder = Path(run) / "report"
     folder.mkdir(parents=True, exist_ok=True)
-    for old in read_json(folder / "frames.json").get("frames", []):
-        (folder / f"frame_{old:06d}.jpg").unlink(missing_ok=True)
+    before = read_json(folder / "frames.json").get("frames", [])
     for index, image in frames.items():
         _, jpeg = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
-        (folder / f"frame_{index:06d}.jpg").write_bytes(jpeg.tobytes())
+        write_file(folder / f"frame_{index:06d}.jpg", jpeg.tobytes())
     write_json(
         folder / "frames.json",
         {"frames": sorted(frames), "camera_matrix": np.asarray(camera_matrix).tolist()},
     )
+    for old in set(before) - set(frames):
+        (folder / f"frame_{old:06d}.jpg").unlink(missing_ok=True)
 
 
 def drawn_key_frames(run: Path, twin: Twin) -> list[tuple[int, Image]]:

@@ -67,11 +67,13 @@ def _refer(stage: Usd.Stage, path: str) -> None:
 
 
 def _box(stage: Usd.Stage, path: str, box: Box) -> None:
-    cube = UsdGeom.Cube.Define(stage, path)
-    cube.CreateSizeAttr(1.0)
-    cube.CreateExtentAttr(points(np.array([[-0.5] * 3, [0.5] * 3])))
+    """As large as its shortest side and stretched from there: OpenUSD takes a matrix whose determinant is below 1e-10 for singular
+    (GfMatrix4d::Factor), which a cube of 1 m that is shrunk to a handle of 0.4 mm comes to, and MuJoCo's reader gives up."""
+    cube, side = UsdGeom.Cube.Define(stage, path), float(min(box.size))
+    cube.CreateSizeAttr(side)
+    cube.CreateExtentAttr(points(np.array([[-side / 2] * 3, [side / 2] * 3])))
     _place(cube, box.T_world_box)
-    cube.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, box.size)))
+    cube.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*(float(s) / side for s in box.size)))
 
 
 def _place(shape: UsdGeom.Xformable, pose: Array) -> None:

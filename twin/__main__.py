@@ -1,0 +1,25 @@
+"""The command `twin`, also `python -m twin`: hears Ctrl-C before the imports that take time."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from twin import interrupt
+
+
+def main() -> NoReturn:
+    """Entry point of the command."""
+    interrupt.handle()
+    try:
+        from twin import cli
+
+        cli.main()
+    except BaseException as e:
+        # before the command line caught errors, or after: some imports turn an interruption into an error of their own
+        if interrupt.happened() and not isinstance(e, SystemExit):
+            interrupt.leave(tell=True)
+        raise
+
+
+if __name__ == "__main__":
+    main()
