@@ -6,7 +6,8 @@ Each trial works on a fresh copy of a finished run of the shipped recording with
 moment is uniform between 0.05 s after the start and the time that the verb took undisturbed; every other signal is SIGINT to the
 process group, as a terminal sends it, the others SIGKILL to the process. Afterwards the user's files and every file of ours are
 looked at, then the same command runs again, undisturbed: its exit code and its result must be those of a run that was never
-disturbed. WORK/trials.jsonl keeps what was tried: the same call goes on. Writes benchmarks/interrupts.md. Nothing else must write to WORK; an idle machine is not needed.
+disturbed. WORK/trials.jsonl keeps what was tried: the same call goes on. Writes
+benchmarks/interrupts.md. Nothing else must write to WORK; an idle machine is not needed.
 """
 
 from __future__ import annotations

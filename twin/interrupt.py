@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -28,6 +29,8 @@ def handle() -> None:
         signal.signal(number, _interrupted)
     signal.signal(signal.SIGALRM, _late)
     sys.unraisablehook = _unraisable
+    # Runs after all other exit functions: from there on Python takes its handlers away and unloads modules for a while.
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 
 def happened() -> bool:

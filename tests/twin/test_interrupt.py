@@ -134,13 +134,16 @@ def test_ctrl_c_while_modules_are_imported_is_one_line(tmp_path: Path) -> None:
     assert process.returncode == 130
 
 
-def test_ctrl_c_when_all_is_done_keeps_the_exit_code() -> None:
+@pytest.mark.parametrize("when", ["exit functions run", "modules are unloaded"])
+def test_ctrl_c_when_all_is_done_keeps_the_exit_code(when: str) -> None:
     code = (
-        "import atexit, os, signal, time\n"
+        "import atexit, os, signal, sys, time\n"
         "from twin import interrupt\n"
-        "atexit.register(lambda: (os.kill(os.getpid(), signal.SIGINT), time.sleep(5)))\n"
         "interrupt.handle()\n"
-        "interrupt.finish(2)"
+        "class Last:\n"
+        "    def __del__(self, kill=os.kill, me=os.getpid()): kill(me, 2)\n"
+        + ("last = Last()\n" if when.startswith("modules") else "atexit.register(Last().__del__)\n")
+        + "interrupt.finish(2)"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2]
