@@ -92,6 +92,8 @@ def export(
     ]
     warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready, made))]
     warnings += [f"all: {off.problem}; {off.remedy}" for off in contacts_off(twin)]
+    if not tree.moving:
+        warnings.append("all: the twin has no moving part, so nothing in its files opens")
     try:
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}

@@ -26,6 +26,7 @@ _ROUNDING, _LEAST = (
     1e-9,
     1e-9,
 )  # of a tensor's trace, and kg m^2: far above double precision, far below any scene; chosen by us
+_ROUNDING = 1e-9  # m or rad, of limits that were computed
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
 
@@ -116,12 +117,18 @@ def build_tree(twin: Twin) -> Tree:
 
 
 def require_ranges(twin: Twin) -> None:
-    """Raises SceneError for a part that can't move."""
+    """Raises SceneError for a part that can't move, or whose closed state, in which all files show it, is none of its own."""
     for part in twin.parts:
         if part.joint.upper <= part.joint.lower:
             raise SceneError(
                 f"part {part.name!r} has the empty range {part.joint.lower}..{part.joint.upper}",
                 "set its limits in twin.json",
+            )
+        if not part.joint.lower - _ROUNDING <= 0 <= part.joint.upper + _ROUNDING:
+            raise SceneError(
+                f"part {part.name!r} has the range {part.joint.lower:g}..{part.joint.upper:g}, which does not hold the closed "
+                "state 0 that its mesh shows",
+                "count its limits from there in twin.json",
             )
 
 

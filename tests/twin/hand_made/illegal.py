@@ -275,3 +275,13 @@ def _huge(d: Draft) -> None:
 def _vast(d: Draft) -> None:
     b = box((0, 0, 0), (1, 1, 1))
     d.door["collision"].append({**b, "center": [0, 0, 1e13], "size": [1e13, 1, 1]})
+
+
+@CASES.add("a range that does not hold the closed state", refused=("'door'", "range 0.2..1.2", "closed"))
+def _offset(d: Draft) -> None:
+    d.door["joint"].update(lower=0.2, upper=1.2)
+
+
+@CASES.add("a range that ends before the closed state", refused=("'door'", "range -1..-0.5", "closed"))
+def _before(d: Draft) -> None:
+    d.door["joint"].update(lower=-1, upper=-0.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 from tests.twin.hand_made.cases import Cases
@@ -97,7 +98,7 @@ def _whole(d: Draft) -> None:
 def _digits(d: Draft) -> None:
     d.door["inertial"]["mass"] = 3.9999999999999996
     d.door["joint"]["upper"] = 1.4999999999999998
-    d.text = lambda text: text.replace("0.02", "2E-2").replace("-0.3", "-3.0e-1").encode()
+    d.text = lambda text: re.sub(r"(?<![\d.])0\.(\d)(?!\d)", r"0.000\1E+3", text).encode()
 
 
 @CASES.add("words in other scripts where text is free")
