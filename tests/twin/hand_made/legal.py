@@ -182,7 +182,7 @@ def _slanted(d: Draft) -> None:
     tensor = turn @ np.diag(solid(1.0, low, high)["inertia"][:3]) @ turn.T
     inertial = {**solid(1.0, low, high), "com": center.tolist()}
     inertial["inertia"] = [tensor[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    stated = {"inertial": inertial, "physics": physics(frictionloss=2.0)}
+    stated = {"inertial": inertial, "physics": physics(frictionloss=1.0)}
     part = d.part(3, "hatch", revolute(turn @ [0, 0, 1], (2, 0, 0.5), 1.0), shape, **stated)
     b = box(low, high, turn)
     part["collision"] = [{**b, "center": center.tolist()}]
@@ -191,6 +191,7 @@ def _slanted(d: Draft) -> None:
 @CASES.add(
     "a drawer that slides upwards and needs 30 N",
     empty_room,
+    cause=("opened by 10 N", "against friction of 30 N"),
     faults=("10 N don't bring it to its upper limit",),
 )
 def _upwards(d: Draft) -> None:
