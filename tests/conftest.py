@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it once, when the first test imports it
 pytest.register_assert_rewrite(
     "tests.robots.replays"
 )  # or a failed assertion there would not tell its numbers

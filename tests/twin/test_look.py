@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,9 +16,6 @@ from tests.twin.scenes import cabinet_twin
 from twin.export import export
 from twin.export.visual import drawn
 from twin.scene import Mesh, Twin
-
-os.environ.setdefault("MUJOCO_GL", "egl")
-import mujoco
 
 VIEWS = {
     "front": (-25, -10),

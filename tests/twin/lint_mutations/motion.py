@@ -51,7 +51,7 @@ _add(
     "usd",
     "overlap-at-rest",
     "front too thick",
-    attr("/door_collision_0", "xformOp:scale", lambda v: type(v)(v[0], v[1] + 0.06, v[2])),
+    attr("/door_collision_0", "xformOp:scale", lambda v: type(v)(v[0], 5 * v[1], v[2])),
 )
 
 
