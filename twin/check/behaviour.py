@@ -5,7 +5,7 @@ What is asked of every part, one part at a time while the others stay where the 
 - rest: closed, it stays within 1 mm for 10 s. `rest_half_open`: so it does half open, where its joint neither lifts nor lowers
   it (a hinge within 2 degrees of upright, a slide within 2 degrees of level).
 - open, close: a steady 10 N or 2 N m, of a heavy part a tenth of its weight on its lever, takes it from one limit to the other
-  within 10 s, up to 1 % of its range. Weights are left out, so that friction and obstacles are asked for and not the weight of a lid.
+  within a minute, up to 1 % of its range. Weights are left out, so that friction and obstacles are asked for and not the weight of a lid.
 - sweep: over its range it meets nothing deeper than 1 mm, neither what the file says it must not touch nor the floor of MJCF's
   scene.xml.
 - energy: pushed half open and let go, it never has more energy than at the start, up to 1 % of what is at play.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -38,7 +39,7 @@ def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]
     links = [*(k.name for k in tree.links), "world"]
     joints = [f"{tree.root.name}_to_world", *(k.joint.name for k in tree.links if k.joint is not None)]
     for link in tree.links:
-        _link(root, link, meshes)
+        _link(root, link, meshes, links)
         _joint(root, link)
         if link.grasp is not None:
             frame = unused(f"{link.name}_grasp", links)
@@ -64,7 +65,8 @@ def _not_carried(tree: Tree) -> list[str]:
     return lost
 
 
-def _link(root: ET.Element, link: Link, folder: Path) -> None:
+def _link(root: ET.Element, link: Link, folder: Path, links: Sequence[str]) -> None:
+    """Shapes get names that no link has: yourdfpy keeps both in one scene graph and loses one of them."""
     element = ET.SubElement(root, "link", name=link.name)
     inertial = ET.SubElement(element, "inertial")
     _origin(inertial, geo.make_pose(translation=link.com))
@@ -76,7 +78,7 @@ def _link(root: ET.Element, link: Link, folder: Path) -> None:
     )  # fmt: skip
     if len(link.visual.faces):
         files = write_textured(link.visual, folder, f"{link.name}_visual")
-        visual = ET.SubElement(element, "visual", name=f"{link.name}_visual")
+        visual = ET.SubElement(element, "visual", name=unused(f"{link.name}_visual", links))
         _origin(visual, np.eye(4))
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"{MESHES}{files.obj}")
         material = ET.SubElement(visual, "material", name=f"{link.name}_material")
@@ -85,7 +87,7 @@ def _link(root: ET.Element, link: Link, folder: Path) -> None:
         ET.SubElement(material, "color", rgba=numbers([*color, 1.0]))
     for k, piece in enumerate(link.collision):
         name = f"{link.name}_collision_{k}"
-        collision = ET.SubElement(element, "collision", name=name)
+        collision = ET.SubElement(element, "collision", name=unused(name, links))
         if isinstance(piece, Mesh):
             write_hull(piece, folder / f"{name}.obj")
             _origin(collision, np.eye(4))

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 REST_SECONDS = 10.0
-REACH_SECONDS = 10.0
+REACH_SECONDS = 60.0  # a gate of 10 m whose damping stops it in a second takes 15 s
 SWING_SECONDS = 5.0
 SWEEP_STATES = 41
 SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
