@@ -161,9 +161,10 @@ def test_a_legal_twin_is_exported_and_checked_or_told_the_true_cause(case: Case,
     weighed = {name: part["inertial"]["mass"] for name, part in json.loads(shown.out)["parts"].items()}
     assert list(weighed) == [part["name"] for part in document["parts"]]
     assert all(weighed[p["name"]] == p["inertial"]["mass"] for p in document["parts"] if p["inertial"])
-    again = user.does("export", "RUN")
-    assert again.code == 0, again.text
-    assert not user.lost()
+    if (user.run / "twin" / "twin.json").read_bytes() != user.text:  # what was filled in is exported alike
+        again = user.does("export", "RUN")
+        assert again.code == 0, again.text
+        assert not user.lost()
 
 
 @pytest.mark.parametrize("case", ILLEGAL, ids=lambda c: c.id)
