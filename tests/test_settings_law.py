@@ -69,17 +69,37 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
     return known[hint]
 
 
+def plain(value: Any) -> Any:
+    """The value in Python's own numbers."""
+    if isinstance(value, tuple):
+        return tuple(map(plain, value))
+    return value.item() if isinstance(value, np.generic) else value
+
+
 @st.composite
 def configs(draw: st.DrawFn, cls: type) -> Any:
     """Any object of the class: its defaults, with each field changed to what the class takes there."""
-    config = cls()
+    config = in_python = cls()
     for name, hint in get_type_hints(cls).items():
         value = draw(values(hint))
         try:
-            config = replace(config, **{name: value})
+            # In Python's numbers too, as a file holds them: numpy rounds -1e-308 to float32's -0 before it compares.
+            changed, changed_in_python = (
+                replace(config, **{name: value}),
+                replace(in_python, **{name: plain(value)}),
+            )
         except (ConfigError, TypeError, ValueError, OverflowError, RuntimeWarning):
             continue  # the class refuses it, or can't compare a huge float with numpy's float32
+        config, in_python = changed, changed_in_python
     return config
+
+
+def test_a_bound_that_only_float32_would_meet_is_not_drawn() -> None:
+    """numpy's 0 in 32 bits equals -1e-308, Python's doesn't: such an object can be made, its file can't be read."""
+    bounds = (np.float32(0), -1.1125369292536007e-308)
+    PlanConfig(pedestal=bounds)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="pedestal"):
+        PlanConfig(pedestal=plain(bounds))
 
 
 def read_back(config: Any) -> Any:
