@@ -31,6 +31,10 @@ class CodecError(InputError):
     """A value can't be written, or a stored value can't be read back."""
 
 
+class OtherVersionError(CodecError):
+    """A stored value is of a class that this version doesn't have, or that has other fields now."""
+
+
 class TreeCodec:
     """Stores any nesting of dataclasses, named tuples, dicts, tuples, lists, numpy arrays, numbers, strings and None."""
 
@@ -41,7 +45,7 @@ class TreeCodec:
         (folder / "data.json").write_text(json.dumps(tree, allow_nan=False), encoding="utf-8")
 
     def load(self, folder: Path) -> Any:
-        """Read what `save` wrote. Raises CodecError naming the folder when it is damaged."""
+        """Read what `save` wrote. Raises CodecError naming the folder when it is damaged, OtherVersionError when a class of it is gone."""
         try:
             tree = json.loads((folder / "data.json").read_text(encoding="utf-8"))
             with np.load(folder / "arrays.npz", allow_pickle=False) as stored:
@@ -77,7 +81,7 @@ def decode(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
     if kind == "dict":
         return {decode(k, arrays): decode(v, arrays) for k, v in data}
     if kind == "object":
-        return _class(tree["class"])(**{k: decode(v, arrays) for k, v in data.items()})
+        return _object(tree["class"], {k: decode(v, arrays) for k, v in data.items()})
     raise CodecError(f"unknown kind of value {kind!r}")
 
 
@@ -123,11 +127,23 @@ def _class_name(cls: type, where: str) -> str:
     return name
 
 
+def _object(name: str, values: Mapping[str, Any]) -> Any:
+    cls = _class(name)
+    known = {f.name for f in fields(cls) if f.init} if is_dataclass(cls) else set(cls._fields)
+    if known != values.keys():
+        odd = ", ".join(sorted(known ^ values.keys()))
+        raise OtherVersionError(f"the fields of {name} are others now ({odd})")
+    return cls(**values)
+
+
 def _class(name: str) -> Any:
     module, _, qualname = name.partition(":")
     if module.split(".")[0] not in PACKAGES or "." in qualname:
         raise CodecError(f"{name} is not a class that may be read from a file")
-    cls = getattr(import_module(module), qualname)
+    try:
+        cls = getattr(import_module(module), qualname)
+    except (ModuleNotFoundError, AttributeError) as e:
+        raise OtherVersionError(f"{name} is gone") from e
     if not (isinstance(cls, type) and (is_dataclass(cls) or hasattr(cls, "_fields"))):
         raise CodecError(f"{name} is not a data class")
     return cls

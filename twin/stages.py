@@ -23,7 +23,7 @@ from platform import python_version
 from typing import Any, Generic, Protocol, TypeVar
 
 from twin.atomic import write_file
-from twin.codec import TreeCodec
+from twin.codec import OtherVersionError, TreeCodec
 from twin.errors import FuntwinError, InputError
 from twin.run_lock import claim, release
 from twin.settings import as_dict, to_toml
@@ -200,6 +200,8 @@ class Run:
         try:
             value = codec.load(stored)
             meta = _meta(record)
+        except OtherVersionError as e:
+            return None, f"its stored result is of another version of Funtwin: {e.problem}"
         except (FuntwinError, OSError, ValueError, KeyError, TypeError) as e:
             return None, f"its stored result is damaged ({e})"
         if stored != place:

@@ -17,6 +17,7 @@ import pytest
 
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.scene import Prismatic
 from twin.settings import load_config
 from twin.stages import Run, StageResult, read_json, stage_key
 
@@ -129,6 +130,34 @@ def test_damaged_result_is_recomputed(file: str, tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:20])
     assert np.array_equal(chain.go(tmp_path)["c"].value, expected)
     assert chain.computed == ["b"]
+
+
+@pytest.mark.parametrize(
+    ("stored", "told"),
+    [
+        ("twin.room_of_yesterday:Prismatic", "twin.room_of_yesterday:Prismatic is gone"),
+        ("twin.scene:Slider", "twin.scene:Slider is gone"),
+        ("twin.scene:JointSigma", "the fields of twin.scene:JointSigma are others now (axis, axis_deg"),
+    ],
+)
+def test_a_result_whose_class_moved_or_changed_is_computed_again_with_a_reason(
+    stored: str, told: str, tmp_path: Path
+) -> None:
+    """Classes are stored by module path: a run of an earlier version resumes all the same."""
+    value = Prismatic(np.array([1.0, 0, 0]))
+    said: list[str] = []
+    with Run(tmp_path, "x") as run:
+        first = run.stage("joint", 1, None, [], lambda: value)
+    data = tmp_path / "stages" / "01_joint" / "data.json"
+    text = data.read_text().replace("twin.scene:Prismatic", stored).replace('"axis"', '"axis_deg"')
+    data.write_text(text)
+    with Run(tmp_path, "x", lambda *told: said.extend(told[2:])) as run:
+        again = run.stage("joint", 1, None, [], lambda: value)
+    assert not again.cached
+    assert again.key == first.key
+    assert told in again.reason
+    assert "another version of Funtwin" in again.reason
+    assert again.reason in said
 
 
 def test_a_failing_stage_keeps_what_was_computed(tmp_path: Path) -> None:
