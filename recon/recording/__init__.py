@@ -141,7 +141,7 @@ class Recording:
         Raises:
             InputError: shapes, types or ranges that are not these; it says which and how to bring them there.
         """
-        from recon.array_recording import recording_from_arrays
+        from recon.recording.arrays import recording_from_arrays
 
         return recording_from_arrays(
             color, depth, intrinsics, times, fps, depth_scale, poses, gravity_camera0, name
@@ -163,20 +163,20 @@ class Recording:
         Raises InputError for a frame that does not exist, and for a slice that goes backwards or holds too few frames.
         """
         if isinstance(index, slice):
-            from recon.recording_part import part_of
+            from recon.recording.part import part_of
 
             return part_of(self, index)
         k = operator.index(index)
         return self.frame(k + len(self) if -len(self) <= k < 0 else k)
 
     def __repr__(self) -> str:
-        from recon.recording_view import facts
+        from recon.recording.view import facts
 
         return f"<Recording {self.name!r}: {', '.join(facts(self).values())}>"
 
     def _repr_html_(self) -> str:
         """For notebooks: what `repr` says, and the first, middle and last frame."""
-        from recon.recording_view import html
+        from recon.recording.view import html
 
         return html(self)
 
