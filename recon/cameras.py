@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
 from recon.progress import Progress, silent
-from recon.tracks import Tracks
+from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array

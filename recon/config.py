@@ -12,7 +12,7 @@ from recon.gravity import GravityConfig
 from recon.labels import LabelConfig
 from recon.motion_config import MotionConfig
 from recon.refine_terms import RefineConfig
-from recon.tracks import TrackConfig
+from recon.tracking.tracks import TrackConfig
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
 from recon.recording import Intrinsics, Recording
-from recon.tracks import Tracks
+from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array

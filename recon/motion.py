@@ -26,7 +26,7 @@ from recon.recording import Recording
 from recon.rests import known_rest_spans, rest_spans, restless
 from recon.track_following import track_support
 from recon.track_model import Model, Observations
-from recon.tracks import Tracks
+from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ReconstructionError
 from twin.geometry import Array

@@ -26,7 +26,7 @@ from recon.motion import FoundParts, find_parts
 from recon.parts import MovingPart
 from recon.recording import Recording, open_recording
 from recon.refine import refine_parts
-from recon.tracks import Tracks, track_points
+from recon.tracking.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.physics import MaterialTable, keep_known, read_materials, with_physics

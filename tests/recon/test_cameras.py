@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recon.cameras import estimate_cameras
-from recon.tracks import Tracks
+from recon.tracking.tracks import Tracks
 from tests.recon import tiny
 from twin import geometry as geo
 from twin.errors import ReconstructionError, SceneError

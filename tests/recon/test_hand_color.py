@@ -10,7 +10,7 @@ import pytest
 
 from recon.hand_color import HandColorConfig, hand_tracks
 from recon.recording import open_recording
-from recon.tracks import Tracks
+from recon.tracking.tracks import Tracks
 from tests.recon import tiny
 from twin.errors import ConfigError
 from twin.scene import HAND_LABEL, Trajectory

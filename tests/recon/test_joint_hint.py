@@ -16,7 +16,7 @@ from recon.models import joint_hint
 from recon.models.joint_hint import read_hints
 from recon.motion import find_parts
 from recon.recording import open_recording
-from recon.tracks import Tracks
+from recon.tracking.tracks import Tracks
 from tests.recon import tiny
 from tests.synth import PartName, minimum_jerk, track_scene
 from tests.twin.vlm_server import KEY, Reply, completion, serving

@@ -13,7 +13,7 @@ from recon.joints import fit_motion
 from recon.motion import FoundParts, _fit_of_both, _on_course, find_parts
 from recon.motion_config import MotionConfig
 from recon.recording import Recording, open_recording
-from recon.tracks import Tracks, track_points
+from recon.tracking.tracks import Tracks, track_points
 from tests.recon import tiny
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
