@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from recon.cameras import CameraConfig
+from recon.cameras.gravity import GravityConfig
+from recon.cameras.poses import CameraConfig
 from recon.closed_end import ClosedEndConfig
 from recon.contact import ContactConfig
 from recon.fusion import FusionConfig
-from recon.gravity import GravityConfig
 from recon.labels import LabelConfig
 from recon.motion_config import MotionConfig
 from recon.refine_terms import RefineConfig

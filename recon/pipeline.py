@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.assemble import FinishedPart, assemble
-from recon.cameras import estimate_cameras
+from recon.cameras.gravity import find_gravity
+from recon.cameras.poses import estimate_cameras
 from recon.closed_end import find_closed_end, rebase, rebase_mesh
 from recon.config import ReconConfig
 from recon.contact import find_contact
 from recon.fusion import FusedScene, fuse
-from recon.gravity import find_gravity
 from recon.joint_type import TypeHint
 from recon.labels import label_frames
 from recon.models.joint_hint import JointHint

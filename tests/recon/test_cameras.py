@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.cameras import estimate_cameras
+from recon.cameras.poses import estimate_cameras
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny
 from twin import geometry as geo

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.gravity import find_gravity, manhattan_axes
+from recon.cameras.gravity import find_gravity, manhattan_axes
 from recon.recording import open_recording
 from tests.laws import random_pose
 from tests.recon import tiny

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.cameras import estimate_cameras
+from recon.cameras.poses import estimate_cameras
 from recon.intervals import Movers
 from recon.joints import fit_motion
 from recon.motion import FoundParts, _fit_of_both, _on_course, find_parts
