@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from recon.joints import MotionFit, fit_motion, fit_motion_poses
+from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
 from tests.laws import axis_error_deg, pivot_error
 from tests.synth import TrackScene, track_scene
 from twin import geometry as geo

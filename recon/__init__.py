@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from recon.config import ReconConfig
-    from recon.joints import MotionFit, fit_motion, fit_motion_poses
+    from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
     from recon.pipeline import reconstruct
     from recon.recording import Frame, Intrinsics, Recording, open_recording
 
@@ -26,11 +26,11 @@ __all__ = [
 _LAZY = {
     "Frame": "recon.recording",
     "Intrinsics": "recon.recording",
-    "MotionFit": "recon.joints",
+    "MotionFit": "recon.joints.fit_tracks",
     "ReconConfig": "recon.config",
     "Recording": "recon.recording",
-    "fit_motion": "recon.joints",
-    "fit_motion_poses": "recon.joints",
+    "fit_motion": "recon.joints.fit_tracks",
+    "fit_motion_poses": "recon.joints.fit_tracks",
     "open_recording": "recon.recording",
     "reconstruct": "recon.pipeline",
 }

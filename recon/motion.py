@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from recon.hand_color import hand_tracks
 from recon.intervals import Movers, find_movers, state_intervals
-from recon.joint_type import TypeHint
-from recon.joints import MotionFit, fit_motion
+from recon.joints.fit_tracks import MotionFit, fit_motion
+from recon.joints.inliers import track_support
+from recon.joints.observations import Model, Observations
+from recon.joints.type_selection import TypeHint
 from recon.motion_config import MotionConfig
 from recon.part_identity import is_another_part, same_part
 from recon.parts import MovingPart
 from recon.recording import Recording
 from recon.rests import known_rest_spans, rest_spans, restless
-from recon.track_following import track_support
-from recon.track_model import Model, Observations
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ReconstructionError
@@ -64,7 +64,7 @@ def find_parts(
     config: MotionConfig = _DEFAULT,
     hints: Sequence[TypeHint] = (),
 ) -> FoundParts:
-    """Find every part that moves by a joint. hints: joint types that somebody expects; see `recon.joint_type`.
+    """Find every part that moves by a joint. hints: joint types that somebody expects; see `recon.joints.type_selection`.
 
     Raises ReconstructionError when nothing moves or no joint explains what moves.
     """

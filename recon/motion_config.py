@@ -8,7 +8,7 @@ import numpy as np
 
 from recon.hand_color import HandColorConfig
 from recon.intervals import IntervalConfig
-from recon.joint_config import JointConfig
+from recon.joints.config import JointConfig
 from twin.errors import ConfigError
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.intervals import Movers
+from recon.joints.result import MotionFit
 from recon.motion_config import MotionConfig
-from recon.motion_fit import MotionFit
 from recon.parts import MovingPart
 from recon.rests import REST_MARGIN, moving_spans
 from twin import geometry as geo

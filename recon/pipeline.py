@@ -19,7 +19,7 @@ from recon.closed_end import find_closed_end, rebase, rebase_mesh
 from recon.config import ReconConfig
 from recon.contact import find_contact
 from recon.fusion import FusedScene, fuse
-from recon.joint_type import TypeHint
+from recon.joints.type_selection import TypeHint
 from recon.labels import label_frames
 from recon.models.joint_hint import JointHint
 from recon.motion import FoundParts, find_parts

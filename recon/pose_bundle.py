@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.joints.observations import Kind
 from recon.pose_graph import CHI6_MEDIAN, motion_jacobian, right_inverse, twist_of
-from recon.track_model import Kind
 from twin import geometry as geo
 from twin.geometry import Array
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.track_start import best_rigid_inliers
+from recon.joints.hypotheses import best_rigid_inliers
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array

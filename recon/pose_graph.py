@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.cholesky import solve_positive
+from recon.joints.cholesky import solve_positive
+from recon.joints.observations import Kind
 from recon.pose_edges import PoseEdges
-from recon.track_model import Kind
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array

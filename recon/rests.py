@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.intervals import Interval, Movers, state_intervals
+from recon.joints.result import MotionFit
 from recon.motion_config import MotionConfig
-from recon.motion_fit import MotionFit
 
 REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.track_model import Observations
+from recon.joints.observations import Observations
 from twin import geometry as geo
 from twin.geometry import Array
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from recon.joint_type import TypeHint
+from recon.joints.type_selection import TypeHint
 from recon.recording import Recording
 from twin.errors import InputError, ServiceError
 from twin.vlm.answer import Fields, json_object

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recon.clusters import Cluster, ClusterConfig, cluster_tracks
-from recon.track_model import Observations
+from recon.joints.observations import Observations
 from recon.track_shapes import track_shapes
 from tests.laws import axis_error_deg
 from tests.synth import TrackScene, minimum_jerk, moved_points, together, track_scene

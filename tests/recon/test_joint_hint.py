@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.joint_config import JointConfig
-from recon.joint_type import HINT_WEIGHT, Kind, TypeEvidence, TypeHint, decide, hint_about
-from recon.joints import fit_motion
+from recon.joints.config import JointConfig
+from recon.joints.fit_tracks import fit_motion
+from recon.joints.type_selection import HINT_WEIGHT, Kind, TypeEvidence, TypeHint, decide, hint_about
 from recon.models import joint_hint
 from recon.models.joint_hint import read_hints
 from recon.motion import find_parts

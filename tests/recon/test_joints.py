@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
-from recon.joint_config import JointConfig
-from recon.joint_type import TypeEvidence, decide
-from recon.joints import MotionFit, fit_motion, fit_motion_poses
-from recon.track_model import Observations
-from recon.track_start import travel_and_noise
+from recon.joints.config import JointConfig
+from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
+from recon.joints.hypotheses import travel_and_noise
+from recon.joints.observations import Observations
+from recon.joints.type_selection import TypeEvidence, decide
 from tests.laws import EXACT, EXACT_DEG, axis_error_deg, pivot_error, random_joint, random_pose, state_error
 from tests.synth import (
     TrackScene,

@@ -9,7 +9,7 @@ import pytest
 
 from recon.cameras.poses import estimate_cameras
 from recon.intervals import Movers
-from recon.joints import fit_motion
+from recon.joints.fit_tracks import fit_motion
 from recon.motion import FoundParts, _fit_of_both, _on_course, find_parts
 from recon.motion_config import MotionConfig
 from recon.recording import Recording, open_recording

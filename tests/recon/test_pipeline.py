@@ -10,7 +10,7 @@ import pytest
 
 from recon import pipeline
 from recon.config import ReconConfig
-from recon.joint_type import TypeHint
+from recon.joints.type_selection import TypeHint
 from recon.pipeline import _run, reconstruct
 from recon.recording import open_recording
 from tests.recon import tiny

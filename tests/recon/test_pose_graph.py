@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from recon.joints.observations import Kind
 from recon.pose_edges import PoseEdges, edges_from_poses, edges_from_tracks, graph_pairs
 from recon.pose_graph import (
     PoseGraph,
@@ -18,7 +19,6 @@ from recon.pose_graph import (
     error_jacobians,
     solve_pose_graph,
 )
-from recon.track_model import Kind
 from tests.laws import EXACT, random_joint
 from tests.synth import minimum_jerk, moved_points, part_poses
 from twin import geometry as geo

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recon import fit_motion
-from recon.track_axes import first_axis
+from recon.joints.track_axes import first_axis
 from tests.laws import axis_error_deg
 from tests.synth import TrackScene, track_scene
 from twin.errors import InputError

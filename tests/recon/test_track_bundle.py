@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.cholesky import solve_positive
-from recon.normal_equations import normal_equations
-from recon.track_bundle import refine, smoothness, step
-from recon.track_model import Kind, Model, Observations, noise_sigma, pull_back, weighted_means
+from recon.joints.bundle import refine, smoothness, step
+from recon.joints.cholesky import solve_positive
+from recon.joints.normal_equations import normal_equations
+from recon.joints.observations import Kind, Model, Observations, noise_sigma, pull_back, weighted_means
 from tests.synth import track_scene
 from twin import geometry as geo
 from twin.geometry import Array

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from recon.track_model import Model
+from recon.joints.observations import Model
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import JointSigma, Prismatic, Revolute

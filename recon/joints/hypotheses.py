@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.joint_config import JointConfig
-from recon.track_model import (
+from recon.joints.config import JointConfig
+from recon.joints.observations import (
     CHI3_MEDIAN,
     SIGMA_MIN,
     Kind,

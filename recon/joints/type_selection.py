@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.joint_config import JointConfig
-from recon.track_model import Kind
+from recon.joints.config import JointConfig
+from recon.joints.observations import Kind
 from twin.errors import ConfigError
 from twin.geometry import Array
 

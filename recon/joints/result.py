@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recon.joint_type import TypeEvidence
+from recon.joints.type_selection import TypeEvidence
 from twin.geometry import Array
 from twin.scene import Motion, Prismatic, Revolute
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.joint_config import JointConfig
-from recon.joint_type import TypeEvidence, delta_bic, truncated_chi2
-from recon.track_bundle import Bundle, refine
-from recon.track_following import follows, track_support
-from recon.track_model import Kind, Model, Observations, residuals
-from recon.track_start import Hypothesis, pair_hypotheses, travel_and_noise
-from recon.track_states import states_of
+from recon.joints.bundle import Bundle, refine
+from recon.joints.config import JointConfig
+from recon.joints.hypotheses import Hypothesis, pair_hypotheses, travel_and_noise
+from recon.joints.initial_states import states_of
+from recon.joints.inliers import follows, track_support
+from recon.joints.observations import Kind, Model, Observations, residuals
+from recon.joints.type_selection import TypeEvidence, delta_bic, truncated_chi2
 from twin.errors import ReconstructionError
 from twin.geometry import Array
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recon.cholesky import solve_positive
-from recon.normal_equations import normal_equations
-from recon.track_model import (
+from recon.joints.cholesky import solve_positive
+from recon.joints.normal_equations import normal_equations
+from recon.joints.observations import (
     CAUCHY,
     Model,
     Observations,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from recon.track_model import Observations
-from recon.track_start import Hypothesis
+from recon.joints.hypotheses import Hypothesis
+from recon.joints.observations import Observations
 from twin import geometry as geo
 from twin.geometry import Array
 

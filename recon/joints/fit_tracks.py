@@ -2,8 +2,8 @@
 
 Tracks may hold what a real recording holds: mostly static background, drifting tracks, single wild observations and a
 hand that moves along with the part without being rigid with it. Motions between pairs of frames propose joints, the
-joint that most tracks follow over the whole motion is refined by a robust bundle (`recon.track_bundle`), and the type is
-decided by evidence (`recon.joint_type`).
+joint that most tracks follow over the whole motion is refined by a robust bundle (`recon.joints.bundle`), and the type is
+decided by evidence (`recon.joints.type_selection`).
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recon.joint_config import JointConfig
-from recon.joint_type import TypeEvidence, TypeHint, decide, hint_about
-from recon.motion_fit import MotionFit
-from recon.motion_frame import orient
+from recon.joints.candidates import TrackFit, agreeing_rms, compare_kinds, fit_kinds, movers
+from recon.joints.config import JointConfig
+from recon.joints.hypotheses import travel_and_noise
+from recon.joints.observations import Kind, Observations
+from recon.joints.result import MotionFit
+from recon.joints.sign_and_limits import orient
+from recon.joints.track_axes import first_axis
+from recon.joints.type_selection import TypeEvidence, TypeHint, decide, hint_about
 from recon.pose_fit import fit_motion_poses
-from recon.track_axes import first_axis
-from recon.track_fit import TrackFit, agreeing_rms, compare_kinds, fit_kinds, movers
-from recon.track_model import Kind, Observations
-from recon.track_start import travel_and_noise
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array

@@ -1,6 +1,6 @@
 """Normal equations of one joint on 3D tracks.
 
-A landmark is the weighted mean of its pulled-back observations (`recon.track_model`): the landmarks leave in closed form (the
+A landmark is the weighted mean of its pulled-back observations (`recon.joints.observations`): the landmarks leave in closed form (the
 Schur complement of isotropic noise is exact), and what remains is a dense system of the 2 or 4 joint unknowns and one state a
 frame. The joint unknowns are the tangent of `twin.scene.Joint`: tilts about two directions normal to the axis, then, for a
 revolute joint, shifts of the axis along them.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from recon.track_model import Model, Observations, pull_back, weighted_means
+from recon.joints.observations import Model, Observations, pull_back, weighted_means
 from twin import geometry as geo
 from twin.geometry import Array
 

@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from recon.joint_config import JointConfig
-from recon.track_model import (
+from recon.joints.config import JointConfig
+from recon.joints.observations import (
     CHI3_MEDIAN,
     Model,
     Observations,

@@ -1,0 +1,1 @@
+"""Joints: type, axis, pivot and states of one joint from 3D tracks or part poses, with their uncertainty."""
