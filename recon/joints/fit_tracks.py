@@ -20,11 +20,11 @@ from recon.joints.candidates import TrackFit, agreeing_rms, compare_kinds, fit_k
 from recon.joints.config import JointConfig
 from recon.joints.hypotheses import travel_and_noise
 from recon.joints.observations import Kind, Observations
+from recon.joints.pose_graph.fit_poses import fit_motion_poses
 from recon.joints.result import MotionFit
 from recon.joints.sign_and_limits import orient
 from recon.joints.track_axes import first_axis
 from recon.joints.type_selection import TypeEvidence, TypeHint, decide, hint_about
-from recon.pose_fit import fit_motion_poses
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array

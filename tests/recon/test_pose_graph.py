@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from recon.joints.observations import Kind
-from recon.pose_edges import PoseEdges, edges_from_poses, edges_from_tracks, graph_pairs
-from recon.pose_graph import (
+from recon.joints.pose_graph.edges import PoseEdges, edges_from_poses, edges_from_tracks, graph_pairs
+from recon.joints.pose_graph.solver import (
     PoseGraph,
     PoseGraphConfig,
     closed_form_start,

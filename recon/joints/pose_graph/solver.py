@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recon.joints.cholesky import solve_positive
 from recon.joints.observations import Kind
-from recon.pose_edges import PoseEdges
+from recon.joints.pose_graph.edges import PoseEdges
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array

@@ -1,0 +1,1 @@
+"""The part-pose graph: axis and states from relative poses of the part between frames."""
