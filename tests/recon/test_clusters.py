@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.clusters import Cluster, ClusterConfig, cluster_tracks
+from recon.joints.clustering.clusters import Cluster, ClusterConfig, cluster_tracks
+from recon.joints.clustering.line_arc import track_shapes
 from recon.joints.observations import Observations
-from recon.track_shapes import track_shapes
 from tests.laws import axis_error_deg
 from tests.synth import TrackScene, minimum_jerk, moved_points, together, track_scene
 from twin.errors import ConfigError

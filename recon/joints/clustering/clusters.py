@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.cluster import HDBSCAN
 
 from recon.joints.candidates import TrackFit, compare_kinds, fit_kinds
+from recon.joints.clustering.line_arc import track_shapes
 from recon.joints.config import JointConfig
 from recon.joints.hypotheses import travel_and_noise
 from recon.joints.inliers import follows, predicted_travel, row_medians
 from recon.joints.observations import CHI3_MEDIAN, Kind, Model, Observations, residuals
 from recon.joints.sign_and_limits import orient
 from recon.joints.type_selection import decide
-from recon.track_shapes import track_shapes
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.scene import Prismatic, Revolute
