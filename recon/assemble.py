@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.names import legal_name

@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from recon.faces import Surface, outer_faces, sample
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError

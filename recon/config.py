@@ -10,7 +10,7 @@ from recon.closed_end import ClosedEndConfig
 from recon.contact import ContactConfig
 from recon.fusion import FusionConfig
 from recon.labels import LabelConfig
-from recon.motion_config import MotionConfig
+from recon.motion.config import MotionConfig
 from recon.refine_terms import RefineConfig
 from recon.tracking.tracks import TrackConfig
 

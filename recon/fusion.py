@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
 from recon.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.progress import Progress, silent
 from recon.recording import Recording
 from recon.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.references import View
 from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys
 from recon.warping import F32

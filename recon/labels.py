@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.label_pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.progress import Progress, silent
 from recon.recording import Recording
 from recon.references import (

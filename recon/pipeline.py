@@ -22,8 +22,8 @@ from recon.fusion import FusedScene, fuse
 from recon.joints.type_selection import TypeHint
 from recon.labels import label_frames
 from recon.models.joint_hint import JointHint
-from recon.motion import FoundParts, find_parts
-from recon.parts import MovingPart
+from recon.motion.find_parts import FoundParts, find_parts
+from recon.moving_part import MovingPart
 from recon.recording import Recording, open_recording
 from recon.refine import refine_parts
 from recon.tracking.tracks import Tracks, track_points

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from recon.warping import F32, compare, median_depth
 from twin import geometry as geo

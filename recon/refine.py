@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.board_prior import face_step
-from recon.intervals import IntervalConfig, Movers, state_intervals
-from recon.motion import FoundParts, PartTracks
-from recon.parts import MovingPart
+from recon.motion.find_parts import FoundParts, PartTracks
+from recon.motion.intervals import IntervalConfig, Movers, state_intervals
+from recon.motion.static_spans import REST_MARGIN
+from recon.moving_part import MovingPart
 from recon.recording import Recording
 from recon.refine_solver import add_priors, linearise, reduced, robust_weights, step
 from recon.refine_terms import (
@@ -29,7 +30,6 @@ from recon.refine_terms import (
     surfel_terms,
     track_terms,
 )
-from recon.rests import REST_MARGIN
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, JointSigma, Motion, Revolute, Trajectory

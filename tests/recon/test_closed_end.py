@@ -16,7 +16,7 @@ from recon.closed_end import (
     rebase_mesh,
     travel_ends,
 )
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.recording import open_recording
 from recon.truth import load_truth
 from tests.recon.cabinets import TRAVEL, Clip, Kind, make_clip

@@ -13,7 +13,7 @@ from recon import hands
 from recon.contact import ContactConfig, find_contact
 from recon.faces import sample
 from recon.handles import find_edge, find_handle
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.recording import open_recording
 from recon.truth import load_truth
 from tests.recon.cabinets import BAR, FRAMES, Clip, Grip, Kind, make_clip

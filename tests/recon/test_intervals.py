@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.intervals import Interval, IntervalConfig, state_intervals
+from recon.motion.intervals import Interval, IntervalConfig, state_intervals
 from tests.recon.tiny import smooth
 from twin.errors import ConfigError, SceneError
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
 from recon.labels import LabelConfig, _spread_along_surfaces, _warn_of_ends, label_frames
-from recon.parts import MovingPart
+from recon.moving_part import MovingPart
 from recon.recording import Recording, open_recording
 from recon.references import View, find_references
 from recon.regions import agree, upsample_labels, walk

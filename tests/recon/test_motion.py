@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from recon.cameras.poses import estimate_cameras
-from recon.intervals import Movers
 from recon.joints.fit_tracks import fit_motion
-from recon.motion import FoundParts, _fit_of_both, _on_course, find_parts
-from recon.motion_config import MotionConfig
+from recon.motion.config import MotionConfig
+from recon.motion.find_parts import FoundParts, _fit_of_both, _on_course, find_parts
+from recon.motion.intervals import Movers
 from recon.recording import Recording, open_recording
 from recon.tracking.tracks import Tracks, track_points
 from tests.recon import tiny

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from recon import refine, refine_solver
-from recon.intervals import Movers
-from recon.motion import FoundParts, PartTracks
-from recon.parts import MovingPart
+from recon.motion.find_parts import FoundParts, PartTracks
+from recon.motion.intervals import Movers
+from recon.moving_part import MovingPart
 from recon.recording import open_recording
 from recon.refine import refine_parts
 from recon.refine_terms import RefineConfig

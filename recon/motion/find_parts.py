@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.hand_color import hand_tracks
-from recon.intervals import Movers, find_movers, state_intervals
 from recon.joints.fit_tracks import MotionFit, fit_motion
 from recon.joints.inliers import track_support
 from recon.joints.observations import Model, Observations
 from recon.joints.type_selection import TypeHint
-from recon.motion_config import MotionConfig
-from recon.part_identity import is_another_part, same_part
-from recon.parts import MovingPart
+from recon.motion.config import MotionConfig
+from recon.motion.hand_tracks import hand_tracks
+from recon.motion.intervals import Movers, find_movers, state_intervals
+from recon.motion.part_matching import is_another_part, same_part
+from recon.motion.static_spans import known_rest_spans, rest_spans, restless
+from recon.moving_part import MovingPart
 from recon.recording import Recording
-from recon.rests import known_rest_spans, rest_spans, restless
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ReconstructionError

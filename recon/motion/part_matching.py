@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.intervals import Movers
 from recon.joints.result import MotionFit
-from recon.motion_config import MotionConfig
-from recon.parts import MovingPart
-from recon.rests import REST_MARGIN, moving_spans
+from recon.motion.config import MotionConfig
+from recon.motion.intervals import Movers
+from recon.motion.static_spans import REST_MARGIN, moving_spans
+from recon.moving_part import MovingPart
 from twin import geometry as geo
 from twin.scene import Revolute
 

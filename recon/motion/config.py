@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from recon.hand_color import HandColorConfig
-from recon.intervals import IntervalConfig
 from recon.joints.config import JointConfig
+from recon.motion.hand_tracks import HandColorConfig
+from recon.motion.intervals import IntervalConfig
 from twin.errors import ConfigError
 
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.intervals import Interval, Movers, state_intervals
 from recon.joints.result import MotionFit
-from recon.motion_config import MotionConfig
+from recon.motion.config import MotionConfig
+from recon.motion.intervals import Interval, Movers, state_intervals
 
 REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
 

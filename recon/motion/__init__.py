@@ -1,0 +1,1 @@
+"""Motion: when something moves, which tracks move together by one joint, which are the hand."""
