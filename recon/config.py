@@ -11,7 +11,7 @@ from recon.contact import ContactConfig
 from recon.fusion import FusionConfig
 from recon.labels import LabelConfig
 from recon.motion.config import MotionConfig
-from recon.refine_terms import RefineConfig
+from recon.refine.observations import RefineConfig
 from recon.tracking.tracks import TrackConfig
 
 

@@ -25,7 +25,7 @@ from recon.models.joint_hint import JointHint
 from recon.motion.find_parts import FoundParts, find_parts
 from recon.moving_part import MovingPart
 from recon.recording import Recording, open_recording
-from recon.refine import refine_parts
+from recon.refine.refine_parts import refine_parts
 from recon.tracking.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.board_prior import face_step
+from recon.refine.parallel_faces import face_step
 from tests.laws import random_pose
 from twin import geometry as geo
 from twin.geometry import Array

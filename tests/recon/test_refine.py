@@ -13,8 +13,8 @@ from recon.motion.find_parts import FoundParts, PartTracks
 from recon.motion.intervals import Movers
 from recon.moving_part import MovingPart
 from recon.recording import open_recording
-from recon.refine import refine_parts
-from recon.refine_terms import RefineConfig
+from recon.refine.observations import RefineConfig
+from recon.refine.refine_parts import refine_parts
 from tests.recon import tiny
 from twin import geometry as geo
 from twin.scene import Motion, Revolute, Trajectory

@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.board_prior import face_step
 from recon.motion.find_parts import FoundParts, PartTracks
 from recon.motion.intervals import IntervalConfig, Movers, state_intervals
 from recon.motion.static_spans import REST_MARGIN
 from recon.moving_part import MovingPart
 from recon.recording import Recording
-from recon.refine_solver import add_priors, linearise, reduced, robust_weights, step
-from recon.refine_terms import (
+from recon.refine.observations import (
     RefineConfig,
     Terms,
     Views,
@@ -30,6 +28,8 @@ from recon.refine_terms import (
     surfel_terms,
     track_terms,
 )
+from recon.refine.parallel_faces import face_step
+from recon.refine.solver import add_priors, linearise, reduced, robust_weights, step
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, JointSigma, Motion, Revolute, Trajectory

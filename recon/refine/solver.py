@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.refine_terms import Terms
+from recon.refine.observations import Terms
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
