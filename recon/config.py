@@ -9,7 +9,7 @@ from recon.cameras.poses import CameraConfig
 from recon.closed_end import ClosedEndConfig
 from recon.contact import ContactConfig
 from recon.fusion import FusionConfig
-from recon.labels import LabelConfig
+from recon.labels.label_frames import LabelConfig
 from recon.motion.config import MotionConfig
 from recon.refine.observations import RefineConfig
 from recon.tracking.tracks import TrackConfig

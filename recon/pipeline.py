@@ -20,7 +20,7 @@ from recon.config import ReconConfig
 from recon.contact import find_contact
 from recon.fusion import FusedScene, fuse
 from recon.joints.type_selection import TypeHint
-from recon.labels import label_frames
+from recon.labels.label_frames import label_frames
 from recon.models.joint_hint import JointHint
 from recon.motion.find_parts import FoundParts, find_parts
 from recon.moving_part import MovingPart

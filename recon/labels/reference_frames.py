@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.labels.evidence import F32, compare, median_depth
 from recon.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
-from recon.warping import F32, compare, median_depth
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Trajectory

@@ -15,11 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.label_pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
-from recon.moving_part import MovingPart
-from recon.progress import Progress, silent
-from recon.recording import Recording
-from recon.references import (
+from recon.labels.crf import agree, upsample_labels, walk
+from recon.labels.evidence import F32
+from recon.labels.pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
+from recon.labels.reference_frames import (
     COLOR_SIGMAS,
     References,
     View,
@@ -30,8 +29,9 @@ from recon.references import (
     relative_moves,
     view,
 )
-from recon.regions import agree, upsample_labels, walk
-from recon.warping import F32
+from recon.moving_part import MovingPart
+from recon.progress import Progress, silent
+from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
+from recon.labels.evidence import F32
+from recon.labels.reference_frames import View
 from recon.moving_part import MovingPart
-from recon.references import View
 from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys
-from recon.warping import F32
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Trajectory

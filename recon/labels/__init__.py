@@ -1,0 +1,1 @@
+"""Labels: static, part or hand for every pixel."""
