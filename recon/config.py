@@ -8,7 +8,7 @@ from recon.cameras.gravity import GravityConfig
 from recon.cameras.poses import CameraConfig
 from recon.closed_end import ClosedEndConfig
 from recon.contact import ContactConfig
-from recon.fusion import FusionConfig
+from recon.fusion.fuse import FusionConfig
 from recon.labels.label_frames import LabelConfig
 from recon.motion.config import MotionConfig
 from recon.refine.observations import RefineConfig

@@ -18,7 +18,7 @@ from recon.cameras.poses import estimate_cameras
 from recon.closed_end import find_closed_end, rebase, rebase_mesh
 from recon.config import ReconConfig
 from recon.contact import find_contact
-from recon.fusion import FusedScene, fuse
+from recon.fusion.fuse import FusedScene, fuse
 from recon.joints.type_selection import TypeHint
 from recon.labels.label_frames import label_frames
 from recon.models.joint_hint import JointHint

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.mesh_cleaning import compact, keep_large_pieces
+from recon.fusion.mesh_cleaning import compact, keep_large_pieces
 from tests.recon.tiny import box, merged
 
 

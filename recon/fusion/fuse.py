@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
+from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
+from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.labels.evidence import F32
-from recon.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.moving_part import MovingPart
 from recon.progress import Progress, silent
 from recon.recording import Recording
-from recon.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array

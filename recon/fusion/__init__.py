@@ -1,0 +1,1 @@
+"""Fusion: TSDF meshes of the static scene and of each part."""
