@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from recon.cameras.gravity import GravityConfig
 from recon.cameras.poses import CameraConfig
-from recon.closed_end import ClosedEndConfig
-from recon.contact import ContactConfig
+from recon.contact.closed_end import ClosedEndConfig
+from recon.contact.find_contact import ContactConfig
 from recon.fusion.fuse import FusionConfig
 from recon.labels.label_frames import LabelConfig
 from recon.motion.config import MotionConfig

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from recon.assemble import FinishedPart, assemble
 from recon.cameras.gravity import find_gravity
 from recon.cameras.poses import estimate_cameras
-from recon.closed_end import find_closed_end, rebase, rebase_mesh
 from recon.config import ReconConfig
-from recon.contact import find_contact
+from recon.contact.closed_end import find_closed_end, rebase, rebase_mesh
+from recon.contact.find_contact import find_contact
 from recon.fusion.fuse import FusedScene, fuse
 from recon.joints.type_selection import TypeHint
 from recon.labels.label_frames import label_frames

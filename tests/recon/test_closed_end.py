@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.closed_end import (
+from recon.contact.closed_end import (
     ClosedEnd,
     ClosedEndConfig,
     find_closed_end,

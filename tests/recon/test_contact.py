@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon import hands
-from recon.contact import ContactConfig, find_contact
-from recon.faces import sample
-from recon.handles import find_edge, find_handle
+from recon.contact.faces import sample
+from recon.contact.find_contact import ContactConfig, find_contact
+from recon.contact.find_contact import hand_keypoints as hands
+from recon.contact.handles import find_edge, find_handle
 from recon.moving_part import MovingPart
 from recon.recording import open_recording
 from recon.truth import load_truth

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
-from recon import hands
-from recon.hands import FINGERTIPS, KEYPOINTS, HandConfig, detect_hands
+from recon.contact.find_contact import hand_keypoints as hands
+from recon.contact.hand_keypoints import FINGERTIPS, KEYPOINTS, HandConfig, detect_hands
 from recon.recording import Frame, Intrinsics, Recording
 from twin.errors import ConfigError, MissingDependencyError
 from twin.scene import HAND_LABEL

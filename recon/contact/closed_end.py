@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from recon.faces import Surface, outer_faces, sample
+from recon.contact.faces import Surface, outer_faces, sample
 from recon.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo

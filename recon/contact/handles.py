@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from recon.faces import Face, Surface, faces_before, outermost_face
+from recon.contact.faces import Face, Surface, faces_before, outermost_face
 from recon.voxels import largest_piece, voxel_keys
 from twin import geometry as geo
 from twin.geometry import Array

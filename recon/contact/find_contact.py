@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from recon.faces import Surface, sample
-from recon.handles import Handle, around_edge, find_edge, find_handle, unseen_handle
+from recon.contact.faces import Surface, sample
+from recon.contact.handles import Handle, around_edge, find_edge, find_handle, unseen_handle
 from recon.moving_part import MovingPart
 from recon.recording import Recording
 from recon.voxels import voxel_keys
@@ -231,7 +231,7 @@ def _fingertips(
     config: ContactConfig,
 ) -> HandPoints:
     """The fingertips that come near the part, in each frame no farther from it than `config.near` beyond the nearest."""
-    from recon.hands import FINGERTIPS, detect_hands
+    from recon.contact.hand_keypoints import FINGERTIPS, detect_hands
 
     keypoints = detect_hands(recording, list(T_part_cam), labels)
     tree = cKDTree(surface.points)
