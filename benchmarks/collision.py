@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from recon.scores import camera_errors, match_parts
-from recon.truth import Truth, load_truth
+from recon.evaluation.scores import camera_errors, match_parts
+from recon.evaluation.truth import Truth, load_truth
 from twin.collision import CollisionConfig, cover, decimated, part_shapes, surface_hulls, with_collision
 from twin.collision.boards import beyond, find_boards
 from twin.collision.closed_pieces import closed_piece_shapes, coacd_pieces, outward

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from recon.evaluate import evaluate
+from recon.evaluation.evaluate import evaluate
 from recon.pipeline import reconstruct
 from recon.recording import open_recording
 from twin.errors import FuntwinError

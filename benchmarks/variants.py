@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from recon.evaluation.truth import Truth, load_truth
 from recon.readers import files
 from recon.recording import Recording, open_recording
-from recon.truth import Truth, load_truth
 from twin.errors import FuntwinError, InputError
 from twin.geometry import Array, quat_wxyz_from_matrix
 from twin.scene import HAND_LABEL

@@ -340,9 +340,12 @@ def trajectory(
 
 def evaluate(progress: Progress, run: Path, truth: Path) -> Step:
     started = time.perf_counter()
-    twin, true = load(run), named("recon.truth:load_truth")(truth)  # before what takes seconds to import
+    twin, true = (
+        load(run),
+        named("recon.evaluation.truth:load_truth")(truth),
+    )  # before what takes seconds to import
     progress("evaluate", 0.0, "")
-    evaluation = named("recon.evaluate:evaluate")(twin, true)
+    evaluation = named("recon.evaluation.evaluate:evaluate")(twin, true)
     progress("evaluate", 1.0, "")
     goals = [r for r in evaluation.rows if r.ok is not None]
     met = sum(bool(r.ok) for r in goals)

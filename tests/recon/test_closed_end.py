@@ -16,9 +16,9 @@ from recon.contact.closed_end import (
     rebase_mesh,
     travel_ends,
 )
+from recon.evaluation.truth import load_truth
 from recon.moving_part import MovingPart
 from recon.recording import open_recording
-from recon.truth import load_truth
 from tests.recon.cabinets import TRAVEL, Clip, Kind, make_clip
 from twin import geometry as geo
 from twin.errors import ConfigError

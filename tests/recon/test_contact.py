@@ -13,9 +13,9 @@ from recon.contact.faces import sample
 from recon.contact.find_contact import ContactConfig, find_contact
 from recon.contact.find_contact import hand_keypoints as hands
 from recon.contact.handles import find_edge, find_handle
+from recon.evaluation.truth import load_truth
 from recon.moving_part import MovingPart
 from recon.recording import open_recording
-from recon.truth import load_truth
 from tests.recon.cabinets import BAR, FRAMES, Clip, Grip, Kind, make_clip
 from tests.recon.tiny import box, merged
 from twin import geometry as geo
@@ -208,7 +208,7 @@ def test_contact_on_recordings_with_true_labels(funtwin_data: Path, name: str) -
         found = find_contact(recording, cameras, labels, part, true.mesh)
     assert found is not None
     grip = geo.transform(geo.invert_pose(true.T_world_closed), true.handle[None])[0]
-    from recon.metrics import Surface
+    from recon.evaluation.metrics import Surface
 
     beyond = np.linalg.norm(found.point - grip) - Surface(true.mesh).distance(grip[None])[0]
     assert beyond < 0.02

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recon import metrics
+from recon.evaluation import metrics
 from tests.recon.tiny import box, cameras
 from twin import geometry as geo
 

@@ -63,8 +63,8 @@ def public_functions() -> list[tuple[str, Any]]:
     found = [(f"recon.{n}", getattr(recon, n)) for n in recon.__all__]
     found += [(f"recon.simulate.{n}", getattr(recon.simulate, n)) for n in recon.simulate.__all__]
     modules = (
-        "recon.evaluate",
-        "recon.truth",
+        "recon.evaluation.evaluate",
+        "recon.evaluation.truth",
         "recon.readers",
         "recon.simulate.mjcf",
         "recon.models.joint_hint",

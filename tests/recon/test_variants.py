@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.variants import HAND_SHARE, main, write_variant
+from recon.evaluation.truth import Truth, load_truth
 from recon.recording import open_recording
-from recon.truth import Truth, load_truth
 from tests.recon.tiny import cameras, write_poses, write_recording
 from twin.errors import InputError
 from twin.scene import HAND_LABEL

@@ -11,8 +11,8 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from recon.metrics import Surface
-from recon.truth import Truth
+from recon.evaluation.metrics import Surface
+from recon.evaluation.truth import Truth
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.ply import ply_bytes

@@ -1,6 +1,6 @@
 """Scores of cameras, labels and joints against the truth, each usable before a whole twin exists.
 
-Values are None where there is nothing to measure; `recon.evaluate` charges those.
+Values are None where there is nothing to measure; `recon.evaluation.evaluate` charges those.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from recon import metrics
-from recon.truth import Truth, TruthPart
+from recon.evaluation import metrics
+from recon.evaluation.truth import Truth, TruthPart
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array

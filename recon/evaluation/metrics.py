@@ -1,7 +1,7 @@
 """How far a reconstruction is from the truth: one small function for every measure (docs/metrics.md).
 
 Everything is in SI units and for one pair of things; charging of failures and units of display are the business of
-`recon.evaluate`. An exact answer gives 0 (or 1) up to rounding, and nothing is ever NaN.
+`recon.evaluation.evaluate`. An exact answer gives 0 (or 1) up to rounding, and nothing is ever NaN.
 """
 
 from __future__ import annotations

@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from recon import metrics
-from recon.bars import Bar, bar_of
-from recon.metrics import Surface
-from recon.recording import Recording, open_recording
-from recon.scores import (
+from recon.evaluation import metrics
+from recon.evaluation.goals import Bar, bar_of
+from recon.evaluation.metrics import Surface
+from recon.evaluation.scores import (
     CameraErrors,
     JointErrors,
     LabelScore,
@@ -26,8 +25,9 @@ from recon.scores import (
     label_scores,
     match_parts,
 )
-from recon.surface_scores import SAMPLES, SurfaceErrors, seen_points, surface_errors
-from recon.truth import Truth, TruthPart, load_truth
+from recon.evaluation.surface_scores import SAMPLES, SurfaceErrors, seen_points, surface_errors
+from recon.evaluation.truth import Truth, TruthPart, load_truth
+from recon.recording import Recording, open_recording
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array

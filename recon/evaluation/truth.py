@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon import metrics
-from recon.metrics import Span
+from recon.evaluation import metrics
+from recon.evaluation.metrics import Span
 from recon.readers import files
 from twin import geometry as geo
 from twin.errors import FuntwinError, InputError

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon import metrics
-from recon.metrics import Surface
+from recon.evaluation import metrics
+from recon.evaluation.metrics import Surface
+from recon.evaluation.truth import Truth
 from recon.recording import Recording
-from recon.truth import Truth
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array

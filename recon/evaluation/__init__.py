@@ -1,0 +1,1 @@
+"""Evaluation: a twin compared with the truth of its recording."""
