@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.simulate.grasp import Grasp
+from recon.simulate.grip import Grasp
+from recon.simulate.hand_path import HandMotion
 from recon.simulate.mjcf import Articulation
-from recon.simulate.reach import HandMotion
 from recon.simulate.render import Camera
 from recon.simulate.surfaces import Surface, merged_mesh
 from recon.simulate.timeline import Timeline

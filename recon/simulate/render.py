@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.simulate import shading
-from recon.simulate.caster import NO_HIT, Caster
+from recon.simulate.ray_caster import NO_HIT, Caster
 from recon.simulate.surfaces import Surface
 from recon.simulate.textures import SIZE, mipmaps
 from twin.geometry import Array, invert_pose

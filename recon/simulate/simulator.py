@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from recon.simulate import sensor
+from recon.simulate.camera_path import camera_path
 from recon.simulate.config import SimulateConfig
-from recon.simulate.gaze import camera_path
-from recon.simulate.grasp import find_grasp
+from recon.simulate.grip import find_grasp
 from recon.simulate.hand import HandShape, arm, hand_shape
+from recon.simulate.hand_path import hand_motion
 from recon.simulate.joints import scene_path
 from recon.simulate.mjcf import OPENING_SHARE, Articulation, load_articulation
-from recon.simulate.reach import hand_motion
 from recon.simulate.record import (
     HAND_LABEL,
     PART_ID,

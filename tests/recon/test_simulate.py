@@ -15,10 +15,10 @@ import trimesh
 from numpy.typing import NDArray
 
 from recon.simulate import SimulateConfig, simulate
-from recon.simulate.caster import Caster
 from recon.simulate.hand import PHALANGES, hand_shape, skeleton
 from recon.simulate.kitchen import kitchen_scene
 from recon.simulate.mjcf import load_articulation
+from recon.simulate.ray_caster import Caster
 from recon.simulate.record import new_recording
 from recon.simulate.sensor import depth_image
 from recon.simulate.simulator import Stage

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from recon.simulate.caster import Caster
 from recon.simulate.config import SimulateConfig
-from recon.simulate.grasp import Grasp
+from recon.simulate.grip import Grasp
 from recon.simulate.mjcf import Articulation
+from recon.simulate.ray_caster import Caster
 from recon.simulate.surfaces import Surface, merged_mesh
 from recon.simulate.timeline import Timeline, minimum_jerk
 from twin.geometry import Array, exp_so3, make_pose, point_line_distance, transform, unit

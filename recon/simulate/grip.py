@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from recon.simulate.caster import Caster
 from recon.simulate.mjcf import Articulation
+from recon.simulate.ray_caster import Caster
 from recon.simulate.surfaces import Surface, merged_mesh
 from twin.errors import InputError, nearest_name
 from twin.geometry import Array, unit

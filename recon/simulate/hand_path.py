@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from recon.simulate.config import SimulateConfig
-from recon.simulate.grasp import Grasp
+from recon.simulate.grip import Grasp
 from recon.simulate.hand import WRIST
 from recon.simulate.mjcf import Articulation
 from recon.simulate.timeline import Timeline, minimum_jerk
