@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recon.contact import hand_keypoints as hands
 from recon.contact.faces import sample
 from recon.contact.find_contact import ContactConfig, find_contact
-from recon.contact.find_contact import hand_keypoints as hands
 from recon.contact.handles import find_edge, find_handle
 from recon.evaluation.truth import load_truth
 from recon.moving_part import MovingPart

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recon.contact.find_contact import hand_keypoints as hands
+from recon.contact import hand_keypoints as hands
 from recon.contact.hand_keypoints import FINGERTIPS, KEYPOINTS, HandConfig, detect_hands
 from recon.recording import Frame, Intrinsics, Recording
 from twin.errors import ConfigError, MissingDependencyError

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon import refine, refine_solver
 from recon.motion.find_parts import FoundParts, PartTracks
 from recon.motion.intervals import Movers
 from recon.moving_part import MovingPart
 from recon.recording import open_recording
+from recon.refine import refine_parts as refinement
+from recon.refine import solver
 from recon.refine.observations import RefineConfig
 from recon.refine.refine_parts import refine_parts
 from tests.recon import tiny
@@ -74,13 +75,13 @@ def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(
     state = tiny.TRAVEL["door"] * tiny.smooth(n, n // 4, 3 * n // 4)
     part = MovingPart(2, joint, Motion(np.arange(n), recording.times, state))
     size, config = 0.002, RefineConfig(width=96, voxel=0.02)
-    monkeypatch.setattr(refine, "_DRIFT_RAD", 0.0)
+    monkeypatch.setattr(refinement, "_DRIFT_RAD", 0.0)
     drifting = tiny.cameras(n).copy()
     drifting[:, 1, 3] += size * np.sqrt(2.0) * np.cos(np.pi * (np.arange(n) + 0.5) / n)
     cameras = Trajectory(np.arange(n), recording.times, drifting)
     sigma = {}
     for said in (0.0, size):
-        monkeypatch.setattr(refine, "_DRIFT_M", said)
+        monkeypatch.setattr(refinement, "_DRIFT_M", said)
         (found,) = refine_parts(recording, cameras, labels, _found(part, n), config)
         assert isinstance(found.joint, Revolute)
         assert found.joint.sigma is not None
@@ -103,8 +104,8 @@ def test_a_part_at_rest_does_not_creep_where_nothing_of_it_is_seen(
     creeping = state + np.clip(np.arange(n) - last, 0, None) * np.radians(2.0)
     part = MovingPart(2, joint, Motion(np.arange(n), recording.times, creeping, ((first, last),)))
     crept = {}
-    for share in (refine_solver._REST_SHARE, 1e3):
-        monkeypatch.setattr(refine_solver, "_REST_SHARE", share)
+    for share in (solver._REST_SHARE, 1e3):
+        monkeypatch.setattr(solver, "_REST_SHARE", share)
         (found,) = refine_parts(
             recording, cameras, labels, _found(part, n), RefineConfig(width=96, voxel=0.02)
         )
