@@ -10,9 +10,9 @@ import numpy as np
 
 from robots.config import PlanConfig
 from robots.contact_path import Grasp
-from robots.goals import Task
 from robots.placement import Base
 from robots.spec import RobotSpec
+from robots.task import Task
 from robots.world import ROBOT, build_world
 from twin.geometry import Array
 from twin.scene import Part, Twin

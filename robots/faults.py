@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.goals import Task
 from robots.record import Record
 from robots.spec import RobotSpec
+from robots.task import Task
 from robots.trajectory import PHASES
 from twin.geometry import Array
 

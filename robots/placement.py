@@ -12,10 +12,10 @@ from scipy.stats import qmc
 from robots.chain import Chain
 from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
-from robots.goals import Task
 from robots.grasp import sample_surface
 from robots.planar import planar_starts
 from robots.spec import RobotSpec
+from robots.task import Task
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Mesh, Revolute

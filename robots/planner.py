@@ -16,7 +16,6 @@ from robots.contact_path import make_grasps
 from robots.dynamics import ArmDynamics, part_load, with_riders
 from robots.faults import SLIP_LIMIT
 from robots.floor import Floor, floor_of
-from robots.goals import Goal, Task, task_of
 from robots.grasp import Hold
 from robots.ik import PathSolver
 from robots.model import compiled
@@ -24,6 +23,7 @@ from robots.placement import Base, BaseSearch
 from robots.refine import refined
 from robots.replayer import replay
 from robots.spec import RobotSpec
+from robots.task import Goal, Task, task_of
 from robots.timing import Effort
 from robots.touch import elsewhere, holds_of
 from robots.trajectory import RejectedBase, RobotTrajectory

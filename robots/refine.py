@@ -12,11 +12,11 @@ from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
 from robots.draws import moved_joint
 from robots.dynamics import with_riders
-from robots.goals import Task, unit
 from robots.ik import PathSolver
 from robots.part_physics import frictionloss, weight_load
 from robots.placement import Base, unreachable
 from robots.spec import RobotSpec
+from robots.task import Task, unit
 from robots.timing import Effort, Leg, timed
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo

@@ -141,7 +141,7 @@ def replay(
             f"--contact is a point on one part, and {len(parts)} are to be moved",
             f"add --part with one of: {', '.join(p.name for p in parts)}",
         )
-    tasks = {part.id: named("robots.goals:task_of")(part, goal, start) for part in parts}
+    tasks = {part.id: named("robots.task:task_of")(part, goal, start) for part in parts}
     named("robots:resolve")(robot)
     config = named("robots:ReplayConfig")(**(settings or {}))
     require_writable(run_folder(run) / "replay")
@@ -312,7 +312,7 @@ def trajectory(
         raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
     sources = []
     for part in parts:
-        task = named("robots.goals:task_of")(part, goal, start)
+        task = named("robots.task:task_of")(part, goal, start)
         path = _replay_folder(run_folder(run), robot, part, task) / "trajectory.json"
         if not path.is_file():
             asked = "".join(

@@ -7,8 +7,8 @@ import pytest
 
 from robots.catalog import resolve
 from robots.faults import find_faults
-from robots.goals import Task
 from robots.record import Record
+from robots.task import Task
 from robots.trajectory import PHASES
 
 TASK = Task(0.0, 1.0)

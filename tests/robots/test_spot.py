@@ -16,9 +16,9 @@ from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.contact_path import make_grasps
 from robots.floor import find_floor
-from robots.goals import Task
 from robots.grasp import find_holds
 from robots.placement import Base
+from robots.task import Task
 from robots.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened

@@ -14,10 +14,10 @@ from robots.catalog import resolve
 from robots.config import PlanConfig, ReplayConfig
 from robots.contact_path import make_grasps
 from robots.dynamics import ArmDynamics, Terms, part_load
-from robots.goals import Task, task_of
 from robots.grasp import find_holds
 from robots.refine import may_move_alone, moves_alone
 from robots.replayer import simulate
+from robots.task import Task, task_of
 from robots.touch import elsewhere, holds_by_shape
 from robots.world import build_world
 from tests.robots import furniture
