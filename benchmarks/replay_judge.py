@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from robots.spec import RobotSpec
+from robots.model.spec import RobotSpec
 from robots.world import PREFIX, ROBOT, STATIC, World
 from twin import geometry as geo
 from twin.geometry import Array

@@ -10,11 +10,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from robots.catalog import names as names
-    from robots.catalog import resolve as resolve
     from robots.config import PlanConfig as PlanConfig
     from robots.config import ReplayConfig as ReplayConfig
     from robots.demonstration import Demonstration as Demonstration
+    from robots.model.catalog import names as names
+    from robots.model.catalog import resolve as resolve
     from robots.planner import plan as plan
     from robots.replayer import replay as replay
     from robots.report import ReplayReport as ReplayReport

@@ -10,8 +10,8 @@ import numpy as np
 
 from robots.config import PlanConfig
 from robots.contact_path import Grasp
+from robots.model.spec import RobotSpec
 from robots.placement import Base
-from robots.spec import RobotSpec
 from robots.task import Task
 from robots.world import ROBOT, build_world
 from twin.geometry import Array

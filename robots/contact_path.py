@@ -9,7 +9,7 @@ import numpy as np
 
 from robots.config import PlanConfig
 from robots.grasp import Hold
-from robots.spec import RobotSpec
+from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robots.model.spec import RobotSpec
 from robots.record import Record
-from robots.spec import RobotSpec
 from robots.task import Task
 from robots.trajectory import PHASES
 from twin.geometry import Array

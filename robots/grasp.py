@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from robots.spec import RobotSpec
+from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import ContactPath, Mesh

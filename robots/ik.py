@@ -8,7 +8,7 @@ import mink
 import mujoco
 import numpy as np
 
-from robots.spec import RobotSpec
+from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
 

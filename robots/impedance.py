@@ -11,7 +11,7 @@ import math
 import mujoco
 import numpy as np
 
-from robots.chain import Chain
+from robots.model.kinematics import Chain
 from robots.trajectory import RobotTrajectory
 from robots.world import World
 from twin import geometry as geo

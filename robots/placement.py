@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
-from robots.chain import Chain
 from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
 from robots.grasp import sample_surface
+from robots.model.kinematics import Chain
+from robots.model.spec import RobotSpec
 from robots.planar import planar_starts
-from robots.spec import RobotSpec
 from robots.task import Task
 from twin import geometry as geo
 from twin.geometry import Array

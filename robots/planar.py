@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots.chain import Chain
-from robots.spec import RobotSpec
+from robots.model.kinematics import Chain
+from robots.model.spec import RobotSpec
 from twin.geometry import Array
 
 # Turns of forearm and hand (rad) that start the search in each of the wrist's branches.

@@ -8,21 +8,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from robots.catalog import resolve
-from robots.chain import read_chain
 from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.contact_path import make_grasps
-from robots.dynamics import ArmDynamics, part_load, with_riders
 from robots.faults import SLIP_LIMIT
 from robots.floor import Floor, floor_of
 from robots.grasp import Hold
 from robots.ik import PathSolver
-from robots.model import compiled
+from robots.model.catalog import resolve
+from robots.model.dynamics import ArmDynamics, part_load, with_riders
+from robots.model.kinematics import read_chain
+from robots.model.mjcf import compiled
+from robots.model.spec import RobotSpec
 from robots.placement import Base, BaseSearch
 from robots.refine import refined
 from robots.replayer import replay
-from robots.spec import RobotSpec
 from robots.task import Goal, Task, task_of
 from robots.timing import Effort
 from robots.touch import elsewhere, holds_of

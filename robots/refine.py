@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from robots.chain import Chain
 from robots.config import PlanConfig
 from robots.contact_path import Grasp, backed_off
 from robots.draws import moved_joint
-from robots.dynamics import with_riders
 from robots.ik import PathSolver
+from robots.model.dynamics import with_riders
+from robots.model.kinematics import Chain
+from robots.model.spec import RobotSpec
 from robots.part_physics import frictionloss, weight_load
 from robots.placement import Base, unreachable
-from robots.spec import RobotSpec
 from robots.task import Task, unit
 from robots.timing import Effort, Leg, timed
 from robots.trajectory import RobotTrajectory

@@ -11,16 +11,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.catalog import resolve
-from robots.chain import read_chain
 from robots.config import ReplayConfig
 from robots.demonstration import Demonstration
 from robots.formats import native
 from robots.impedance import EVERY, Impedance
-from robots.model import compiled
+from robots.model.catalog import resolve
+from robots.model.kinematics import read_chain
+from robots.model.mjcf import compiled
+from robots.model.spec import RobotSpec
 from robots.record import Record
 from robots.report import ReplayReport, measure
-from robots.spec import RobotSpec
 from robots.trajectory import PHASES, RobotTrajectory
 from robots.world import PART, ROBOT, World, build_world, with_collision
 from twin import geometry as geo

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from robots.faults import Fault, find_faults
 from robots.floor import Floor
+from robots.model.spec import RobotSpec
 from robots.record import Record
-from robots.spec import RobotSpec
 from robots.task import Task
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo

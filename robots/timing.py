@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robots.config import PlanConfig
-from robots.dynamics import ArmDynamics, PartLoad
-from robots.spec import RobotSpec
+from robots.model.dynamics import ArmDynamics, PartLoad
+from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array

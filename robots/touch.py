@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robots.grasp import Hold, clusters, dominant_plane, find_holds, sample_surface
-from robots.spec import RobotSpec
+from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.contacts import allowed, contact_off, distance_to
 from twin.errors import InputError

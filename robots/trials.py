@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from robots.batch import Tell, replay_all
-from robots.catalog import resolve
 from robots.config import ReplayConfig
 from robots.draws import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of
 from robots.floor import Floor
+from robots.model.catalog import resolve
 from robots.report import ReplayReport
 from robots.statistics import CONFIDENCE, Estimate, mean, wilson
 from robots.trajectory import RobotTrajectory

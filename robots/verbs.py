@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from robots.catalog import fetch, names, resolve
-from robots.chain import read_chain
-from robots.model import compiled
-from robots.spec import RobotSpec
+from robots.model.catalog import fetch, names, resolve
+from robots.model.kinematics import read_chain
+from robots.model.mjcf import compiled
+from robots.model.spec import RobotSpec
 from twin.console import Console, Outcome
 from twin.errors import InputError
 from twin.report.sections import Table

@@ -17,7 +17,7 @@ import pytest
 
 from recon import pipeline
 from recon.recording import open_recording
-from robots.catalog import names, resolve
+from robots.model.catalog import names, resolve
 from tests.recon import tiny
 from twin import asset_files, cli, doctor
 from twin.asset_files import asset, faults

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robots.chain import Chain, read_chain
-from robots.model import compiled
-from robots.spec import RobotSpec
+from robots.model.kinematics import Chain, read_chain
+from robots.model.mjcf import compiled
+from robots.model.spec import RobotSpec
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
 from twin.errors import InputError

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 import robots
-from robots.chain import read_chain
 from robots.formats import Handover
-from robots.model import compiled
+from robots.model.kinematics import read_chain
+from robots.model.mjcf import compiled
 from robots.timing import quintic
 from robots.trajectory import RobotTrajectory
 from tests.robots import furniture

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import robots
-from robots.catalog import resolve
 from robots.config import PlanConfig
 from robots.formats import native
+from robots.model.catalog import resolve
 from tests.robots import furniture, handovers
 from tests.robots.handovers import contents
 from twin.cli import run

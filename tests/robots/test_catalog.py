@@ -13,12 +13,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robots
-from robots.catalog import names, resolve
-from robots.chain import read_chain
 from robots.config import PlanConfig
-from robots.model import compiled
-from robots.sources import locate
-from robots.spec import load_spec
+from robots.model.catalog import names, resolve
+from robots.model.kinematics import read_chain
+from robots.model.mjcf import compiled
+from robots.model.model_files import locate
+from robots.model.spec import load_spec
 from tests.robots import furniture
 from twin.cli import run
 from twin.errors import InputError
@@ -96,7 +96,7 @@ def test_a_model_is_taken_from_where_the_user_said_first(tmp_path: Path, monkeyp
     monkeypatch.setenv("FUNTWIN_MENAGERIE", str(checkout))
     monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "c"))
     found = []
-    with caplog.at_level(logging.INFO, logger="robots.sources"):
+    with caplog.at_level(logging.INFO, logger="robots.model.model_files"):
         for _ in range(3):
             path = locate("maker_arm/arm.xml", beside)
             found.append(path)
@@ -221,7 +221,7 @@ def test_twin_robots_lists_shows_and_refuses(capsys):
 
 
 def test_fetching_needs_a_package_that_is_named(capsys, monkeypatch):
-    monkeypatch.setattr("robots.catalog.find_spec", lambda _: None)
+    monkeypatch.setattr("robots.model.catalog.find_spec", lambda _: None)
     assert run(["robots", "fetch", "spot"]) == 1
     error = capsys.readouterr().err
     assert "install the package robot_descriptions into" in error

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robots.catalog import resolve
 from robots.faults import find_faults
+from robots.model.catalog import resolve
 from robots.record import Record
 from robots.task import Task
 from robots.trajectory import PHASES

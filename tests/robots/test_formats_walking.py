@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robots.catalog import resolve
 from robots.formats import FORMATS, hand_over
 from robots.formats.spot import WRIST_T_TOOL
-from robots.model import compiled
+from robots.model.catalog import resolve
+from robots.model.mjcf import compiled
 from tests.robots import handovers
 from tests.robots.handovers import stacked
 from tests.robots.spot_table import ARM, HAND, TOOL_AXES

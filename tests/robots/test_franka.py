@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from robots.catalog import names, resolve
-from robots.chain import read_chain
-from robots.spec import load_spec
+from robots.model.catalog import names, resolve
+from robots.model.kinematics import read_chain
+from robots.model.spec import load_spec
 from twin import geometry as geo
 from twin.errors import InputError
 

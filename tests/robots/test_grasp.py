@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robots.catalog import resolve
 from robots.config import PlanConfig
 from robots.contact_path import backed_off, make_grasps
 from robots.grasp import find_holds
+from robots.model.catalog import resolve
 from tests.robots import furniture
 from tests.robots.random_furniture import random_furniture
 from twin import geometry as geo

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import robots
-from robots.chain import read_chain
 from robots.config import PlanConfig, ReplayConfig
 from robots.draws import draw, perturbed, spread_of
 from robots.impedance import FORCE_CAP, ROTATION, TRANSLATION, Impedance
-from robots.model import compiled
+from robots.model.kinematics import read_chain
+from robots.model.mjcf import compiled
 from robots.replayer import simulate
 from robots.report import measure
 from robots.trials import LADDER

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import robots
-from robots.catalog import resolve
 from robots.config import PlanConfig
-from robots.dynamics import part_load, with_riders
+from robots.model.catalog import resolve
+from robots.model.dynamics import part_load, with_riders
 from robots.part_physics import frictionloss
 from robots.refine import moves_alone
 from robots.replayer import simulate

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from robots.catalog import resolve
+from robots.model.catalog import resolve
 from robots.world import PART, STATIC, build_world
 from tests.robots.random_furniture import HANDLES, KINDS, random_furniture
 from twin import geometry as geo

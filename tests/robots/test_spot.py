@@ -10,13 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robots
-from robots.catalog import resolve
-from robots.chain import read_chain
 from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.contact_path import make_grasps
 from robots.floor import find_floor
 from robots.grasp import find_holds
+from robots.model.catalog import resolve
+from robots.model.kinematics import read_chain
 from robots.placement import Base
 from robots.task import Task
 from robots.world import build_world

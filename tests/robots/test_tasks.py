@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import robots
-from robots.catalog import resolve
 from robots.config import PlanConfig, ReplayConfig
 from robots.contact_path import make_grasps
-from robots.dynamics import ArmDynamics, Terms, part_load
 from robots.grasp import find_holds
+from robots.model.catalog import resolve
+from robots.model.dynamics import ArmDynamics, Terms, part_load
 from robots.refine import may_move_alone, moves_alone
 from robots.replayer import simulate
 from robots.task import Task, task_of

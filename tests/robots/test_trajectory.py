@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robots.catalog import resolve
 from robots.config import PlanConfig
 from robots.formats import native
+from robots.model.catalog import resolve
 from robots.timing import Leg, quintic, timed
 from robots.trajectory import RejectedBase, RobotTrajectory
 from tests.robots.handovers import contents

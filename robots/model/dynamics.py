@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from robots.model.spec import RobotSpec
 from robots.part_physics import (
     frictionloss,
     inertia,
@@ -19,7 +20,6 @@ from robots.part_physics import (
     mass_and_com,
     weight_load,
 )
-from robots.spec import RobotSpec
 from twin.geometry import Array
 from twin.physics import inertia_about
 from twin.quantities import Inertial, Quantity

@@ -7,7 +7,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
-from robots.spec import RobotSpec, load_spec
+from robots.model.spec import RobotSpec, load_spec
 from twin.asset_files import REMEDY, asset
 from twin.errors import InputError, MissingDependencyError, nearest_name
 from twin.packages import to_install

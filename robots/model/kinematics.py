@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.spec import RobotSpec
+from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array

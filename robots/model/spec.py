@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.sources import locate
+from robots.model.model_files import locate
 from twin.errors import InputError, nearest_name
 from twin.geometry import Array
 
@@ -48,7 +48,7 @@ class RobotSpec:
 
     A model without a tool site gets one: on `tool_body` (empty: it has one), at tool_position (3,) m, turned by
     tool_quat_wxyz (4,). stiffness, damping: (n,) of servos that replace the model's actuators (N m/rad, N m s/rad), or
-    empty: it has its own. See robots/model.py.
+    empty: it has its own. See robots/model/mjcf.py.
     """
 
     name: str

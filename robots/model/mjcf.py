@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import mujoco
 
-from robots.spec import RobotSpec
+from robots.model.spec import RobotSpec
 from twin.errors import InputError
 from twin.lint.xml import read_xml
 

@@ -1,0 +1,1 @@
+"""Robot models: their description, files, kinematics and dynamics."""
