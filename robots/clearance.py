@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from robots.config import PlanConfig
-from robots.contact_path import Grasp
+from robots.grasp.tool_path import Grasp
 from robots.model.spec import RobotSpec
 from robots.placement import Base
 from robots.task import Task

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from robots.grasp import sample_surface
+from robots.grasp.holds import sample_surface
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Twin

@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from robots.config import PlanConfig
-from robots.contact_path import Grasp, backed_off
-from robots.grasp import sample_surface
+from robots.grasp.holds import sample_surface
+from robots.grasp.tool_path import Grasp, backed_off
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
 from robots.planar import planar_starts

@@ -10,10 +10,11 @@ import numpy as np
 
 from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
-from robots.contact_path import make_grasps
 from robots.faults import SLIP_LIMIT
 from robots.floor import Floor, floor_of
-from robots.grasp import Hold
+from robots.grasp.holds import Hold
+from robots.grasp.tool_path import make_grasps
+from robots.grasp.where_to_hold import elsewhere, holds_of
 from robots.ik import PathSolver
 from robots.model.catalog import resolve
 from robots.model.dynamics import ArmDynamics, part_load, with_riders
@@ -25,7 +26,6 @@ from robots.refine import refined
 from robots.replayer import replay
 from robots.task import Goal, Task, task_of
 from robots.timing import Effort
-from robots.touch import elsewhere, holds_of
 from robots.trajectory import RejectedBase, RobotTrajectory
 from robots.world import with_collision
 from twin.errors import PlanningError

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robots.config import PlanConfig
-from robots.contact_path import Grasp, backed_off
 from robots.draws import moved_joint
+from robots.grasp.tool_path import Grasp, backed_off
 from robots.ik import PathSolver
 from robots.model.dynamics import with_riders
 from robots.model.kinematics import Chain

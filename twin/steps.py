@@ -147,7 +147,7 @@ def replay(
     require_writable(run_folder(run) / "replay")
     # what follows imports MuJoCo: every wrong answer that can be told without it was told before
     # one of several parts that can't be held does not keep the others from being moved
-    missed = (PlanningError, *([named("robots.touch:NothingToHold")] if len(parts) > 1 else []))
+    missed = (PlanningError, *([named("robots.grasp.where_to_hold:NothingToHold")] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
     if contact is None:
         off = [o for o in named("twin.contacts:contacts_off")(twin) if o.part in {p.name for p in parts}]

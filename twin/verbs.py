@@ -178,7 +178,7 @@ def replay(
     asked = {"stiffness": stiffness, "control": control}
     settings = {key: value for key, value in asked.items() if value is not None}
     # of a contact off its part the step tells in its warnings, which the page keeps
-    with _unlogged("robots.touch"), console.progress() as progress, _page(run):
+    with _unlogged("robots.grasp.where_to_hold"), console.progress() as progress, _page(run):
         return steps.replay(
             progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
         ).outcome

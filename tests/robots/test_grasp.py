@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robots.config import PlanConfig
-from robots.contact_path import backed_off, make_grasps
-from robots.grasp import find_holds
+from robots.grasp.holds import find_holds
+from robots.grasp.tool_path import backed_off, make_grasps
 from robots.model.catalog import resolve
 from tests.robots import furniture
 from tests.robots.random_furniture import random_furniture

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import robots
 from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
-from robots.contact_path import make_grasps
 from robots.floor import find_floor
-from robots.grasp import find_holds
+from robots.grasp.holds import find_holds
+from robots.grasp.tool_path import make_grasps
 from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.placement import Base

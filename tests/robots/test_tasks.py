@@ -11,14 +11,14 @@ import pytest
 
 import robots
 from robots.config import PlanConfig, ReplayConfig
-from robots.contact_path import make_grasps
-from robots.grasp import find_holds
+from robots.grasp.holds import find_holds
+from robots.grasp.tool_path import make_grasps
+from robots.grasp.where_to_hold import elsewhere, holds_by_shape
 from robots.model.catalog import resolve
 from robots.model.dynamics import ArmDynamics, Terms, part_load
 from robots.refine import may_move_alone, moves_alone
 from robots.replayer import simulate
 from robots.task import Task, task_of
-from robots.touch import elsewhere, holds_by_shape
 from robots.world import build_world
 from tests.robots import furniture
 from twin import geometry as geo

@@ -104,12 +104,12 @@ def test_a_replay_tells_of_a_contact_off_its_part_once(
     (tmp_path / "manifest.json").write_text('{"format": "funtwin-run/1", "stages": []}')
 
     def plan(*_: object, **__: object) -> None:
-        logging.getLogger("robots.touch").warning("the contact of door is 0.50 m off the part")
+        logging.getLogger("robots.grasp.where_to_hold").warning("the contact of door is 0.50 m off the part")
         raise PlanningError("no base is free", "clear the scene")
 
     monkeypatch.setattr("robots.plan", plan, raising=False)
     terminal = logging.StreamHandler(sys.stderr)  # what logging does by itself outside of pytest
-    monkeypatch.setattr(logging.getLogger("robots.touch"), "handlers", [terminal])
+    monkeypatch.setattr(logging.getLogger("robots.grasp.where_to_hold"), "handlers", [terminal])
     _, told = run(capsys, "replay", tmp_path, "--part", "door")
     assert told.count("the contact of door is 0.50 m off the part") == 1
-    assert logging.getLogger("robots.touch").level == logging.NOTSET
+    assert logging.getLogger("robots.grasp.where_to_hold").level == logging.NOTSET

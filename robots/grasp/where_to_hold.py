@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robots.grasp import Hold, clusters, dominant_plane, find_holds, sample_surface
+from robots.grasp.holds import Hold, clusters, dominant_plane, find_holds, sample_surface
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.contacts import allowed, contact_off, distance_to

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from robots.config import PlanConfig
-from robots.grasp import Hold
+from robots.grasp.holds import Hold
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
