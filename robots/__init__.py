@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from robots.demonstration import Demonstration as Demonstration
     from robots.model.catalog import names as names
     from robots.model.catalog import resolve as resolve
-    from robots.planner import plan as plan
+    from robots.planning.plan import plan as plan
     from robots.replayer import replay as replay
     from robots.report import ReplayReport as ReplayReport
     from robots.trajectory import RobotTrajectory as RobotTrajectory

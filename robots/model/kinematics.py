@@ -2,7 +2,7 @@
 
 The joints of a planar base, two slides and a hinge, come first in the chain: base and arm are solved together.
 
-The planner screens hundreds of base poses with it; the final path comes from `robots.ik`. The chain is read from the
+The planner screens hundreds of base poses with it; the final path comes from `robots.planning.ik`. The chain is read from the
 compiled MJCF model, so there is one description of the arm.
 """
 

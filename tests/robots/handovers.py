@@ -10,7 +10,7 @@ import robots
 from robots.formats import Handover
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
-from robots.timing import quintic
+from robots.planning.timing import quintic
 from robots.trajectory import RobotTrajectory
 from tests.robots import furniture
 from twin import geometry as geo

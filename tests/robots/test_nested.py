@@ -13,7 +13,7 @@ from robots.config import PlanConfig
 from robots.model.catalog import resolve
 from robots.model.dynamics import part_load, with_riders
 from robots.part_physics import frictionloss
-from robots.refine import moves_alone
+from robots.planning.joint_path import moves_alone
 from robots.replayer import simulate
 from robots.world import build_world, with_collision
 from tests.robots import furniture

@@ -19,7 +19,7 @@ import robots
 from robots import video
 from robots.config import PlanConfig
 from robots.floor import find_floor
-from robots.refine import moves_alone
+from robots.planning.joint_path import moves_alone
 from robots.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened

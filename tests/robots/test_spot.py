@@ -10,14 +10,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robots
-from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.floor import find_floor
 from robots.grasp.holds import find_holds
 from robots.grasp.tool_path import make_grasps
 from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
-from robots.placement import Base
+from robots.planning.base_search import Base
+from robots.planning.clearance import ClearanceCheck
 from robots.task import Task
 from robots.world import build_world
 from tests.robots import furniture

@@ -16,7 +16,7 @@ from robots.grasp.tool_path import make_grasps
 from robots.grasp.where_to_hold import elsewhere, holds_by_shape
 from robots.model.catalog import resolve
 from robots.model.dynamics import ArmDynamics, Terms, part_load
-from robots.refine import may_move_alone, moves_alone
+from robots.planning.joint_path import may_move_alone, moves_alone
 from robots.replayer import simulate
 from robots.task import Task, task_of
 from robots.world import build_world

@@ -13,7 +13,7 @@ import pytest
 from robots.config import PlanConfig
 from robots.formats import native
 from robots.model.catalog import resolve
-from robots.timing import Leg, quintic, timed
+from robots.planning.timing import Leg, quintic, timed
 from robots.trajectory import RejectedBase, RobotTrajectory
 from tests.robots.handovers import contents
 from twin import geometry as geo

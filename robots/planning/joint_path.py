@@ -10,14 +10,14 @@ from scipy.interpolate import CubicSpline
 from robots.config import PlanConfig
 from robots.draws import moved_joint
 from robots.grasp.tool_path import Grasp, backed_off
-from robots.ik import PathSolver
 from robots.model.dynamics import with_riders
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
 from robots.part_physics import frictionloss, weight_load
-from robots.placement import Base, unreachable
+from robots.planning.base_search import Base, unreachable
+from robots.planning.ik import PathSolver
+from robots.planning.timing import Effort, Leg, timed
 from robots.task import Task, unit
-from robots.timing import Effort, Leg, timed
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
 from twin.errors import PlanningError

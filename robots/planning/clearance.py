@@ -11,7 +11,7 @@ import numpy as np
 from robots.config import PlanConfig
 from robots.grasp.tool_path import Grasp
 from robots.model.spec import RobotSpec
-from robots.placement import Base
+from robots.planning.base_search import Base
 from robots.task import Task
 from robots.world import ROBOT, build_world
 from twin.geometry import Array

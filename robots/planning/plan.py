@@ -8,24 +8,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from robots.clearance import ClearanceCheck
 from robots.config import PlanConfig
 from robots.faults import SLIP_LIMIT
 from robots.floor import Floor, floor_of
 from robots.grasp.holds import Hold
 from robots.grasp.tool_path import make_grasps
 from robots.grasp.where_to_hold import elsewhere, holds_of
-from robots.ik import PathSolver
 from robots.model.catalog import resolve
 from robots.model.dynamics import ArmDynamics, part_load, with_riders
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.spec import RobotSpec
-from robots.placement import Base, BaseSearch
-from robots.refine import refined
+from robots.planning.base_search import Base, BaseSearch
+from robots.planning.clearance import ClearanceCheck
+from robots.planning.ik import PathSolver
+from robots.planning.joint_path import refined
+from robots.planning.timing import Effort
 from robots.replayer import replay
 from robots.task import Goal, Task, task_of
-from robots.timing import Effort
 from robots.trajectory import RejectedBase, RobotTrajectory
 from robots.world import with_collision
 from twin.errors import PlanningError

@@ -14,7 +14,7 @@ from robots.grasp.holds import sample_surface
 from robots.grasp.tool_path import Grasp, backed_off
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
-from robots.planar import planar_starts
+from robots.planning.planar_base import planar_starts
 from robots.task import Task
 from twin import geometry as geo
 from twin.geometry import Array
