@@ -35,11 +35,11 @@ from robots.batch import replay_all
 from robots.config import CONTROLS
 from robots.draws import Draw, draw, spread_of
 from robots.floor import find_floor
-from robots.replayer import simulate
-from robots.report import measure
+from robots.simulation.replay import simulate
+from robots.simulation.report import measure
+from robots.simulation.scene import World, build_world
 from robots.trajectory import RobotTrajectory
 from robots.trials import LADDER, kind_of
-from robots.world import World, build_world
 from twin.errors import FuntwinError
 from twin.scene import Revolute, Twin
 

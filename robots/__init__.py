@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from robots.model.catalog import names as names
     from robots.model.catalog import resolve as resolve
     from robots.planning.plan import plan as plan
-    from robots.replayer import replay as replay
-    from robots.report import ReplayReport as ReplayReport
+    from robots.simulation.replay import replay as replay
+    from robots.simulation.report import ReplayReport as ReplayReport
     from robots.trajectory import RobotTrajectory as RobotTrajectory
     from robots.trials import TrialReport as TrialReport
     from robots.trials import run_trials as run_trials

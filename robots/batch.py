@@ -10,10 +10,10 @@ from joblib import Parallel, delayed, parallel_config
 
 from robots.config import ReplayConfig
 from robots.draws import Draw, perturbed
-from robots.replayer import simulate
-from robots.report import ReplayReport, measure
+from robots.simulation.replay import simulate
+from robots.simulation.report import ReplayReport, measure
+from robots.simulation.scene import World
 from robots.trajectory import RobotTrajectory
-from robots.world import World
 from twin.interrupt import spared
 from twin.scene import Part
 

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.simulation.scene import PEDESTAL, ROBOT, STATIC, World
 from robots.trajectory import RobotTrajectory
-from robots.world import PEDESTAL, ROBOT, STATIC, World
 from twin.geometry import Array
 
 # points on the fingers and on the handle to both sides of them, in tool axes (m)

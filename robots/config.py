@@ -70,7 +70,7 @@ class PlanConfig:
 @dataclass(frozen=True)
 class ReplayConfig:
     """How `robots.replay` plays and records. control: "position", the robot's own joint servos, or "impedance", a compliant
-    hand like Spot's (robots/impedance.py). stiffness: share of the servos' or the hand's own; the damping ratio stays.
+    hand like Spot's (robots/simulation/impedance.py). stiffness: share of the servos' or the hand's own; the damping ratio stays.
     settle: s of simulation after the last command. video_size: width, height in pixels.
     video_rate: frames per second of the file; video_frames: at most so many frames."""
 

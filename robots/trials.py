@@ -20,10 +20,10 @@ from robots.config import ReplayConfig
 from robots.draws import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of
 from robots.floor import Floor
 from robots.model.catalog import resolve
-from robots.report import ReplayReport
+from robots.simulation.report import ReplayReport
+from robots.simulation.scene import build_world, with_collision
 from robots.statistics import CONFIDENCE, Estimate, mean, wilson
 from robots.trajectory import RobotTrajectory
-from robots.world import build_world, with_collision
 from twin.atomic import write_file
 from twin.errors import InputError
 from twin.geometry import Array

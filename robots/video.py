@@ -17,8 +17,8 @@ from robots.camera import choose_view
 from robots.config import ReplayConfig
 from robots.demonstration import Demonstration, Image
 from robots.film import alone, pace_text, side_by_side
+from robots.simulation.scene import World
 from robots.trajectory import RobotTrajectory
-from robots.world import World
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array
 from twin.scene import Part, Revolute

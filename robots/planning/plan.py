@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from robots.config import PlanConfig
-from robots.faults import SLIP_LIMIT
 from robots.floor import Floor, floor_of
 from robots.grasp.holds import Hold
 from robots.grasp.tool_path import make_grasps
@@ -24,10 +23,11 @@ from robots.planning.clearance import ClearanceCheck
 from robots.planning.ik import PathSolver
 from robots.planning.joint_path import refined
 from robots.planning.timing import Effort
-from robots.replayer import replay
+from robots.simulation.faults import SLIP_LIMIT
+from robots.simulation.replay import replay
+from robots.simulation.scene import with_collision
 from robots.task import Goal, Task, task_of
 from robots.trajectory import RejectedBase, RobotTrajectory
-from robots.world import with_collision
 from twin.errors import PlanningError
 from twin.geometry import Array
 from twin.paths import AnyPath

@@ -9,9 +9,9 @@ import pytest
 import robots
 from robots.camera import View, choose_view, fit
 from robots.config import PlanConfig
-from robots.replayer import simulate
+from robots.simulation.replay import simulate
+from robots.simulation.scene import PEDESTAL, ROBOT, World, build_world
 from robots.video import _draw_axis, axis_arrow, draw
-from robots.world import PEDESTAL, ROBOT, World, build_world
 from tests.robots import furniture
 from tests.robots.test_replay import can_draw
 from twin.geometry import Array

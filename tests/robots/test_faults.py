@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robots.faults import find_faults
 from robots.model.catalog import resolve
-from robots.record import Record
+from robots.simulation.faults import find_faults
+from robots.simulation.record import Record
 from robots.task import Task
 from robots.trajectory import PHASES
 

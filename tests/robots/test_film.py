@@ -14,8 +14,8 @@ from robots.config import PlanConfig
 from robots.demonstration import Demonstration, matching_samples
 from robots.film import captioned, fitted, pace_text, side_by_side, state_text
 from robots.floor import Floor
-from robots.replayer import simulate
-from robots.world import build_world
+from robots.simulation.replay import simulate
+from robots.simulation.scene import build_world
 from tests.robots import furniture
 from tests.robots.test_replay import can_draw
 from twin.errors import InputError

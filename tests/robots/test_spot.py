@@ -18,8 +18,8 @@ from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.planning.base_search import Base
 from robots.planning.clearance import ClearanceCheck
+from robots.simulation.scene import build_world
 from robots.task import Task
-from robots.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from tests.robots.spot_table import ARM, HAND, INERTIALS, TOOL_AXES
@@ -217,7 +217,7 @@ def test_the_stance_does_not_give_way(door):
     """The servos hold the base within 5 mm and 0.5 degrees of the plan while the door pulls on the arm."""
     twin, trajectory = door
     world = build_world(twin, resolve("spot"), trajectory.T_world_base, trajectory.pedestal)
-    from robots.replayer import simulate
+    from robots.simulation.replay import simulate
 
     record, _ = simulate(world, trajectory, robots.ReplayConfig())
     wanted, _, _ = trajectory.at(record.times)

@@ -17,9 +17,9 @@ from robots.grasp.where_to_hold import elsewhere, holds_by_shape
 from robots.model.catalog import resolve
 from robots.model.dynamics import ArmDynamics, Terms, part_load
 from robots.planning.joint_path import may_move_alone, moves_alone
-from robots.replayer import simulate
+from robots.simulation.replay import simulate
+from robots.simulation.scene import build_world
 from robots.task import Task, task_of
-from robots.world import build_world
 from tests.robots import furniture
 from twin import geometry as geo
 from twin.contacts import distance_to

@@ -23,9 +23,9 @@ from robots.draws import (
     perturbed,
     spread_of,
 )
+from robots.simulation.scene import build_world
 from robots.statistics import mean, wilson
 from robots.trials import LADDER, Trial, kind_of, run_trials
-from robots.world import build_world
 from tests.robots import furniture
 from twin import geometry as geo
 from twin.cli import run

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.model.spec import RobotSpec
-from robots.record import Record
+from robots.simulation.record import Record
 from robots.task import Task
 from robots.trajectory import PHASES
 from twin.geometry import Array

@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 
 from robots.model.kinematics import Chain
+from robots.simulation.scene import World
 from robots.trajectory import RobotTrajectory
-from robots.world import World
 from twin import geometry as geo
 from twin.geometry import Array
 

@@ -14,15 +14,15 @@ import numpy as np
 from robots.config import ReplayConfig
 from robots.demonstration import Demonstration
 from robots.formats import native
-from robots.impedance import EVERY, Impedance
 from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.spec import RobotSpec
-from robots.record import Record
-from robots.report import ReplayReport, measure
+from robots.simulation.impedance import EVERY, Impedance
+from robots.simulation.record import Record
+from robots.simulation.report import ReplayReport, measure
+from robots.simulation.scene import PART, ROBOT, World, build_world, with_collision
 from robots.trajectory import PHASES, RobotTrajectory
-from robots.world import PART, ROBOT, World, build_world, with_collision
 from twin import geometry as geo
 from twin.atomic import contents, put, staging
 from twin.errors import InputError

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.faults import Fault, find_faults
 from robots.floor import Floor
 from robots.model.spec import RobotSpec
-from robots.record import Record
+from robots.simulation.faults import Fault, find_faults
+from robots.simulation.record import Record
 from robots.task import Task
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
