@@ -83,7 +83,7 @@ def replay(
             (staged / "trajectory.npz").write_bytes(native.npz_bytes(trajectory))
             film = staged / FILM if video else None
             if film is not None:
-                from robots.video import write_video
+                from robots.film.video import write_video
 
                 if not write_video(film, world, trajectory, part, frames, config, demonstration):
                     film = None

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import robots
-from robots.camera import View, choose_view, fit
 from robots.config import PlanConfig
+from robots.film.video import _draw_axis, axis_arrow, draw
+from robots.film.viewpoint import View, choose_view, fit
 from robots.simulation.replay import simulate
 from robots.simulation.scene import PEDESTAL, ROBOT, World, build_world
-from robots.video import _draw_axis, axis_arrow, draw
 from tests.robots import furniture
 from tests.robots.test_replay import can_draw
 from twin.geometry import Array

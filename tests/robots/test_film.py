@@ -12,7 +12,7 @@ import pytest
 import robots
 from robots.config import PlanConfig
 from robots.demonstration import Demonstration, matching_samples
-from robots.film import captioned, fitted, pace_text, side_by_side, state_text
+from robots.film.side_by_side import captioned, fitted, pace_text, side_by_side, state_text
 from robots.floor import Floor
 from robots.simulation.replay import simulate
 from robots.simulation.scene import build_world

@@ -156,7 +156,7 @@ def test_a_floor_that_is_no_height_is_refused_in_one_line(
 def test_the_command_line_tells_an_assumed_floor_and_takes_a_given_one(
     planned, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robots.video.write_video", lambda *_a, **_k: False)
+    monkeypatch.setattr("robots.film.video.write_video", lambda *_a, **_k: False)
     save(kitchen(), tmp_path / "twin")
     told = {}
     for name, options in (("assumed", []), ("given", ["--floor", "-0.05"])):

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import robots
-from robots import video
 from robots.config import PlanConfig
+from robots.film.side_by_side import video
 from robots.floor import find_floor
 from robots.planning.joint_path import moves_alone
 from robots.simulation.scene import build_world
@@ -192,7 +192,7 @@ def test_a_wrong_robot_for_a_trajectory_is_refused(drawer, tmp_path: Path):
 
 
 def can_draw() -> bool:
-    from robots.video import _prefer_egl
+    from robots.film.video import _prefer_egl
 
     try:
         _prefer_egl()
@@ -259,7 +259,7 @@ def test_furniture_of_every_kind_opens(case):
 def test_a_driver_named_after_mujoco_was_imported_is_heard() -> None:
     """The command line sets MUJOCO_GL; in a process that had imported MuJoCo before, that alone has no effect."""
     program = (
-        "import mujoco, os; os.environ['MUJOCO_GL'] = 'egl'; from robots.video import _renderer; "
+        "import mujoco, os; os.environ['MUJOCO_GL'] = 'egl'; from robots.film.video import _renderer; "
         "_renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), (64, 48)).close()"
     )
     environment = {k: v for k, v in os.environ.items() if k not in ("MUJOCO_GL", "DISPLAY")}

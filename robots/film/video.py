@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.camera import choose_view
 from robots.config import ReplayConfig
 from robots.demonstration import Demonstration, Image
-from robots.film import alone, pace_text, side_by_side
+from robots.film.side_by_side import alone, pace_text, side_by_side
+from robots.film.viewpoint import choose_view
 from robots.simulation.scene import World
 from robots.trajectory import RobotTrajectory
 from twin.errors import InputError, MissingDependencyError

@@ -1,0 +1,1 @@
+"""Films: a replay seen from a good place, beside the recording."""
