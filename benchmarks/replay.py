@@ -31,15 +31,15 @@ from replay_judge import Judge
 from replay_page import page
 
 import robots
-from robots.batch import replay_all
 from robots.config import CONTROLS
-from robots.draws import Draw, draw, spread_of
 from robots.floor import find_floor
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
 from robots.simulation.scene import World, build_world
 from robots.trajectory import RobotTrajectory
-from robots.trials import LADDER, kind_of
+from robots.trials.batch import replay_all
+from robots.trials.perturbation import Draw, draw, spread_of
+from robots.trials.run_trials import LADDER, kind_of
 from twin.errors import FuntwinError
 from twin.scene import Revolute, Twin
 

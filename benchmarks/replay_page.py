@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.statistics import wilson
+from robots.trials.statistics import wilson
 
 Row = dict[str, Any]
 REACH = {"spot": (0.3, 1.6)}  # m of the contact above the floor; Franka's pedestal is free

@@ -282,7 +282,7 @@ def _trials(
     report = named("robots:run_trials")(
         twin, trajectory, folder, robot=robot, config=config, tell=tell, **options
     )
-    columns = named("robots.trials:COLUMNS")
+    columns = named("robots.trials.run_trials:COLUMNS")
     table = Table(f"{name}: {options['trials']} for each error", columns, [r.cells() for r in report.rows])
     return table, report.summary(), [*report.assumed, f"{name}: {folder / 'trials.png'}"]
 

@@ -171,7 +171,7 @@ def replay(
     """A robot opens or closes the parts."""
     options = None
     if trials is not None:
-        steps.named("robots.trials:check_request")(trials, seed)
+        steps.named("robots.trials.run_trials:check_request")(trials, seed)
         options = {"trials": trials, "grid": grid, "seed": seed}
     elif grid or seed:
         raise InputError("--grid and --seed belong to trials", "add --trials 100")

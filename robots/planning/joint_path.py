@@ -8,7 +8,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robots.config import PlanConfig
-from robots.draws import moved_joint
 from robots.grasp.tool_path import Grasp, backed_off
 from robots.model.dynamics import with_riders
 from robots.model.kinematics import Chain
@@ -19,6 +18,7 @@ from robots.planning.ik import PathSolver
 from robots.planning.timing import Effort, Leg, timed
 from robots.task import Task, unit
 from robots.trajectory import RobotTrajectory
+from robots.trials.perturbation import moved_joint
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array

@@ -13,7 +13,7 @@ import robots
 from robots.config import PlanConfig
 from robots.floor import Floor, find_floor, floor_of
 from robots.formats import native
-from robots.trials import run_trials
+from robots.trials.run_trials import run_trials
 from tests.robots import furniture
 from tests.robots.furniture import box, mesh_of
 from tests.robots.random_furniture import HANDLES, KINDS, random_furniture

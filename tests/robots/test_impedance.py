@@ -10,14 +10,14 @@ import pytest
 
 import robots
 from robots.config import PlanConfig, ReplayConfig
-from robots.draws import draw, perturbed, spread_of
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.simulation.impedance import FORCE_CAP, ROTATION, TRANSLATION, Impedance
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
 from robots.simulation.scene import build_world
-from robots.trials import LADDER
+from robots.trials.perturbation import draw, perturbed, spread_of
+from robots.trials.run_trials import LADDER
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from twin import geometry as geo

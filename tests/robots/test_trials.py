@@ -10,9 +10,10 @@ import pytest
 from scipy.stats import binomtest, kstest
 
 import robots
-from robots.batch import replay_all
 from robots.config import PlanConfig, ReplayConfig
-from robots.draws import (
+from robots.simulation.scene import build_world
+from robots.trials.batch import replay_all
+from robots.trials.perturbation import (
     CONTACT_SIGMA,
     ErrorSizes,
     closes_itself,
@@ -23,9 +24,8 @@ from robots.draws import (
     perturbed,
     spread_of,
 )
-from robots.simulation.scene import build_world
-from robots.statistics import mean, wilson
-from robots.trials import LADDER, Trial, kind_of, run_trials
+from robots.trials.run_trials import LADDER, Trial, kind_of, run_trials
+from robots.trials.statistics import mean, wilson
 from tests.robots import furniture
 from twin import geometry as geo
 from twin.cli import run
@@ -125,7 +125,7 @@ def test_no_error_is_the_nominal_replay_exactly(drawer, monkeypatch):
     here = replay_all(world, trajectory, part, draws, config, tell=lambda *count: told.append(count))
     assert told == [(3, 3)], "too few for processes"
     assert [r.to_json() == alone for r in here] == [True, True, False]
-    monkeypatch.setattr("robots.batch._GROUP", 1)
+    monkeypatch.setattr("robots.trials.batch._GROUP", 1)
     there = replay_all(
         world, trajectory, part, draws, config, workers=2, tell=lambda *count: told.append(count)
     )
@@ -167,7 +167,7 @@ def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged):
 
 
 def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path, monkeypatch):
-    monkeypatch.setattr("robots.batch._GROUP", 3)  # of 8 draws: work for both processes
+    monkeypatch.setattr("robots.trials.batch._GROUP", 3)  # of 8 draws: work for both processes
     twin, trajectory = drawer
     for name, workers, seed in (("a", 1, 7), ("b", 2, 7), ("c", 2, 8)):
         run_trials(twin, trajectory, tmp_path / name, trials=2, seed=seed, workers=workers)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robots.statistics import Estimate
-from robots.trials import TrialReport, TrialRow, binned
+from robots.trials.run_trials import TrialReport, TrialRow, binned
+from robots.trials.statistics import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,15 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from robots.batch import Tell, replay_all
 from robots.config import ReplayConfig
-from robots.draws import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of
 from robots.floor import Floor
 from robots.model.catalog import resolve
 from robots.simulation.report import ReplayReport
 from robots.simulation.scene import build_world, with_collision
-from robots.statistics import CONFIDENCE, Estimate, mean, wilson
 from robots.trajectory import RobotTrajectory
+from robots.trials.batch import Tell, replay_all
+from robots.trials.perturbation import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of
+from robots.trials.statistics import CONFIDENCE, Estimate, mean, wilson
 from twin.atomic import write_file
 from twin.errors import InputError
 from twin.geometry import Array
@@ -307,7 +307,7 @@ def _plain(values: Array) -> list[float]:
 
 
 def _write(report: TrialReport, out: Path) -> None:
-    from robots.trial_plot import plot
+    from robots.trials.plot import plot
 
     picture = plot(report)
     try:
