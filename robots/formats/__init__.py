@@ -8,8 +8,8 @@ docs/robots.md tells what each file means: units, frames, quaternion order, and 
 
 from __future__ import annotations
 
-from robots.formats.handover import Handover as Handover
 from robots.formats.table import FORMATS as FORMATS
 from robots.formats.table import hand_over as hand_over
+from robots.formats.trajectory_export import Handover as Handover
 
 __all__ = ["FORMATS", "Handover", "hand_over"]

@@ -7,7 +7,7 @@ import io
 
 import numpy as np
 
-from robots.formats.handover import Handover, smooth_quaternions_wxyz
+from robots.formats.trajectory_export import Handover, smooth_quaternions_wxyz
 
 FILES = ("trajectory.csv",)
 

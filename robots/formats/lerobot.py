@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.formats.handover import Handover, smooth_quaternions_wxyz
+from robots.formats.trajectory_export import Handover, smooth_quaternions_wxyz
 from robots.trajectory import PHASES
 from twin import geometry as geo
 from twin.errors import MissingDependencyError

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots.formats.handover import (
+from robots.formats.ros2 import XYZW, header, standing, xyz
+from robots.formats.trajectory_export import (
     Handover,
     number,
     seconds_nanoseconds,
     smooth_quaternions_wxyz,
     yaml_bytes,
 )
-from robots.formats.ros2 import XYZW, header, standing, xyz
 from twin import geometry as geo
 from twin.geometry import Array
 

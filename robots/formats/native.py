@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robots.floor import Floor
-from robots.formats.handover import Handover
+from robots.formats.trajectory_export import Handover
 from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.atomic import put, staging
 from twin.errors import InputError, PlanningError

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.formats.handover import (
+from robots.formats.trajectory_export import (
     Handover,
     number,
     seconds_nanoseconds,

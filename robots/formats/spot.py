@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.formats.handover import Handover, number, smooth_quaternions_wxyz
+from robots.formats.trajectory_export import Handover, number, smooth_quaternions_wxyz
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robots.formats import delimited, lerobot, moveit, native, ros2, spot
-from robots.formats.handover import Handover
+from robots.formats.trajectory_export import Handover
 from twin.atomic import staging
 from twin.errors import InputError, nearest_name
 from twin.own_files import place_own

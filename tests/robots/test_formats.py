@@ -16,8 +16,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robots.formats import FORMATS, Handover, hand_over, native
-from robots.formats.handover import smooth_quaternions_wxyz, yaml_bytes
 from robots.formats.moveit import velocities
+from robots.formats.trajectory_export import smooth_quaternions_wxyz, yaml_bytes
 from tests.robots import furniture, handovers
 from tests.robots.handovers import contents, stacked
 from tests.robots.messages import ROS, faults
