@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 # name -> module; imported when first used, because MuJoCo and mink take a second to load
 _HOME = {
-    "names": "catalog",
-    "resolve": "catalog",
+    "names": "model.catalog",
+    "resolve": "model.catalog",
     "PlanConfig": "config",
     "ReplayConfig": "config",
     "Demonstration": "demonstration",
-    "plan": "planner",
-    "replay": "replayer",
-    "ReplayReport": "report",
+    "plan": "planning.plan",
+    "replay": "simulation.replay",
+    "ReplayReport": "simulation.report",
     "RobotTrajectory": "trajectory",
-    "TrialReport": "trials",
-    "run_trials": "trials",
+    "TrialReport": "trials.run_trials",
+    "run_trials": "trials.run_trials",
 }
 
 __all__ = [

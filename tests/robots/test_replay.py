@@ -17,7 +17,7 @@ import pytest
 
 import robots
 from robots.config import PlanConfig
-from robots.film.side_by_side import video
+from robots.film import video
 from robots.floor import find_floor
 from robots.planning.joint_path import moves_alone
 from robots.simulation.scene import build_world
