@@ -11,9 +11,9 @@ from pathlib import Path
 
 import mujoco
 
-from twin.check import SUFFIX
-from twin.check.behaviour import BehaviourReport, behave
 from twin.storage import load
+from twin.verification import SUFFIX
+from twin.verification.behaviour import BehaviourReport, behave
 
 COLUMNS = ("rest_m", "rest_half_open_m", "open", "close", "sweep_m", "energy", "demonstration_m")
 HEADS = ("rest mm", "half open mm", "open", "close", "sweep mm", "energy", "demonstration mm (allowed)")
@@ -56,7 +56,7 @@ def main() -> None:
     page = [
         "# How exported parts behave",
         "",
-        "`python benchmarks/behaviour.py RUN... -o benchmarks/behaviour.md` writes this page; `twin/check/behaviour.py` says what is asked and",
+        "`python benchmarks/behaviour.py RUN... -o benchmarks/behaviour.md` writes this page; `twin/verification/behaviour.py` says what is asked and",
         f"allowed. MuJoCo {mujoco.__version__}, the worst of URDF, MJCF and USD; CPU seconds for all three.",
         "",
         "| twin | part | " + " | ".join(HEADS) + " | verdict | CPU s |",

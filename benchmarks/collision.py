@@ -34,7 +34,7 @@ from twin.collision.fit import Fit, fit_of
 from twin.collision.main_axes import outline_axes
 from twin.collision.solid import Solid, pieces_of
 from twin.errors import FuntwinError
-from twin.export import FORMATS, export
+from twin.exporters import FORMATS, export
 from twin.scene import Box, Collision, Mesh, Part, Twin
 from twin.storage import load
 

@@ -19,14 +19,14 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.twin.random_twins import random_twin
-from twin.check import CheckReport, check_many, chosen_engines
-from twin.check.compare import FIELDS, TOLERANCE, tolerance
-from twin.check.exceptions import TABLE, unsupported
-from twin.check.process import ENGINES
-from twin.check.tables import exceptions
-from twin.export import complete, export
+from twin.exporters import complete, export
 from twin.scene import Twin
 from twin.storage import load
+from twin.verification import CheckReport, check_many, chosen_engines
+from twin.verification.compare import FIELDS, TOLERANCE, tolerance
+from twin.verification.exceptions import TABLE, unsupported
+from twin.verification.process import ENGINES
+from twin.verification.tables import exceptions
 
 HERE = Path(__file__).resolve().parent
 
@@ -80,7 +80,7 @@ def page(
         + f", {parts} moving parts in all; {seconds / 60:.0f} minutes.",
         "",
         (f"**{agree} of {len(twins)} twins agree in every engine and format** on every field that it takes. A field is compared with "
-        "what follows from the twin by plain arithmetic (twin/check/expected.py), which shares no code with the exporters."),
+        "what follows from the twin by plain arithmetic (twin/verification/expected.py), which shares no code with the exporters."),
         "",
         (
             "The rollout starts in the middle of every range at half the range per second, every second part backwards, and goes on for "

@@ -195,7 +195,7 @@ def own(path: Path) -> set[tuple[str, str]]:
 
 def main() -> None:
     from tests.twin.lint_mutations import MUTATIONS, lint_twin
-    from twin.export import export
+    from twin.exporters import export
     from twin.lint import lint
 
     lines: list[str] = []

@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.robots.random_furniture import HANDLES, KINDS, random_furniture
 from twin import geometry as geo
-from twin.export import complete
+from twin.exporters import complete
 from twin.physics import with_physics
 from twin.scene import ContactPath, Joint, Mesh, Motion, Part, Prismatic, Revolute, StaticPart, Twin
 from twin.storage import load

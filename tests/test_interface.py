@@ -89,7 +89,6 @@ def public_functions() -> Iterator[tuple[str, Callable[..., Any]]]:
         module = import_module(package)
         for name in getattr(module, "__all__", ["lint"]):
             found = getattr(module, name)
-            found = getattr(found, name, found)  # twin.export is a module of that name that can be called
             if inspect.isfunction(found):
                 yield f"{package}.{name}", found
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from twin.errors import FuntwinError, InputError, MissingDependencyError
 
 if TYPE_CHECKING:
-    from twin.check import check
-    from twin.export import export
+    from twin.exporters import export
     from twin.importers import from_mjcf, from_urdf
     from twin.scene import (
         Box,
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
         Twin,
     )
     from twin.storage import load, save
+    from twin.verification import check
 
 __version__ = "0.1.0"
 
@@ -58,9 +58,10 @@ __all__ = [
 ]
 
 # Modules are imported on first use, so that `import twin` stays light and the command hears Ctrl-C from its first hundredth of a
-# second on. `twin.export` and `twin.check` are the
-# modules of that name, which can be called: twin.export(twin, folder), and imported from: from twin.export import urdf.
+# second on.
 _LAZY = {
+    "check": "twin.verification",
+    "export": "twin.exporters",
     "from_mjcf": "twin.importers",
     "from_urdf": "twin.importers",
     "load": "twin.storage",
@@ -85,16 +86,12 @@ _LAZY = {
         "twin.scene",
     ),
 }
-_CALLABLE_MODULES = ("check", "export")
-
 
 if not TYPE_CHECKING:  # a type checker that saw it would take every misspelled name for one that exists
 
     def __getattr__(name: str) -> Any:
         if name in _LAZY:
             return getattr(import_module(_LAZY[name]), name)
-        if name in _CALLABLE_MODULES:
-            return import_module(f"twin.{name}")
         raise AttributeError(f"module 'twin' has no attribute {name!r}")
 
 

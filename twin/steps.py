@@ -68,11 +68,13 @@ def export(
     folder = run_folder(run) / "export"
     progress("collision", 0.0, "convex pieces")
     cache = run_folder(run) / "stages" / "collision"
-    complete = named("twin.export:complete")(twin, cache)
+    complete = named("twin.exporters:complete")(twin, cache)
     update(twin, complete, run)
     progress("collision", 1.0, f"{sum(len(p.collision) for p in complete.parts)} pieces on moving parts")
     progress("export", 0.0, "")
-    files = named("twin.export:export")(complete, folder, formats, package, asset=asset, overwrite=overwrite)
+    files = named("twin.exporters:export")(
+        complete, folder, formats, package, asset=asset, overwrite=overwrite
+    )
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
     reports = named("twin.collision.report:collision_reports")(complete, cache)
@@ -95,13 +97,17 @@ def check(
 ) -> Step:
     started = time.perf_counter()
     twin, folder = load(run), run_folder(run) / "export"
-    files = {f: folder / f / f"{twin.name}{s}" for f, s in named("twin.check:SUFFIX").items() if f in formats}
+    files = {
+        f: folder / f / f"{twin.name}{s}"
+        for f, s in named("twin.verification:SUFFIX").items()
+        if f in formats
+    }
     missing = [f for f, path in files.items() if not path.is_file()]
     if missing:
         raise InputError(
             f"{files[missing[0]]} does not exist", f"run `twin export {run} --format {' '.join(missing)}`"
         )
-    proofs = named("twin.check.proofs:prove")(progress, twin, files, engines)
+    proofs = named("twin.verification.proofs:prove")(progress, twin, files, engines)
     ok, summary = all(p.ok for p in proofs), "; ".join(p.summary for p in proofs)
     outcome = Outcome(
         {"ok": ok, **{p.key: p.data for p in proofs}},

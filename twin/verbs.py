@@ -110,8 +110,8 @@ def export(
 ) -> Outcome:
     """Twin to simulation formats."""
     if package:
-        steps.named("twin.export.package:check_package")(package)
-    told = from_dict(steps.named("twin.export.asset:AssetInfo"), _texts("--asset", asset), "--asset")
+        steps.named("twin.exporters.package:check_package")(package)
+    told = from_dict(steps.named("twin.exporters.asset:AssetInfo"), _texts("--asset", asset), "--asset")
     with console.progress() as progress, _page(run):
         return steps.export(progress, run, formats, package, told, overwrite).outcome
 

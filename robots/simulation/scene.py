@@ -82,7 +82,7 @@ def with_collision(twin: Twin) -> Twin:
         if shaped:  # a stated shape may be anything; masses need no more than the surface
             _MADE[twin] = with_physics(twin)
         else:
-            from twin.export import complete
+            from twin.exporters import complete
 
             _MADE[twin] = complete(twin)
     return _MADE[twin]

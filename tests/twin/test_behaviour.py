@@ -15,11 +15,11 @@ import pytest
 from tests.twin.scenes import Board, cabinet_twin, world_from_cabinet
 from twin import cli
 from twin import geometry as geo
-from twin.check.behaviour import HAND, BehaviourReport, BehaviourRow, behave
 from twin.errors import InputError
-from twin.export import FORMATS, Exported, export
+from twin.exporters import FORMATS, Exported, export
 from twin.scene import Motion, Part, Quantity, Twin
 from twin.storage import save
+from twin.verification.behaviour import HAND, BehaviourReport, BehaviourRow, behave
 
 CLOSED_OR_NOT = {"rest_m", "open", "close", "sweep_m", "energy", "demonstration_m"}
 

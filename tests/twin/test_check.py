@@ -18,13 +18,13 @@ import twin as funtwin
 from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin
 from twin import engines
-from twin.check import ENGINES, OURS, _inputs, check, check_many, process
-from twin.check.exceptions import unsupported
 from twin.errors import InputError, MissingDependencyError
-from twin.export import Exported, export
+from twin.exporters import Exported, export
 from twin.geometry import Array
 from twin.scene import Twin
 from twin.storage import save
+from twin.verification import ENGINES, OURS, _inputs, check, check_many, process
+from twin.verification.exceptions import unsupported
 
 
 @pytest.fixture(scope="module")

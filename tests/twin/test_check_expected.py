@@ -11,13 +11,13 @@ import pytest
 from tests.twin.random_twins import NAMES, random_twin
 from tests.twin.scenes import cabinet_twin
 from twin import geometry as geo
-from twin.check.compare import FIELDS, Truth, compare, tolerance
-from twin.check.exceptions import TABLE, expected_to_say, unsupported
-from twin.check.expected import GRAVITY, TIMES, Dynamics, armatures, filled
-from twin.check.rows import CheckReport
-from twin.check.tables import notes, summary
 from twin.geometry import Array
 from twin.scene import Quantity, Revolute, Twin
+from twin.verification.compare import FIELDS, Truth, compare, tolerance
+from twin.verification.exceptions import TABLE, expected_to_say, unsupported
+from twin.verification.expected import GRAVITY, TIMES, Dynamics, armatures, filled
+from twin.verification.rows import CheckReport
+from twin.verification.tables import notes, summary
 
 
 def potential(twin: Twin, q: Array) -> float:

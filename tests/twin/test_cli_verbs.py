@@ -292,7 +292,7 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
 def test_check_shows_the_worst_of_each_quantity_and_what_fails(
     run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from twin.check import CheckReport, CheckRow
+    from twin.verification import CheckReport, CheckRow
 
     def row(program: str, field: str, difference: float) -> CheckRow:
         return CheckRow("urdf", program, field, "door", "1", "2", difference, 1e-3)
@@ -311,7 +311,7 @@ def test_check_shows_the_worst_of_each_quantity_and_what_fails(
     assert "run `twin export" in capsys.readouterr().err
     (run / "export" / "urdf").mkdir(parents=True)
     (run / "export" / "urdf" / "cabinet.urdf").write_text("<robot/>")
-    monkeypatch.setattr("twin.check.proofs.check", check)
+    monkeypatch.setattr("twin.verification.proofs.check", check)
     assert cli.run(["check", str(run), "--format", "urdf"]) == 2
     out = capsys.readouterr().out
     for words in (

@@ -28,7 +28,7 @@ from twin.collision.clearance import find_touches, make_clear, points_of, sweep_
 from twin.collision.convex import areas, clip, cut, hull_distance, hull_of, thick_hull, triangles_of
 from twin.collision.main_axes import outline_axes
 from twin.collision.splitting import bulge, decompose
-from twin.export import export
+from twin.exporters import export
 from twin.scene import Box, Collision, Mesh, Revolute, Twin
 
 CONFIG = CollisionConfig()

@@ -15,7 +15,7 @@ from tests.twin.scenes import cabinet_twin
 from twin import cli
 from twin.contacts import allowed, contact_off, contacts_off, distance_to
 from twin.errors import PlanningError
-from twin.export import export
+from twin.exporters import export
 from twin.lint import lint
 from twin.lint.rules.twins import TWIN_RULES
 from twin.scene import Twin

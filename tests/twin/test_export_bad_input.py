@@ -14,9 +14,9 @@ import pytest
 from tests.twin.scenes import cabinet_twin
 from twin.cli import run
 from twin.errors import InputError
-from twin.export import export
-from twin.export.asset import AssetInfo
-from twin.export.usd.layers import new_layer
+from twin.exporters import export
+from twin.exporters.asset import AssetInfo
+from twin.exporters.usd.layers import new_layer
 from twin.ply import ply_bytes
 from twin.scene import Mesh
 from twin.storage import save
@@ -132,7 +132,7 @@ def test_a_disk_that_fills_up_leaves_the_earlier_export_whole(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("twin.export.usd.write_stage", full)  # the last step of the last format
+    monkeypatch.setattr("twin.exporters.usd.write_stage", full)  # the last step of the last format
     heavier = replace(twin, parts=twin.parts[:1])
     with pytest.raises(InputError, match="No space left"):
         export(heavier, tmp_path, formats=("mjcf", "usd"))
@@ -150,7 +150,7 @@ def test_a_part_without_collision_shapes_is_warned_about(
 ) -> None:
     twin = cabinet_twin()
     bare = replace(twin.parts[0], collision=())
-    monkeypatch.setattr("twin.export.complete", lambda t, _: t)
+    monkeypatch.setattr("twin.exporters.complete", lambda t, _: t)
     said = export(replace(twin, parts=(bare, *twin.parts[1:])), tmp_path, formats=("mjcf",)).warnings
     assert said == ("all: door has no collision shapes, so nothing can touch it",)
     assert export(twin, tmp_path, formats=("mjcf",)).warnings == ()

@@ -13,13 +13,13 @@ from pxr import Usd, UsdPhysics
 
 from tests.twin.scenes import cabinet_twin
 from twin import cli
-from twin.check.process import ask
-from twin.export import Exported, export
+from twin.exporters import Exported, export
 from twin.lint import LintReport, lint
 from twin.lint.rules import RULES
 from twin.names import is_legal_name, scene_file
 from twin.scene import Twin
 from twin.storage import save
+from twin.verification.process import ask
 
 # What the export, the formats and their readers call things, and what it appends to a part's name.
 OURS = (

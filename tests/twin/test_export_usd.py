@@ -16,9 +16,9 @@ from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 from tests.twin.scenes import cabinet_twin
 from twin import engines
 from twin import geometry as geo
-from twin.export import Exported, export
-from twin.export.asset import AssetInfo
-from twin.export.tree import build_tree, front
+from twin.exporters import Exported, export
+from twin.exporters.asset import AssetInfo
+from twin.exporters.tree import build_tree, front
 from twin.scene import Twin
 from twin.validators import check_rules, stages, validate_usd
 

@@ -12,12 +12,12 @@ from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin, world_from_cabinet
 from twin import geometry as geo
 from twin import validators
-from twin.check import check
-from twin.check.behaviour import BehaviourReport, behave
-from twin.check.compare import TOLERANCE, allowed
-from twin.check.rest import hold
-from twin.export import complete, export
+from twin.exporters import complete, export
 from twin.scene import Box, Collision, Inertial, Mesh, Part, Prismatic, Quantity, Revolute, Twin
+from twin.verification import check
+from twin.verification.behaviour import BehaviourReport, behave
+from twin.verification.compare import TOLERANCE, allowed
+from twin.verification.rest import hold
 
 
 def with_stray(mesh: Mesh) -> Mesh:

@@ -12,14 +12,14 @@ import pytest
 from tests.twin.scenes import cabinet_twin
 from twin import cli
 from twin import geometry as geo
-from twin.check import check, check_many, tables
-from twin.check.behaviour import behave
-from twin.check.behaviour_tables import summary
-from twin.export import export
-from twin.export.visual import SHEET, drawn
+from twin.exporters import export
+from twin.exporters.visual import SHEET, drawn
 from twin.geometry import Array
 from twin.scene import Mesh, Twin
 from twin.storage import save
+from twin.verification import check, check_many, tables
+from twin.verification.behaviour import behave
+from twin.verification.behaviour_tables import summary
 
 SQUARE = np.array([[0, 0, 0], [0.4, 0, 0], [0.4, 0, 0.3], [0, 0, 0.3]], float)
 TWO = np.array([[0, 1, 2], [0, 2, 3]], np.int32)

@@ -137,7 +137,7 @@ def test_a_scene_that_is_moved_gives_a_twin_that_is_moved(fmt: str, tmp_path: Pa
         body.set("pos", " ".join(map(repr, T[:3, 3].tolist())))
         body.set("quat", " ".join(map(repr, geo.quat_wxyz_from_matrix(T[:3, :3]).tolist())))
     else:
-        from twin.export.urdf import roll_pitch_yaw
+        from twin.exporters.urdf import roll_pitch_yaw
 
         origin = tree.getroot().find(f"joint[@name='{made.static.name}_to_world']/origin")
         assert origin is not None

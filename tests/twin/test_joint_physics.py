@@ -16,15 +16,15 @@ from robots.simulation.scene import build_world, with_collision
 from tests.robots import furniture
 from tests.twin.scenes import Board, boards_inertial, boards_mesh, cabinet_twin, opening_motion
 from twin import geometry as geo
-from twin.check.behaviour import behave
-from twin.check.expected import armatures
-from twin.export import export
-from twin.export.tree import build_tree
+from twin.exporters import export
+from twin.exporters.tree import build_tree
 from twin.physics import read_materials, with_physics
 from twin.physics.edit import given, set_physics
 from twin.physics.joints import GRAVITY, armature, inertia_about, resistance
 from twin.quantities import Inertial, Quantity
 from twin.scene import ContactPath, Part, Prismatic, Revolute, StaticPart, Twin
+from twin.verification.behaviour import behave
+from twin.verification.expected import armatures
 
 
 def random_body(rng: np.random.Generator) -> Inertial:

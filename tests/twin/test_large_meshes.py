@@ -30,8 +30,8 @@ from twin.collision.decimation import decimated
 from twin.collision.fit import fit_of
 from twin.collision.solid import Solid, pieces_of
 from twin.collision.union import united
-from twin.export import export
-from twin.export.obj import corner_normals
+from twin.exporters import export
+from twin.exporters.obj import corner_normals
 from twin.geometry import Array
 from twin.physics import read_materials, shell_inertial
 from twin.scene import Box, Mesh, Twin

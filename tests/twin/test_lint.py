@@ -13,7 +13,7 @@ import pytest
 from tests.twin.lint_mutations import MUTATIONS, Mutation, lint_twin
 from twin.cli import run
 from twin.errors import InputError
-from twin.export import Exported, export
+from twin.exporters import Exported, export
 from twin.lint import lint
 from twin.lint.rules import RULES
 

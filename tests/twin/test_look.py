@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin
-from twin.export import export
-from twin.export.visual import drawn
+from twin.exporters import export
+from twin.exporters.visual import drawn
 from twin.scene import Mesh, Twin
 
 VIEWS = {

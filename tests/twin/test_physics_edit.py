@@ -196,8 +196,8 @@ def test_values_of_another_twin_are_refused(run: Path, filled: Twin) -> None:
 def test_an_export_of_the_earlier_mass_is_told_and_caught(
     run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from twin.check import check
-    from twin.export import export
+    from twin.exporters import export
+    from twin.verification import check
 
     files = export(load(run), run / "export", ["urdf"])
     assert check(load(run), {"urdf": files["urdf"]}).ok

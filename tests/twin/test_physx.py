@@ -9,9 +9,9 @@ import pytest
 from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin
 from twin import engines
-from twin.check import check, check_many
-from twin.check.expected import armatures
-from twin.export import export
+from twin.exporters import export
+from twin.verification import check, check_many
+from twin.verification.expected import armatures
 
 pytestmark = pytest.mark.skipif(
     not engines.engine("physx").installed, reason="twin engines --install physx was not run"

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin.check import ENGINES, OURS, CheckReport, CheckRow, proofs
-from twin.check.behaviour import BehaviourReport, BehaviourRow
 from twin.cli import run
-from twin.export import export
+from twin.exporters import export
 from twin.scene import Twin
 from twin.storage import save
 from twin.validators import Finding, UsdVerdict
+from twin.verification import ENGINES, OURS, CheckReport, CheckRow, proofs
+from twin.verification.behaviour import BehaviourReport, BehaviourRow
 
 
 @pytest.fixture(scope="module")

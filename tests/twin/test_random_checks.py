@@ -12,10 +12,10 @@ import pytest
 from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin
 from tests.twin.test_false_alarms import moved
-from twin.check import check
-from twin.check.behaviour import BehaviourRow, behave
-from twin.export import complete, export
+from twin.exporters import complete, export
 from twin.scene import Box, Collision, Inertial, Mesh, Part, Prismatic, Revolute, Twin
+from twin.verification import check
+from twin.verification.behaviour import BehaviourRow, behave
 
 SEEDS = 150
 

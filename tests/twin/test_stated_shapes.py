@@ -15,7 +15,7 @@ from twin.collision import with_collision
 from twin.collision.clearance import find_touches
 from twin.collision.stated import hollow, meetings, require_convex
 from twin.errors import SceneError
-from twin.export import complete, export
+from twin.exporters import complete, export
 from twin.scene import Box, Collision, Mesh, Twin
 from twin.storage import load, save
 

@@ -19,7 +19,7 @@ from tests.twin.scenes import cabinet_twin
 from twin import atomic, cli, stages
 from twin.document import extra_of, with_extra
 from twin.errors import InputError
-from twin.export import export
+from twin.exporters import export
 from twin.run_lock import claim, claimed, release
 from twin.scene import Twin
 from twin.storage import keep_aside, load, save, update

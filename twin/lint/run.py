@@ -1,7 +1,7 @@
 """Runs one file in MuJoCo: python -m twin.lint.run FILE FORMAT ANSWER.json. See twin.lint.simulate.
 
 The probe stands for a hand: 10 N on a slide, 2 N m on a hinge (a door of 0.4 m pulled with 5 N at its edge), on what is heavy a tenth of
-its weight on its lever, as `twin check` asks (twin/check/behaviour.py), gravity left out so that a
+its weight on its lever, as `twin check` asks (twin/verification/behaviour.py), gravity left out so that a
 heavy lid is not taken for a stuck one, all other joints held. Joints with a motor, or coupled to others, are left to their
 controllers.
 """

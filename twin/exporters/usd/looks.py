@@ -7,9 +7,9 @@ from pathlib import Path
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
-from twin.export.obj import dress, mean_color, write_image
-from twin.export.tree import Link, Tree
-from twin.export.usd.layers import link_path, material_path, new_layer, scope_path
+from twin.exporters.obj import dress, mean_color, write_image
+from twin.exporters.tree import Link, Tree
+from twin.exporters.usd.layers import link_path, material_path, new_layer, scope_path
 
 _LIBRARY = "MaterialsLibrary.usdc"
 _UNKNOWN = "unknown"  # the material of a surface is not observed

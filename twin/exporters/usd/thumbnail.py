@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from twin import geometry as geo
-from twin.export.obj import write_image
-from twin.export.tree import Tree, front
-from twin.export.usd.layers import world_origins
+from twin.exporters.obj import write_image
+from twin.exporters.tree import Tree, front
+from twin.exporters.usd.layers import world_origins
 from twin.report.meshes import draw_meshes, look_at
 
 _SIZE = 256  # pixels, as SimReady's requirement SR.002 names the folder

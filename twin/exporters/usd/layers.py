@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
 
 from twin import geometry as geo
-from twin.export.tree import Tree
+from twin.exporters.tree import Tree
 from twin.geometry import Array
 from twin.names import unused
 

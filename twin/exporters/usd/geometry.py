@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 
 from twin import geometry as geo
-from twin.export.obj import dress, mean_color
-from twin.export.tree import Link, Tree
-from twin.export.usd.layers import ints, link_path, new_layer, points, world_origins
+from twin.exporters.obj import dress, mean_color
+from twin.exporters.tree import Link, Tree
+from twin.exporters.usd.layers import ints, link_path, new_layer, points, world_origins
 from twin.geometry import Array
 from twin.scene import Box, Mesh
 

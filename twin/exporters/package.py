@@ -7,9 +7,9 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from twin.errors import InputError
-from twin.export.asset import AssetInfo
-from twin.export.mjcf import write_xml
-from twin.export.urdf import MESHES
+from twin.exporters.asset import AssetInfo
+from twin.exporters.mjcf import write_xml
+from twin.exporters.urdf import MESHES
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*[a-z0-9]")  # REP 144
 

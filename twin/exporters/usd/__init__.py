@@ -20,14 +20,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from twin.export.asset import AssetInfo
-from twin.export.tree import Tree
-from twin.export.usd.geometry import write_geometry
-from twin.export.usd.interface import write_contents, write_interface, write_stage
-from twin.export.usd.looks import write_looks
-from twin.export.usd.physics import write_physics
-from twin.export.usd.runtimes import MUJOCO_MODEL, write_grasps, write_runtimes
-from twin.export.usd.thumbnail import write_thumbnail
+from twin.exporters.asset import AssetInfo
+from twin.exporters.tree import Tree
+from twin.exporters.usd.geometry import write_geometry
+from twin.exporters.usd.interface import write_contents, write_interface, write_stage
+from twin.exporters.usd.looks import write_looks
+from twin.exporters.usd.physics import write_physics
+from twin.exporters.usd.runtimes import MUJOCO_MODEL, write_grasps, write_runtimes
+from twin.exporters.usd.thumbnail import write_thumbnail
 
 
 def write(tree: Tree, folder: Path, info: AssetInfo) -> tuple[Path, list[str]]:

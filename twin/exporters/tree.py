@@ -14,7 +14,7 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.errors import SceneError
-from twin.export.visual import drawn
+from twin.exporters.visual import drawn
 from twin.geometry import Array
 from twin.physics import armature, static_friction
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin.export.tree import Tree
+from twin.exporters.tree import Tree
 from twin.names import scene_file
 
 _PASSIVE = """Its joints are passive. Isaac Sim's URDF importer makes every joint a position servo, which holds a door

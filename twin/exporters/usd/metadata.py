@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from twin.export.asset import AssetInfo
-from twin.export.tree import Tree
-from twin.export.usd.layers import vec, world_origins
+from twin.exporters.asset import AssetInfo
+from twin.exporters.tree import Tree
+from twin.exporters.usd.layers import vec, world_origins
 from twin.geometry import Array
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from twin.check.compare import FIELDS, SINGLE_PRECISION, TOLERANCE
-from twin.check.exceptions import TABLE
-from twin.check.rows import CheckReport, CheckRow
 from twin.report.sections import Table
+from twin.verification.compare import FIELDS, SINGLE_PRECISION, TOLERANCE
+from twin.verification.exceptions import TABLE
+from twin.verification.rows import CheckReport, CheckRow
 
 _COLUMNS = 7  # engines and formats side by side
 
@@ -25,7 +25,7 @@ def summary(report: CheckReport) -> str:
 def notes(report: CheckReport) -> list[str]:
     """What a reader of the tables has to know."""
     out = [
-        f"unexpected pass: {engine} now takes {field} from {fmt}; its entry in twin/check/exceptions.py can go"
+        f"unexpected pass: {engine} now takes {field} from {fmt}; its entry in twin/verification/exceptions.py can go"
         for engine, fmt, field in dict.fromkeys((r.consumer, r.format, r.field) for r in report.unexpected)
     ]
     single = [e for e in SINGLE_PRECISION if e in report.versions]

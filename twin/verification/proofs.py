@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from twin.check import OURS, behaviour_tables, check, chosen_engines
-from twin.check import tables as check_tables
-from twin.check.behaviour import behave
 from twin.contacts import contacts_off
 from twin.engines import interpreter
 from twin.report.sections import Table
 from twin.scene import Twin
 from twin.stages import Progress
 from twin.validators import UsdVerdict, validate_usd
+from twin.verification import OURS, behaviour_tables, check, chosen_engines
+from twin.verification import tables as check_tables
+from twin.verification.behaviour import behave
 
 VALIDATORS = "validators"
 

@@ -8,9 +8,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from twin import geometry as geo
-from twin.export.asset import AssetInfo
-from twin.export.obj import TexturedFiles, write_hull, write_textured
-from twin.export.tree import Link, Tree, front, numbers
+from twin.exporters.asset import AssetInfo
+from twin.exporters.obj import TexturedFiles, write_hull, write_textured
+from twin.exporters.tree import Link, Tree, front, numbers
 from twin.geometry import Array
 from twin.names import scene_file, unused
 from twin.scene import Mesh

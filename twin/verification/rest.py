@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.check.expected import Dynamics, filled
 from twin.geometry import Array
 from twin.scene import Part, Twin
+from twin.verification.expected import Dynamics, filled
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
-from twin.check.exceptions import unsupported
-from twin.check.expected import STATES, Course, Dynamics, armatures, course, filled, motion, surface
-from twin.check.rows import CheckRow
 from twin.geometry import Array
 from twin.scene import Revolute, Twin
+from twin.verification.exceptions import unsupported
+from twin.verification.expected import STATES, Course, Dynamics, armatures, course, filled, motion, surface
+from twin.verification.rows import CheckRow
 
 # Largest difference that passes: degrees; metres; metres or radians; relative; for the rollout relative to the way it goes or
 # to the range, whichever is more.

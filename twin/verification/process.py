@@ -30,7 +30,7 @@ OURS = (
     "pinocchio",
     "yourdfpy",
 )  # come with this project; the others have environments of their own
-BEHAVIOUR = "behaviour"  # the probe that moves parts, for twin.check.behaviour: it compares nothing and is no engine to choose
+BEHAVIOUR = "behaviour"  # the probe that moves parts, for twin.verification.behaviour: it compares nothing and is no engine to choose
 _SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once
 _RUN = Path(__file__).resolve().parents[1] / "probes" / "run.py"
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from twin.check.exceptions import TABLE
+from twin.verification.exceptions import TABLE
 
 Status = Literal["ok", "failed", "known", "unexpected pass"]
 

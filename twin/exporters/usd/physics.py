@@ -8,10 +8,10 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from twin import geometry as geo
-from twin.export.tree import Link, Tree
-from twin.export.usd.geometry import collision_names
-from twin.export.usd.layers import joint_path, link_path, material_path, new_layer, quat, scope_path, vec
-from twin.export.usd.looks import define_surface
+from twin.exporters.tree import Link, Tree
+from twin.exporters.usd.geometry import collision_names
+from twin.exporters.usd.layers import joint_path, link_path, material_path, new_layer, quat, scope_path, vec
+from twin.exporters.usd.looks import define_surface
 from twin.geometry import Array
 from twin.scene import Mesh
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from twin.check.behaviour import BehaviourReport
 from twin.report.sections import Table
+from twin.verification.behaviour import BehaviourReport
 
 
 def summary(report: BehaviourReport) -> str:

@@ -9,10 +9,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from twin import geometry as geo
-from twin.export.asset import AssetInfo
-from twin.export.mjcf import write_xml
-from twin.export.obj import write_hull, write_textured
-from twin.export.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
+from twin.exporters.asset import AssetInfo
+from twin.exporters.mjcf import write_xml
+from twin.exporters.obj import write_hull, write_textured
+from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array
 from twin.names import unused
 from twin.scene import Mesh

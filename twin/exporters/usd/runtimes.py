@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from twin.export.tree import Link, Tree, TreeJoint
-from twin.export.usd.geometry import collision_names
-from twin.export.usd.layers import joint_path, link_path, new_layer, points, scope_path
-from twin.export.usd.physics import degrees_per
+from twin.exporters.tree import Link, Tree, TreeJoint
+from twin.exporters.usd.geometry import collision_names
+from twin.exporters.usd.layers import joint_path, link_path, new_layer, points, scope_path
+from twin.exporters.usd.physics import degrees_per
 from twin.scene import Mesh
 
 RUNTIMES = {"PhysX": "physx", "Newton": "newton", "MuJoCo": "mujoco"}  # variant set -> file stem

@@ -10,15 +10,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from twin._module_call import call_as
-from twin.check.compare import Truth, compare, far_away, loads
-from twin.check.exceptions import expected_to_say
-from twin.check.expected import TIMES, filled
-from twin.check.process import ENGINES, OURS, ask, python_of
-from twin.check.rows import CheckReport, CheckRow
 from twin.errors import InputError, nearest_name
 from twin.paths import AnyPath
 from twin.scene import Twin
+from twin.verification.compare import Truth, compare, far_away, loads
+from twin.verification.exceptions import expected_to_say
+from twin.verification.expected import TIMES, filled
+from twin.verification.process import ENGINES, OURS, ask, python_of
+from twin.verification.rows import CheckReport, CheckRow
 
 __all__ = ["CheckReport", "CheckRow", "ENGINES", "OURS", "SUFFIX", "check", "check_many", "chosen_engines"]
 
@@ -142,6 +141,3 @@ def _inputs(source: Twin | AnyPath, exports: Mapping[str, AnyPath] | None) -> tu
             raise InputError(f"{p} does not exist", "run twin export again")
     filled(twin)
     return twin, files
-
-
-call_as(__name__, "check")

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics
 
-from twin.export.asset import AssetInfo
-from twin.export.tree import Tree
-from twin.export.usd.layers import new_layer, points
-from twin.export.usd.metadata import bounds, metadata
-from twin.export.usd.runtimes import RUNTIMES
+from twin.exporters.asset import AssetInfo
+from twin.exporters.tree import Tree
+from twin.exporters.usd.layers import new_layer, points
+from twin.exporters.usd.metadata import bounds, metadata
+from twin.exporters.usd.runtimes import RUNTIMES
 from twin.names import unused
 
 

@@ -9,14 +9,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal, get_args
 
-from twin._module_call import call_as
 from twin.atomic import staging
 from twin.contacts import contacts_off
 from twin.errors import InputError
-from twin.export.asset import AssetInfo
-from twin.export.notes import readme
-from twin.export.package import check_package, write_package
-from twin.export.tree import build_tree, require_ranges
+from twin.exporters.asset import AssetInfo
+from twin.exporters.notes import readme
+from twin.exporters.package import check_package, write_package
+from twin.exporters.tree import build_tree, require_ranges
 from twin.own_files import hashes, refuse_edited, replace_own
 from twin.paths import AnyPath
 from twin.progress import shows_bar
@@ -98,7 +97,7 @@ def export(
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
             for fmt, here in staged.items():
-                path, lost = import_module(f"twin.export.{fmt}").write(tree, here, asset)
+                path, lost = import_module(f"twin.exporters.{fmt}").write(tree, here, asset)
                 (here / "README.md").write_text(readme(tree, fmt), encoding="utf-8", newline="\n")
                 files[fmt] = folder / fmt / path.name
                 warnings += lost
@@ -135,6 +134,3 @@ def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
 
         twin = with_collision(twin, cache_dir=cache_dir)
     return twin
-
-
-call_as(__name__, "export")

@@ -28,14 +28,14 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
-from twin.check.expected import filled, surface
-from twin.check.process import BEHAVIOUR, ask
-from twin.check.rest import Hold, hold, inertia, slide
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.names import scene_file
 from twin.physics.joints import weight_on_lever
 from twin.scene import Part, Revolute, Twin
+from twin.verification.expected import filled, surface
+from twin.verification.process import BEHAVIOUR, ask
+from twin.verification.rest import Hold, hold, inertia, slide
 
 PULL = {"revolute": 2.0, "prismatic": 10.0}  # N m, N: no furniture in a home should ask for more
 HEAVY = 0.1  # of weight x lever (twin/physics/joints.py); chosen by us: three times the friction of a usual hinge, twice a runner's
