@@ -18,7 +18,7 @@ from recon.evaluation.evaluate import evaluate
 from recon.pipeline import reconstruct
 from recon.recording import open_recording
 from twin.errors import FuntwinError
-from twin.stages import MANIFEST, read_json
+from twin.runs.stages import MANIFEST, read_json
 from twin.storage import load
 
 # metric as the evaluation names it -> column

@@ -30,10 +30,10 @@ from recon.tracking.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.physics import MaterialTable, keep_known, read_materials, with_physics
-from twin.progress import default_progress
+from twin.runs.progress import default_progress
+from twin.runs.settings import as_dict
+from twin.runs.stages import MANIFEST, Progress, Run, read_json, update_manifest, versions
 from twin.scene import Trajectory, Twin
-from twin.settings import as_dict
-from twin.stages import MANIFEST, Progress, Run, read_json, update_manifest, versions
 from twin.storage import aside_name, digest, keep_aside, load, require_place, save
 
 T = TypeVar("T")

@@ -13,7 +13,7 @@ import pytest
 
 from twin import cli
 from twin.asset_files import asset
-from twin.stages import read_json
+from twin.runs.stages import read_json
 from twin.storage import load
 
 RECORDING = asset("recordings/cabinet_drawer")

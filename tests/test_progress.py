@@ -11,10 +11,10 @@ import pytest
 
 import twin
 from tests.twin.scenes import cabinet_twin
-from twin import progress
 from twin.console import Console
-from twin.progress import Bars, default_progress, shows_bar
-from twin.stages import Run
+from twin.runs import progress
+from twin.runs.progress import Bars, default_progress, shows_bar
+from twin.runs.stages import Run
 
 
 class Terminal(io.StringIO):

@@ -21,8 +21,8 @@ from robots.config import PlanConfig, ReplayConfig
 from tests.recon import tiny
 from twin.collision import CollisionConfig
 from twin.errors import ConfigError
-from twin.settings import as_dict, from_dict, load_config, to_toml
-from twin.stages import stage_key
+from twin.runs.settings import as_dict, from_dict, load_config, to_toml
+from twin.runs.stages import stage_key
 
 ROOTS = (ReconConfig, SimulateConfig, PlanConfig, ReplayConfig, CollisionConfig)
 # TOML holds 64-bit integers; every character but halves of surrogate pairs, which are no text
@@ -185,7 +185,7 @@ def test_an_infinite_setting_has_a_stage_key() -> None:
 def test_the_config_of_a_run_repeats_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read by `--config RUN/config.toml`, every stage gets the settings, and so the key, that it had."""
     from recon import pipeline
-    from twin.stages import Run
+    from twin.runs.stages import Run
 
     class Done(Exception):
         pass

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from twin.progress import Bars, silent, told_to
 from twin.report.sections import MARKS, Table
-from twin.stages import Progress
+from twin.runs.progress import Bars, silent, told_to
+from twin.runs.stages import Progress
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from twin.atomic import contents, put
 from twin.errors import InputError
-from twin.stages import read_json, write_json
+from twin.runs.stages import read_json, write_json
 
 LIST = "files.json"
 _FORMAT = "funtwin-files/1"

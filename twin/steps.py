@@ -15,8 +15,8 @@ from twin.console import Outcome
 from twin.errors import FuntwinError, InputError, PlanningError
 from twin.paths import require_writable
 from twin.report.sections import Section, Table, save_section
+from twin.runs.stages import MANIFEST, Progress, read_json
 from twin.scene import Part, Twin
-from twin.stages import MANIFEST, Progress, read_json
 from twin.storage import load, update
 
 

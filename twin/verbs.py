@@ -15,9 +15,9 @@ from twin.console import Console, Outcome
 from twin.errors import ConfigError, FuntwinError, InputError
 from twin.paths import require_writable
 from twin.report.sections import Table, require_own_page
-from twin.run_lock import claimed
-from twin.settings import from_dict, read_toml
-from twin.stages import MANIFEST
+from twin.runs.run_lock import claimed
+from twin.runs.settings import from_dict, read_toml
+from twin.runs.stages import MANIFEST
 from twin.storage import require_place
 
 

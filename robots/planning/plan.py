@@ -31,7 +31,7 @@ from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import PlanningError
 from twin.geometry import Array
 from twin.paths import AnyPath
-from twin.progress import shows_bar
+from twin.runs.progress import shows_bar
 from twin.scene import ContactPath, Part, Twin
 
 _LOG = logging.getLogger(__name__)

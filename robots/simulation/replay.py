@@ -28,9 +28,9 @@ from twin.atomic import contents, put, staging
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.paths import AnyPath
-from twin.progress import shows_bar
+from twin.runs.progress import shows_bar
+from twin.runs.stages import write_json
 from twin.scene import Twin
-from twin.stages import write_json
 
 FILM = "replay.mp4"
 _RECORD_EVERY = 5  # simulation steps between samples: 10 ms

@@ -28,7 +28,7 @@ from twin.atomic import write_file
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.paths import AnyPath
-from twin.progress import default_progress, silent
+from twin.runs.progress import default_progress, silent
 from twin.scene import Part, Twin
 
 FORMAT = "funtwin-trials/1"

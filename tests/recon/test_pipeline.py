@@ -17,7 +17,7 @@ from tests.recon import tiny
 from tests.twin.scenes import cabinet_twin
 from twin.errors import InputError
 from twin.physics.edit import given, set_physics
-from twin.stages import MANIFEST, read_json
+from twin.runs.stages import MANIFEST, read_json
 from twin.storage import load, save
 
 

@@ -21,8 +21,8 @@ from recon.pipeline import _say_where
 from tests.recon.tiny import FRAMES, HEIGHT, WIDTH, cameras, write_poses, write_recording
 from twin import geometry as geo
 from twin.errors import InputError
+from twin.runs.stages import MANIFEST, read_json, update_manifest
 from twin.scene import Trajectory
-from twin.stages import MANIFEST, read_json, update_manifest
 
 T = 12
 K = Intrinsics(WIDTH, HEIGHT, 80.0, 80.0, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)

@@ -14,7 +14,7 @@ from tests.twin.scenes import cabinet_twin
 from tests.twin.stand_ins import Settings, stand_in
 from twin import cli
 from twin.errors import InputError, PlanningError
-from twin.stages import Run, update_manifest
+from twin.runs.stages import Run, update_manifest
 from twin.storage import load, save
 
 

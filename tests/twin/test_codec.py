@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from twin.codec import CodecError, TreeCodec, decode, encode
+from twin.runs.codec import CodecError, TreeCodec, decode, encode
 from twin.scene import JointSigma, Mesh, Motion, Prismatic, Revolute
 
 
@@ -80,7 +80,9 @@ def test_what_can_not_be_stored_is_refused(value: Any) -> None:
         encode(value)
 
 
-@pytest.mark.parametrize("name", ["os:system", "subprocess:Popen", "twin.codec:json", "twin.scene:Mesh.area"])
+@pytest.mark.parametrize(
+    "name", ["os:system", "subprocess:Popen", "twin.runs.codec:json", "twin.scene:Mesh.area"]
+)
 def test_no_foreign_class_is_built(name: str) -> None:
     with pytest.raises(CodecError):
         decode({"__kind__": "object", "class": name, "data": {}}, {})

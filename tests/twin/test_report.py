@@ -15,8 +15,8 @@ from twin import geometry as geo
 from twin import report
 from twin.errors import InputError
 from twin.report import frames, meshes, page, plots, sections
+from twin.runs.stages import Run
 from twin.scene import HAND_LABEL, Recorded, Trajectory, Twin
-from twin.stages import Run
 from twin.storage import save
 
 K = np.array([[100.0, 0, 79.5], [0, 100.0, 59.5], [0, 0, 1]])

@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 
 from twin.errors import ConfigError
-from twin.settings import as_dict, from_dict, load_config, to_toml
+from twin.runs.settings import as_dict, from_dict, load_config, to_toml
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ import pytest
 
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.runs.settings import load_config
+from twin.runs.stages import Run, StageResult, read_json, stage_key
 from twin.scene import Prismatic
-from twin.settings import load_config
-from twin.stages import Run, StageResult, read_json, stage_key
 
 
 @dataclass(frozen=True)
@@ -260,18 +260,18 @@ SCRIPT = """
 import sys, time
 from pathlib import Path
 import numpy as np
-from twin.stages import Run
+from twin.runs.stages import Run
 
 folder, pause = Path(sys.argv[1]), sys.argv[2]
 class Slow:
     '''Pauses inside of a value's storing: half of the files are written.'''
     def save(self, value, place):
-        from twin.codec import TreeCodec
+        from twin.runs.codec import TreeCodec
         TreeCodec().save(value, place)
         if pause == "save":
             print("now", flush=True); time.sleep(60)
     def load(self, place):
-        from twin.codec import TreeCodec
+        from twin.runs.codec import TreeCodec
         return TreeCodec().load(place)
 def b(a):
     if pause == "compute":

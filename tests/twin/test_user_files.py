@@ -20,7 +20,7 @@ from twin import atomic, cli, stages
 from twin.document import extra_of, with_extra
 from twin.errors import InputError
 from twin.exporters import export
-from twin.run_lock import claim, claimed, release
+from twin.runs.run_lock import claim, claimed, release
 from twin.scene import Twin
 from twin.storage import keep_aside, load, save, update
 
@@ -255,7 +255,7 @@ def test_a_second_process_on_a_run_is_refused(tmp_path: Path, capsys: pytest.Cap
     save(cabinet_twin(), run / "twin")
     before = state(run)
     hold = (
-        "import sys; from pathlib import Path; from twin.run_lock import claim\n"
+        "import sys; from pathlib import Path; from twin.runs.run_lock import claim\n"
         "claim(Path(sys.argv[1])); print('held', flush=True); sys.stdin.read()"
     )
     other = subprocess.Popen(

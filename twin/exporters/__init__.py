@@ -18,7 +18,7 @@ from twin.exporters.package import check_package, write_package
 from twin.exporters.tree import build_tree, require_ranges
 from twin.own_files import hashes, refuse_edited, replace_own
 from twin.paths import AnyPath
-from twin.progress import shows_bar
+from twin.runs.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import overlaps, require_sound
 

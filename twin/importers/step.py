@@ -13,7 +13,7 @@ from twin.errors import InputError
 from twin.importers import from_file
 from twin.importers.source import Closed
 from twin.report.sections import Table
-from twin.stages import Progress
+from twin.runs.stages import Progress
 from twin.steps import Step, joint_row, page_note
 from twin.storage import save
 

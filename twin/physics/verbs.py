@@ -14,7 +14,7 @@ from twin.physics.materials import read_materials
 from twin.physics.options import UNITS
 from twin.physics.text import described
 from twin.report.sections import Table
-from twin.run_lock import claimed
+from twin.runs.run_lock import claimed
 from twin.scene import Part, Twin
 from twin.steps import named, run_folder
 from twin.storage import load, update

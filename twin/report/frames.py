@@ -14,8 +14,8 @@ from twin import geometry as geo
 from twin.atomic import write_file
 from twin.geometry import Array
 from twin.paths import AnyPath
+from twin.runs.stages import read_json, write_json
 from twin.scene import HAND_LABEL, Part, Revolute, Twin
-from twin.stages import read_json, write_json
 
 Image = NDArray[np.uint8]
 

@@ -10,8 +10,8 @@ from typing import Any
 from twin.contacts import contacts_off
 from twin.engines import interpreter
 from twin.report.sections import Table
+from twin.runs.stages import Progress
 from twin.scene import Twin
-from twin.stages import Progress
 from twin.validators import UsdVerdict, validate_usd
 from twin.verification import OURS, behaviour_tables, check, chosen_engines
 from twin.verification import tables as check_tables

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.runs.stages import read_json
 from twin.scene import HAND_LABEL, Part, Twin
-from twin.stages import read_json
 
 Image = NDArray[np.uint8]
 _LONGEST = 1024  # px; larger pictures cost more and tell no more about a piece of furniture (chosen by us)

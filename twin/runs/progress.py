@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from threading import Timer
 from typing import Any, ParamSpec, TypeVar
 
-from twin.stages import Progress
+from twin.runs.stages import Progress
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -23,10 +23,10 @@ from platform import python_version
 from typing import Any, Generic, Protocol, TypeVar
 
 from twin.atomic import write_file
-from twin.codec import OtherVersionError, TreeCodec
 from twin.errors import FuntwinError, InputError
-from twin.run_lock import claim, release
-from twin.settings import as_dict, to_toml
+from twin.runs.codec import OtherVersionError, TreeCodec
+from twin.runs.run_lock import claim, release
+from twin.runs.settings import as_dict, to_toml
 
 T = TypeVar("T")
 
