@@ -241,7 +241,7 @@ def _npz(path: Path) -> None:
 
 
 def _ply(path: Path) -> None:
-    from twin.ply import read_ply
+    from twin.files.ply import read_ply
 
     if "truth" in path.parts:
         import trimesh

@@ -20,8 +20,8 @@ from recon.recording import open_recording
 from robots.model.catalog import names, resolve
 from tests.recon import tiny
 from twin import asset_files, cli, doctor
-from twin.asset_files import asset, faults
 from twin.errors import InputError
+from twin.files.assets import asset, faults
 from twin.physics import read_materials
 
 ROOT = Path(__file__).parents[1]
@@ -175,10 +175,10 @@ def test_an_installed_wheel_finds_its_assets_in_any_folder(installed: Path, tmp_
             [sys.executable, *words], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=120
         )
 
-    told = call("-c", "import twin.asset_files as a; print(a.asset('robots'), a.faults())")
+    told = call("-c", "import twin.files.assets as a; print(a.asset('robots'), a.faults())")
     assert told.stdout.strip() == f"{installed / 'twin' / '_assets' / 'robots'} {{}}", told.stderr
     listed = call("-m", "twin.cli", "robots", "list", "--json")
     assert listed.returncode == 0, listed.stderr
     assert sorted(json.loads(listed.stdout)["robots"]) == names()
-    found = "import recon; from twin.asset_files import asset; print(len(recon.open_recording(asset('recordings/cabinet_drawer'))))"
+    found = "import recon; from twin.files.assets import asset; print(len(recon.open_recording(asset('recordings/cabinet_drawer'))))"
     assert int(call("-c", found).stdout) == len(open_recording(asset("recordings/cabinet_drawer")))

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from twin import cli
-from twin.asset_files import asset
+from twin.files.assets import asset
 from twin.runs.stages import read_json
 from twin.storage import load
 

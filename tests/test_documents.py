@@ -19,8 +19,8 @@ import pytest
 
 from tests.twin.scenes import cabinet_twin
 from twin import cli
-from twin.asset_files import asset
 from twin.errors import ConfigError
+from twin.files.assets import asset
 from twin.report import page as report_page
 from twin.storage import save
 from twin.verbs import _settings

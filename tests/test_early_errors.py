@@ -16,7 +16,7 @@ from recon.pipeline import reconstruct
 from recon.recording import Frame, Intrinsics, Recording
 from tests.twin.scenes import cabinet_twin
 from twin.errors import InputError
-from twin.paths import require_writable
+from twin.files.paths import require_writable
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDING = str(ROOT / "assets" / "recordings" / "cabinet_drawer")

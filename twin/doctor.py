@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import metadata
 
-from twin.asset_files import REMEDY, asset, faults
 from twin.errors import InputError
+from twin.files.assets import REMEDY, asset, faults
 from twin.packages import environment, normal, requirements, to_install
 
 # Debian package -> shared library that proves its presence. None: seen only by drawing (`check_rendering`).

@@ -13,7 +13,7 @@ from typing import Any
 
 from twin.console import Outcome
 from twin.errors import FuntwinError, InputError, PlanningError
-from twin.paths import require_writable
+from twin.files.paths import require_writable
 from twin.report.sections import Section, Table, save_section
 from twin.runs.stages import MANIFEST, Progress, read_json
 from twin.scene import Part, Twin

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.atomic import contents, put, staging, tidy, write_file
 from twin.document import (
     CAMERAS,
     json_text,
@@ -33,8 +32,9 @@ from twin.document import (
     with_files_named,
 )
 from twin.errors import InputError
-from twin.paths import AnyPath
-from twin.ply import ply_bytes, read_ply
+from twin.files.atomic import contents, put, staging, tidy, write_file
+from twin.files.paths import AnyPath
+from twin.files.ply import ply_bytes, read_ply
 from twin.scene import Mesh, Trajectory, Twin
 
 _LABEL = re.compile(r"\d{6,}\.png")

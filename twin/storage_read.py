@@ -13,8 +13,8 @@ import numpy as np
 from twin import geometry as geo
 from twin.document import FORMAT, extra_of, part_document, twin_document
 from twin.errors import InputError, SceneError
+from twin.files.ply import read_ply
 from twin.geometry import Array
-from twin.ply import read_ply
 from twin.quantities import LARGEST
 from twin.scene import (
     Box,

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from twin import steps
-from twin.asset_files import asset
 from twin.console import Console, Outcome
 from twin.errors import ConfigError, FuntwinError, InputError
-from twin.paths import require_writable
+from twin.files.assets import asset
+from twin.files.paths import require_writable
 from twin.report.sections import Table, require_own_page
 from twin.runs.run_lock import claimed
 from twin.runs.settings import from_dict, read_toml

@@ -15,8 +15,8 @@ from recon.evaluation.metrics import Span
 from recon.readers import files
 from twin import geometry as geo
 from twin.errors import FuntwinError, InputError
+from twin.files.ply import read_ply
 from twin.geometry import Array
-from twin.ply import read_ply
 from twin.scene import Joint, Mesh, Prismatic, Revolute, Trajectory
 from twin.storage import LabelFolder
 

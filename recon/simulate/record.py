@@ -19,8 +19,8 @@ from recon.simulate.mjcf import Articulation
 from recon.simulate.render import Camera
 from recon.simulate.surfaces import Surface, merged_mesh
 from recon.simulate.timeline import Timeline
-from twin.atomic import put, staging
 from twin.errors import InputError
+from twin.files.atomic import put, staging
 from twin.geometry import Array, quat_wxyz_from_matrix, transform
 
 PART_ID, HAND_LABEL, STATIC_LABEL = 2, 255, 1

@@ -13,9 +13,9 @@ import numpy as np
 from robots.floor import Floor
 from robots.formats.trajectory_export import Handover
 from robots.trajectory import RejectedBase, RobotTrajectory
-from twin.atomic import put, staging
 from twin.errors import InputError, PlanningError
-from twin.paths import AnyPath
+from twin.files.atomic import put, staging
+from twin.files.paths import AnyPath
 
 FORMAT = "funtwin-trajectory/1"
 _AGAIN = "plan it again with `twin replay`"

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from robots.formats import delimited, lerobot, moveit, native, ros2, spot
 from robots.formats.trajectory_export import Handover
-from twin.atomic import staging
 from twin.errors import InputError, nearest_name
-from twin.own_files import place_own
-from twin.paths import AnyPath
+from twin.files.atomic import staging
+from twin.files.own_files import place_own
+from twin.files.paths import AnyPath
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from robots.model.spec import RobotSpec, load_spec
-from twin.asset_files import REMEDY, asset
 from twin.errors import InputError, MissingDependencyError, nearest_name
+from twin.files.assets import REMEDY, asset
+from twin.files.paths import AnyPath
 from twin.packages import to_install
-from twin.paths import AnyPath
 
 _LOG = logging.getLogger(__name__)
 # the real models' modules in the package robot_descriptions, which clones MuJoCo Menagerie when one is imported

@@ -29,8 +29,8 @@ from robots.simulation.scene import with_collision
 from robots.task import Goal, Task, task_of
 from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import PlanningError
+from twin.files.paths import AnyPath
 from twin.geometry import Array
-from twin.paths import AnyPath
 from twin.runs.progress import shows_bar
 from twin.scene import ContactPath, Part, Twin
 

@@ -24,10 +24,10 @@ from robots.simulation.report import ReplayReport, measure
 from robots.simulation.scene import PART, ROBOT, World, build_world, with_collision
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
-from twin.atomic import contents, put, staging
 from twin.errors import InputError
+from twin.files.atomic import contents, put, staging
+from twin.files.paths import AnyPath
 from twin.geometry import Array
-from twin.paths import AnyPath
 from twin.runs.progress import shows_bar
 from twin.runs.stages import write_json
 from twin.scene import Twin

@@ -24,10 +24,10 @@ from robots.trajectory import RobotTrajectory
 from robots.trials.batch import Tell, replay_all
 from robots.trials.perturbation import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of
 from robots.trials.statistics import CONFIDENCE, Estimate, mean, wilson
-from twin.atomic import write_file
 from twin.errors import InputError
+from twin.files.atomic import write_file
+from twin.files.paths import AnyPath
 from twin.geometry import Array
-from twin.paths import AnyPath
 from twin.runs.progress import default_progress, silent
 from twin.scene import Part, Twin
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from recon.evaluation.metrics import Surface
 from recon.evaluation.truth import Truth
 from twin import geometry as geo
+from twin.files.ply import ply_bytes
 from twin.geometry import Array
-from twin.ply import ply_bytes
 from twin.scene import (
     HAND_LABEL,
     STATIC_LABEL,

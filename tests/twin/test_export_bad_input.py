@@ -17,7 +17,7 @@ from twin.errors import InputError
 from twin.exporters import export
 from twin.exporters.asset import AssetInfo
 from twin.exporters.usd.layers import new_layer
-from twin.ply import ply_bytes
+from twin.files.ply import ply_bytes
 from twin.scene import Mesh
 from twin.storage import save
 

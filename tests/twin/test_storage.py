@@ -11,7 +11,7 @@ import pytest
 
 from tests.twin.scenes import boards_mesh, cabinet_twin, door_boards
 from twin.errors import InputError
-from twin.ply import ply_bytes, read_ply
+from twin.files.ply import ply_bytes, read_ply
 from twin.scene import JointSigma, Mesh, Motion, Part, Twin
 from twin.storage import digest, load, save
 

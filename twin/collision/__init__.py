@@ -23,8 +23,8 @@ from twin.collision.decimation import decimated, decimated_body, joined
 from twin.collision.main_axes import main_axes, outline_axes
 from twin.collision.solid import pieces_of
 from twin.collision.splitting import decompose, merge
+from twin.files.paths import AnyPath
 from twin.geometry import Array
-from twin.paths import AnyPath
 from twin.scene import Collision, Mesh, Twin
 
 _SPECK = 3e-4  # m^2: less surface than on a knob of 1 cm is a shred of a scan

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.atomic import write_file
-from twin.paths import AnyPath
+from twin.files.atomic import write_file
+from twin.files.paths import AnyPath
 from twin.scene import Box, Collision, Mesh, Twin
 
 _VERSION = 6  # part of every key: raise it whenever the same input may give other shapes

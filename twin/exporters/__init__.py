@@ -9,15 +9,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal, get_args
 
-from twin.atomic import staging
 from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.exporters.asset import AssetInfo
 from twin.exporters.notes import readme
 from twin.exporters.package import check_package, write_package
 from twin.exporters.tree import build_tree, require_ranges
-from twin.own_files import hashes, refuse_edited, replace_own
-from twin.paths import AnyPath
+from twin.files.atomic import staging
+from twin.files.own_files import hashes, refuse_edited, replace_own
+from twin.files.paths import AnyPath
 from twin.runs.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import overlaps, require_sound

@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from twin.errors import InputError
+from twin.files.paths import AnyPath
 from twin.importers.source import Closed
 from twin.lint.xml import read_xml
-from twin.paths import AnyPath
 from twin.scene import Twin
 
 __all__ = ["from_file", "from_mjcf", "from_urdf"]

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import InputError, nearest_name
+from twin.files.paths import AnyPath
 from twin.lint.model import Behaviour, LintModel, Severity
 from twin.lint.rules import RULES
 from twin.lint.rules.twins import TWIN_RULES
 from twin.names import scene_file
-from twin.paths import AnyPath
 from twin.storage import load, read_document
 
 SUFFIXES = {".urdf": "urdf", ".usd": "usd", ".usda": "usd", ".usdc": "usd", ".usdz": "usd", ".mjcf": "mjcf"}

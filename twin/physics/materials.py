@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from twin.asset_files import asset
 from twin.errors import ConfigError, SceneError, nearest_name
-from twin.paths import AnyPath
+from twin.files.assets import asset
+from twin.files.paths import AnyPath
 from twin.quantities import Quantity, origin_of
 
 _JOINTS = ("revolute", "prismatic")

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.atomic import write_file
+from twin.files.atomic import write_file
+from twin.files.paths import AnyPath
 from twin.geometry import Array
-from twin.paths import AnyPath
 from twin.runs.stages import read_json, write_json
 from twin.scene import HAND_LABEL, Part, Revolute, Twin
 

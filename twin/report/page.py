@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
-from twin.paths import AnyPath
+from twin.files.paths import AnyPath
 from twin.physics.text import described
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit

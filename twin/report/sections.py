@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import InputError
-from twin.paths import AnyPath
+from twin.files.paths import AnyPath
 from twin.runs.stages import read_json, write_json
 
 PAGE = "report.html"

@@ -22,8 +22,8 @@ from pathlib import Path
 from platform import python_version
 from typing import Any, Generic, Protocol, TypeVar
 
-from twin.atomic import write_file
 from twin.errors import FuntwinError, InputError
+from twin.files.atomic import write_file
 from twin.runs.codec import OtherVersionError, TreeCodec
 from twin.runs.run_lock import claim, release
 from twin.runs.settings import as_dict, to_toml

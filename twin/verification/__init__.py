@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import InputError, nearest_name
-from twin.paths import AnyPath
+from twin.files.paths import AnyPath
 from twin.scene import Twin
 from twin.verification.compare import Truth, compare, far_away, loads
 from twin.verification.exceptions import expected_to_say

@@ -7,8 +7,8 @@ import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from twin.atomic import contents, put
 from twin.errors import InputError
+from twin.files.atomic import contents, put
 from twin.runs.stages import read_json, write_json
 
 LIST = "files.json"
@@ -16,7 +16,7 @@ _FORMAT = "funtwin-files/1"
 
 
 def replace_own(staged: Path, folder: Path, overwrite: bool = False) -> None:
-    """Put the files written into `staged` (from `twin.atomic.staging`) in the place of those that we wrote into `folder` before.
+    """Put the files written into `staged` (from `twin.files.atomic.staging`) in the place of those that we wrote into `folder` before.
 
     What we wrote before and don't write any more goes; everything else in `folder` stays. LIST in the folder says what is ours.
 
