@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 
 from tests.twin.scenes import cabinet_twin
 from twin import atomic, cli, stages
-from twin.document import extra_of, with_extra
 from twin.errors import InputError
 from twin.exporters import export
 from twin.runs.run_lock import claim, claimed, release
 from twin.scene import Twin
 from twin.storage import keep_aside, load, save, update
+from twin.storage.document import extra_of, with_extra
 
 KEYS = st.text("abcdefgh_", min_size=1, max_size=5).map("x_".__add__)
 VALUES = st.recursive(

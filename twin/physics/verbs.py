@@ -165,7 +165,7 @@ def _part(twin: Twin, name: str | None) -> Part:
 
 def _data(part: Part) -> dict[str, Any]:
     """The numbers as JSON types, in the words of twin.json."""
-    from twin.document import part_document
+    from twin.storage.document import part_document
 
     document = part_document(part)
     return {k: document[k] for k in ("inertial", "physics")}

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from twin import geometry as geo
-from twin.document import FORMAT, extra_of, part_document, twin_document
 from twin.errors import InputError, SceneError
 from twin.files.ply import read_ply
 from twin.geometry import Array
@@ -37,6 +36,7 @@ from twin.scene import (
     origin_of,
 )
 from twin.storage import LabelFolder, read_document
+from twin.storage.document import FORMAT, extra_of, part_document, twin_document
 
 T = TypeVar("T")
 

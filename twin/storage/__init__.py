@@ -23,7 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.document import (
+from twin.errors import InputError
+from twin.files.atomic import contents, put, staging, tidy, write_file
+from twin.files.paths import AnyPath
+from twin.files.ply import ply_bytes, read_ply
+from twin.scene import Mesh, Trajectory, Twin
+from twin.storage.document import (
     CAMERAS,
     json_text,
     shape_files,
@@ -31,11 +36,6 @@ from twin.document import (
     with_changes,
     with_files_named,
 )
-from twin.errors import InputError
-from twin.files.atomic import contents, put, staging, tidy, write_file
-from twin.files.paths import AnyPath
-from twin.files.ply import ply_bytes, read_ply
-from twin.scene import Mesh, Trajectory, Twin
 
 _LABEL = re.compile(r"\d{6,}\.png")
 # What `twin export` and `twin physics` fill in or change: not what a reconstruction found.
@@ -77,7 +77,7 @@ def load(folder: AnyPath) -> Twin:
 
     Raises InputError that names the file, the field and its value.
     """
-    from twin.storage_read import read_twin
+    from twin.storage.reading import read_twin
 
     return read_twin(twin_folder(folder))
 
