@@ -1,4 +1,4 @@
-"""The verb `twin robots`. Only `twin.cli` uses this module."""
+"""The verb `twin robots`. Only `twin.cli.main` uses this module."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robots.model.catalog import fetch, names, resolve
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.spec import RobotSpec
-from twin.console import Console, Outcome
+from twin.cli.console import Console, Outcome
 from twin.errors import InputError
 from twin.report.sections import Table
 

@@ -177,7 +177,7 @@ def test_an_installed_wheel_finds_its_assets_in_any_folder(installed: Path, tmp_
 
     told = call("-c", "import twin.files.assets as a; print(a.asset('robots'), a.faults())")
     assert told.stdout.strip() == f"{installed / 'twin' / '_assets' / 'robots'} {{}}", told.stderr
-    listed = call("-m", "twin.cli", "robots", "list", "--json")
+    listed = call("-m", "twin.cli.main", "robots", "list", "--json")
     assert listed.returncode == 0, listed.stderr
     assert sorted(json.loads(listed.stdout)["robots"]) == names()
     found = "import recon; from twin.files.assets import asset; print(len(recon.open_recording(asset('recordings/cabinet_drawer'))))"

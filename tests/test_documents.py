@@ -18,12 +18,12 @@ from pathlib import Path
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin import cli
+from twin.cli.main import main as cli
+from twin.cli.verbs import _settings
 from twin.errors import ConfigError
 from twin.files.assets import asset
 from twin.report import page as report_page
 from twin.storage import save
-from twin.verbs import _settings
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *sorted(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]

@@ -11,7 +11,7 @@ import pytest
 
 import twin
 from tests.twin.scenes import cabinet_twin
-from twin.console import Console
+from twin.cli.console import Console
 from twin.runs import progress
 from twin.runs.progress import Bars, default_progress, shows_bar
 from twin.runs.stages import Run

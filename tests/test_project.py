@@ -40,7 +40,7 @@ def test_every_pin_is_exact() -> None:
 
 
 def test_makefile_and_doctor_name_the_same_libraries() -> None:
-    from twin.doctor import LIBRARIES
+    from twin.cli.doctor import LIBRARIES
 
     make = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
     line = re.search(r"^LIBRARIES := (.*)$", make, re.MULTILINE)
@@ -83,7 +83,7 @@ def test_links_lead_somewhere(page: str) -> None:
 
 
 def test_readme_shows_every_verb() -> None:
-    from twin.cli import VERBS
+    from twin.cli.main import VERBS
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert [

@@ -24,7 +24,7 @@ from tests.recon.tiny import (
     write_poses,
     write_recording,
 )
-from twin.cli import run
+from twin.cli.main import run
 from twin.errors import InputError
 
 Damage = Callable[[Path], object]

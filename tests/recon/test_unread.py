@@ -22,7 +22,7 @@ from recon.readers import READERS, UNREAD
 from recon.recording import open_recording
 from tests.recon.test_readers import write_r3d
 from tests.recon.tiny import FRAMES, read_image, write_recording
-from twin.cli import run
+from twin.cli.main import run
 from twin.errors import InputError
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from robots.formats import native
 from robots.model.catalog import resolve
 from tests.robots import furniture, handovers
 from tests.robots.handovers import contents
-from twin.cli import run
+from twin.cli.main import run
 from twin.storage import save
 
 

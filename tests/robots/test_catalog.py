@@ -20,7 +20,7 @@ from robots.model.mjcf import compiled
 from robots.model.model_files import locate
 from robots.model.spec import load_spec
 from tests.robots import furniture
-from twin.cli import run
+from twin.cli.main import run
 from twin.errors import InputError
 
 

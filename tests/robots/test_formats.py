@@ -21,8 +21,8 @@ from robots.formats.trajectory_export import smooth_quaternions_wxyz, yaml_bytes
 from tests.robots import furniture, handovers
 from tests.robots.handovers import contents, stacked
 from tests.robots.messages import ROS, faults
-from twin import cli
 from twin import geometry as geo
+from twin.cli.main import main as cli
 from twin.errors import InputError
 from twin.storage import save
 

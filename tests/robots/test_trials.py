@@ -28,7 +28,7 @@ from robots.trials.run_trials import LADDER, Trial, kind_of, run_trials
 from robots.trials.statistics import mean, wilson
 from tests.robots import furniture
 from twin import geometry as geo
-from twin.cli import run
+from twin.cli.main import run
 from twin.errors import ConfigError, InputError
 from twin.scene import Inertial, JointSigma, Motion, PartPhysics, Quantity
 from twin.storage import save

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from twin import steps, verbs
-from twin.console import Outcome
+from twin.cli.console import Outcome
 
 
 @dataclass(frozen=True)

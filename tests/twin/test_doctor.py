@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from twin import doctor, packages
-from twin.doctor import Finding
+from twin.cli.doctor import Finding
 from twin.packages import to_install
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from twin import engines
-from twin.cli import run
+from twin.cli.main import run
 from twin.errors import InputError, MissingDependencyError
 
 

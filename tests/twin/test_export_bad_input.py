@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin.cli import run
+from twin.cli.main import run
 from twin.errors import InputError
 from twin.exporters import export
 from twin.exporters.asset import AssetInfo

@@ -101,7 +101,7 @@ def test_ctrl_c_is_one_line_and_exit_code_130(tmp_path: Path, place: str) -> Non
 @pytest.mark.parametrize("options", [["--json"], []])
 def test_a_reader_that_stops_reading_is_no_error(tmp_path: Path, options: list[str]) -> None:
     save(cabinet_twin(), tmp_path / "twin")
-    show = [sys.executable, "-m", "twin.cli", "physics", "show", str(tmp_path), *options]
+    show = [sys.executable, "-m", "twin.cli.main", "physics", "show", str(tmp_path), *options]
     process = subprocess.Popen(
         show, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=Path(__file__).parents[2]
     )
@@ -115,7 +115,7 @@ def test_a_reader_that_stops_reading_is_no_error(tmp_path: Path, options: list[s
 def test_ctrl_c_is_heard_before_the_imports_that_take_time() -> None:
     """Importing the scene types first left a tenth of a second in which Ctrl-C was a traceback."""
     code = (
-        "import sys; from twin import __main__; print([m for m in ('numpy', 'argparse', 'dataclasses', 'json', 'twin.cli')"
+        "import sys; from twin import __main__; print([m for m in ('numpy', 'argparse', 'dataclasses', 'json', 'twin.cli.main')"
         " if m in sys.modules])"
     )
     command = [sys.executable, "-S", "-c", code]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin.cli import run
+from twin.cli.main import run
 from twin.exporters import export
 from twin.scene import Twin
 from twin.storage import save

@@ -11,7 +11,7 @@ import trimesh
 
 from tests.laws import random_pose
 from tests.twin.scenes import cabinet_twin
-from twin.cli import run
+from twin.cli.main import run
 from twin.collision.soundness import crossing, overlaps, require_sound
 from twin.physics import read_materials, shell_inertial, with_physics
 from twin.scene import Mesh, Twin

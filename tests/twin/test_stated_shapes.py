@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from tests.twin.scenes import cabinet_twin
-from twin.cli import run
+from twin.cli.main import run
 from twin.collision import with_collision
 from twin.collision.clearance import find_touches
 from twin.collision.stated import hollow, meetings, require_convex

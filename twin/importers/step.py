@@ -8,13 +8,13 @@ import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from twin.console import Outcome
+from twin.cli.console import Outcome
+from twin.cli.steps import Step, joint_row, page_note
 from twin.errors import InputError
 from twin.importers import from_file
 from twin.importers.source import Closed
 from twin.report.sections import Table
 from twin.runs.stages import Progress
-from twin.steps import Step, joint_row, page_note
 from twin.storage import save
 
 

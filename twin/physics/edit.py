@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin.cli.physics_options import UNITS
 from twin.errors import InputError, SceneError
 from twin.physics import KEPT, joint_and_contact, weighed
 from twin.physics.materials import Material, MaterialTable, read_materials
-from twin.physics.options import UNITS
 from twin.physics.surface_mass import shell_inertial
 from twin.physics.text import described
 from twin.quantities import Inertial, Quantity

@@ -7,16 +7,16 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from twin.console import Console, Outcome
+from twin.cli.console import Console, Outcome
+from twin.cli.physics_options import UNITS
+from twin.cli.steps import named, run_folder
 from twin.errors import InputError
 from twin.physics.edit import Change, Edited, given, set_physics
 from twin.physics.materials import read_materials
-from twin.physics.options import UNITS
 from twin.physics.text import described
 from twin.report.sections import Table
 from twin.runs.run_lock import claimed
 from twin.scene import Part, Twin
-from twin.steps import named, run_folder
 from twin.storage import load, update
 
 _FILES = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}

@@ -1,4 +1,4 @@
-"""What the verbs of the command line do. Only `twin.cli` uses this module."""
+"""What the verbs of the command line do. Only `twin.cli.main` uses this module."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from twin import steps
-from twin.console import Console, Outcome
+from twin.cli.console import Console, Outcome
+from twin.cli.main import steps
 from twin.errors import ConfigError, FuntwinError, InputError
 from twin.files.assets import asset
 from twin.files.paths import require_writable
@@ -209,7 +209,7 @@ def evaluate(console: Console, run: Path, truth: Path) -> Outcome:
 
 def doctor(console: Console) -> Outcome:
     """What this machine lacks."""
-    from twin.doctor import HOW_TO_INSTALL, diagnose, remedies
+    from twin.cli.doctor import HOW_TO_INSTALL, diagnose, remedies
 
     with console.progress() as progress:
         progress("doctor", 0.0, "drawing a picture")

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from twin.console import Outcome
+from twin.cli.console import Outcome
 from twin.errors import FuntwinError, InputError, PlanningError
 from twin.files.paths import require_writable
 from twin.report.sections import Section, Table, save_section

@@ -187,7 +187,7 @@ def _evaluate(parser: ArgumentParser) -> None:
 
 
 def _physics(parser: ArgumentParser) -> None:
-    from twin.physics.options import add_options
+    from twin.cli.physics_options import add_options
 
     add_options(parser)
 
