@@ -19,8 +19,10 @@ from recon import pipeline
 from recon.recording import open_recording
 from robots.model.catalog import names, resolve
 from tests.recon import tiny
-from twin import asset_files, cli, doctor
+from twin.cli import doctor
+from twin.cli import main as cli
 from twin.errors import InputError
+from twin.files import assets as asset_files
 from twin.files.assets import asset, faults
 from twin.physics import read_materials
 
@@ -177,7 +179,7 @@ def test_an_installed_wheel_finds_its_assets_in_any_folder(installed: Path, tmp_
 
     told = call("-c", "import twin.files.assets as a; print(a.asset('robots'), a.faults())")
     assert told.stdout.strip() == f"{installed / 'twin' / '_assets' / 'robots'} {{}}", told.stderr
-    listed = call("-m", "twin.cli.main", "robots", "list", "--json")
+    listed = call("-m", "twin", "robots", "list", "--json")
     assert listed.returncode == 0, listed.stderr
     assert sorted(json.loads(listed.stdout)["robots"]) == names()
     found = "import recon; from twin.files.assets import asset; print(len(recon.open_recording(asset('recordings/cabinet_drawer'))))"

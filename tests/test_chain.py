@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.files.assets import asset
 from twin.runs.stages import read_json
 from twin.storage import load
@@ -125,7 +125,7 @@ def test_killed_at_any_stage_it_resumes_to_the_same_bytes(stage: str, finished: 
     folder, k = tmp_path / "run", STAGES.index(stage)
     for done in sorted((finished / "stages").glob("[0-9]*"))[: max(0, k - 1)]:
         shutil.copytree(done, folder / "stages" / done.name)
-    command = [sys.executable, "-m", "twin.cli.main", "reconstruct", str(RECORDING), "-o", str(folder)]
+    command = [sys.executable, "-m", "twin", "reconstruct", str(RECORDING), "-o", str(folder)]
     before = folder / "stages" / (f"{k:02d}_{STAGES[k - 1]}" if k else ".lock")
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         while not before.exists() and process.poll() is None:

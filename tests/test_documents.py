@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.cli.verbs import _settings
 from twin.errors import ConfigError
 from twin.files.assets import asset

@@ -24,7 +24,7 @@ CHEST = str(ROOT / "assets" / "scenes" / "chest.xml")
 # Importing any of these takes longer than reading a twin; NumPy, which the scene types need, is not among them.
 HEAVY = ("mujoco", "open3d", "scipy", "cv2", "mink", "pinocchio", "matplotlib", "numba", "av", "trimesh", "pxr", "sklearn")  # fmt: skip
 CODE = (
-    "import json, sys; from twin import cli; code = cli.run(json.loads(sys.argv[1])); "
+    "import json, sys; from twin.cli import main as cli; code = cli.run(json.loads(sys.argv[1])); "
     "print(json.dumps([code, sorted({m.split('.')[0] for m in sys.modules} & set(json.loads(sys.argv[2])))]))"
 )
 

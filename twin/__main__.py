@@ -11,7 +11,7 @@ def main() -> NoReturn:
     """Entry point of the command."""
     interrupt.handle()
     try:
-        from twin.cli.main import main as cli
+        from twin.cli import main as cli
 
         cli.main()
     except BaseException as e:

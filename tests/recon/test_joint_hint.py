@@ -21,7 +21,7 @@ from tests.recon import tiny
 from tests.synth import PartName, minimum_jerk, track_scene
 from tests.twin.vlm_server import KEY, Reply, completion, serving
 from twin import geometry as geo
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import ConfigError, InputError, ServiceError
 from twin.scene import Revolute, Trajectory
 

@@ -18,7 +18,7 @@ from tests.robots import furniture
 from tests.robots.furniture import box, mesh_of
 from tests.robots.random_furniture import HANDLES, KINDS, random_furniture
 from twin import geometry as geo
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import InputError
 from twin.scene import StaticPart, Trajectory, Twin
 from twin.storage import save

@@ -22,7 +22,7 @@ from tests.robots import furniture, handovers
 from tests.robots.handovers import contents, stacked
 from tests.robots.messages import ROS, faults
 from twin import geometry as geo
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import InputError
 from twin.storage import save
 

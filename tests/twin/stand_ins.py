@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from twin import steps, verbs
+from twin.cli import steps, verbs
 from twin.cli.console import Outcome
 
 

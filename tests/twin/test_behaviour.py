@@ -14,7 +14,7 @@ import pytest
 
 from tests.twin.scenes import Board, cabinet_twin, world_from_cabinet
 from twin import geometry as geo
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import InputError
 from twin.exporters import FORMATS, Exported, export
 from twin.scene import Motion, Part, Quantity, Twin

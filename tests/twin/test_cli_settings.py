@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.twin.stand_ins import Nested, Settings
-from twin import steps, verbs
+from twin.cli import steps, verbs
 from twin.errors import ConfigError
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from tests.twin.scenes import cabinet_twin
 from tests.twin.stand_ins import Settings, stand_in
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import InputError, PlanningError
 from twin.runs.stages import Run, update_manifest
 from twin.storage import load, save
@@ -334,7 +334,7 @@ def test_a_folder_without_twin_is_named(tmp_path: Path, capsys: pytest.CaptureFi
 def test_doctor_reports_and_exits_with_one_when_something_is_missing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from twin.cli.main import doctor
+    from twin.cli import doctor
 
     def diagnose(findings: Sequence[doctor.Finding]) -> None:
         monkeypatch.setattr(doctor, "diagnose", lambda: list(findings))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.contacts import allowed, contact_off, contacts_off, distance_to
 from twin.errors import PlanningError
 from twin.exporters import export

@@ -9,7 +9,8 @@ import sys
 
 import pytest
 
-from twin import doctor, packages
+from twin import packages
+from twin.cli import doctor
 from twin.cli.doctor import Finding
 from twin.packages import to_install
 

@@ -12,7 +12,7 @@ import pytest
 from pxr import Usd, UsdPhysics
 
 from tests.twin.scenes import cabinet_twin
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.exporters import Exported, export
 from twin.lint import LintReport, lint
 from twin.lint.rules import RULES

@@ -11,7 +11,7 @@ import pytest
 
 from tests.twin.scenes import cabinet_twin
 from twin import geometry as geo
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.exporters import export
 from twin.exporters.visual import SHEET, drawn
 from twin.geometry import Array

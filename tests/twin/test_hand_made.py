@@ -14,7 +14,7 @@ import pytest
 
 from tests.twin.hand_made import ILLEGAL, LEGAL, OPEN, Case
 from tests.twin.hand_made.drafts import cupboard
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 
 _OURS = ("report", "export", "stages")  # folders of RUN that verbs fill
 _MAIN = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}

@@ -17,7 +17,7 @@ import twin
 from tests.twin.random_twins import random_twin
 from tests.twin.scenes import cabinet_twin
 from twin import geometry as geo
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Box, Mesh, Part, Revolute, Twin

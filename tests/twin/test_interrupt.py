@@ -76,7 +76,7 @@ def command(tmp_path: Path, body: str) -> subprocess.Popen[str]:
         "def ready():\n    print('ready', flush=True)\n\ndef busy(**_):\n"
         + textwrap.indent(textwrap.dedent(body), "    ")
     )
-    start = "import sys; from twin import cli; cli.VERBS['doctor'] = ('busy:busy', 'wait'); sys.argv[1:] = ['doctor']; cli.main()"
+    start = "import sys; from twin.cli import main as cli; cli.VERBS['doctor'] = ('busy:busy', 'wait'); sys.argv[1:] = ['doctor']; cli.main()"
     path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])
     return subprocess.Popen(
         [sys.executable, "-c", start], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -101,7 +101,7 @@ def test_ctrl_c_is_one_line_and_exit_code_130(tmp_path: Path, place: str) -> Non
 @pytest.mark.parametrize("options", [["--json"], []])
 def test_a_reader_that_stops_reading_is_no_error(tmp_path: Path, options: list[str]) -> None:
     save(cabinet_twin(), tmp_path / "twin")
-    show = [sys.executable, "-m", "twin.cli.main", "physics", "show", str(tmp_path), *options]
+    show = [sys.executable, "-m", "twin", "physics", "show", str(tmp_path), *options]
     process = subprocess.Popen(
         show, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=Path(__file__).parents[2]
     )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.twin.scenes import cabinet_twin
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import InputError
 from twin.physics import with_physics
 from twin.physics.edit import given, set_physics

@@ -16,9 +16,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.twin.scenes import cabinet_twin
-from twin import atomic, cli, stages
+from twin.cli import main as cli
 from twin.errors import InputError
 from twin.exporters import export
+from twin.files import atomic
+from twin.runs import stages
 from twin.runs.run_lock import claim, claimed, release
 from twin.scene import Twin
 from twin.storage import keep_aside, load, save, update

@@ -16,7 +16,7 @@ pytest.importorskip("httpx", reason="needs the extra vlm")
 
 from tests.twin.scenes import cabinet_twin
 from tests.twin.vlm_server import KEY, Reply, Server, completion, serving
-from twin.cli.main import main as cli
+from twin.cli import main as cli
 from twin.errors import InputError, SceneError, ServiceError
 from twin.physics import with_physics
 from twin.physics.edit import given, set_physics

@@ -180,7 +180,3 @@ def _verb_parser(verb: str) -> argparse.ArgumentParser:
     if verb in OPTIONS:
         OPTIONS[verb](parser)
     return parser
-
-
-if __name__ == "__main__":
-    main()

@@ -9,8 +9,8 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from twin.cli import steps
 from twin.cli.console import Console, Outcome
-from twin.cli.main import steps
 from twin.errors import ConfigError, FuntwinError, InputError
 from twin.files.assets import asset
 from twin.files.paths import require_writable

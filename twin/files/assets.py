@@ -12,7 +12,7 @@ from pathlib import Path
 
 from twin.errors import InputError
 
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parents[1]
 _PLACES = (_PACKAGE / "_assets", _PACKAGE.parent / "assets")  # as setup.py installs them; in a checkout
 REMEDY = "install the package funtwin again, or in a checkout restore the folder assets/"
 
