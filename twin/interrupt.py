@@ -58,9 +58,11 @@ def leave(tell: bool = False) -> NoReturn:
 
 
 def finish(code: int) -> NoReturn:
-    """End the program, whose work is done and told, with its exit code; an interruption from here on only hastens it."""
+    """End the program, whose work is done and told, with its exit code; an interruption from here on only hastens it.
+
+    One that a library dropped on the way is told now: the user's shell shall stop, and know why."""
     if happened():
-        leave()
+        leave(tell=code != 128 + _signals[0])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(code))
     sys.exit(code)

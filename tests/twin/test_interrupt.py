@@ -53,6 +53,16 @@ BUSY = {
         except KeyboardInterrupt as e:
             raise SystemError("returned a result with an exception set") from e
     """,
+    "a library that drops every error": """
+        import time
+        from twin.cli.console import Outcome
+        ready()
+        try:
+            time.sleep(60)
+        except BaseException:
+            pass
+        return Outcome({})
+    """,
     "threads that go on": """
         from concurrent.futures import ThreadPoolExecutor
         import time
