@@ -16,9 +16,10 @@ from typing import Any
 
 from recon.evaluation.evaluate import evaluate
 from recon.pipeline import reconstruct
-from recon.recording import open_recording
+from recon.readers import open_recording
 from twin.errors import FuntwinError
-from twin.runs.stages import MANIFEST, read_json
+from twin.files.text import read_json
+from twin.runs.stages import MANIFEST
 from twin.storage import load
 
 # metric as the evaluation names it -> column

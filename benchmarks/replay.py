@@ -33,9 +33,9 @@ from replay_page import page
 import robots
 from robots.config import CONTROLS
 from robots.floor import find_floor
+from robots.scene.world import World, build_world
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
-from robots.simulation.scene import World, build_world
 from robots.trajectory import RobotTrajectory
 from robots.trials.batch import replay_all
 from robots.trials.perturbation import Draw, draw, spread_of

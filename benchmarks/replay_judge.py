@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from robots.model.spec import RobotSpec
-from robots.simulation.scene import PREFIX, ROBOT, STATIC, World
+from robots.scene.world import PREFIX, ROBOT, STATIC, World
 from twin import geometry as geo
 from twin.geometry import Array
 

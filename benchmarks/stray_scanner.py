@@ -19,7 +19,8 @@ import av
 import cv2
 import numpy as np
 
-from recon.recording import Intrinsics, open_recording
+from recon.readers import open_recording
+from recon.recording import Intrinsics
 from twin.errors import FuntwinError, InputError
 
 MAX_SIDE = 640  # px, as the Record3D reader takes; chosen by us

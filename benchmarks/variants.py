@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from recon.evaluation.truth import Truth, load_truth
-from recon.readers import files
-from recon.recording import Recording, open_recording
+from recon.readers import files, open_recording
+from recon.recording import Recording
 from twin.errors import FuntwinError, InputError
 from twin.geometry import Array, quat_wxyz_from_matrix
 from twin.scene import HAND_LABEL

@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from recon.config import ReconConfig
     from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
     from recon.pipeline import reconstruct
-    from recon.recording import Frame, Intrinsics, Recording, open_recording
+    from recon.readers import open_recording
+    from recon.recording import Frame, Intrinsics, Recording
 
 __all__ = [
     "Frame",
@@ -31,7 +32,7 @@ _LAZY = {
     "Recording": "recon.recording",
     "fit_motion": "recon.joints.fit_tracks",
     "fit_motion_poses": "recon.joints.fit_tracks",
-    "open_recording": "recon.recording",
+    "open_recording": "recon.readers",
     "reconstruct": "recon.pipeline",
 }
 

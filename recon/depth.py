@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recon.recording import Intrinsics
 from twin.geometry import Array
+
+F32 = NDArray[np.float32]
 
 # Axial noise of structured-light sensors, Nguyen, Izadi and Lovell 2012 (there 1.2 mm + 1.9 mm (z - 0.4)^2 for a
 # Kinect at small angles); widened by us to cover grazing angles and time-of-flight sensors.
@@ -20,6 +25,13 @@ def depth_sigma(z: ArrayLike) -> Array:
     The form is that of Nguyen, Izadi and Lovell 2012; the constants are chosen by us for today's ToF and structured light.
     """
     return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (np.asarray(z) - NEAR_M) ** 2)
+
+
+@numba.njit(cache=True, inline="always")
+def pixel_sigma(z: float) -> Any:
+    """`depth_sigma` of one pixel, for compiled kernels."""
+    d = z - np.float32(NEAR_M)
+    return np.float32(DEPTH_SIGMA_M) + np.float32(DEPTH_SIGMA_SLOPE) * d * d
 
 
 def mean_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:

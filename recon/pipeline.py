@@ -24,15 +24,17 @@ from recon.labels.label_frames import label_frames
 from recon.models.joint_hint import JointHint
 from recon.motion.find_parts import FoundParts, find_parts
 from recon.moving_part import MovingPart
-from recon.recording import Recording, open_recording
+from recon.readers import open_recording
+from recon.recording import Recording
 from recon.refine.refine_parts import refine_parts
 from recon.tracking.tracks import Tracks, track_points
 from twin import geometry as geo
 from twin.errors import InputError
+from twin.files.text import read_json
 from twin.physics import MaterialTable, keep_known, read_materials, with_physics
 from twin.runs.progress import default_progress
 from twin.runs.settings import as_dict
-from twin.runs.stages import MANIFEST, Progress, Run, read_json, update_manifest, versions
+from twin.runs.stages import MANIFEST, Progress, Run, update_manifest, versions
 from twin.scene import Trajectory, Twin
 from twin.storage import aside_name, digest, keep_aside, load, require_place, save
 

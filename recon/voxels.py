@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from recon.labels.evidence import F32
+from recon.depth import F32
 
 _BITS = 21
 _OFFSET = 1 << (_BITS - 1)

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from recon import pipeline
-from recon.recording import open_recording
+from recon.readers import open_recording
 from robots.model.catalog import names, resolve
 from tests.recon import tiny
 from twin.cli import doctor

@@ -13,7 +13,7 @@ import pytest
 
 from twin.cli import main as cli
 from twin.files.assets import asset
-from twin.runs.stages import read_json
+from twin.files.text import read_json
 from twin.storage import load
 
 RECORDING = asset("recordings/cabinet_drawer")

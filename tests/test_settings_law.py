@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recon.config import ReconConfig
-from recon.recording import open_recording
+from recon.readers import open_recording
 from recon.simulate.config import SimulateConfig
 from robots.config import PlanConfig, ReplayConfig
 from tests.recon import tiny

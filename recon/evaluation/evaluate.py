@@ -27,7 +27,8 @@ from recon.evaluation.scores import (
 )
 from recon.evaluation.surface_scores import SAMPLES, SurfaceErrors, seen_points, surface_errors
 from recon.evaluation.truth import Truth, TruthPart, load_truth
-from recon.recording import Recording, open_recording
+from recon.readers import open_recording
+from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_sigma
+from recon.depth import F32, depth_sigma
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
-from recon.labels.evidence import F32
 from recon.moving_part import MovingPart
 from recon.progress import Progress, silent
 from recon.recording import Recording

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.labels.evidence import F32, pixel_sigma
+from recon.depth import F32, pixel_sigma
 from twin.errors import ReconstructionError
 from twin.geometry import Array
 

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.labels.evidence import F32
+from recon.depth import F32
 
 _EDGE_COST = 50.0  # px
 

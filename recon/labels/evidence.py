@@ -8,15 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M
-
-F32 = NDArray[np.float32]
-
-
-@numba.njit(cache=True, inline="always")
-def pixel_sigma(z: float) -> Any:
-    d = z - np.float32(NEAR_M)
-    return np.float32(DEPTH_SIGMA_M) + np.float32(DEPTH_SIGMA_SLOPE) * d * d
+from recon.depth import F32, pixel_sigma
 
 
 @numba.njit(cache=True)

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.depth import F32
 from recon.labels.crf import agree, upsample_labels, walk
-from recon.labels.evidence import F32
 from recon.labels.pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
 from recon.labels.reference_frames import (
     COLOR_SIGMAS,

@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_sigma
-from recon.labels.evidence import F32
+from recon.depth import F32, depth_sigma
 from recon.labels.reference_frames import View
 from recon.moving_part import MovingPart
 from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys

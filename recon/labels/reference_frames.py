@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.labels.evidence import F32, compare, median_depth
+from recon.depth import F32
+from recon.labels.evidence import compare, median_depth
 from recon.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo

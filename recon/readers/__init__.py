@@ -19,7 +19,7 @@ from recon.readers.unread import UNREAD, refuse_unread, refuse_unread_inside
 from recon.recording import Recording
 from twin.errors import InputError, nearest_name
 
-__all__ = ["READERS", "UNREAD", "Reader", "open_with"]
+__all__ = ["READERS", "UNREAD", "Reader", "open_recording"]
 
 
 class Reader(Protocol):
@@ -47,7 +47,7 @@ READERS: dict[str, Reader] = {
 }
 
 
-def open_with(path: Path | str, layout: str | None = None) -> Recording:
+def open_recording(path: Path | str, layout: str | None = None) -> Recording:
     """Open a recording with the reader named `layout`, or with the first that recognises it.
 
     Raises InputError for a path that does not exist, an unknown layout name, a format that is recognised but not read (it

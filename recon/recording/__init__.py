@@ -185,13 +185,3 @@ class Recording:
         if not 0 <= index < len(self):
             raise InputError(f"{self.source} has frames 0..{len(self) - 1}, not {index}")
         return self.read_frame(index)
-
-
-def open_recording(path: Path | str, layout: str | None = None) -> Recording:
-    """Open a recording; the layout is recognised from its files, or named (see `recon.readers.READERS`).
-
-    Raises InputError naming the file, the value and the remedy.
-    """
-    from recon.readers import open_with
-
-    return open_with(path, layout)

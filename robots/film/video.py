@@ -17,7 +17,7 @@ from robots.config import ReplayConfig
 from robots.demonstration import Demonstration, Image
 from robots.film.side_by_side import alone, pace_text, side_by_side
 from robots.film.viewpoint import choose_view
-from robots.simulation.scene import World
+from robots.scene.world import World
 from robots.trajectory import RobotTrajectory
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.simulation.scene import PEDESTAL, ROBOT, STATIC, World
+from robots.scene.world import PEDESTAL, ROBOT, STATIC, World
 from robots.trajectory import RobotTrajectory
 from twin.geometry import Array
 

@@ -12,7 +12,7 @@ from robots.config import PlanConfig
 from robots.grasp.tool_path import Grasp
 from robots.model.spec import RobotSpec
 from robots.planning.base_search import Base
-from robots.simulation.scene import ROBOT, build_world
+from robots.scene.world import ROBOT, build_world
 from robots.task import Task
 from twin.geometry import Array
 from twin.scene import Part, Twin

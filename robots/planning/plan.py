@@ -23,9 +23,9 @@ from robots.planning.clearance import ClearanceCheck
 from robots.planning.ik import PathSolver
 from robots.planning.joint_path import refined
 from robots.planning.timing import Effort
+from robots.scene.world import with_collision
 from robots.simulation.faults import SLIP_LIMIT
 from robots.simulation.replay import replay
-from robots.simulation.scene import with_collision
 from robots.task import Goal, Task, task_of
 from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import PlanningError

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from robots.model.kinematics import Chain
-from robots.simulation.scene import World
+from robots.scene.world import World
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
 from twin.geometry import Array

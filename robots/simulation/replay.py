@@ -18,18 +18,18 @@ from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.spec import RobotSpec
+from robots.scene.world import PART, ROBOT, World, build_world, with_collision
 from robots.simulation.impedance import EVERY, Impedance
 from robots.simulation.record import Record
 from robots.simulation.report import ReplayReport, measure
-from robots.simulation.scene import PART, ROBOT, World, build_world, with_collision
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.files.atomic import contents, put, staging
 from twin.files.paths import AnyPath
+from twin.files.text import write_json
 from twin.geometry import Array
 from twin.runs.progress import shows_bar
-from twin.runs.stages import write_json
 from twin.scene import Twin
 
 FILM = "replay.mp4"

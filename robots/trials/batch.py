@@ -9,9 +9,9 @@ from dataclasses import replace
 from joblib import Parallel, delayed, parallel_config
 
 from robots.config import ReplayConfig
+from robots.scene.world import World
 from robots.simulation.replay import simulate
 from robots.simulation.report import ReplayReport, measure
-from robots.simulation.scene import World
 from robots.trajectory import RobotTrajectory
 from robots.trials.perturbation import Draw, perturbed
 from twin.interrupt import spared

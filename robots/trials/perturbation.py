@@ -16,7 +16,7 @@ from robots.part_physics import (
     part_friction,
     physics_of,
 )
-from robots.simulation.scene import World
+from robots.scene.world import World
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array

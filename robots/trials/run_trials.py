@@ -18,8 +18,8 @@ import numpy as np
 from robots.config import ReplayConfig
 from robots.floor import Floor
 from robots.model.catalog import resolve
+from robots.scene.world import build_world, with_collision
 from robots.simulation.report import ReplayReport
-from robots.simulation.scene import build_world, with_collision
 from robots.trajectory import RobotTrajectory
 from robots.trials.batch import Tell, replay_all
 from robots.trials.perturbation import Draw, ErrorSizes, Spread, closes_itself, draw, path_error, spread_of

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.recording import open_recording
+from recon.readers import open_recording
 from tests.recon.tiny import (
     FRAMES,
     HEIGHT,

@@ -18,7 +18,7 @@ from recon.contact.closed_end import (
 )
 from recon.evaluation.truth import load_truth
 from recon.moving_part import MovingPart
-from recon.recording import open_recording
+from recon.readers import open_recording
 from tests.recon.cabinets import TRAVEL, Clip, Kind, make_clip
 from twin import geometry as geo
 from twin.errors import ConfigError

@@ -14,7 +14,7 @@ import pytest
 from benchmarks.variants import KINDS, write_frames, write_variant
 from recon.evaluation.evaluate import Evaluation, camera_errors, evaluate, joint_errors, label_scores
 from recon.evaluation.truth import Truth, load_truth
-from recon.recording import open_recording
+from recon.readers import open_recording
 from tests.recon.tiny import JOINTS, TRAVEL, merged, twin_of, write_recording
 from twin import geometry as geo
 from twin.errors import InputError

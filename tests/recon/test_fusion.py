@@ -10,7 +10,8 @@ from recon.evaluation.truth import Truth, load_truth
 from recon.fusion.fuse import FusedScene, FusionConfig, fuse
 from recon.fusion.mesh_cleaning import compact, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
-from recon.recording import Recording, open_recording
+from recon.readers import open_recording
+from recon.recording import Recording
 from tests.recon.test_labels import true_parts
 from tests.recon.tiny import box, write_recording
 from twin.errors import ConfigError, ReconstructionError

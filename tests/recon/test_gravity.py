@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recon.cameras.gravity import find_gravity, manhattan_axes
-from recon.recording import open_recording
+from recon.readers import open_recording
 from tests.laws import random_pose
 from tests.recon import tiny
 from twin import geometry as geo

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recon.motion.hand_tracks import HandColorConfig, hand_tracks
-from recon.recording import open_recording
+from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny
 from twin.errors import ConfigError

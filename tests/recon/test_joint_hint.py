@@ -15,7 +15,7 @@ from recon.joints.type_selection import HINT_WEIGHT, Kind, TypeEvidence, TypeHin
 from recon.models import joint_hint
 from recon.models.joint_hint import read_hints
 from recon.motion.find_parts import find_parts
-from recon.recording import open_recording
+from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny
 from tests.synth import PartName, minimum_jerk, track_scene

@@ -12,7 +12,8 @@ from recon.joints.fit_tracks import fit_motion
 from recon.motion.config import MotionConfig
 from recon.motion.find_parts import FoundParts, _fit_of_both, _on_course, find_parts
 from recon.motion.intervals import Movers
-from recon.recording import Recording, open_recording
+from recon.readers import open_recording
+from recon.recording import Recording
 from recon.tracking.tracks import Tracks, track_points
 from tests.recon import tiny
 from twin import geometry as geo

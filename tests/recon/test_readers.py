@@ -16,11 +16,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recon.readers import READERS
+from recon.readers import READERS, open_recording
 from recon.readers.native import depth_to_color_grid
 from recon.readers.record3d import upsample_depth
 from recon.readers.tum import PUBLISHED_INTRINSICS, associate
-from recon.recording import Intrinsics, open_recording
+from recon.recording import Intrinsics
 from tests.recon.tiny import (
     FRAMES,
     HEIGHT,

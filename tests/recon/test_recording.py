@@ -21,7 +21,8 @@ from recon.pipeline import _say_where
 from tests.recon.tiny import FRAMES, HEIGHT, WIDTH, cameras, write_poses, write_recording
 from twin import geometry as geo
 from twin.errors import InputError
-from twin.runs.stages import MANIFEST, read_json, update_manifest
+from twin.files.text import read_json
+from twin.runs.stages import MANIFEST, update_manifest
 from twin.scene import Trajectory
 
 T = 12

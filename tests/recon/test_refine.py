@@ -11,7 +11,7 @@ import pytest
 from recon.motion.find_parts import FoundParts, PartTracks
 from recon.motion.intervals import Movers
 from recon.moving_part import MovingPart
-from recon.recording import open_recording
+from recon.readers import open_recording
 from recon.refine import refine_parts as refinement
 from recon.refine import solver
 from recon.refine.observations import RefineConfig

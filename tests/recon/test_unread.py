@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 
 from benchmarks import stray_scanner
-from recon.readers import READERS, UNREAD
-from recon.recording import open_recording
+from recon.readers import READERS, UNREAD, open_recording
 from tests.recon.test_readers import write_r3d
 from tests.recon.tiny import FRAMES, read_image, write_recording
 from twin.cli.main import run

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.variants import HAND_SHARE, main, write_variant
 from recon.evaluation.truth import Truth, load_truth
-from recon.recording import open_recording
+from recon.readers import open_recording
 from tests.recon.tiny import cameras, write_poses, write_recording
 from twin.errors import InputError
 from twin.scene import HAND_LABEL

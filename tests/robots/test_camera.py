@@ -10,8 +10,8 @@ import robots
 from robots.config import PlanConfig
 from robots.film.video import _draw_axis, axis_arrow, draw
 from robots.film.viewpoint import View, choose_view, fit
+from robots.scene.world import PEDESTAL, ROBOT, World, build_world
 from robots.simulation.replay import simulate
-from robots.simulation.scene import PEDESTAL, ROBOT, World, build_world
 from tests.robots import furniture
 from tests.robots.test_replay import can_draw
 from twin.geometry import Array

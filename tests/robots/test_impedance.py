@@ -12,10 +12,10 @@ import robots
 from robots.config import PlanConfig, ReplayConfig
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
+from robots.scene.world import build_world
 from robots.simulation.impedance import FORCE_CAP, ROTATION, TRANSLATION, Impedance
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
-from robots.simulation.scene import build_world
 from robots.trials.perturbation import draw, perturbed, spread_of
 from robots.trials.run_trials import LADDER
 from tests.robots import furniture

@@ -14,8 +14,8 @@ from robots.model.catalog import resolve
 from robots.model.dynamics import part_load, with_riders
 from robots.part_physics import frictionloss
 from robots.planning.joint_path import moves_alone
+from robots.scene.world import build_world, with_collision
 from robots.simulation.replay import simulate
-from robots.simulation.scene import build_world, with_collision
 from tests.robots import furniture
 from twin import geometry as geo
 from twin.physics import with_physics

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from robots.model.catalog import resolve
-from robots.simulation.scene import PART, STATIC, build_world
+from robots.scene.world import PART, STATIC, build_world
 from tests.robots.random_furniture import HANDLES, KINDS, random_furniture
 from twin import geometry as geo
 

@@ -20,7 +20,7 @@ from robots.config import PlanConfig
 from robots.film import video
 from robots.floor import find_floor
 from robots.planning.joint_path import moves_alone
-from robots.simulation.scene import build_world
+from robots.scene.world import build_world
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from twin import geometry as geo

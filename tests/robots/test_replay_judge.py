@@ -9,8 +9,8 @@ import pytest
 
 import robots
 from robots.config import PlanConfig, ReplayConfig
+from robots.scene.world import build_world
 from robots.simulation.replay import simulate
-from robots.simulation.scene import build_world
 from tests.robots import furniture
 from twin.scene import StaticPart
 

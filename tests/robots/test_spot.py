@@ -18,7 +18,7 @@ from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.planning.base_search import Base
 from robots.planning.clearance import ClearanceCheck
-from robots.simulation.scene import build_world
+from robots.scene.world import build_world
 from robots.task import Task
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened

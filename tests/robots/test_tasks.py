@@ -17,8 +17,8 @@ from robots.grasp.where_to_hold import elsewhere, holds_by_shape
 from robots.model.catalog import resolve
 from robots.model.dynamics import ArmDynamics, Terms, part_load
 from robots.planning.joint_path import may_move_alone, moves_alone
+from robots.scene.world import build_world
 from robots.simulation.replay import simulate
-from robots.simulation.scene import build_world
 from robots.task import Task, task_of
 from tests.robots import furniture
 from twin import geometry as geo

@@ -11,7 +11,7 @@ from scipy.stats import binomtest, kstest
 
 import robots
 from robots.config import PlanConfig, ReplayConfig
-from robots.simulation.scene import build_world
+from robots.scene.world import build_world
 from robots.trials.batch import replay_all
 from robots.trials.perturbation import (
     CONTACT_SIGMA,

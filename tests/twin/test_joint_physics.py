@@ -12,7 +12,7 @@ import pytest
 
 import robots
 from robots import resolve
-from robots.simulation.scene import build_world, with_collision
+from robots.scene.world import build_world, with_collision
 from tests.robots import furniture
 from tests.twin.scenes import Board, boards_inertial, boards_mesh, cabinet_twin, opening_motion
 from twin import geometry as geo

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from twin.errors import InputError
+from twin.files.text import read_json
 from twin.geometry import Array
 from twin.runs.settings import load_config
-from twin.runs.stages import Run, StageResult, read_json, stage_key
+from twin.runs.stages import Run, StageResult, stage_key
 from twin.scene import Prismatic
 
 

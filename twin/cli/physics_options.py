@@ -5,12 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-UNITS = {
-    "mass": "kg",
-    "friction": "1 (sliding friction coefficient)",
-    "damping": "N m s/rad for a hinge, N s/m for a slide",
-    "frictionloss": "N m for a hinge, N for a slide",
-}
+from twin.units import UNITS
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from twin.cli.console import Console, Outcome
-from twin.cli.physics_options import UNITS
 from twin.cli.steps import named, run_folder
 from twin.errors import InputError
 from twin.physics.edit import Change, Edited, given, set_physics
@@ -18,6 +17,7 @@ from twin.report.sections import Table
 from twin.runs.run_lock import claimed
 from twin.scene import Part, Twin
 from twin.storage import load, update
+from twin.units import UNITS
 
 _FILES = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
 
@@ -118,7 +118,7 @@ def estimate(
 
 def _frames_of(path: Path, twin: Twin) -> Callable[[int], Any]:
     """Colour pictures of the twin's recording."""
-    recording = named("recon.recording:open_recording")(path, None)
+    recording = named("recon.readers:open_recording")(path, None)
     if twin.recorded is not None and recording.fingerprint != twin.recorded.fingerprint:
         raise InputError(f"{path} is not the recording of this twin", f"give {twin.recorded.source}")
     return lambda index: recording.frame(index).color

@@ -14,8 +14,9 @@ from typing import Any
 from twin.cli.console import Outcome
 from twin.errors import FuntwinError, InputError, PlanningError
 from twin.files.paths import require_writable
+from twin.files.text import read_json
 from twin.report.sections import Section, Table, save_section
-from twin.runs.stages import MANIFEST, Progress, read_json
+from twin.runs.stages import MANIFEST, Progress
 from twin.scene import Part, Twin
 from twin.storage import load, update
 
@@ -77,12 +78,12 @@ def export(
     )
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
-    reports = named("twin.collision.report:collision_reports")(complete, cache)
+    reports = named("twin.exporters.shape_report:collision_reports")(complete, cache)
     data = {
         "files": {name: str(path) for name, path in files.items()},
         "collision": [r.to_json() for r in reports],
     }
-    columns = named("twin.collision.report:COLUMNS")
+    columns = named("twin.exporters.shape_report:COLUMNS")
     tables = [
         Table("export", ["format", "file"], rows),
         Table("collision shapes", columns, [r.row() for r in reports]),
@@ -214,7 +215,7 @@ def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, 
     if path is None or (recording is None and not path.exists()):
         return None, [f"the film shows the robot alone; {hint}"], []
     try:
-        opened = named("recon.recording:open_recording")(path)
+        opened = named("recon.readers:open_recording")(path)
     except InputError as e:
         if recording is not None:
             raise

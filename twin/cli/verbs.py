@@ -29,7 +29,7 @@ def demo(
     steps.named("robots:resolve")(robot)
     recording = recording or asset("recordings/cabinet_drawer")
     truth = recording / "truth"
-    opened = steps.named("recon.recording:open_recording")(recording)
+    opened = steps.named("recon.readers:open_recording")(recording)
     with console.progress() as progress, _page(out):
         settings = _settings("recon.config:ReconConfig", config, set)
         done = [steps.reconstruct(progress, opened, out, settings)]
@@ -78,7 +78,7 @@ def reconstruct(
     """Recording to twin."""
     _require_run(out)
     told = _told(config, set)
-    opened = steps.named("recon.recording:open_recording")(recording, layout)
+    opened = steps.named("recon.readers:open_recording")(recording, layout)
     settings = from_dict(steps.named("recon.config:ReconConfig"), *told)
     with console.progress() as progress, _page(out):
         return steps.reconstruct(progress, opened, out, settings, joint_hint).outcome

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from twin.errors import InputError
 from twin.files.atomic import contents, put
-from twin.runs.stages import read_json, write_json
+from twin.files.text import read_json, write_json
 
 LIST = "files.json"
 _FORMAT = "funtwin-files/1"

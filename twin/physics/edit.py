@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin.cli.physics_options import UNITS
 from twin.errors import InputError, SceneError
 from twin.physics import KEPT, joint_and_contact, weighed
 from twin.physics.materials import Material, MaterialTable, read_materials
@@ -15,6 +14,7 @@ from twin.physics.surface_mass import shell_inertial
 from twin.physics.text import described
 from twin.quantities import Inertial, Quantity
 from twin.scene import Part, Twin
+from twin.units import UNITS
 
 # Half width of the interval of a number that came without one, as a share of it; chosen by us. A kitchen or luggage scale
 # is good to 2 %, a force or friction measured by hand to 10 %, a number from memory or a data sheet of another model to 20 %.

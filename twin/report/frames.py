@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.files.atomic import write_file
 from twin.files.paths import AnyPath
+from twin.files.text import read_json, write_json
 from twin.geometry import Array
-from twin.runs.stages import read_json, write_json
 from twin.scene import HAND_LABEL, Part, Revolute, Twin
 
 Image = NDArray[np.uint8]

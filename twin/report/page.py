@@ -11,11 +11,12 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.files.paths import AnyPath
+from twin.files.text import read_json, write_text
 from twin.physics.text import described
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
-from twin.runs.stages import MANIFEST, read_json, write_text
+from twin.runs.stages import MANIFEST
 from twin.scene import Part, Twin
 from twin.storage import load
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from twin.errors import InputError
 from twin.files.paths import AnyPath
-from twin.runs.stages import read_json, write_json
+from twin.files.text import read_json, write_json
 
 PAGE = "report.html"
 _BEGINS = "· Funtwin</title>".encode()  # as every page of ours does

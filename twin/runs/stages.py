@@ -23,7 +23,7 @@ from platform import python_version
 from typing import Any, Generic, Protocol, TypeVar
 
 from twin.errors import FuntwinError, InputError
-from twin.files.atomic import write_file
+from twin.files.text import read_json, write_json, write_text
 from twin.runs.codec import OtherVersionError, TreeCodec
 from twin.runs.run_lock import claim, release
 from twin.runs.settings import as_dict, to_toml
@@ -307,25 +307,6 @@ def update_manifest(folder: Path, **sections: Any) -> None:
     manifest = read_json(path)
     manifest = {"format": "funtwin-run/1"} | manifest | sections
     write_json(path, manifest)
-
-
-def write_json(path: Path, data: Any) -> None:
-    """Write JSON so that readers see the old or the new text, never a part."""
-    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Replace a text file at once."""
-    write_file(path, text.encode())
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object in a file; empty when the file is missing or no JSON object."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return data if isinstance(data, dict) else {}
 
 
 def versions() -> dict[str, str]:

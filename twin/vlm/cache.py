@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from twin.runs.stages import read_json, write_json
+from twin.files.text import read_json, write_json
 from twin.vlm.client import DEFAULT, Endpoint, Limits, Question, ask
 
 T = TypeVar("T")

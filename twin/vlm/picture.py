@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.runs.stages import read_json
+from twin.files.text import read_json
 from twin.scene import HAND_LABEL, Part, Twin
 
 Image = NDArray[np.uint8]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from robots.model.mjcf import robot_model
 from robots.model.spec import RobotSpec
 from robots.part_physics import frictionloss, inertial_of, joint_damping, part_friction
-from robots.simulation.paint import painted
+from robots.scene.paint import painted
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array

@@ -1,0 +1,1 @@
+"""The simulated scene: a twin and a robot in one MuJoCo model."""
