@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from recon.moving_part import MovingPart
 from recon.recording import Recording
-from twin import geometry as geo
 from twin.names import legal_name
-from twin.scene import ContactPath, Joint, Mesh, Part, Recorded, Revolute, StaticPart, Trajectory, Twin
+from twin.scene import ContactPath, Mesh, Part, Recorded, StaticPart, Trajectory, Twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,26 +25,6 @@ class FinishedPart:
     contact: ContactPath | None
     type_source: str
     closed_source: str
-
-
-def centred(joint: Joint, mesh: Mesh) -> Joint:
-    """The joint with its pivot moved along the axis to the point nearest the mesh's area centroid, uncertainty included.
-
-    A tilt (t1, t2) about the first two columns of the axis' basis shifts the axis, d metres along it, by d (t2, -t1).
-    """
-    if not isinstance(joint, Revolute):
-        return joint
-    pivot = geo.nearest_point_on_line(mesh.area_centroid, joint.pivot, joint.axis)
-    moved = replace(joint, pivot=pivot)
-    if joint.covariance is None:
-        return moved
-    d = float((pivot - joint.pivot) @ joint.axis)
-    jacobian = np.eye(4)
-    jacobian[2:, :2] = d * np.array([[0.0, 1.0], [-1.0, 0.0]])
-    covariance = jacobian @ joint.covariance @ jacobian.T
-    shift = float(np.sqrt(np.trace(covariance[2:, 2:]) / 2))
-    sigma = None if joint.sigma is None else replace(joint.sigma, pivot=shift)
-    return replace(moved, covariance=0.5 * (covariance + covariance.T), sigma=sigma)
 
 
 def assemble(
@@ -69,7 +48,7 @@ def assemble(
                 id=part.moving.id,
                 name=part_name,
                 mesh=part.mesh,
-                joint=centred(part.moving.joint, part.mesh),
+                joint=part.moving.joint.with_pivot(part.mesh.area_centroid),
                 motion=part.moving.motion,
                 contact=part.contact,
                 limits_source="observed: quantiles of the smoothed state",

@@ -6,10 +6,9 @@ world frame with every joint at state 0, the most closed state; opening is posit
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,10 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.errors import SceneError, nearest_name
 from twin.geometry import Array
+from twin.joint import Joint as Joint
+from twin.joint import JointSigma as JointSigma
+from twin.joint import Prismatic as Prismatic
+from twin.joint import Revolute as Revolute
 from twin.names import is_legal_name, legal_name
 from twin.quantities import ORIGINS as ORIGINS
 from twin.quantities import Described as Described
@@ -26,7 +29,6 @@ from twin.quantities import PartPhysics as PartPhysics
 from twin.quantities import Quantity as Quantity
 from twin.quantities import frozen_array as _frozen
 from twin.quantities import origin_of as origin_of
-from twin.quantities import require_sane
 from twin.quantities import set_field as _set
 
 STATIC_LABEL = 1
@@ -96,108 +98,6 @@ class Box(Described):
         """The eight corners (8, 3) in the world frame."""
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return geo.transform(self.T_world_box, signs * self.size / 2)
-
-
-@dataclass(frozen=True)
-class JointSigma:
-    """One standard deviation of a joint: axis direction (rad), axis position (m, None if prismatic), state (m or rad)."""
-
-    axis: float
-    pivot: float | None
-    state: float
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Joint(Described, ABC):
-    """One-degree-of-freedom joint. `lower` <= 0 <= `upper` hold the limits in metres or radians.
-
-    `pose(a) @ pose(b) == pose(a + b)` and `pose(0)` is the identity. `covariance` is over the tangent of the joint
-    in the basis `geometry.orthogonal_basis(axis)`: the axis tilts (rad) about its first two columns, then, for a revolute
-    joint, the shifts (m) of the axis along those columns at the pivot.
-    """
-
-    axis: Array
-    lower: float = 0.0
-    upper: float = 0.0
-    covariance: Array | None = None
-    sigma: JointSigma | None = None
-
-    kind: Literal["prismatic", "revolute"] = field(init=False, default="prismatic")
-    _dof: int = field(init=False, default=2)
-
-    def __post_init__(self) -> None:
-        _set(self, "axis", _frozen(self.axis, (3,), "joint axis"))
-        norm = float(np.linalg.norm(self.axis))
-        if abs(norm - 1.0) > 1e-6:
-            raise SceneError(f"joint axis must have length 1, got {norm:.6g}", "divide it by its length")
-        if not (np.isfinite(self.lower) and np.isfinite(self.upper) and self.lower <= self.upper):
-            raise SceneError(
-                f"joint limits must be finite with lower <= upper, got {self.lower}..{self.upper}"
-            )
-        require_sane(max(-self.lower, self.upper), "a joint limit")
-        if self.covariance is not None:
-            c = _frozen(self.covariance, (self._dof, self._dof), "joint covariance")
-            if not np.allclose(c, c.T, atol=1e-12) or np.linalg.eigvalsh(c).min() < -1e-12:
-                raise SceneError("joint covariance must be symmetric and not negative")
-            _set(self, "covariance", c)
-
-    @abstractmethod
-    def pose(self, state: float) -> Array:
-        """Pose (4, 4) of the part at `state` relative to state 0, in the world frame."""
-
-    def poses(self, states: Any) -> Array:
-        """Poses (n, 4, 4) for states (n,)."""
-        return np.stack([self.pose(float(s)) for s in np.atleast_1d(states)])
-
-    @abstractmethod
-    def velocity(self, state: float, point: Any) -> Array:
-        """Derivative (3,) by the state of a part point given in the world at state 0."""
-
-    @abstractmethod
-    def transformed(self, T_new_old: Array) -> Joint:
-        """The same joint in another world frame."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Prismatic(Joint):
-    """Sliding joint (drawer, sliding door); states in metres along `axis`."""
-
-    kind: Literal["prismatic", "revolute"] = field(init=False, default="prismatic")
-    _dof: int = field(init=False, default=2)
-
-    def pose(self, state: float) -> Array:
-        return geo.make_pose(translation=self.axis * state)
-
-    def velocity(self, state: float, point: Any) -> Array:  # noqa: ARG002  (the same everywhere)
-        return np.array(self.axis)
-
-    def transformed(self, T_new_old: Array) -> Prismatic:
-        return replace(self, axis=geo.unit(geo.rotate(T_new_old, self.axis)), covariance=None)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Revolute(Joint):
-    """Hinge (door, lid) about the line through `pivot` (3,) m along `axis`; states in radians, right-handed."""
-
-    pivot: Array = field(kw_only=True)
-    kind: Literal["prismatic", "revolute"] = field(init=False, default="revolute")
-    _dof: int = field(init=False, default=4)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _set(self, "pivot", _frozen(self.pivot, (3,), "joint pivot"))
-
-    def pose(self, state: float) -> Array:
-        r = geo.exp_so3(self.axis * state)
-        return geo.make_pose(r, self.pivot - r @ self.pivot)
-
-    def velocity(self, state: float, point: Any) -> Array:
-        moved = geo.transform(self.pose(state), np.asarray(point, dtype=np.float64)[None])[0]
-        return np.cross(self.axis, moved - self.pivot)
-
-    def transformed(self, T_new_old: Array) -> Revolute:
-        axis = geo.unit(geo.rotate(T_new_old, self.axis))
-        return replace(self, axis=axis, pivot=geo.transform(T_new_old, self.pivot[None])[0], covariance=None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

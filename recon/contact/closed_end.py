@@ -17,7 +17,7 @@ from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
-from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Revolute, Trajectory
+from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
 _EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the thickness of a fridge door
 
@@ -248,21 +248,9 @@ def rebase(part: MovingPart, closed: ClosedEnd, quantile: float = 0.02) -> Movin
     """
     state = closed.opening_sign * (part.motion.state - closed.state)
     upper = max(0.0, travel_ends(state, quantile)[1])
-    joint = replace(part.joint, lower=0.0, upper=upper)
-    if closed.opening_sign < 0:
-        joint = _turned(joint)
+    joint = part.joint if closed.opening_sign > 0 else part.joint.reversed()
+    joint = replace(joint, lower=0.0, upper=upper)
     return replace(part, joint=joint, motion=replace(part.motion, state=state))
-
-
-def _turned(joint: Joint) -> Joint:
-    """The joint with its axis reversed; the covariance goes to the basis of the new axis."""
-    covariance = joint.covariance
-    if covariance is not None:
-        old, new = (geo.orthogonal_basis(a)[:, :2] for a in (joint.axis, -joint.axis))
-        change = np.kron(np.eye(2 if isinstance(joint, Revolute) else 1), new.T @ old)
-        covariance = change @ covariance @ change.T
-        covariance = 0.5 * (covariance + covariance.T)
-    return replace(joint, axis=-joint.axis, covariance=covariance)
 
 
 def rebase_mesh(mesh: Mesh, part: MovingPart, closed: ClosedEnd) -> Mesh:

@@ -21,6 +21,7 @@ from recon.joints.observations import (
 )
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.joint import moved_axis
 
 _NEGLIGIBLE = (
     1e-8  # change of chi-square that ends a refinement; far below noise, for the sake of exact input
@@ -45,10 +46,9 @@ class Bundle:
 
 def step(model: Model, delta: ArrayLike) -> Model:
     """The model moved by (2 or 4 joint tangents, T states)."""
-    basis, delta = geo.orthogonal_basis(model.axis)[:, :2], geo.as_float(delta)
+    delta = geo.as_float(delta)
     n = 4 if model.kind == "revolute" else 2
-    axis = geo.unit(geo.exp_so3(basis @ delta[:2]) @ model.axis)
-    pivot = model.pivot + basis @ delta[2:4] if n == 4 else model.pivot
+    axis, pivot = moved_axis(model.axis, model.pivot, delta[:n])
     return replace(model, axis=axis, pivot=pivot, state=model.state + delta[n:])
 
 

@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter
 from recon.joints.observations import Model
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.joint import turned_covariance
 from twin.scene import JointSigma, Prismatic, Revolute
 
 REST_SHARE = (
@@ -80,14 +81,9 @@ def joint_of(
 ) -> Prismatic | Revolute:
     """The twin's joint: axis in the wanted sense, covariance turned into the basis that goes with that axis."""
     axis = geo.unit(sign * model.axis)
-    turn = geo.orthogonal_basis(axis)[:, :2].T @ geo.orthogonal_basis(model.axis)[:, :2]
-    both = np.kron(np.eye(len(covariance) // 2), turn)
-    cov = both @ covariance @ both.T
-    cov = 0.5 * (cov + cov.T)
-    tilt = float(np.sqrt(max(np.trace(cov[:2, :2]), 0.0)))
+    old, new = (geo.orthogonal_basis(a)[:, :2] for a in (model.axis, axis))
+    cov = turned_covariance(covariance, old, new)
+    sigma = JointSigma.of(cov, state_sigma)
     if model.kind == "prismatic":
-        sigma = JointSigma(axis=tilt, pivot=None, state=state_sigma)
         return Prismatic(axis=axis, lower=lower, upper=upper, covariance=cov, sigma=sigma)
-    shift = float(np.sqrt(max(np.trace(cov[2:, 2:]), 0.0)))
-    sigma = JointSigma(axis=tilt, pivot=shift, state=state_sigma)
     return Revolute(axis=axis, lower=lower, upper=upper, covariance=cov, sigma=sigma, pivot=model.pivot)

@@ -34,7 +34,7 @@ class MotionConfig:
     max_residual: float = 0.008
     max_looseness: float = 2.5
     max_moving_share: float = 0.8
-    max_axis_sigma: float = float(np.radians(2.0))
+    max_axis_sigma: float = float(np.radians(1.4))
     same_axis: float = float(np.radians(10.0))
     same_pivot: float = 0.06
     joint: JointConfig = field(default_factory=JointConfig)

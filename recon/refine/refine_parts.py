@@ -149,10 +149,9 @@ def _with_uncertainty(
     second = np.diff(state, 2)
     noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
     drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", pushed[:, d + 1 :], pushed[:, d + 1 :]))))
-    tilt = float(np.sqrt(np.trace(covariance[:2, :2]) / 2))
-    shift = float(np.sqrt(np.trace(covariance[2:, 2:]) / 2)) if d == 4 else None
-    sigma = JointSigma(tilt, shift, float(np.hypot(noise, drift)))
-    return _Refined(joint, state, 0.5 * (covariance + covariance.T), sigma, rms, noise)
+    covariance = 0.5 * (covariance + covariance.T)
+    sigma = JointSigma.of(covariance, float(np.hypot(noise, drift)))
+    return _Refined(joint, state, covariance, sigma, rms, noise)
 
 
 def _drift(joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -27,12 +25,7 @@ def step(
     d = jac.shape[1] - 1
     h, g = add_priors(h, g, d, state, start, rests)
     delta = -np.linalg.solve(h, g)
-    basis = geo.orthogonal_basis(joint.axis)
-    axis = geo.unit(geo.exp_so3(basis[:, :2] @ delta[:2]) @ joint.axis)
-    new = replace(joint, axis=axis, covariance=None)
-    if isinstance(new, Revolute):
-        new = replace(new, pivot=new.pivot + basis[:, :2] @ delta[2:4])
-    return new, state + delta[d:]
+    return joint.plus(delta[:d]), state + delta[d:]
 
 
 def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:

@@ -18,7 +18,6 @@ from robots.planning.ik import PathSolver
 from robots.planning.timing import Effort, Leg, timed
 from robots.task import Task, unit
 from robots.trajectory import RobotTrajectory
-from robots.trials.perturbation import moved_joint
 from twin import geometry as geo
 from twin.errors import PlanningError
 from twin.geometry import Array
@@ -151,4 +150,4 @@ def may_move_alone(part: Part, state: float) -> bool:
     values, vectors = np.linalg.eigh(part.joint.covariance[:2, :2])
     tilts = 2.0 * np.sqrt(np.maximum(values, 0.0)) * vectors
     shifts = [np.zeros(4), *(np.append(sign * t, [0.0, 0.0]) for t in tilts.T for sign in (1.0, -1.0))]
-    return any(moves_alone(replace(part, joint=moved_joint(part.joint, s)), state) for s in shifts)
+    return any(moves_alone(replace(part, joint=part.joint.plus(s)), state) for s in shifts)

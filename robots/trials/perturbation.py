@@ -156,25 +156,13 @@ def draw(part: Part, spread: Spread, sizes: ErrorSizes | None, seed: int, trial:
         contact = sizes.contact * geo.unit(c)
     low, high = np.array([getattr(spread, key) for key in _QUANTITIES]).T
     mass, friction, damping, loss = (low + u * (high - low)).tolist()
-    return Draw(moved_joint(part.joint, shift), contact, mass, friction, damping, loss)
+    return Draw(part.joint.plus(shift), contact, mass, friction, damping, loss)
 
 
 def _root(covariance: Array) -> Array:
     """Matrix A with A A^T = covariance, also of a singular one."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def moved_joint(joint: Joint, shift: Array) -> Joint:
-    """The joint moved along its tangent: shift (4,) = tilts (rad) about, then shifts (m) along, the first two columns of
-    `geometry.orthogonal_basis(axis)`; a slide has no shifts."""
-    if not np.any(shift):
-        return joint
-    basis = geo.orthogonal_basis(joint.axis)[:, :2]
-    axis = geo.unit(geo.exp_so3(basis @ shift[:2]) @ joint.axis)
-    if isinstance(joint, Revolute):
-        return replace(joint, axis=axis, pivot=joint.pivot + basis @ shift[2:])
-    return replace(joint, axis=axis)
 
 
 def perturbed(world: World, part: Part, drawn: Draw) -> World:

@@ -18,7 +18,6 @@ from robots.trials.perturbation import (
     ErrorSizes,
     closes_itself,
     draw,
-    moved_joint,
     nominal,
     path_error,
     perturbed,
@@ -109,7 +108,7 @@ def test_path_error_of_a_shift_is_the_shift_and_of_a_tilted_slide_its_chord(draw
     assert path_error(
         part, replace(sure, contact=np.array([0.0, 0.006, 0.008])), point, 0.35
     ) == pytest.approx(0.01)
-    tilted = replace(sure, joint=moved_joint(part.joint, np.array([0.03, 0.04, 0, 0])))
+    tilted = replace(sure, joint=part.joint.plus([0.03, 0.04, 0, 0]))
     assert path_error(part, tilted, point, 0.35) == pytest.approx(2 * 0.35 * np.sin(0.025))
 
 

@@ -15,6 +15,7 @@ from recon.joints.observations import Kind
 from recon.joints.pose_graph.solver import CHI6_MEDIAN, motion_jacobian, right_inverse, twist_of
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.joint import moved_axis
 
 FLOOR = 1e-6  # m and rad: least noise, so that exact poses stay solvable
 # Noise of a marker or pose tracker, of one coordinate: its shape is assumed, its scale follows the data. One millimetre
@@ -69,12 +70,10 @@ def refine_poses(
         p = geo.nearest_point_on_line(centre, p, a)
         n, (ratio, along, _), schur, gradient = _reduced(kind, a, p, s, rest, error, sigma, sigma_rad)
         cost = _cost(error, sigma, sigma_rad)
-        basis = geo.orthogonal_basis(a)[:, :2]
         new_cost = np.inf
         while damping < 1e8:
             delta = -np.linalg.solve(schur + damping * np.diag(np.diag(schur)), gradient)
-            new_a = geo.unit(geo.exp_so3(basis @ delta[:2]) @ a)
-            new_p = p + basis @ delta[2:4] if n == 4 else p
+            new_a, new_p = moved_axis(a, p, delta[:n])
             new_rest, new_s = rest @ geo.exp_se3(delta[n:]), s + along - ratio @ delta
             new_error = _errors(T_world_part, kind, new_a, new_p, new_s, new_rest)
             new_cost = _cost(new_error, sigma, sigma_rad)

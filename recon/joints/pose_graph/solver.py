@@ -21,6 +21,7 @@ from recon.joints.pose_graph.edges import PoseEdges
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
+from twin.joint import moved_axis
 
 CHI6_MEDIAN = 5.348  # median of chi-square with 6 degrees of freedom
 _LENGTH = 0.3  # m, about half a door: how much rotation weighs against translation in the start alone
@@ -297,10 +298,8 @@ def _system(edges: PoseEdges, graph: PoseGraph, scale: float, mu: float) -> tupl
 
 
 def _moved(graph: PoseGraph, delta: Array) -> PoseGraph:
-    basis = geo.orthogonal_basis(graph.axis)[:, :2]
     n = 4 if graph.kind == "revolute" else 2
-    axis = geo.unit(geo.exp_so3(basis @ delta[:2]) @ graph.axis)
-    pivot = graph.pivot + basis @ delta[2:4] if n == 4 else graph.pivot
+    axis, pivot = moved_axis(graph.axis, graph.pivot, delta[:n])
     state = graph.state + delta[n:]
     return replace(graph, axis=axis, pivot=pivot - axis * (axis @ pivot), state=state - state[0])
 
