@@ -33,13 +33,14 @@ from replay_page import page
 import robots
 from robots.config import CONTROLS
 from robots.floor import find_floor
+from robots.reasons import StillMoving
 from robots.scene.world import World, build_world
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
 from robots.trajectory import RobotTrajectory
 from robots.trials.batch import replay_all
 from robots.trials.perturbation import Draw, draw, spread_of
-from robots.trials.run_trials import LADDER, kind_of
+from robots.trials.run_trials import LADDER
 from twin.errors import FuntwinError
 from twin.scene import Revolute, Twin
 
@@ -209,7 +210,9 @@ def _trials(
     reports = replay_all(world, plan, part, draws, config, workers=1)
     good = [r.success_90 and r.at_rest for r in reports]
     why = [
-        kind_of(r.reason) or "still moving at the end" for r, ok in zip(reports, good, strict=True) if not ok
+        r.faults[0].kind if r.faults else StillMoving().kind
+        for r, ok in zip(reports, good, strict=True)
+        if not ok
     ]
     return {
         "trials": len(draws),

@@ -15,6 +15,7 @@ from robots.grasp.tool_path import Grasp, backed_off
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
 from robots.planning.planar_base import planar_starts
+from robots.reasons import NoRoom, Reason, Reconfigures, Unreachable
 from robots.task import Task
 from twin import geometry as geo
 from twin.geometry import Array
@@ -40,7 +41,7 @@ class Base:
     T_world_base: (4, 4). pedestal: m above the floor. grasp: index. q: (waypoints + 2, n): approach, states, retreat.
     position_error m and angle_error rad: worst along the path; failed_at: state of the worst. margin: least distance
     from a joint limit (rad). manipulability: least. clearance: least distance (m) from anything not to be touched.
-    reason: why it was rejected, empty when it was not.
+    reason: why it was rejected, None when it was not.
     """
 
     T_world_base: Array
@@ -54,7 +55,7 @@ class Base:
     manipulability: float
     score: float
     clearance: float = 0.0
-    reason: str = ""
+    reason: Reason | None = None
 
     @property
     def yaw(self) -> float:
@@ -127,7 +128,7 @@ class BaseSearch:
         bases = [_blocked(poses[k], z[k] - ground.floor, int(choice[k])) for k in blocked]
         if len(keep):
             bases += self._reached(poses[keep], z[keep] - supports[keep], choice[keep])
-        return sorted(bases, key=lambda b: (bool(b.reason), -b.score))
+        return sorted(bases, key=lambda b: (b.reason is not None, -b.score))
 
     def _reached(self, poses: Array, pedestals: Array, choice: Array) -> list[Base]:
         chain, grasps = self._chain, self._grasps
@@ -196,7 +197,7 @@ def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:
     nothing = np.zeros((0, 0))
     return Base(
         pose, float(pedestal), grasp, nothing, np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf,
-        reason="the pedestal would stand in the static scene or be shut in by it",
+        reason=NoRoom(),
     )  # fmt: skip
 
 
@@ -251,12 +252,6 @@ def _starts(target: Array, chain: Chain, spec: RobotSpec) -> list[Array]:
     return starts
 
 
-def unreachable(state: float, unit: str, short: float, turned: float) -> str:
-    """The words for a tool pose that an arm misses by `short` m and `turned` rad."""
-    reach = f"reach {short:.2f} m short" if short >= 0.01 else f"tool {1000 * short:.0f} mm off"
-    return f"unreachable at state {state:.2f} {unit}: {reach}, hand {np.rad2deg(turned):.0f} deg off"
-
-
 @dataclass(frozen=True, eq=False)
 class _Ways:
     """What a reason is told in: states (w,) along the path, their unit, joint limits (n,) and names."""
@@ -267,14 +262,13 @@ class _Ways:
     upper: Array
     joints: tuple[str, ...]
 
-    def stopped(self, q: Array) -> str:
+    def stopped(self, q: Array) -> tuple[str, ...]:
         """The joints of a configuration that are at a limit."""
         low, high = q - self.lower < _AT_LIMIT, self.upper - q < _AT_LIMIT
-        names = [
+        return tuple(
             f"{self.joints[k]} at its {'lower' if low[k] else 'upper'} limit"
             for k in np.flatnonzero(low | high)
-        ]
-        return f" ({', '.join(names)})" if names else ""
+        )
 
 
 def _rated(
@@ -293,13 +287,13 @@ def _rated(
     free_angle = float(np.abs(error[:, 3:]).max())
     states, worst = ways.states, int(np.argmax(position + 0.1 * angle))
     jump = float(np.abs(np.diff(q, axis=0)).max())
-    reason = ""
+    reason: Reason | None = None
     if position.max() > _REACHED or angle.max() > 0.10 or free_angle > 0.5:
         turned = max(float(angle[worst]), free_angle if free_angle > 0.5 else 0.0)
-        told = unreachable(float(states[worst]), ways.unit, float(position[worst]), turned)
-        reason = told + ways.stopped(q[worst])
+        stopped = ways.stopped(q[worst])
+        reason = Unreachable(float(states[worst]), ways.unit, float(position[worst]), turned, stopped)
     elif jump > 1.0:
-        reason = f"the arm would have to reconfigure on the way (one joint jumps by {jump:.1f} rad)"
+        reason = Reconfigures(jump)
     # Terms of about equal weight: a third of a radian from the limits and a manipulability of 0.06 count as plenty.
     score = min(margin, 0.35) / 0.35 + min(manipulability, 0.06) / 0.06
     score -= grasp.cost + 0.15 * jump + penalty + 20.0 * float(position.max()) + 0.5 * free_angle

@@ -12,6 +12,7 @@ from robots.config import PlanConfig
 from robots.grasp.tool_path import Grasp
 from robots.model.spec import RobotSpec
 from robots.planning.base_search import Base
+from robots.reasons import InCollision
 from robots.scene.world import ROBOT, build_world
 from robots.task import Task
 from twin.geometry import Array
@@ -44,11 +45,11 @@ class ClearanceCheck:
 
     def sort(self, bases: Sequence[Base]) -> tuple[list[Base], list[Base]]:
         """Accepted bases, best first, and rejected ones with their reasons. `bases` come best first."""
-        rejected = [b for b in bases if b.reason]
+        rejected = [b for b in bases if b.reason is not None]
         accepted: list[Base] = []
-        for base in [b for b in bases if not b.reason][:_CHECKED]:
+        for base in [b for b in bases if b.reason is None][:_CHECKED]:
             checked = self.checked(base)
-            (rejected if checked.reason else accepted).append(checked)
+            (accepted if checked.reason is None else rejected).append(checked)
             if len(accepted) == _ENOUGH:
                 break
         return sorted(accepted, key=lambda b: -b.score), rejected
@@ -57,15 +58,15 @@ class ClearanceCheck:
         """The base with its clearance in the score, and a reason when the arm would touch something."""
         states = self._task.states(len(base.q) - 2)
         self._world.move_base(base.T_world_base)
-        least, where = np.inf, ""
+        least, met = np.inf, ("", 0.0)
         for q, state, opening in self._poses(base, states):
             distance, names = self._nearest(q, float(state), opening)
             if distance < least:
-                least, where = distance, f"{names} would meet at state {state:.2f}"
+                least, met = distance, (names, float(state))
             if least < _HOPELESS:
                 break
         if least < 0.0:
-            return replace(base, clearance=float(least), reason=f"{where} ({-1000 * least:.0f} mm deep)")
+            return replace(base, clearance=float(least), reason=InCollision(*met, depth=-float(least)))
         return replace(base, clearance=float(least), score=base.score + least / self._reach)
 
     def _poses(self, base: Base, states: Array) -> Iterator[tuple[Array, float, float]]:

@@ -13,13 +13,13 @@ from robots.model.dynamics import with_riders
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
 from robots.part_physics import frictionloss, weight_load
-from robots.planning.base_search import Base, unreachable
+from robots.planning.base_search import Base
 from robots.planning.ik import PathSolver
 from robots.planning.timing import Effort, Leg, timed
+from robots.reasons import Reconfigures, RefusedError, Unreachable
 from robots.task import Task, unit
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
-from twin.errors import PlanningError
 from twin.geometry import Array
 from twin.scene import Part, Twin
 
@@ -123,11 +123,10 @@ def _leg(
     worst = int(np.argmax(solution.position_error))
     strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
     if solution.position_error[worst] > config.position_tolerance or strict > config.angle_tolerance:
-        raise PlanningError(
-            unreachable(float(states[worst]), of, float(solution.position_error[worst]), strict)
-        )
+        off = float(solution.position_error[worst])
+        raise RefusedError(Unreachable(float(states[worst]), of, off, strict))
     if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
-        raise PlanningError("the arm would have to reconfigure on the way")
+        raise RefusedError(Reconfigures())
     return Leg(solution.q, states, solution.position_error, tool)
 
 

@@ -23,6 +23,7 @@ from robots.planning.clearance import ClearanceCheck
 from robots.planning.ik import PathSolver
 from robots.planning.joint_path import refined
 from robots.planning.timing import Effort
+from robots.reasons import reason_of
 from robots.scene.world import with_collision
 from robots.simulation.faults import SLIP_LIMIT
 from robots.simulation.replay import replay
@@ -136,7 +137,7 @@ def _planned(
             made = refined(twin, target, spec, chain, solver, base, grasps[base.grasp], task, effort, config)
             candidates.append(replace(made, floor=floor))
         except PlanningError as e:
-            rejected.append(replace(base, reason=e.problem))
+            rejected.append(replace(base, reason=reason_of(e)))
         if len(candidates) == config.finalists:
             break
     if not candidates:
@@ -205,8 +206,12 @@ def _reported(base: Base) -> RejectedBase:
     p = base.T_world_base[:3, 3]
     score = base.score if np.isfinite(base.score) else -1e3
     return RejectedBase(
-        (float(p[0]), float(p[1]), float(p[2])), base.yaw, base.pedestal, float(score), base.reason
+        (float(p[0]), float(p[1]), float(p[2])), base.yaw, base.pedestal, float(score), _told(base)
     )
+
+
+def _told(base: Base) -> str:
+    return "" if base.reason is None else base.reason.text
 
 
 def _why(
@@ -223,7 +228,7 @@ def _why(
     head = f"{spec.name} can't {verb} part {part.name!r} from any of {len(bases)} base poses{where}"
     reached = [b for b in rejected if np.isfinite(b.position_error)]
     if not reached:
-        return f"{head}: {bases[0].reason if bases else 'none was tried'}"
+        return f"{head}: {_told(bases[0]) if bases else 'none was tried'}"
     refused = [b for b in reached if b.clearance > 0]  # free of contact, and still refused
     touched = [b for b in reached if b.clearance < 0]
     if refused:
@@ -233,4 +238,4 @@ def _why(
     else:
         best = min(reached, key=lambda b: b.position_error + 0.1 * b.angle_error)
     x, y, z = best.T_world_base[:3, 3]
-    return f"{head}: {best.reason}; nearest base at ({x:.2f}, {y:.2f}, {z:.2f}) m, score {best.score:.2f}"
+    return f"{head}: {_told(best)}; nearest base at ({x:.2f}, {y:.2f}, {z:.2f}) m, score {best.score:.2f}"

@@ -10,8 +10,8 @@ from scipy.interpolate import CubicSpline
 from robots.config import PlanConfig
 from robots.model.dynamics import ArmDynamics, PartLoad
 from robots.model.spec import RobotSpec
+from robots.reasons import RefusedError, TooWeak
 from twin import geometry as geo
-from twin.errors import PlanningError
 from twin.geometry import Array
 
 STEP = 0.02  # s between samples
@@ -213,9 +213,9 @@ def _by_torque(
         return shortest
     share = np.abs(terms.still) / spec.effort
     k, joint = np.unravel_index(int(np.argmax(share)), share.shape)
-    raise PlanningError(
-        f"{spec.arm_joints[joint]} is too weak at state {states[k]:.2f}: arm{' and part' if loaded else ''} take "
-        f"{abs(terms.still[k, joint]):.1f} N m at rest, {limit[joint]:.1f} of {spec.effort[joint]:.0f} N m may be used"
+    needed, usable = abs(float(terms.still[k, joint])), float(limit[joint])
+    raise RefusedError(
+        TooWeak(spec.arm_joints[joint], float(states[k]), loaded, needed, usable, float(spec.effort[joint]))
     )
 
 

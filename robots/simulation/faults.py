@@ -7,6 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.model.spec import RobotSpec
+from robots.reasons import (
+    AtTorqueLimit,
+    BeyondJointLimit,
+    CameBack,
+    IntoScene,
+    LostPart,
+    NotGripped,
+    Reason,
+    Slipped,
+    Stuck,
+)
 from robots.simulation.record import Record
 from robots.task import Task
 from robots.trajectory import PHASES
@@ -22,7 +33,7 @@ class Fault:
     """One thing that went wrong, and the index into PHASES of when it did (-1: after the last)."""
 
     phase: int
-    text: str
+    reason: Reason
 
 
 def find_faults(
@@ -47,7 +58,7 @@ def _grip(record: Record) -> list[Fault]:
     touching = record.touching[np.flatnonzero(record.phase == close)[-1]]
     if touching >= 2:
         return []
-    return [Fault(close, f"the fingers did not get hold of the part ({touching:.0f} of 2 touch it)")]
+    return [Fault(close, NotGripped(float(touching)))]
 
 
 def _joints(record: Record, share: Array, beyond: Array, spec: RobotSpec) -> list[Fault]:
@@ -56,11 +67,11 @@ def _joints(record: Record, share: Array, beyond: Array, spec: RobotSpec) -> lis
         k = int(np.argmax(share.max(axis=0)))
         at = int(np.argmax(share[:, k]))
         unit = "N" if k < len(spec.base_joints) - 1 else "N m"  # a planar base slides twice, then turns
-        text = f"{spec.arm_joints[k]} is at its torque limit of {spec.effort[k]:.0f} {unit} at {record.times[at]:.1f} s"
-        found.append(Fault(int(record.phase[at]), text))
+        reason = AtTorqueLimit(spec.arm_joints[k], float(spec.effort[k]), unit, float(record.times[at]))
+        found.append(Fault(int(record.phase[at]), reason))
     if beyond.max() > 0:
         at = int(np.argmax(beyond.max(axis=1)))
-        found.append(Fault(int(record.phase[at]), f"a joint goes {beyond.max():.3f} rad beyond its limit"))
+        found.append(Fault(int(record.phase[at]), BeyondJointLimit(float(beyond.max()))))
     return found
 
 
@@ -72,18 +83,14 @@ def _way(record: Record, task: Task) -> list[Fault]:
     move = PHASES.index("move")
     lost = np.flatnonzero((record.phase == move) & (record.touching == 0))
     if len(lost):
-        return [Fault(move, f"the hand lost the part at state {record.state[lost[0]]:.2f}")]
+        return [Fault(move, LostPart(float(record.state[lost[0]])))]
     done = "opened" if task.direction > 0 else "closed"
     reached = np.array([task.reached(float(s)) for s in record.state])
-    if reached.max() >= 0.90:
+    peak = float(reached.max())
+    if peak >= 0.90:
         after = record.phase[np.flatnonzero(reached >= 0.90)[-1]]
-        return [Fault(int(after), f"the part {done} {reached.max():.2f} of the way and ended at {final:.2f}")]
-    pressed = _pressed(record)
-    if pressed:
-        return [
-            Fault(move, f"{done} {reached.max():.2f} of the way; {pressed[0]} pressed against {pressed[1]}")
-        ]
-    return [Fault(move, f"{done} {reached.max():.2f} of the way; the part did not follow the hand")]
+        return [Fault(int(after), CameBack(done, peak, final))]
+    return [Fault(move, Stuck(done, peak, _pressed(record)))]
 
 
 def _pressed(record: Record) -> tuple[str, str] | None:
@@ -103,11 +110,11 @@ def _scene(record: Record) -> list[Fault]:
     time, a, b, depth = max(deep, key=lambda c: c[3])
     body = b if a.startswith(STATIC) else a
     phase = int(record.phase[int(np.argmin(np.abs(record.times - time)))])
-    return [Fault(phase, f"{body} goes {1000 * depth:.1f} mm into the static scene at {time:.1f} s")]
+    return [Fault(phase, IntoScene(body, depth, time))]
 
 
 def _slips(record: Record, slip: Array) -> list[Fault]:
     if slip.max() <= SLIP_LIMIT:
         return []
     at = int(np.argmax(slip > SLIP_LIMIT))
-    return [Fault(int(record.phase[at]), f"the grip slipped by {1000 * slip.max():.0f} mm")]
+    return [Fault(int(record.phase[at]), Slipped(float(slip.max())))]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robots.floor import Floor
 from robots.model.spec import RobotSpec
+from robots.reasons import Reason
 from robots.simulation.faults import Fault, find_faults
 from robots.simulation.record import Record
 from robots.task import Task
@@ -64,7 +65,7 @@ class ReplayReport:
     ok: success_90 with slip, torque and joint limits kept. slip_mm: largest displacement of the tool point in the
     part's frame between grasp and release. torque_share, torque_peak: of the limits, per joint. limit_margin: rad.
     tracking: of the tool against the plan while the part is moved. floor: what the robot stands on, see
-    `RobotTrajectory`. reason: what went wrong, empty when ok.
+    `RobotTrajectory`. faults: what went wrong, causes first; empty when ok.
     """
 
     robot: str
@@ -97,13 +98,19 @@ class ReplayReport:
     duration: float
     wall_seconds: float
     video: str | None
-    reason: str
+    faults: tuple[Reason, ...]
+
+    @property
+    def reason(self) -> str:
+        """The first thing that went wrong, in words; empty when nothing did."""
+        return self.faults[0].text if self.faults else ""
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types; wall time is left out so that equal runs give equal files."""
         values = asdict(self)
         values.pop("wall_seconds")
-        return values
+        values.pop("faults")
+        return {**values, "reason": self.reason}
 
 
 def measure(
@@ -123,7 +130,6 @@ def measure(
     success_90 = bool(reached >= 0.90)
     unintended = _unintended(record)
     faults = find_faults(record, task, slip, share, beyond, spec)
-    reason = faults[0].text if faults else ""
     p = trajectory.T_world_base[:3, 3]
     return ReplayReport(
         robot=trajectory.robot,
@@ -139,7 +145,7 @@ def measure(
         at_rest=at_rest,
         success_75=bool(reached >= 0.75) and at_rest,
         success_90=success_90,
-        ok=success_90 and not reason,
+        ok=success_90 and not faults,
         slip_mm=1000 * float(slip.max()),
         tracking_mean_mm=1000 * float(error[held].mean()),
         tracking_max_mm=1000 * float(error[held].max()),
@@ -156,7 +162,7 @@ def measure(
         duration=float(record.times[-1]),
         wall_seconds=wall,
         video=video,
-        reason=reason,
+        faults=tuple(f.reason for f in faults),
     )
 
 
@@ -217,7 +223,7 @@ def _rows(
                 torque_share=float(share[at].max()),
                 touching=float(record.touching[at].mean()),
                 unintended=int(np.count_nonzero((hits >= t0) & (hits <= t1))),
-                reason=next((f.text for f in faults if f.phase == k), ""),
+                reason=next((f.reason.text for f in faults if f.phase == k), ""),
             )
         )
     return tuple(rows)

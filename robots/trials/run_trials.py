@@ -6,7 +6,6 @@ The robot plans once, on the twin. Each trial replays that trajectory in a scene
 from __future__ import annotations
 
 import json
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -18,6 +17,7 @@ import numpy as np
 from robots.config import ReplayConfig
 from robots.floor import Floor
 from robots.model.catalog import resolve
+from robots.reasons import CameBack, ClosedByItself, Reason, StillMoving
 from robots.scene.world import build_world, with_collision
 from robots.simulation.report import ReplayReport
 from robots.trajectory import RobotTrajectory
@@ -62,12 +62,14 @@ class Trial:
     report: ReplayReport
 
     @property
-    def reason(self) -> str:
+    def reason(self) -> Reason | None:
         """What went wrong; of a part that was opened and let go, that it falls shut is said instead."""
         r = self.report
-        if self.closes_itself and r.opening_peak >= 0.90 and not r.success_90 and "came back" in r.reason:
-            return f"let go at {r.opening_peak:.2f} of the range, its own weight closed it to {r.opening_final:.2f}"
-        return r.reason or ("" if r.at_rest else "still moving at the end")
+        if self.closes_itself and r.faults and isinstance(r.faults[0], CameBack):
+            return ClosedByItself(r.opening_peak, r.opening_final)
+        if r.faults:
+            return r.faults[0]
+        return None if r.at_rest else StillMoving()
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types."""
@@ -94,7 +96,7 @@ class Trial:
             "success_90": r.success_90,
             "ok": r.ok,
             "closes_itself": self.closes_itself,
-            "reason": self.reason,
+            "reason": "" if self.reason is None else self.reason.text,
         }
 
 
@@ -104,7 +106,7 @@ class TrialRow:
 
     success_75: at least 0.75 open and at rest; success_90: at least 0.90 open at the end; clean: success_90 with slip,
     torque and joint limits kept; opening: mean share of the range at the end. reasons: of the trials that miss
-    success_75 or success_90, numbers left out, most frequent first.
+    success_75 or success_90, counted by their kind, most frequent first.
     """
 
     sizes: ErrorSizes | None
@@ -134,7 +136,7 @@ class TrialRow:
     @property
     def reasons(self) -> dict[str, int]:
         failed = [t for t in self.trials if not (t.report.success_75 and t.report.success_90)]
-        counted = Counter(kind_of(t.reason) for t in failed)
+        counted = Counter("" if t.reason is None else t.reason.kind for t in failed)
         return dict(sorted(counted.items(), key=lambda item: (-item[1], item[0])))
 
     def cells(self) -> list[str]:
@@ -291,11 +293,6 @@ def rows_of(part: Part, grid: bool) -> list[ErrorSizes | None]:
         kept = [ErrorSizes(s.axis, 0.0, s.contact) for s in sizes]
         sizes = list(dict.fromkeys(kept))
     return [None, *sizes]
-
-
-def kind_of(reason: str) -> str:
-    """A reason without its numbers, so that equal ones can be counted; names that end in a number keep it."""
-    return re.sub(r"(?<![\w.])-?\d+(\.\d+)?", "x", reason)
 
 
 def _percent(e: Estimate) -> str:

@@ -57,7 +57,7 @@ def test_nothing_is_found_where_nothing_went_wrong(franka):
 def test_a_hand_that_misses_is_a_fault_of_closing(franka):
     found = faults(franka, touching=np.ones(N))
     assert [PHASES[f.phase] for f in found] == ["close"]
-    assert "1 of 2 touch" in found[0].text
+    assert "1 of 2 touch" in found[0].reason.text
 
 
 @pytest.mark.parametrize("at", [5, 25, 45])
@@ -66,12 +66,12 @@ def test_a_joint_at_its_limit_is_named_where_it_was(franka, at):
     share[at, 3] = 1.0
     (fault,) = faults(franka, share=share)
     assert PHASES[fault.phase] == PHASES[at // 10]
-    assert "joint4 is at its torque limit of 87 N m" in fault.text
+    assert "joint4 is at its torque limit of 87 N m" in fault.reason.text
     beyond = np.full((N, 7), -0.1)
     beyond[at, 2] = 0.004
     (fault,) = faults(franka, beyond=beyond)
     assert fault.phase == at // 10
-    assert "0.004 rad" in fault.text
+    assert "0.004 rad" in fault.reason.text
 
 
 def test_only_what_goes_deeper_than_2_mm_into_the_static_scene_counts(franka):
@@ -81,14 +81,14 @@ def test_only_what_goes_deeper_than_2_mm_into_the_static_scene_counts(franka):
     assert faults(franka, contacts=(grazed, other)) == []
     (fault,) = faults(franka, contacts=(grazed, deep, other))
     assert PHASES[fault.phase] == "hold"
-    assert "link5 goes 3.1 mm into the static scene" in fault.text
+    assert "link5 goes 3.1 mm into the static scene" in fault.reason.text
 
 
 def test_a_part_that_comes_back_after_it_was_let_go(franka):
     state = np.concatenate([np.zeros(20), np.linspace(0, 1, 10), np.ones(15), np.full(15, 0.4)])
     (fault,) = faults(franka, state=state)
     assert PHASES[fault.phase] == "open"
-    assert "1.00 of the way and ended at 0.40" in fault.text
+    assert "1.00 of the way and ended at 0.40" in fault.reason.text
 
 
 def test_causes_come_before_what_follows_from_them(franka):
@@ -96,6 +96,6 @@ def test_causes_come_before_what_follows_from_them(franka):
     share[25, 0] = 1.0
     state = np.minimum(record().state, 0.3)
     found = faults(franka, share=share, state=state, slip=np.where(np.arange(N) > 27, 0.02, 0.0))
-    assert ["torque limit" in f.text for f in found] == [True, False, False]
-    assert "did not follow" in found[1].text
-    assert "slipped by 20 mm" in found[2].text
+    assert ["torque limit" in f.reason.text for f in found] == [True, False, False]
+    assert "did not follow" in found[1].reason.text
+    assert "slipped by 20 mm" in found[2].reason.text

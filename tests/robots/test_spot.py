@@ -270,8 +270,8 @@ def test_a_jaw_that_would_meet_something_half_way_is_seen(spot):
         peg = furniture.box(at, [0.004, 0.004, 0.004])
         return replace(twin, static=StaticPart("s", twin.static.mesh, (*twin.static.collision, peg)))
 
-    assert reason(twin) == ""
+    assert reason(twin) is None
     around = np.random.default_rng(0).uniform([-0.01, 0.02, -0.06], [0.01, 0.10, 0.02], (200, 3))
     pegs = (with_peg(p) for p in geo.transform(plan.T_world_tool[moving[0]], around))
     met_half_way = next(t for t in pegs if free(t, 0.014) and free(t, spec.stroke) and reason(t))
-    assert "upper_jaw" in reason(met_half_way)
+    assert "upper_jaw" in reason(met_half_way).bodies
