@@ -1,0 +1,66 @@
+"""What the pages say about the code's layout is so: modules exist, stages are the pipeline's, and what they name is run."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+MODULE = re.compile(r"`(?P<path>(?:twin|recon|robots)/[\w/]+(?:\.py|/))`")
+
+
+def stages_of_the_pipeline() -> list[str]:
+    """Names of the stages that `recon.pipeline` computes, in order."""
+    tree = ast.parse((ROOT / "recon/pipeline.py").read_text(encoding="utf-8"))
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and ast.unparse(n.func) == "run.stage"]
+    return [ast.literal_eval(c.args[0]) for c in sorted(calls, key=lambda c: c.lineno)]
+
+
+def table_of_stages() -> list[tuple[str, list[str]]]:
+    """(stage, files) of the rows of architecture.md; a file without a folder lies beside the one before it."""
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    table = text.split("| stage | finds | module |")[1].split("\n\n")[0]
+    rows = []
+    for line in table.splitlines()[2:]:
+        stage, _, modules = (c.strip() for c in line.strip("|").split("|"))
+        files: list[str] = []
+        for name in re.findall(r"`([^`]+)`", modules):
+            files.append(name if "/" in name else f"{files[-1].rpartition('/')[0]}/{name}")
+        rows.append((stage, files))
+    return rows
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_file_that_a_page_names_exists(page: Path) -> None:
+    named = [m["path"] for m in MODULE.finditer(page.read_text(encoding="utf-8"))]
+    assert [n for n in named if not (ROOT / n).exists()] == []
+
+
+def test_the_table_of_stages_is_the_pipeline() -> None:
+    assert [stage for stage, _ in table_of_stages()] == stages_of_the_pipeline()
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    (chain,) = re.findall(r"^recording → (.*) → Twin$", text, re.MULTILINE)
+    assert chain.split(" → ") == stages_of_the_pipeline()
+
+
+def test_the_files_in_the_table_of_stages_are_imported_by_the_pipeline() -> None:
+    """A file that nothing of the chain imports is not part of it, whatever a page says."""
+    code = "import sys, recon.pipeline; print(*[m for m in sys.modules if m.startswith('recon')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    imported = set(done.stdout.split())
+    named = [f for _, files in table_of_stages() for f in files]
+    assert len(named) >= 9
+    assert [f for f in named if f.removesuffix(".py").replace("/", ".") not in imported] == []
+
+
+def test_the_top_of_recon_is_one_screen() -> None:
+    listed = subprocess.run(["git", "ls-files", "recon"], capture_output=True, text=True, cwd=ROOT)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    assert len({line.split("/")[1] for line in listed.stdout.splitlines()}) <= 23
