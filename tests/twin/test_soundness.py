@@ -12,9 +12,9 @@ import trimesh
 from tests.laws import random_pose
 from tests.twin.scenes import cabinet_twin
 from twin.cli.main import run
-from twin.collision.soundness import crossing, overlaps, require_sound
 from twin.physics import read_materials, shell_inertial, with_physics
 from twin.scene import Mesh, Twin
+from twin.soundness import crossing, overlaps, require_sound
 from twin.storage import save
 
 EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))

@@ -137,8 +137,8 @@ def test_damaged_result_is_recomputed(file: str, tmp_path: Path) -> None:
     ("stored", "told"),
     [
         ("twin.room_of_yesterday:Prismatic", "twin.room_of_yesterday:Prismatic is gone"),
-        ("twin.scene:Slider", "twin.scene:Slider is gone"),
-        ("twin.scene:JointSigma", "the fields of twin.scene:JointSigma are others now (axis, axis_deg"),
+        ("twin.joint:Slider", "twin.joint:Slider is gone"),
+        ("twin.joint:JointSigma", "the fields of twin.joint:JointSigma are others now (axis, axis_deg"),
     ],
 )
 def test_a_result_whose_class_moved_or_changed_is_computed_again_with_a_reason(
@@ -150,7 +150,7 @@ def test_a_result_whose_class_moved_or_changed_is_computed_again_with_a_reason(
     with Run(tmp_path, "x") as run:
         first = run.stage("joint", 1, None, [], lambda: value)
     data = tmp_path / "stages" / "01_joint" / "data.json"
-    text = data.read_text().replace("twin.scene:Prismatic", stored).replace('"axis"', '"axis_deg"')
+    text = data.read_text().replace("twin.joint:Prismatic", stored).replace('"axis"', '"axis_deg"')
     data.write_text(text)
     with Run(tmp_path, "x", lambda *told: said.extend(told[2:])) as run:
         again = run.stage("joint", 1, None, [], lambda: value)

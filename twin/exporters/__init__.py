@@ -9,7 +9,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal, get_args
 
-from twin.collision.soundness import overlaps, require_sound
 from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.exporters.asset import AssetInfo
@@ -21,6 +20,7 @@ from twin.files.own_files import hashes, refuse_edited, replace_own
 from twin.files.paths import AnyPath
 from twin.runs.progress import shows_bar
 from twin.scene import Twin
+from twin.soundness import overlaps, require_sound
 
 Format = Literal["urdf", "mjcf", "usd"]
 FORMATS: tuple[Format, ...] = get_args(Format)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from twin.collision.soundness import crossing
 from twin.errors import InputError
 from twin.lint.model import Surface
 from twin.lint.xml import read_xml
 from twin.scene import Mesh
+from twin.soundness import crossing
 
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # two letters at least: C: is a drive
 
@@ -94,11 +94,11 @@ def open_edges(surface: Surface) -> int:
 
 
 _MOST_FACES = 5000  # Open3D compares every pair of triangles: about a second at this count
-_SHARE = 0.01  # of the area, chosen by us: a tenth of what is told of our own parts (twin.collision.soundness), whose noise is known
+_SHARE = 0.01  # of the area, chosen by us: a tenth of what is told of our own parts (twin.soundness), whose noise is known
 
 
 def crosses_itself(surface: Surface) -> bool:
-    """True when the mesh passes through itself (twin.collision.soundness.crossing). A mesh of over 5000 faces is not judged."""
+    """True when the mesh passes through itself (twin.soundness.crossing). A mesh of over 5000 faces is not judged."""
     if len(surface.faces) > _MOST_FACES:
         return False
     return crossing(Mesh(surface.vertices, surface.faces.astype(np.int32)))[0] > _SHARE

@@ -45,7 +45,7 @@ def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
     tensor hold for any spread of such boards over the part: a heavy front on a light box, glass in a frame.
 
     Bodies that overlap are joined first, so that what they share weighs once; where that can't be, they count by their
-    surface as it is (twin.collision.soundness.overlaps tells).
+    surface as it is (twin.soundness.overlaps tells).
 
     Raises SceneError for a mesh without area.
     """
