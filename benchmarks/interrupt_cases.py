@@ -57,7 +57,9 @@ def stages_left(place: Path, rng: Random) -> float:
     seconds = [s["seconds"] for s in json.loads((run / "manifest.json").read_text())["stages"]]
     for stage in sorted((run / "stages").glob("[0-9][0-9]_*"))[keep:]:
         shutil.rmtree(stage)
-    shutil.rmtree(run / "twin")  # an exported or edited one stays as it is, and is not what the stages say: another case
+    shutil.rmtree(
+        run / "twin"
+    )  # an exported or edited one stays as it is, and is not what the stages say: another case
     if keep == 0 and rng.random() < 0.5:
         shutil.rmtree(run)
     return 0.1 + 0.9 * sum(seconds[keep:]) / sum(seconds)

@@ -57,7 +57,7 @@ def measure(recording: Path, runs: Path) -> dict[str, Any]:
         if row.part != "all parts":
             text = f"{row.value:.3g}" + (f" {row.unit}" if row.metric in ("state", "range") else "")
             by_metric.setdefault(row.metric, []).append(text)
-    missed = [f"{r.metric} {r.value:.3g} ({r.bar})" for r in result.rows if r.ok is False]
+    missed = [f"{r.metric} {r.value:.3g} ({r.goal})" for r in result.rows if r.ok is False]
     stages = {s["name"]: s for s in read_json(run / MANIFEST)["stages"]}
     return {
         "name": recording.name,

@@ -129,7 +129,7 @@ def test_paths_as_texts_do_what_paths_do(tmp_path: Path) -> None:
         native.load(f"{run}/trajectory.json")
     assert robots.resolve(str(ROOT / "assets" / "robots" / "franka.toml")).name == "franka"
     with pytest.raises(twin.InputError, match="no trajectory format"):
-        formats.hand_over(None, ["nothing"], f"{run}/out")  # type: ignore[arg-type]
+        formats.export_trajectory(None, ["nothing"], f"{run}/out")  # type: ignore[arg-type]
 
 
 def with_sigma(made: Twin) -> Twin:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from recon.evaluation import metrics
-from recon.evaluation.goals import Bar, bar_of
+from recon.evaluation.goals import Goal, goal_of
 from recon.evaluation.metrics import Surface
 from recon.evaluation.scores import (
     CameraErrors,
@@ -51,7 +51,7 @@ CHARGE_LENGTH_MM = 1000.0
 class Row:
     """One measure of the scene or of one true part.
 
-    value: failures charged. matched: the same without them, None for a failure. bar: the goal, None when only reported.
+    value: failures charged. matched: the same without them, None for a failure. goal: the goal, None when only reported.
     """
 
     metric: str
@@ -59,12 +59,12 @@ class Row:
     value: float
     matched: float | None
     unit: str
-    bar: Bar | None
+    goal: Goal | None
 
     @property
     def ok(self) -> bool | None:
         """Whether the goal is met, None without one."""
-        return None if self.bar is None else self.bar.met(self.value)
+        return None if self.goal is None else self.goal.met(self.value)
 
     def as_dict(self) -> dict[str, Any]:
         return {
@@ -73,7 +73,7 @@ class Row:
             "value": self.value,
             "matched": self.matched,
             "unit": self.unit,
-            "bar": None if self.bar is None else str(self.bar),
+            "goal": None if self.goal is None else str(self.goal),
             "ok": self.ok,
         }
 
@@ -112,7 +112,7 @@ class Evaluation:
                 f"{r.value:.4g}",
                 "-" if r.matched is None else f"{r.matched:.4g}",
                 r.unit,
-                "" if r.bar is None else str(r.bar),
+                "" if r.goal is None else str(r.goal),
                 verdict[r.ok],
             )
             for r in self.rows
@@ -171,7 +171,7 @@ def _row(metric: str, part: str, value: float | None, charge: float, unit: str =
     """A row whose value is `charge` when there is none."""
     charged = charge if value is None else value
     return Row(
-        metric, part, float(charged), None if value is None else float(value), unit, bar_of(metric, unit)
+        metric, part, float(charged), None if value is None else float(value), unit, goal_of(metric, unit)
     )
 
 

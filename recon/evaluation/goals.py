@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Bar:
+class Goal:
     """A value is good when it is at most (`<=`) or at least (`>=`) the limit."""
 
     sense: str
@@ -19,16 +19,16 @@ class Bar:
         return f"{self.sense} {self.limit:g}"
 
 
-def at_most(limit: float) -> Bar:
-    return Bar("<=", limit)
+def at_most(limit: float) -> Goal:
+    return Goal("<=", limit)
 
 
-def at_least(limit: float) -> Bar:
-    return Bar(">=", limit)
+def at_least(limit: float) -> Goal:
+    return Goal(">=", limit)
 
 
 # By the names of the rows of an evaluation, with the unit where it decides.
-BARS: dict[str | tuple[str, str], Bar] = {
+GOALS: dict[str | tuple[str, str], Goal] = {
     "ATE": at_most(5.0),
     "up": at_most(2.0),
     "frames with camera": at_least(0.98),
@@ -55,6 +55,6 @@ BARS: dict[str | tuple[str, str], Bar] = {
 }
 
 
-def bar_of(metric: str, unit: str) -> Bar | None:
+def goal_of(metric: str, unit: str) -> Goal | None:
     """The goal of a measure, None for one that is only reported."""
-    return BARS.get(metric) or BARS.get((metric, unit))
+    return GOALS.get(metric) or GOALS.get((metric, unit))

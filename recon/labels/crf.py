@@ -156,7 +156,7 @@ def upsample_labels(
 
 
 @numba.njit(cache=True)
-def walk(seeds: NDArray[np.bool_], color: F32, depth: F32, color_scale: float, sweeps: int) -> F32:
+def geodesic(seeds: NDArray[np.bool_], color: F32, depth: F32, color_scale: float, sweeps: int) -> F32:
     """Length (h, w) of the shortest way along surfaces from the nearest seed pixel; px, edges count for many.
 
     A step costs 1, more where colour changes, and a step over a depth edge as much as `_EDGE_COST`. Raster sweeps in

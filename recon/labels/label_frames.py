@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.depth import F32
-from recon.labels.crf import agree, upsample_labels, walk
+from recon.labels.crf import agree, geodesic, upsample_labels
 from recon.labels.pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
 from recon.labels.reference_frames import (
     COLOR_SIGMAS,
@@ -293,8 +293,8 @@ def _spread_along_surfaces(
             continue
         moving = held | ((lead > SURE) & (score[k] == top) & sure[0])
         resting = ~held & (lead < -SURE) & (score[0] == top) & (sure[k] | (score[k] < -SURE))
-        to_part = walk(moving, seen.color, depth, scale, 3)
-        to_static = walk(resting, seen.color, depth, scale, 3)
+        to_part = geodesic(moving, seen.color, depth, scale, 3)
+        to_static = geodesic(resting, seen.color, depth, scale, 3)
         nearer = (to_static - to_part) / (to_static + to_part + 1.0) * np.exp(-to_part / _REACH_PX)
         score[k][open_question] += _SURFACE_GAIN * nearer[open_question]
         score[k][held] += _SURFACE_GAIN

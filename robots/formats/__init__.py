@@ -1,7 +1,7 @@
 """Robot trajectories as files of robots' own formats: a table name -> format.
 
-    from robots.formats import hand_over, Handover
-    hand_over(Handover(trajectory, twin.part("door_2"), robots.resolve("franka")), ["ros2", "csv"], Path("out"))
+    from robots.formats import export_trajectory, PlannedMotion
+    export_trajectory(PlannedMotion(trajectory, twin.part("door_2"), robots.resolve("franka")), ["ros2", "csv"], Path("out"))
 
 docs/robots.md tells what each file means: units, frames, quaternion order, and what is left out.
 """
@@ -9,7 +9,7 @@ docs/robots.md tells what each file means: units, frames, quaternion order, and 
 from __future__ import annotations
 
 from robots.formats.table import FORMATS as FORMATS
-from robots.formats.table import hand_over as hand_over
-from robots.formats.trajectory_export import Handover as Handover
+from robots.formats.table import export_trajectory as export_trajectory
+from robots.formats.trajectory_export import PlannedMotion as PlannedMotion
 
-__all__ = ["FORMATS", "Handover", "hand_over"]
+__all__ = ["FORMATS", "PlannedMotion", "export_trajectory"]

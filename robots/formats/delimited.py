@@ -7,12 +7,12 @@ import io
 
 import numpy as np
 
-from robots.formats.trajectory_export import Handover, smooth_quaternions_wxyz
+from robots.formats.trajectory_export import PlannedMotion, smooth_quaternions_wxyz
 
 FILES = ("trajectory.csv",)
 
 
-def columns(source: Handover) -> list[str]:
+def columns(source: PlannedMotion) -> list[str]:
     """Column names; each ends in its unit (quaternions and phases have none), tool poses are in the twin's world."""
     joints = [f"{j}_{u}" for j, u in zip(source.trajectory.joint_names, source.joint_units, strict=True)]
     return [
@@ -24,7 +24,7 @@ def columns(source: Handover) -> list[str]:
     ]  # fmt: skip
 
 
-def render(source: Handover) -> dict[str, bytes]:
+def render(source: PlannedMotion) -> dict[str, bytes]:
     """The table; numbers have as many digits as it takes to read back the same double."""
     t = source.trajectory
     quaternions = smooth_quaternions_wxyz(t.T_world_tool[:, :3, :3])

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.formats.trajectory_export import Handover, smooth_quaternions_wxyz
+from robots.formats.trajectory_export import PlannedMotion, smooth_quaternions_wxyz
 from robots.trajectory import PHASES
 from twin import geometry as geo
 from twin.errors import MissingDependencyError
@@ -39,7 +39,7 @@ FILES = tuple(
 _QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 
 
-def render(source: Handover) -> dict[str, bytes]:
+def render(source: PlannedMotion) -> dict[str, bytes]:
     """The five files. Raises MissingDependencyError without pyarrow."""
     try:
         import pyarrow as pa
@@ -62,7 +62,7 @@ def render(source: Handover) -> dict[str, bytes]:
     return dict(zip(FILES, contents, strict=True))
 
 
-def frames(source: Handover) -> tuple[dict[str, NDArray[Any]], dict[str, list[str] | None]]:
+def frames(source: PlannedMotion) -> tuple[dict[str, NDArray[Any]], dict[str, list[str] | None]]:
     """Columns (n,) or (n, d) at `FPS`, and the names of their d numbers.
 
     observation.state: planned joints (rad, slides m) and gripper (m); action: those of the next frame, which are commanded now.
@@ -124,7 +124,7 @@ def _tool(times: Array, poses: Array, at: Array) -> Array:
 
 
 def _info(
-    source: Handover, columns: dict[str, NDArray[Any]], names: dict[str, list[str] | None]
+    source: PlannedMotion, columns: dict[str, NDArray[Any]], names: dict[str, list[str] | None]
 ) -> dict[str, Any]:
     features = {
         key: {"dtype": str(v.dtype), "shape": [v.shape[1] if v.ndim > 1 else 1], "names": names[key]}

@@ -12,7 +12,7 @@ import numpy as np
 
 from robots.formats.ros2 import XYZW, header, standing, xyz
 from robots.formats.trajectory_export import (
-    Handover,
+    PlannedMotion,
     number,
     seconds_nanoseconds,
     smooth_quaternions_wxyz,
@@ -24,7 +24,7 @@ from twin.geometry import Array
 FILES = ("cartesian_trajectory.yaml",)
 
 
-def render(source: Handover) -> dict[str, bytes]:
+def render(source: PlannedMotion) -> dict[str, bytes]:
     """The message; positions in m, quaternions xyzw, velocities and accelerations in the axes of the base."""
     t, poses = source.trajectory, source.T_base_tool
     quaternions = smooth_quaternions_wxyz(poses[:, :3, :3])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robots.floor import Floor
-from robots.formats.trajectory_export import Handover
+from robots.formats.trajectory_export import PlannedMotion
 from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import InputError, PlanningError
 from twin.files.atomic import put, staging
@@ -42,12 +42,12 @@ def save(trajectory: RobotTrajectory, folder: AnyPath) -> tuple[Path, Path]:
     return json_path, npz_path
 
 
-def render_json(source: Handover) -> dict[str, bytes]:
+def render_json(source: PlannedMotion) -> dict[str, bytes]:
     """trajectory.json alone."""
     return {"trajectory.json": json_bytes(source.trajectory)}
 
 
-def render_npz(source: Handover) -> dict[str, bytes]:
+def render_npz(source: PlannedMotion) -> dict[str, bytes]:
     """trajectory.npz alone."""
     return {"trajectory.npz": npz_bytes(source.trajectory)}
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from robots.formats.trajectory_export import (
-    Handover,
+    PlannedMotion,
     number,
     seconds_nanoseconds,
     smooth_quaternions_wxyz,
@@ -27,7 +27,7 @@ from twin.geometry import Array
 FILES = ("joint_trajectory.yaml", "gripper_trajectory.yaml", "base_trajectory.yaml")
 
 
-def render(source: Handover) -> dict[str, bytes]:
+def render(source: PlannedMotion) -> dict[str, bytes]:
     """The arm's trajectory, the gripper's and, of a planar base, that of the body; they share their clock.
 
     Positions are in rad, velocities in rad/s, fingers that slide in m. Accelerations and efforts stay empty: a controller
@@ -74,7 +74,7 @@ def message(
     return {"header": header(frame), "joint_names": list(joints), "points": points}
 
 
-def base_message(source: Handover) -> dict[str, Any]:
+def base_message(source: PlannedMotion) -> dict[str, Any]:
     """The body's way in the frame of the stance; its one joint is named after it."""
     t, poses, velocities = source.trajectory, source.T_base_body, source.body_velocity
     quaternions = smooth_quaternions_wxyz(poses[:, :3, :3])
@@ -108,7 +108,7 @@ def header(frame: str) -> dict[str, Any]:
     return {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame}
 
 
-def standing(source: Handover) -> str:
+def standing(source: PlannedMotion) -> str:
     """A comment that tells what `frame_id` is and where it stands; it is a frame that does not move."""
     pose = source.trajectory.T_world_base
     x, y, z = (number(v) for v in pose[:3, 3])

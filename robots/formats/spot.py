@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.formats.trajectory_export import Handover, number, smooth_quaternions_wxyz
+from robots.formats.trajectory_export import PlannedMotion, number, smooth_quaternions_wxyz
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
@@ -65,7 +65,7 @@ class Impedance:
             )
 
 
-def render(source: Handover) -> dict[str, bytes]:
+def render(source: PlannedMotion) -> dict[str, bytes]:
     """A command for each leg on which the hand moves. Fingers close between approach and move and open before the retreat,
     a claw's while the hand moves sideways, so that the jaw that does not turn comes to the handle."""
     t = source.trajectory

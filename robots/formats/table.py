@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robots.formats import delimited, lerobot, moveit, native, ros2, spot
-from robots.formats.trajectory_export import Handover
+from robots.formats.trajectory_export import PlannedMotion
 from twin.errors import InputError, nearest_name
 from twin.files.atomic import staging
 from twin.files.own_files import place_own
@@ -23,7 +23,7 @@ class Format:
 
     what: str
     files: tuple[str, ...]
-    render: Callable[[Handover], Mapping[str, bytes]]
+    render: Callable[[PlannedMotion], Mapping[str, bytes]]
 
 
 FORMATS: dict[str, Format] = {
@@ -43,8 +43,8 @@ FORMATS: dict[str, Format] = {
 }
 
 
-def hand_over(
-    source: Handover, formats: Sequence[str], folder: AnyPath, overwrite: bool = False
+def export_trajectory(
+    source: PlannedMotion, formats: Sequence[str], folder: AnyPath, overwrite: bool = False
 ) -> dict[str, list[Path]]:
     """Write a trajectory in the named formats; returns the files of each, in the order asked for.
 

@@ -23,7 +23,7 @@ _DECIMALS = 9  # a nanometre, a nanoradian, a nanosecond
 
 
 @dataclass(frozen=True, eq=False)
-class Handover:
+class PlannedMotion:
     """A trajectory, the part that it moves and the robot that it was planned for.
 
     Raises InputError when they don't belong together.

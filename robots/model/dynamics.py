@@ -69,7 +69,7 @@ class PartLoad:
         return np.array([direction * self.friction + weight_load(self.part, s) for s in states])
 
 
-def with_riders(twin: Twin, part: Part) -> Part:
+def with_payload(twin: Twin, part: Part) -> Part:
     """The part with mass, centre and inertia of all that rides on it, at rest where it is at state 0.
 
     A part that itself rides on another one is moved while that one rests: nothing of its parent is added.
@@ -93,7 +93,7 @@ def with_riders(twin: Twin, part: Part) -> Part:
 
 
 def part_load(part: Part) -> PartLoad:
-    """What a part's physics say about the force it takes to move it, without what rides on it (see `with_riders`)."""
+    """What a part's physics say about the force it takes to move it, without what rides on it (see `with_payload`)."""
     resists = inertia_about(part.joint, inertial_of(part))
     return PartLoad(part, resists, joint_damping(part), frictionloss(part))
 

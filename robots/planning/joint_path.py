@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from robots.config import PlanConfig
 from robots.grasp.tool_path import Grasp, backed_off
-from robots.model.dynamics import with_riders
+from robots.model.dynamics import with_payload
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
 from robots.part_physics import frictionloss, weight_load
@@ -69,7 +69,7 @@ def refined(
     around, approach = out and out.reversed(), back_off.reversed()
     clear, retreat = away(tool[-1], task.goal, move.q[-1], base.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
-    laden = with_riders(twin, part)
+    laden = with_payload(twin, part)
     release = not may_move_alone(laden, task.goal) if config.release is None else config.release
     samples = timed(
         None if moves_alone(laden, task.start) else approach,

@@ -14,7 +14,7 @@ from robots.grasp.holds import Hold
 from robots.grasp.tool_path import make_grasps
 from robots.grasp.where_to_hold import elsewhere, holds_of
 from robots.model.catalog import resolve
-from robots.model.dynamics import ArmDynamics, part_load, with_riders
+from robots.model.dynamics import ArmDynamics, part_load, with_payload
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.spec import RobotSpec
@@ -130,7 +130,7 @@ def _planned(
         if accepted:
             break
     solver = PathSolver(spec, alone)
-    effort = Effort(ArmDynamics(spec, alone), part_load(with_riders(twin, target)))
+    effort = Effort(ArmDynamics(spec, alone), part_load(with_payload(twin, target)))
     candidates: list[RobotTrajectory] = []
     for base in _unlike(accepted, 4 * config.finalists):
         try:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
 from recon.evaluation.truth import Truth, load_truth
-from recon.labels.crf import agree, upsample_labels, walk
+from recon.labels.crf import agree, geodesic, upsample_labels
 from recon.labels.evidence import compare, median_depth
 from recon.labels.label_frames import LabelConfig, _spread_along_surfaces, _warn_of_ends, label_frames
 from recon.labels.reference_frames import View, find_references
@@ -217,11 +217,11 @@ def test_a_way_along_surfaces_goes_round_a_depth_edge() -> None:
     seeds = np.zeros(depth.shape, bool)
     seeds[0, 9] = True
     color = np.zeros((*depth.shape, 3), np.float32)
-    length = walk(seeds, color, depth, 5.0, 3)
+    length = geodesic(seeds, color, depth, 5.0, 3)
     assert length[0, 8] == pytest.approx(1.0)
     assert 7.0 < length[0, 11] < 15.0
     depth[4, 10] = 2.0
-    assert walk(seeds, color, depth, 5.0, 3)[0, 11] > 50.0
+    assert geodesic(seeds, color, depth, 5.0, 3)[0, 11] > 50.0
 
 
 def test_neighbours_settle_an_open_pixel_but_not_across_a_colour_edge() -> None:

@@ -12,8 +12,8 @@ import robots
 from robots.config import PlanConfig
 from robots.formats import native
 from robots.model.catalog import resolve
-from tests.robots import furniture, handovers
-from tests.robots.handovers import contents
+from tests.robots import furniture, planned_motions
+from tests.robots.planned_motions import contents
 from twin.cli.main import run
 from twin.storage import save
 
@@ -112,7 +112,7 @@ def test_a_goal_out_of_reach_is_a_missed_goal_with_its_reason(tmp_path, capsys, 
 
 
 def test_a_trajectory_is_handed_over_for_its_own_robot_and_part_only(tmp_path, capsys):
-    source = handovers.walking()
+    source = planned_motions.walking()
     save(furniture.door("left"), tmp_path / "run/twin")
     order = ["trajectory", tmp_path / "run", "--format", "ros2", "-o", tmp_path / "out"]
     told = refused([*order, "--robot", "spot"], tmp_path, capsys)

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robots.formats import FORMATS, Handover, hand_over, native
+from robots.formats import FORMATS, PlannedMotion, export_trajectory, native
 from robots.formats.moveit import velocities
 from robots.formats.trajectory_export import smooth_quaternions_wxyz, yaml_bytes
-from tests.robots import furniture, handovers
-from tests.robots.handovers import contents, stacked
+from tests.robots import furniture, planned_motions
 from tests.robots.messages import ROS, faults
+from tests.robots.planned_motions import contents, stacked
 from twin import geometry as geo
 from twin.cli import main as cli
 from twin.errors import InputError
@@ -31,13 +31,13 @@ LIGHT = [f for f in FORMATS if f != "lerobot"]
 
 @pytest.fixture(scope="module")
 def source():
-    return handovers.door()
+    return planned_motions.door()
 
 
 @pytest.fixture(scope="module")
 def folder(source, tmp_path_factory):
     out = tmp_path_factory.mktemp("handed")
-    hand_over(source, LIGHT, out)
+    export_trajectory(source, LIGHT, out)
     return out
 
 
@@ -112,7 +112,7 @@ def test_the_unit_of_a_drawer_is_the_metre(source):
     drawer = replace(furniture.drawer().part(2), name=source.part.name)
     header = (
         FORMATS["csv"]
-        .render(Handover(source.trajectory, drawer, source.robot))["trajectory.csv"]
+        .render(PlannedMotion(source.trajectory, drawer, source.robot))["trajectory.csv"]
         .split(b"\r")[0]
     )
     assert b"part_state_m," in header
@@ -196,8 +196,8 @@ def test_native_files_come_back(source, folder):
 
 
 def test_equal_input_gives_equal_bytes_and_no_leftovers(source, folder, tmp_path):
-    hand_over(source, LIGHT, tmp_path)
-    hand_over(source, LIGHT, tmp_path)
+    export_trajectory(source, LIGHT, tmp_path)
+    export_trajectory(source, LIGHT, tmp_path)
     assert contents(tmp_path) == contents(folder)
     absent = "base_trajectory.yaml", "_2_close.json", "_4_open.json"  # of a claw, and of a robot that walks
     expected = {f for name in LIGHT for f in FORMATS[name].files if not f.endswith(absent)}
@@ -208,22 +208,22 @@ def test_equal_input_gives_equal_bytes_and_no_leftovers(source, folder, tmp_path
 def test_bad_output_is_told_and_changes_nothing(source, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="can't be written"):
-        hand_over(source, ["csv"], tmp_path / "file" / "out")
+        export_trajectory(source, ["csv"], tmp_path / "file" / "out")
     with pytest.raises(InputError, match="did you mean 'moveit'"):
-        hand_over(source, ["csv", "movit"], tmp_path / "out")
+        export_trajectory(source, ["csv", "movit"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
     (tmp_path / "out/spot").mkdir(parents=True)
     (tmp_path / "out/spot/notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"notes\.txt is not of a spot"):
-        hand_over(source, ["csv", "spot"], tmp_path / "out")
+        export_trajectory(source, ["csv", "spot"], tmp_path / "out")
     (tmp_path / "blocked/trajectory.csv").mkdir(parents=True)
     with pytest.raises(InputError, match="is a folder"):
-        hand_over(source, ["json", "csv"], tmp_path / "blocked")
+        export_trajectory(source, ["json", "csv"], tmp_path / "blocked")
     assert contents(tmp_path) == {"file": b"", "out/spot/notes.txt": b"mine"}
 
 
 def test_a_full_disk_leaves_the_earlier_files(source, tmp_path, monkeypatch):
-    hand_over(source, ["csv", "ros2"], tmp_path)
+    export_trajectory(source, ["csv", "ros2"], tmp_path)
     before, write = contents(tmp_path), Path.write_bytes
 
     def full(path, data):
@@ -234,15 +234,15 @@ def test_a_full_disk_leaves_the_earlier_files(source, tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "write_bytes", full)
     short = replace(source.trajectory, part_state=source.trajectory.part_state * 0.5)
     with pytest.raises(InputError, match="No space left"):
-        hand_over(Handover(short, source.part, source.robot), ["csv", "ros2"], tmp_path)
+        export_trajectory(PlannedMotion(short, source.part, source.robot), ["csv", "ros2"], tmp_path)
     assert contents(tmp_path) == before
 
 
 def test_what_does_not_belong_together_is_refused(source):
     with pytest.raises(InputError, match="not 'part'"):
-        Handover(source.trajectory, furniture.drawer().part(2), source.robot)
+        PlannedMotion(source.trajectory, furniture.drawer().part(2), source.robot)
     with pytest.raises(InputError, match="has"):
-        Handover(replace(source.trajectory, joint_names=tuple("abcdefg")), source.part, source.robot)
+        PlannedMotion(replace(source.trajectory, joint_names=tuple("abcdefg")), source.part, source.robot)
 
 
 def test_the_command_hands_over_what_the_replay_left(source, tmp_path, capsys):
@@ -275,7 +275,7 @@ def test_the_command_hands_over_what_the_replay_left(source, tmp_path, capsys):
     assert cli.run([*order, "--goal", "close"]) == 1
     assert "twin replay" in (told := capsys.readouterr().err)
     assert told.endswith("--part door --goal close`\n")
-    native.save(handovers.closing(source).trajectory, run / "replay/franka/door_close")
+    native.save(planned_motions.closing(source).trajectory, run / "replay/franka/door_close")
     assert cli.run([*order, "--part", "door", "--goal", "close"]) == 0
     assert b"franka closes door" in (out / "joint_trajectory.yaml").read_bytes()
 
@@ -283,28 +283,28 @@ def test_the_command_hands_over_what_the_replay_left(source, tmp_path, capsys):
 def test_a_file_that_no_call_wrote_is_not_replaced_by_a_trajectory(source, tmp_path):
     (tmp_path / "trajectory.csv").write_text("mine")
     with pytest.raises(InputError, match=r"trajectory\.csv is not a file that was exported"):
-        hand_over(source, ["json", "csv"], tmp_path)
+        export_trajectory(source, ["json", "csv"], tmp_path)
     assert contents(tmp_path) == {"trajectory.csv": b"mine"}
-    hand_over(source, ["ros2"], tmp_path)  # another format is not in the way
-    hand_over(source, ["json"], tmp_path)
+    export_trajectory(source, ["ros2"], tmp_path)  # another format is not in the way
+    export_trajectory(source, ["json"], tmp_path)
     assert contents(tmp_path)["trajectory.csv"] == b"mine"
-    hand_over(source, ["json", "csv"], tmp_path, overwrite=True)
+    export_trajectory(source, ["json", "csv"], tmp_path, overwrite=True)
     assert contents(tmp_path)["trajectory.csv"] != b"mine"
     (tmp_path / "joint_trajectory.yaml").write_text("edited")
-    hand_over(source, ["json", "csv"], tmp_path)
+    export_trajectory(source, ["json", "csv"], tmp_path)
     with pytest.raises(InputError, match=r"joint_trajectory\.yaml was changed since"):
-        hand_over(source, ["ros2"], tmp_path)
+        export_trajectory(source, ["ros2"], tmp_path)
     assert contents(tmp_path)["joint_trajectory.yaml"] == b"edited"
 
 
 def test_what_a_trajectory_does_not_need_any_more_goes(source, tmp_path):
-    hand_over(source, ["ros2", "csv"], tmp_path)
+    export_trajectory(source, ["ros2", "csv"], tmp_path)
     listed = json.loads((tmp_path / "files.json").read_text())
     stale = b"base: gone"
     (tmp_path / "base_trajectory.yaml").write_bytes(stale)
     listed["files"]["base_trajectory.yaml"] = hashlib.sha256(stale).hexdigest()
     (tmp_path / "files.json").write_text(json.dumps(listed))
-    hand_over(source, ["ros2"], tmp_path)
+    export_trajectory(source, ["ros2"], tmp_path)
     assert set(contents(tmp_path)) == {
         "trajectory.csv", "joint_trajectory.yaml", "gripper_trajectory.yaml", "files.json"
     }  # fmt: skip

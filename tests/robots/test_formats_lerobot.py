@@ -8,24 +8,24 @@ import sys
 import numpy as np
 import pytest
 
-from robots.formats import hand_over
+from robots.formats import export_trajectory
 from robots.trajectory import PHASES
-from tests.robots import handovers
-from tests.robots.handovers import contents, stacked
+from tests.robots import planned_motions
+from tests.robots.planned_motions import contents, stacked
 from twin import geometry as geo
 from twin.errors import MissingDependencyError
 
 
 @pytest.fixture(scope="module")
 def source():
-    return handovers.door()
+    return planned_motions.door()
 
 
 @pytest.fixture(scope="module")
 def dataset(source, tmp_path_factory):
     pytest.importorskip("pyarrow")
     out = tmp_path_factory.mktemp("dataset")
-    hand_over(source, ["lerobot"], out)
+    export_trajectory(source, ["lerobot"], out)
     return out / "lerobot"
 
 
@@ -86,10 +86,10 @@ def test_lerobot_itself_reads_the_dataset(dataset, monkeypatch):
 def test_without_pyarrow_the_extra_is_named_and_nothing_written(source, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(MissingDependencyError, match=r"install the package pyarrow.*extra `lerobot`"):
-        hand_over(source, ["csv", "lerobot"], tmp_path / "out")
+        export_trajectory(source, ["csv", "lerobot"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_equal_input_gives_equal_bytes(source, dataset, tmp_path):
-    hand_over(source, ["lerobot"], tmp_path)
+    export_trajectory(source, ["lerobot"], tmp_path)
     assert contents(tmp_path / "lerobot") == contents(dataset)

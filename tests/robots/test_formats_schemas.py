@@ -8,19 +8,19 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 
-from robots.formats import hand_over
-from tests.robots import handovers
+from robots.formats import export_trajectory
+from tests.robots import planned_motions
 from tests.robots.messages import BOSDYN, ROS, ROS_FILES, SPOT_FILES, faults
 
 # packages of the messages that ROS' own definitions have; MoveIt's are registered from the table
 PACKAGES = ("builtin_interfaces", "std_msgs", "geometry_msgs", "trajectory_msgs", "moveit_msgs")
 
 
-@pytest.fixture(scope="module", params=handovers.SOURCES)
+@pytest.fixture(scope="module", params=planned_motions.SOURCES)
 def handed(request, tmp_path_factory):
     """A source, and the folder with its files."""
-    source, out = handovers.SOURCES[request.param](), tmp_path_factory.mktemp("handed")
-    hand_over(source, ["ros2", "moveit", "spot"], out)
+    source, out = planned_motions.SOURCES[request.param](), tmp_path_factory.mktemp("handed")
+    export_trajectory(source, ["ros2", "moveit", "spot"], out)
     return source, out
 
 

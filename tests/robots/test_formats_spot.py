@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robots.formats import Handover, hand_over
+from robots.formats import PlannedMotion, export_trajectory
 from robots.formats.spot import Impedance
-from tests.robots import handovers
-from tests.robots.handovers import stacked
+from tests.robots import planned_motions
 from tests.robots.messages import BOSDYN, faults
+from tests.robots.planned_motions import stacked
 from twin.errors import ConfigError
 
 
 @pytest.fixture(scope="module")
 def source():
-    return handovers.door()
+    return planned_motions.door()
 
 
 @pytest.fixture(scope="module")
 def folder(source, tmp_path_factory):
     out = tmp_path_factory.mktemp("handed")
-    hand_over(source, ["spot"], out)
+    export_trajectory(source, ["spot"], out)
     return out
 
 
@@ -88,12 +88,12 @@ def test_spots_hand_points_where_ours_does(folder):
 
 
 def test_a_leg_that_is_gone_leaves_no_file(source, tmp_path):
-    hand_over(source, ["spot"], tmp_path)
+    export_trajectory(source, ["spot"], tmp_path)
     t = source.trajectory
     held = [p in ("approach", "close", "move", "hold") for p in t.phases]
     keys = ("times", "q", "qd", "effort", "gripper", "part_state", "T_world_tool", "position_error")
     short = replace(t, **{k: getattr(t, k)[held] for k in keys}, phases=tuple(np.array(t.phases)[held]))
-    hand_over(Handover(short, source.part, source.robot), ["spot"], tmp_path)
+    export_trajectory(PlannedMotion(short, source.part, source.robot), ["spot"], tmp_path)
     assert list(read_spot(tmp_path)) == ["approach", "move"]
 
 

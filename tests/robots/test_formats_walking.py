@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robots.formats import FORMATS, hand_over
+from robots.formats import FORMATS, export_trajectory
 from robots.formats.spot import WRIST_T_TOOL
 from robots.model.catalog import resolve
 from robots.model.mjcf import compiled
-from tests.robots import handovers
-from tests.robots.handovers import stacked
+from tests.robots import planned_motions
+from tests.robots.planned_motions import stacked
 from tests.robots.spot_table import ARM, HAND, TOOL_AXES
 from twin import geometry as geo
 
@@ -27,13 +27,13 @@ pin = pytest.importorskip("pinocchio")
 
 @pytest.fixture(scope="module", params=["walker opens", "walker closes"])
 def source(request):
-    return handovers.SOURCES[request.param]()
+    return planned_motions.SOURCES[request.param]()
 
 
 @pytest.fixture(scope="module")
 def folder(source, tmp_path_factory):
     out = tmp_path_factory.mktemp("handed")
-    hand_over(source, ["csv", "ros2", "moveit", "spot"], out)
+    export_trajectory(source, ["csv", "ros2", "moveit", "spot"], out)
     return out
 
 
@@ -180,10 +180,10 @@ def test_spots_body_and_arm_together_put_the_tool_where_the_command_has_it(sourc
 
 
 def test_an_arm_that_stands_leaves_no_files_of_a_base(tmp_path):
-    walker, arm = handovers.walking(), handovers.door()
-    hand_over(walker, ["ros2", "spot"], tmp_path)
+    walker, arm = planned_motions.walking(), planned_motions.door()
+    export_trajectory(walker, ["ros2", "spot"], tmp_path)
     assert (tmp_path / "base_trajectory.yaml").is_file()
-    hand_over(arm, ["ros2", "spot"], tmp_path)
+    export_trajectory(arm, ["ros2", "spot"], tmp_path)
     names = {p.name for p in tmp_path.rglob("*") if p.is_file()} - {"files.json"}
     assert not [n for n in names if n.startswith(("base", "body"))]
     assert len(names) == 5, "a gripper of two fingers closes where it is"

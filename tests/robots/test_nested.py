@@ -11,7 +11,7 @@ import pytest
 import robots
 from robots.config import PlanConfig
 from robots.model.catalog import resolve
-from robots.model.dynamics import part_load, with_riders
+from robots.model.dynamics import part_load, with_payload
 from robots.part_physics import frictionloss
 from robots.planning.joint_path import moves_alone
 from robots.scene.world import build_world, with_collision
@@ -57,7 +57,7 @@ def test_the_load_is_what_the_scene_resists_with(case):
     model, data = world.model, mujoco.MjData(world.model)
     full = np.zeros((model.nv, model.nv))
     for part in twin.parts:
-        load, dof = part_load(with_riders(twin, part)), world.part_dof[part.id]
+        load, dof = part_load(with_payload(twin, part)), world.part_dof[part.id]
         states = np.linspace(0.0, part.joint.upper, 4)
         still = load.still(states, 1.0) - frictionloss(part)
         for state, force in zip(states, still, strict=True):
@@ -73,13 +73,13 @@ def test_what_rides_counts_for_what_carries_it_and_not_the_other_way_round():
     twin = furniture.laden_door(8.0)
     door, tray = twin.parts
     alone = replace(twin, parts=(door,))
-    assert with_riders(twin, tray) is tray
-    assert with_riders(alone, door) is door
-    laden = with_riders(twin, door)
+    assert with_payload(twin, tray) is tray
+    assert with_payload(alone, door) is door
+    laden = with_payload(twin, door)
     assert laden.inertial.mass.value == pytest.approx(8.0 + door.inertial.mass.value, rel=1e-9)
     assert part_load(laden).inertia > 4 * part_load(door).inertia
     still = replace(twin, parts=(door, replace(tray, parent=None)))
-    assert with_riders(still, door) is door
+    assert with_payload(still, door) is door
 
 
 def test_a_load_on_a_door_makes_it_slower():
@@ -100,7 +100,7 @@ def test_a_part_moves_alone_by_the_weight_of_what_rides_on_it():
     both = with_physics(replace(twin, parts=(light, replace(tray, id=3, parent=2))))
     light = both.part("light")
     assert not moves_alone(light, 0.3)
-    assert moves_alone(with_riders(both, light), 0.3)
+    assert moves_alone(with_payload(both, light), 0.3)
 
 
 @pytest.mark.parametrize("goal", ["open", "close"])

@@ -33,7 +33,7 @@ VERBS = {
     ),
     "lint": ("twin.cli.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
     "replay": ("twin.cli.verbs:replay", "let a robot open or close the twin's parts in simulation"),
-    "trajectory": ("twin.cli.verbs:trajectory", "hand a planned trajectory over in robots' own formats"),
+    "trajectory": ("twin.cli.verbs:trajectory", "export a planned trajectory in robots' own formats"),
     "evaluate": ("twin.cli.verbs:evaluate", "compare a run with the truth"),
     "physics": (
         "twin.cli.physics_verbs:physics",

@@ -312,7 +312,7 @@ def trajectory(
     start: str | None = None,
     overwrite: bool = False,
 ) -> Outcome:
-    """Hand over what `replay` left of one part into `out`, or of all parts into folders of their names."""
+    """Export what `replay` left of one part into `out`, or of all parts into folders of their names."""
     twin, spec = load(run), named("robots:resolve")(robot)
     parts = [_partnamed(twin, name)] if name else list(twin.parts)
     if not parts:
@@ -330,13 +330,13 @@ def trajectory(
                 f"run `twin replay {run} --robot {robot} --part {part.name}{asked}`",
             )
         planned = named("robots.formats.native:load")(path)
-        sources.append(named("robots.formats:Handover")(planned, part, spec))
+        sources.append(named("robots.formats:PlannedMotion")(planned, part, spec))
     rows, files = [], {}
     for k, source in enumerate(sources):
         part_name = source.part.name
         progress("trajectory", k / len(sources), part_name)
         place = out if name else out / part_name
-        written = named("robots.formats:hand_over")(source, formats, place, overwrite=overwrite)
+        written = named("robots.formats:export_trajectory")(source, formats, place, overwrite=overwrite)
         files[part_name] = {f: [str(p) for p in paths] for f, paths in written.items()}
         rows += [[part_name, f, path] for f, paths in files[part_name].items() for path in paths]
     progress("trajectory", 1.0, f"{len(rows)} files")
@@ -363,7 +363,7 @@ def evaluate(progress: Progress, run: Path, truth: Path) -> Step:
             r.part,
             f"{r.value:.4g} {r.unit}".strip(),
             "-" if r.matched is None else f"{r.matched:.4g}",
-            str(r.bar or ""),
+            str(r.goal or ""),
             verdict[r.ok],
         ]
         for r in evaluation.rows

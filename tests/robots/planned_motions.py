@@ -1,4 +1,4 @@
-"""Trajectories in closed form, to be handed over: an arm opens a door, and a robot that walks; both also closing."""
+"""Trajectories in closed form: an arm opens a door, and a robot that walks; both also closing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import robots
-from robots.formats import Handover
+from robots.formats import PlannedMotion
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.planning.timing import quintic
@@ -82,7 +82,7 @@ def walking():
 
 
 def joined(pieces, twin, robot, **where):
-    """A handover of the pieces, one after the other."""
+    """The motion made of the pieces, one after the other."""
     part = twin.part(2)
     start, columns = 0.0, {key: [] for key in pieces[0]}
     for k, p in enumerate(pieces):
@@ -98,7 +98,7 @@ def joined(pieces, twin, robot, **where):
         **arrays, phases=phases, position_error=np.zeros(len(phases)), velocity_limits=robot.velocity,
         goal=part.joint.upper, grasp="bar", score=1.0, clearance=0.02, **where,
     )  # fmt: skip
-    return Handover(trajectory, part, robot)
+    return PlannedMotion(trajectory, part, robot)
 
 
 def closing(source):
@@ -113,7 +113,7 @@ def closing(source):
         t, **flipped, times=t.times[-1] - t.times[::-1], qd=-t.qd[::-1], phases=phases,
         gripper=np.where(opened, t.gripper.max(), 0.0), start=t.goal, goal=t.start,
     )  # fmt: skip
-    return Handover(backwards, source.part, source.robot)
+    return PlannedMotion(backwards, source.part, source.robot)
 
 
 SOURCES = {
