@@ -126,13 +126,23 @@ def test_jacobians_match_differences(kind: Kind) -> None:
     np.testing.assert_allclose(by_distance * gap, numeric, atol=2e-7 * len(state))
 
 
-@pytest.mark.parametrize("cost", [0.0, 0.3, 20.0, 400.0])
-def test_confidence_is_the_minimiser_of_the_paper_s_terms(cost: float) -> None:
-    mu = 20.0
-    best = minimize_scalar(lambda r: r * r * cost + mu * (r - 1) ** 2, bounds=(0, 1), method="bounded")
-    closed = (mu / (mu + cost)) ** 2
-    assert best.x**2 == pytest.approx(closed, abs=1e-4)
-    assert best.fun == pytest.approx(mu * cost / (mu + cost), abs=1e-4)
+@pytest.mark.parametrize("kind", KINDS)
+def test_confidences_are_the_minimisers_of_the_paper_s_terms(kind: Kind) -> None:
+    """Those of the solved graph, edge by edge: loops as l f + mu (sqrt(l) - 1)^2 has its least, consecutive edges fully trusted."""
+    _, state, edges = world_edges(kind, seed=3, noise=0.004, noise_rad=0.01)
+    config = PoseGraphConfig()
+    graph = solve_pose_graph(edges, len(state), kind, config)
+    costs = edge_costs(edges, graph) / graph.scale**2
+    assert np.all(graph.confidence[~edges.loop] == 1.0)
+    loops = np.flatnonzero(edges.loop)
+    assert np.ptp(costs[loops]) > 1.0
+    for k in loops[:: max(1, len(loops) // 20)]:
+
+        def term(root: float, cost: float = float(costs[k])) -> float:
+            return root**2 * cost + config.mu * (root - 1) ** 2
+
+        best = minimize_scalar(term, bounds=(0, 1), method="bounded", options={"xatol": 1e-9})
+        assert graph.confidence[k] == pytest.approx(best.x**2, abs=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)
