@@ -8,7 +8,7 @@ three free coordinates; these are eliminated exactly (Schur complement), so that
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +29,12 @@ from recon.refine.observations import (
     track_terms,
 )
 from recon.refine.parallel_faces import face_step
-from recon.refine.solver import add_priors, linearise, reduced, robust_weights, step
-from twin import geometry as geo
+from recon.refine.solver import step
+from recon.refine.uncertainty import Refined, with_uncertainty
 from twin.geometry import Array
-from twin.scene import Joint, JointSigma, Motion, Revolute, Trajectory
+from twin.scene import Joint, Motion, Trajectory
 
 _DEFAULT = RefineConfig()
-_BLOCK = 8  # frames whose errors count as one; about half a second, the time scale of head sway
-# Slow errors of the camera poses as they show at the part, standard deviations in each direction, m and rad: measured 0.17 mm
-# and 0.014 degrees on the recordings of benchmarks/reconstruct.md. Shares of the cosines fall like a random walk's.
-_DRIFT_M, _DRIFT_RAD = 2e-4, float(np.radians(0.015))
-_DRIFT_SHARES = (0.74, 0.18, 0.08)
 
 
 def refine_parts(
@@ -73,16 +68,6 @@ def refine_parts(
     return tuple(out)
 
 
-@dataclass(frozen=True, eq=False)
-class _Refined:
-    joint: Joint  # without uncertainty
-    state: Array
-    covariance: Array
-    sigma: JointSigma
-    residual: float
-    jitter: float  # standard deviation of the state from frame to frame, m or rad
-
-
 def _refine_one(
     views: Views,
     labels: Mapping[int, NDArray[np.uint8]],
@@ -90,7 +75,7 @@ def _refine_one(
     movers: Movers,
     focal: float,
     config: RefineConfig,
-) -> _Refined:
+) -> Refined:
     """Alternate association and Gauss-Newton; `focal` is the recording's, px."""
     part = tracks.part
     rows = np.array([views.row[int(f)] for f in part.motion.frames])
@@ -108,7 +93,7 @@ def _refine_one(
         state = _with_parallel_faces(joint, state, surfels, terms)
     # States are counted from the first frame, whose pose is the part's frame.
     state = state - state[0]
-    return _with_uncertainty(joint, state, part.motion.state, rests, terms)
+    return with_uncertainty(joint, state, part.motion.state, rests, terms, config)
 
 
 def _rests(motion: Motion) -> NDArray[np.bool_]:
@@ -117,63 +102,6 @@ def _rests(motion: Motion) -> NDArray[np.bool_]:
     for first, last in motion.intervals:
         out &= (motion.frames < first - REST_MARGIN) | (motion.frames > last + REST_MARGIN)
     return out
-
-
-def _with_uncertainty(
-    joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms
-) -> _Refined:
-    """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
-
-    Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all pixels of a few
-    neighbouring frames counts once, not once a pixel. Errors that grow over the whole recording leave no residual; they
-    are added as `_drift`.
-    """
-    value, jac = linearise(joint, state, terms)
-    weight, mean = robust_weights(value, terms)
-    d = jac.shape[1] - 1
-    h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
-    h, _ = add_priors(h, g, d, state, start, rests)
-    score = weight * (value - mean[terms.term])
-    blocks = terms.frame // _BLOCK
-    scores = np.zeros((int(blocks.max(initial=0)) + 1, len(h)))
-    for k in range(d):
-        np.add.at(scores[:, k], blocks, score * jac[:, k])
-    np.add.at(scores, (blocks, d + terms.frame), score * jac[:, d])
-    inverse = np.linalg.inv(h)
-    pushed = scores @ inverse
-    drifted = _drift(joint, state, terms, weight, jac) @ inverse
-    covariance = pushed[:, :d].T @ pushed[:, :d] + drifted[:, :d].T @ drifted[:, :d] + inverse[:d, :d]
-    residual = np.abs(value - mean[terms.term])
-    inlier = weight * terms.sigma**2 > 0.25 * np.median(weight * terms.sigma**2)
-    rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0
-    second = np.diff(state, 2)
-    noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
-    drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", pushed[:, d + 1 :], pushed[:, d + 1 :]))))
-    covariance = 0.5 * (covariance + covariance.T)
-    sigma = JointSigma.of(covariance, float(np.hypot(noise, drift)))
-    return _Refined(joint, state, covariance, sigma, rms, noise)
-
-
-def _drift(joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array) -> Array:
-    """Scores (modes, d + n) of unseen slow errors: cosines over the recording, in six directions about the part."""
-    n = terms.normals[terms.term]
-    if isinstance(joint, Revolute):
-        n = np.einsum("nij,nj->ni", geo.exp_so3(joint.axis * state[:, None])[terms.frame], n)
-    turn = np.cross(terms.q - terms.q.mean(axis=0), n)
-    moves = np.concatenate([_DRIFT_M * n, _DRIFT_RAD * turn], axis=1)
-    total = np.maximum(np.bincount(terms.term, weight, len(terms.normals)), 1e-12)
-    time = (np.arange(len(state)) + 0.5) / len(state)
-    d = jac.shape[1] - 1
-    out = []
-    for k, share in enumerate(_DRIFT_SHARES):
-        shape = np.sqrt(2.0 * share) * np.cos(np.pi * (k + 1) * time)[terms.frame]
-        for move in moves.T:
-            value = shape * move
-            mean = np.bincount(terms.term, weight * value, len(total)) / total
-            score = weight * (value - mean[terms.term])
-            of_states = np.bincount(terms.frame, score * jac[:, d], len(state))
-            out.append(np.concatenate([score @ jac[:, :d], of_states]))
-    return np.stack(out)
 
 
 def _with_parallel_faces(joint: Joint, state: Array, surfels: tuple[Array, Array], terms: Terms) -> Array:

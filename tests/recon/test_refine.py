@@ -12,7 +12,6 @@ from recon.motion.find_parts import FoundParts, PartTracks
 from recon.motion.intervals import Movers
 from recon.moving_part import MovingPart
 from recon.readers import open_recording
-from recon.refine import refine_parts as refinement
 from recon.refine import solver
 from recon.refine.observations import RefineConfig
 from recon.refine.refine_parts import refine_parts
@@ -64,9 +63,7 @@ def test_a_wrong_start_comes_back_to_the_truth_and_says_how_sure_it_is(door: Pat
     assert abs(interval[0] - true_first) <= 1
 
 
-def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(
-    door: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(door: Path) -> None:
     """Such a drift leaves no residual: only the stated size of it can tell that the joint is off by as much."""
     recording = open_recording(door)
     n = len(recording)
@@ -74,14 +71,13 @@ def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(
     labels = {i: tiny.read_image(door / "truth" / "labels" / f"{i:06d}.png") for i in range(0, n, 2)}
     state = tiny.TRAVEL["door"] * tiny.smooth(n, n // 4, 3 * n // 4)
     part = MovingPart(2, joint, Motion(np.arange(n), recording.times, state))
-    size, config = 0.002, RefineConfig(width=96, voxel=0.02)
-    monkeypatch.setattr(refinement, "_DRIFT_RAD", 0.0)
+    size = 0.002
     drifting = tiny.cameras(n).copy()
     drifting[:, 1, 3] += size * np.sqrt(2.0) * np.cos(np.pi * (np.arange(n) + 0.5) / n)
     cameras = Trajectory(np.arange(n), recording.times, drifting)
     sigma = {}
     for said in (0.0, size):
-        monkeypatch.setattr(refinement, "_DRIFT_M", said)
+        config = RefineConfig(width=96, voxel=0.02, drift=said, drift_angle=0.0)
         (found,) = refine_parts(recording, cameras, labels, _found(part, n), config)
         assert isinstance(found.joint, Revolute)
         assert found.joint.sigma is not None

@@ -1,0 +1,89 @@
+"""How sure a refined joint and its states are: a sandwich estimator over spans of frames, and slow errors of the cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.refine.observations import RefineConfig, Terms
+from recon.refine.solver import add_priors, linearise, reduced, robust_weights
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.joint import Joint, JointSigma, Revolute
+
+_BLOCK = 8  # frames whose errors count as one; about half a second, the time scale of head sway
+_DRIFT_SHARES = (0.74, 0.18, 0.08)  # of the cosines, which fall like a random walk's
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A refined joint and its states (n,). joint: without uncertainty, which covariance and sigma hold; residual: m; jitter:
+    standard deviation of the state from frame to frame, m or rad."""
+
+    joint: Joint
+    state: Array
+    covariance: Array
+    sigma: JointSigma
+    residual: float
+    jitter: float
+
+
+def with_uncertainty(
+    joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms, config: RefineConfig
+) -> Refined:
+    """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
+
+    Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all pixels of a few
+    neighbouring frames counts once, not once a pixel. Errors that grow over the whole recording leave no residual; they
+    are added as `_drift`.
+    """
+    value, jac = linearise(joint, state, terms)
+    weight, mean = robust_weights(value, terms)
+    d = jac.shape[1] - 1
+    h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
+    h, _ = add_priors(h, g, d, state, start, rests)
+    score = weight * (value - mean[terms.term])
+    blocks = terms.frame // _BLOCK
+    scores = np.zeros((int(blocks.max(initial=0)) + 1, len(h)))
+    for k in range(d):
+        np.add.at(scores[:, k], blocks, score * jac[:, k])
+    np.add.at(scores, (blocks, d + terms.frame), score * jac[:, d])
+    inverse = np.linalg.inv(h)
+    pushed = scores @ inverse
+    drifted = _drift(joint, state, terms, weight, jac, config) @ inverse
+    covariance = pushed[:, :d].T @ pushed[:, :d] + drifted[:, :d].T @ drifted[:, :d] + inverse[:d, :d]
+    residual = np.abs(value - mean[terms.term])
+    inlier = weight * terms.sigma**2 > 0.25 * np.median(weight * terms.sigma**2)
+    rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0
+    second = np.diff(state, 2)
+    noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
+    drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", pushed[:, d + 1 :], pushed[:, d + 1 :]))))
+    covariance = 0.5 * (covariance + covariance.T)
+    sigma = JointSigma.of(covariance, float(np.hypot(noise, drift)))
+    return Refined(joint, state, covariance, sigma, rms, noise)
+
+
+def _drift(
+    joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array, config: RefineConfig
+) -> Array:
+    """Scores (modes, d + n) of unseen slow errors: cosines over the recording, in six directions about the part."""
+    n = terms.normals[terms.term]
+    if isinstance(joint, Revolute):
+        n = np.einsum("nij,nj->ni", geo.exp_so3(joint.axis * state[:, None])[terms.frame], n)
+    turn = np.cross(terms.q - terms.q.mean(axis=0), n)
+    moves = np.concatenate([config.drift * n, config.drift_angle * turn], axis=1)
+    total = np.maximum(np.bincount(terms.term, weight, len(terms.normals)), 1e-12)
+    time = (np.arange(len(state)) + 0.5) / len(state)
+    d = jac.shape[1] - 1
+    out = []
+    for k, share in enumerate(_DRIFT_SHARES):
+        shape = np.sqrt(2.0 * share) * np.cos(np.pi * (k + 1) * time)[terms.frame]
+        for move in moves.T:
+            value = shape * move
+            mean = np.bincount(terms.term, weight * value, len(total)) / total
+            score = weight * (value - mean[terms.term])
+            of_states = np.bincount(terms.frame, score * jac[:, d], len(state))
+            out.append(np.concatenate([score @ jac[:, :d], of_states]))
+    return np.stack(out)
