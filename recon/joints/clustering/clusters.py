@@ -8,10 +8,10 @@ that follows that joint rigidly joins, and what remains is searched for further 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.cluster import HDBSCAN
 
 from recon.joints.candidates import TrackFit, compare_kinds, fit_kinds
 from recon.joints.clustering.line_arc import track_shapes
@@ -22,7 +22,8 @@ from recon.joints.observations import CHI3_MEDIAN, Kind, Model, Observations, re
 from recon.joints.sign_and_limits import orient
 from recon.joints.type_selection import decide
 from twin import geometry as geo
-from twin.errors import ConfigError
+from twin.errors import ConfigError, MissingDependencyError
+from twin.packages import to_install
 from twin.scene import Prismatic, Revolute
 
 
@@ -69,6 +70,8 @@ def cluster_tracks(
 
     Args:
         points_world: (T, K, 3) m, NaN where not visible. visible: (T, K) bool.
+
+    Raises MissingDependencyError without scikit-learn.
     """
     points, seen = geo.as_float(points_world), np.asarray(visible, dtype=bool)
     everything = Observations.of(points, seen)
@@ -101,7 +104,7 @@ def _seeds(obs: Observations, noise: float, least: int, config: ClusterConfig) -
     fitted = np.flatnonzero(shapes.error < max(config.eps_f, 2.5 * noise))
     if len(fitted) < least:
         return []
-    labels = HDBSCAN(min_cluster_size=least, allow_single_cluster=True, copy=True).fit_predict(
+    labels = _hdbscan()(min_cluster_size=least, allow_single_cluster=True, copy=True).fit_predict(
         shapes.screw[fitted]
     )
     out: list[NDArray[np.bool_]] = []
@@ -149,3 +152,14 @@ def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit, config: 
     oriented = orient(model, fit.bundle.covariance, frames, config.joint.limit_quantile)
     joint = replace(oriented.joint, covariance=None, sigma=None)
     return Cluster(full, model.kind, joint, score)
+
+
+def _hdbscan() -> Any:
+    try:
+        from sklearn.cluster import HDBSCAN
+    except ImportError as e:
+        raise MissingDependencyError(
+            f"clusters of tracks need scikit-learn, which can't be imported ({e})",
+            to_install("scikit-learn", "clustering"),
+        ) from None
+    return HDBSCAN
