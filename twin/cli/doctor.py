@@ -32,7 +32,7 @@ PYTHON = ((3, 11), (3, 13))
 EXTRAS = {
     "simulate": "recordings of the Franka Kitchen scenes",
     "hands": "contact from hand keypoints instead of label geometry",
-    "clustering": "clusters of tracks by `recon.joints.clustering`, which `twin reconstruct` does not run",
+    "clustering": "clusters of tracks, by `recon.joints.clustering` alone",
     "lerobot": "trajectories as LeRobot datasets",
     "record3d": "Record3D .r3d files",
     "vlm": "masses estimated by a vision-language model, asked only by `twin physics estimate`",
