@@ -17,9 +17,11 @@ from pathlib import Path
 
 import pytest
 
+from recon.config import ReconConfig
+from recon.simulate.config import SimulateConfig
 from tests.twin.scenes import cabinet_twin
+from twin.cli import given
 from twin.cli import main as cli
-from twin.cli.verbs import _settings
 from twin.errors import ConfigError
 from twin.files.assets import asset
 from twin.report import page as report_page
@@ -28,9 +30,9 @@ from twin.storage import save
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *sorted(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
 CONFIGS = {
-    "reconstruct": "recon.config:ReconConfig",
-    "demo": "recon.config:ReconConfig",
-    "simulate": "recon.simulate.config:SimulateConfig",
+    "reconstruct": ReconConfig,
+    "demo": ReconConfig,
+    "simulate": SimulateConfig,
 }
 FENCED = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r" *(?:twin|make|pip|python) ")
@@ -128,7 +130,7 @@ def test_every_command_of_the_documents_is_understood(page: str, command: str) -
             return
         options = vars(cli._parse(words))
         if options["verb"] in CONFIGS:
-            _settings(CONFIGS[options["verb"]], None, options["set"])
+            given.settings(CONFIGS[options["verb"]], None, options["set"])
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -139,7 +141,7 @@ def test_every_setting_and_verb_that_a_document_names_exists(page: str) -> None:
         refused = []
         for config in dict.fromkeys(CONFIGS.values()):
             try:
-                _settings(config, None, [assignment])
+                given.settings(config, None, [assignment])
             except ConfigError as e:
                 refused.append(str(e))
         assert len(refused) < len(set(CONFIGS.values())), refused
@@ -147,7 +149,7 @@ def test_every_setting_and_verb_that_a_document_names_exists(page: str) -> None:
 
 def test_a_setting_that_does_not_exist_is_found() -> None:
     with pytest.raises(ConfigError, match="unknown key 'window'"):
-        _settings(CONFIGS["reconstruct"], None, ["labels.window=5"])
+        given.settings(CONFIGS["reconstruct"], None, ["labels.window=5"])
 
 
 def test_what_only_parses_is_in_the_documents() -> None:

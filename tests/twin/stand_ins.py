@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import pytest
 
-from twin.cli import steps, verbs
+from twin.cli import table, verbs
 from twin.cli.console import Outcome
 
 
@@ -27,6 +28,18 @@ class Nested:
     labels: Settings = Settings()
 
 
+# Where the verbs find what they call by these names.
+HOMES = {
+    "ReconConfig": "recon.config",
+    "complete": "twin.exporters",
+    "export": "twin.exporters",
+    "open_recording": "recon.readers",
+    "plan": "robots",
+    "reconstruct": "recon.pipeline",
+    "replay": "robots",
+}
+
+
 def stub(monkeypatch: pytest.MonkeyPatch, verb: str, answer: Any) -> list[dict[str, Any]]:
     """Replace a verb's function; returns the list of options it is called with."""
     calls: list[dict[str, Any]] = []
@@ -37,11 +50,12 @@ def stub(monkeypatch: pytest.MonkeyPatch, verb: str, answer: Any) -> list[dict[s
             raise answer
         return answer
 
-    monkeypatch.setattr(verbs, verb, function)
+    monkeypatch.setattr(verbs, f"stub_{verb}", function, raising=False)
+    monkeypatch.setitem(table.VERBS, verb, (f"twin.cli.verbs:stub_{verb}", table.VERBS[verb][1]))
     return calls
 
 
 def stand_in(monkeypatch: pytest.MonkeyPatch, **functions: Any) -> None:
-    """Replace what verbs import by name: keys are the names' last words."""
-    real = steps.named
-    monkeypatch.setattr(steps, "named", lambda name: functions.get(name.partition(":")[2]) or real(name))
+    """Replace what verbs import when they are called: keys are the functions' names."""
+    for name, function in functions.items():
+        monkeypatch.setattr(import_module(HOMES[name]), name, function, raising=False)

@@ -7,27 +7,19 @@ from pathlib import Path
 import pytest
 
 from tests.twin.stand_ins import Nested, Settings
-from twin.cli import steps, verbs
+from twin.cli import given
 from twin.errors import ConfigError
 
 
-@pytest.fixture
-def settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = steps.named
-    monkeypatch.setattr(steps, "named", lambda name: {"s": Settings, "n": Nested}.get(name) or real(name))
-
-
-@pytest.mark.usefixtures("settings")
 def test_settings_come_from_file_and_command_line(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text("[labels]\nseed = 3\nname = 'b'\n")
-    got = verbs._settings(
-        "n", tmp_path / "c.toml", ["labels.seed=4", "labels.sizes=[1, 2]", "labels.name=word"]
+    got = given.settings(
+        Nested, tmp_path / "c.toml", ["labels.seed=4", "labels.sizes=[1, 2]", "labels.name=word"]
     )
     assert got == Nested(Settings(4, "word", (1, 2)))
-    assert verbs._settings("s", None, []) == Settings()
+    assert given.settings(Settings, None, []) == Settings()
 
 
-@pytest.mark.usefixtures("settings")
 @pytest.mark.parametrize(
     ("assignments", "words"),
     [
@@ -39,9 +31,9 @@ def test_settings_come_from_file_and_command_line(tmp_path: Path) -> None:
 )
 def test_wrong_settings_are_named(assignments: list[str], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        verbs._settings("s", None, assignments)
+        given.settings(Settings, None, assignments)
 
 
 def test_missing_settings_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no\.toml does not exist"):
-        verbs._settings("s", tmp_path / "no.toml", [])
+        given.settings(Settings, tmp_path / "no.toml", [])

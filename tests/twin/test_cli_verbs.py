@@ -65,7 +65,7 @@ def test_replay_opens_every_part_and_keeps_the_result(
         twin: Any, part: int, robot: str, *, contact: Any, goal: float, start: float, floor: Any
     ) -> Trajectory:
         assert floor.source == "assumed"
-        tasks.append((start, goal, contact))
+        tasks.append((start, goal, None if contact is None else tuple(contact.tolist())))
         planned.append((part, robot))
         if part == 3:
             raise PlanningError("the drawer is out of reach by 0.30 m", "raise the base")

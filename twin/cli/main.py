@@ -13,42 +13,13 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 from typing import Any, NoReturn
 
 from twin import interrupt
 from twin.cli.options import OPTIONS, points_joined
+from twin.cli.table import VERBS, named
 from twin.errors import FuntwinError, InputError, nearest_name
 
-# verb -> (function that carries it out, what it does). Named as strings: their imports take seconds.
-VERBS = {
-    "demo": ("twin.cli.verbs:demo", "the whole chain on the recording shipped with Funtwin"),
-    "simulate": ("twin.cli.verbs:simulate", "render a recording with exact truth from an MJCF scene"),
-    "reconstruct": ("twin.cli.verbs:reconstruct", "turn a recording into a twin"),
-    "import": ("twin.cli.verbs:import_scene", "turn a URDF or MJCF scene from elsewhere into a twin"),
-    "export": ("twin.cli.verbs:export", "write the twin as URDF, MJCF and USD"),
-    "check": (
-        "twin.cli.verbs:check",
-        "load the exported files in other programs and compare them with the twin",
-    ),
-    "lint": ("twin.cli.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
-    "replay": ("twin.cli.verbs:replay", "let a robot open or close the twin's parts in simulation"),
-    "trajectory": ("twin.cli.verbs:trajectory", "export a planned trajectory in robots' own formats"),
-    "evaluate": ("twin.cli.verbs:evaluate", "compare a run with the truth"),
-    "physics": (
-        "twin.cli.physics_verbs:physics",
-        "show, set or estimate what parts weigh and how they resist",
-    ),
-    "doctor": ("twin.cli.verbs:doctor", "say what this machine lacks, and how to get it"),
-    "robots": (
-        "robots.verbs:robots",
-        "list or show the robots that can open parts, or fetch a model from the net",
-    ),
-    "engines": (
-        "twin.cli.verbs:engines",
-        "list or install the programs that judge exports in environments of their own",
-    ),
-}
 # Causes outside of the program, which a traceback would not explain better.
 _ENVIRONMENT = {
     errno.ENOSPC: "free some space and run again: what was computed is kept",
@@ -118,8 +89,7 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
     from twin.cli.console import Console
 
     console = Console(quiet=as_json)
-    module, _, name = VERBS[verb][0].partition(":")
-    outcome = getattr(import_module(module), name)(console=console, **options)
+    outcome = named(VERBS[verb][0])(console=console, **options)
     if as_json:
         report = {"ok": outcome.ok, **outcome.data, "warnings": list(outcome.warnings)}
         print(json.dumps(report, indent=1, ensure_ascii=False))

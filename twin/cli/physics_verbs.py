@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from twin.cli.console import Console, Outcome
-from twin.cli.steps import named, run_folder
+from twin.cli.step import run_folder
+from twin.cli.table import OPEN_RECORDING, named
 from twin.errors import InputError
 from twin.physics.edit import Change, Edited, given, set_physics
 from twin.physics.materials import read_materials
@@ -118,7 +119,7 @@ def estimate(
 
 def _frames_of(path: Path, twin: Twin) -> Callable[[int], Any]:
     """Colour pictures of the twin's recording."""
-    recording = named("recon.readers:open_recording")(path, None)
+    recording = named(OPEN_RECORDING)(path, None)
     if twin.recorded is not None and recording.fingerprint != twin.recorded.fingerprint:
         raise InputError(f"{path} is not the recording of this twin", f"give {twin.recorded.source}")
     return lambda index: recording.frame(index).color

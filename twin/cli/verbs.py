@@ -1,87 +1,52 @@
-"""What the verbs of the command line do. Only `twin.cli.main` uses this module."""
+"""The verbs of the twin itself, and the chain of all. The command line names them in its table."""
 
 from __future__ import annotations
 
-import logging
-import tomllib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from twin.cli import steps
+from twin.cli import given
 from twin.cli.console import Console, Outcome
-from twin.errors import ConfigError, FuntwinError, InputError
+from twin.cli.step import Step, page, page_note, require_run, run_folder
+from twin.cli.table import CHAIN, named
+from twin.errors import InputError
 from twin.files.assets import asset
-from twin.files.paths import require_writable
-from twin.report.sections import Table, require_own_page
+from twin.report.sections import Table
 from twin.runs.run_lock import claimed
-from twin.runs.settings import from_dict, read_toml
-from twin.runs.stages import MANIFEST
-from twin.storage import require_place
+from twin.runs.settings import from_dict
+from twin.runs.stages import Progress
+from twin.storage import load, update
 
 
 def demo(
     console: Console, out: Path, recording: Path | None, robot: str, config: Path | None, set: Sequence[str]
 ) -> Outcome:
     """The whole chain: reconstruct, evaluate where there is truth, export, check, replay."""
-    _require_run(out)
-    steps.named("robots:resolve")(robot)
+    require_run(out)
+    named(CHAIN["resolve"])(robot)
     recording = recording or asset("recordings/cabinet_drawer")
     truth = recording / "truth"
-    opened = steps.named("recon.readers:open_recording")(recording)
-    with console.progress() as progress, _page(out):
-        settings = _settings("recon.config:ReconConfig", config, set)
-        done = [steps.reconstruct(progress, opened, out, settings)]
+    opened = named(CHAIN["open_recording"])(recording)
+    with console.progress() as progress, page(out):
+        settings = given.settings(named(CHAIN["settings"]), config, set)
+        done: list[Step] = [named(CHAIN["reconstruct"])(progress, opened, out, settings)]
         with claimed(out):
             if truth.is_dir():
-                done.append(steps.evaluate(progress, out, truth))
-            done.append(steps.export(progress, out, ("urdf", "mjcf", "usd")))
-            done.append(steps.check(progress, out, ("urdf", "mjcf", "usd")))
-            done.append(steps.replay(progress, out, robot, ()))
+                done.append(named(CHAIN["evaluate"])(progress, out, truth))
+            done.append(export_step(progress, out, ("urdf", "mjcf", "usd")))
+            done.append(check_step(progress, out, ("urdf", "mjcf", "usd")))
+            done.append(named(CHAIN["replay"])(progress, out, robot, ()))
     rows = [[s.verb, s.summary, f"{s.seconds:.1f} s", "ok" if s.outcome.ok else "FAILED"] for s in done]
     shown = [t for s in done if not s.outcome.ok or s.verb == "evaluate" for t in s.outcome.tables]
     return Outcome(
         data={"run": str(out), "steps": {s.verb: {"ok": s.outcome.ok, **s.outcome.data} for s in done}},
         tables=[*shown, Table(f"{recording.name} → {out}", ["step", "result", "time", ""], rows)],
-        notes=[steps.page_note(out)],
+        notes=[page_note(out)],
         warnings=[w for s in done if s.verb != "export" for w in s.outcome.warnings],  # the page has them all
         ok=all(s.outcome.ok for s in done),
     )
-
-
-def simulate(
-    console: Console, scene: Path, joint: str, out: Path, config: Path | None, set: Sequence[str]
-) -> Outcome:
-    """Render a recording with truth."""
-    require_writable(out)
-    settings = _settings("recon.simulate.config:SimulateConfig", config, set)
-    steps.named("recon.simulate.joints:require_joint")(scene, joint)
-    with console.progress() as progress:
-
-        def tell(done: int, total: int) -> None:
-            progress("simulate", done / total, f"{done} of {total} frames")
-
-        folder = steps.named("recon.simulate:simulate")(scene, joint, out, settings, progress=tell)
-    return Outcome({"recording": str(folder)}, notes=[f"recording: {folder}", f"truth: {folder / 'truth'}"])
-
-
-def reconstruct(
-    console: Console,
-    recording: Path,
-    out: Path,
-    layout: str | None,
-    joint_hint: str | None,
-    config: Path | None,
-    set: Sequence[str],
-) -> Outcome:
-    """Recording to twin."""
-    _require_run(out)
-    told = _told(config, set)
-    opened = steps.named("recon.readers:open_recording")(recording, layout)
-    settings = from_dict(steps.named("recon.config:ReconConfig"), *told)
-    with console.progress() as progress, _page(out):
-        return steps.reconstruct(progress, opened, out, settings, joint_hint).outcome
 
 
 def import_scene(
@@ -93,11 +58,11 @@ def import_scene(
     exclude: Sequence[str] = (),
 ) -> Outcome:
     """A scene from elsewhere to twin."""
-    _require_run(out)
-    step = steps.named("twin.importers.step:import_scene")
-    with console.progress() as progress, _page(out):
-        made: Outcome = step(progress, scene, out, closed, limits, exclude).outcome
-        return made
+    require_run(out)
+    from twin.cli.import_step import import_step
+
+    with console.progress() as progress, page(out):
+        return import_step(progress, scene, out, closed, limits, exclude).outcome
 
 
 def export(
@@ -110,18 +75,86 @@ def export(
 ) -> Outcome:
     """Twin to simulation formats."""
     if package:
-        steps.named("twin.exporters.package:check_package")(package)
-    told = from_dict(steps.named("twin.exporters.asset:AssetInfo"), _texts("--asset", asset), "--asset")
-    with console.progress() as progress, _page(run):
-        return steps.export(progress, run, formats, package, told, overwrite).outcome
+        from twin.exporters.package import check_package
+
+        check_package(package)
+    from twin.exporters.asset import AssetInfo
+
+    told = from_dict(AssetInfo, given.texts("--asset", asset), "--asset")
+    with console.progress() as progress, page(run):
+        return export_step(progress, run, formats, package, told, overwrite).outcome
+
+
+def export_step(
+    progress: Progress,
+    run: Path,
+    formats: Sequence[str],
+    package: str = "",
+    asset: Any = None,
+    overwrite: bool = False,
+) -> Step:
+    from twin import exporters
+    from twin.exporters.shape_report import COLUMNS, collision_reports
+
+    started = time.perf_counter()
+    twin = load(run)
+    folder = run_folder(run) / "export"
+    progress("collision", 0.0, "convex pieces")
+    cache = run_folder(run) / "stages" / "collision"
+    complete = exporters.complete(twin, cache)
+    update(twin, complete, run)
+    progress("collision", 1.0, f"{sum(len(p.collision) for p in complete.parts)} pieces on moving parts")
+    progress("export", 0.0, "")
+    files = exporters.export(complete, folder, formats, package, asset=asset, overwrite=overwrite)
+    progress("export", 1.0, ", ".join(files))
+    rows = [[name, str(path)] for name, path in files.items()]
+    reports = collision_reports(complete, cache)
+    data = {
+        "files": {name: str(path) for name, path in files.items()},
+        "collision": [r.to_json() for r in reports],
+    }
+    tables = [
+        Table("export", ["format", "file"], rows),
+        Table("collision shapes", COLUMNS, [r.row() for r in reports]),
+    ]
+    warnings = [*files.warnings, *(r.warning for r in reports if r.warning)]
+    outcome = Outcome(data, tables, warnings=warnings)
+    return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
 
 
 def check(
     console: Console, run: Path, formats: Sequence[str], engines: Sequence[str] | None = None
 ) -> Outcome:
     """Exported files against the twin."""
-    with console.progress() as progress, _page(run):
-        return steps.check(progress, run, formats, engines).outcome
+    with console.progress() as progress, page(run):
+        return check_step(progress, run, formats, engines).outcome
+
+
+def check_step(
+    progress: Progress, run: Path, formats: Sequence[str], engines: Sequence[str] | None = None
+) -> Step:
+    from twin.verification import SUFFIX
+
+    started = time.perf_counter()
+    twin, folder = load(run), run_folder(run) / "export"
+    files = {f: folder / f / f"{twin.name}{s}" for f, s in SUFFIX.items() if f in formats}
+    missing = [f for f, path in files.items() if not path.is_file()]
+    if missing:
+        raise InputError(
+            f"{files[missing[0]]} does not exist", f"run `twin export {run} --format {' '.join(missing)}`"
+        )
+    from twin.verification.proofs import prove
+
+    proofs = prove(progress, twin, files, engines)
+    ok, summary = all(p.ok for p in proofs), "; ".join(p.summary for p in proofs)
+    outcome = Outcome(
+        {"ok": ok, **{p.key: p.data for p in proofs}},
+        [t for p in proofs for t in p.tables],
+        [x for p in proofs for x in (*p.notes, p.summary)],
+        [w for p in proofs for w in p.warnings],
+        ok,
+    )
+    return Step("check", outcome, summary, started).kept(run_folder(run))
 
 
 def lint(console: Console, paths: Sequence[Path], ignore: Sequence[str], show_rules: bool) -> Outcome:
@@ -150,61 +183,6 @@ def lint(console: Console, paths: Sequence[Path], ignore: Sequence[str], show_ru
     errors = sum(f.severity == "error" for f in report.findings)
     counted = f"{errors} errors and {len(report.findings) - errors} warnings in {len(report.files)} files"
     return Outcome(report.to_dict(), tables, [*report.notes, counted], ok=report.ok)
-
-
-def replay(
-    console: Console,
-    run: Path,
-    robot: str,
-    parts: Sequence[str],
-    stiffness: float | None = None,
-    control: str | None = None,
-    trials: int | None = None,
-    grid: bool = False,
-    seed: int = 0,
-    goal: str = "open",
-    start: str | None = None,
-    recording: Path | None = None,
-    contact: tuple[float, ...] | None = None,
-    floor: float | None = None,
-) -> Outcome:
-    """A robot opens or closes the parts."""
-    options = None
-    if trials is not None:
-        steps.named("robots.trials.run_trials:check_request")(trials, seed)
-        options = {"trials": trials, "grid": grid, "seed": seed}
-    elif grid or seed:
-        raise InputError("--grid and --seed belong to trials", "add --trials 100")
-    asked = {"stiffness": stiffness, "control": control}
-    settings = {key: value for key, value in asked.items() if value is not None}
-    # of a contact off its part the step tells in its warnings, which the page keeps
-    with _unlogged("robots.grasp.where_to_hold"), console.progress() as progress, _page(run):
-        return steps.replay(
-            progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
-        ).outcome
-
-
-def trajectory(
-    console: Console,
-    run: Path,
-    robot: str,
-    part: str | None,
-    formats: Sequence[str],
-    out: Path,
-    goal: str = "open",
-    start: str | None = None,
-    overwrite: bool = False,
-) -> Outcome:
-    """What a replay planned, in robots' formats."""
-    require_writable(out)
-    with console.progress() as progress:
-        return steps.trajectory(progress, run, robot, part, formats, out, goal, start, overwrite)
-
-
-def evaluate(console: Console, run: Path, truth: Path) -> Outcome:
-    """Twin against truth."""
-    with console.progress() as progress, _page(run):
-        return steps.evaluate(progress, run, truth).outcome
 
 
 def doctor(console: Console) -> Outcome:
@@ -252,90 +230,3 @@ def engines(console: Console, install: Sequence[str]) -> Outcome:
     missing = [e.name for e in ENGINES.values() if not e.installed]
     notes = [f"install with: twin engines --install {' '.join(missing)}"] if missing else []
     return Outcome(data, [Table("engines", ["name", "what for", "where"], rows)], notes)
-
-
-@contextmanager
-def _unlogged(name: str) -> Iterator[None]:
-    """Keep the warnings of a logger from the terminal, where the verb tells them itself."""
-    logger = logging.getLogger(name)
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
-
-
-@contextmanager
-def _page(run: Path) -> Iterator[None]:
-    """Hold the run and render its page when the verb is done, also when it failed for a reason the user can mend after it
-    changed the run.
-
-    A run folder that is not there yet is held by what makes it.
-    """
-    place = steps.run_folder(run)
-    with claimed(place) if place.is_dir() else nullcontext():
-        require_own_page(place)
-        before = _shown(place)
-        try:
-            yield
-        except FuntwinError:
-            if (place / MANIFEST).is_file() and _shown(place) != before:
-                steps.named("twin.report:render")(place)
-            raise
-        with claimed(place):
-            steps.named("twin.report:render")(place)
-
-
-def _shown(run: Path) -> dict[Path, int]:
-    """When what the page shows was written last."""
-    files = (run / MANIFEST, run / "twin" / "twin.json", *(run / "report").glob("*.json"))
-    return {f: f.stat().st_mtime_ns for f in files if f.is_file()}
-
-
-def _require_run(out: Path) -> None:
-    """Raises InputError unless a twin can be written to the run folder; cheap, for before anything is computed."""
-    require_writable(out)
-    require_place(out / "twin")
-
-
-def _settings(cls: str, path: Path | None, assignments: Sequence[str]) -> Any:
-    """The configuration class named by `cls`, from a TOML file and KEY=VALUE texts on top of it."""
-    data, where = _told(path, assignments)
-    return from_dict(steps.named(cls), data, where)
-
-
-def _told(path: Path | None, assignments: Sequence[str]) -> tuple[dict[str, Any], str]:
-    """Settings as they were given, and by what."""
-    data = {} if path is None else read_toml(path)
-    where = "--set" if path is None else str(path)
-    for text in assignments:
-        key, equals, value = text.partition("=")
-        if not equals or not key.strip():
-            raise ConfigError(f"--set {text!r} is not KEY=VALUE", "write for example --set seed=3")
-        _assign(data, key.strip().split("."), value.strip())
-    return data, where
-
-
-def _texts(option: str, assignments: Sequence[str]) -> dict[str, str]:
-    """KEY=VALUE texts as a mapping; the values stay texts."""
-    data = {}
-    for text in assignments:
-        key, equals, value = text.partition("=")
-        if not equals or not key.strip():
-            raise ConfigError(
-                f"{option} {text!r} is not KEY=VALUE", f"write for example {option} license=CC0-1.0"
-            )
-        data[key.strip()] = value.strip()
-    return data
-
-
-def _assign(data: dict[str, Any], keys: Sequence[str], text: str) -> None:
-    for key in keys[:-1]:
-        data = data.setdefault(key, {})
-        if not isinstance(data, dict):
-            raise ConfigError(f"--set {'.'.join(keys)}: {key!r} is a value, not a table")
-    try:
-        data[keys[-1]] = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        data[keys[-1]] = text  # a bare word is a text

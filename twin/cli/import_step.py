@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from twin.cli.console import Outcome
-from twin.cli.steps import Step, joint_row, page_note
+from twin.cli.step import Step, joint_row, page_note
 from twin.errors import InputError
 from twin.importers import from_file
 from twin.importers.source import Closed
@@ -18,7 +18,7 @@ from twin.runs.stages import Progress
 from twin.storage import save
 
 
-def import_scene(
+def import_step(
     progress: Progress,
     scene: Path,
     out: Path,

@@ -1,0 +1,250 @@
+"""The verb `twin replay`: plan and replay what the person in the recording did. The command line names it in its table."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from twin import geometry as geo
+from twin.cli.console import Console, Outcome
+from twin.cli.step import Step, page, part_named, run_folder, unlogged
+from twin.cli.table import OPEN_RECORDING, named
+from twin.errors import FuntwinError, InputError, PlanningError
+from twin.files.paths import require_writable
+from twin.files.text import read_json
+from twin.report.sections import Table
+from twin.runs.stages import MANIFEST, Progress
+from twin.scene import Part, Twin
+from twin.storage import load
+
+
+def replay(
+    console: Console,
+    run: Path,
+    robot: str,
+    parts: Sequence[str],
+    stiffness: float | None = None,
+    control: str | None = None,
+    trials: int | None = None,
+    grid: bool = False,
+    seed: int = 0,
+    goal: str = "open",
+    start: str | None = None,
+    recording: Path | None = None,
+    contact: tuple[float, ...] | None = None,
+    floor: float | None = None,
+) -> Outcome:
+    """A robot opens or closes the parts."""
+    options = None
+    if trials is not None:
+        from robots.trials.run_trials import check_request
+
+        check_request(trials, seed)
+        options = {"trials": trials, "grid": grid, "seed": seed}
+    elif grid or seed:
+        raise InputError("--grid and --seed belong to trials", "add --trials 100")
+    asked = {"stiffness": stiffness, "control": control}
+    settings = {key: value for key, value in asked.items() if value is not None}
+    # of a contact off its part the step tells in its warnings, which the page keeps
+    with unlogged("robots.grasp.where_to_hold"), console.progress() as progress, page(run):
+        return replay_step(
+            progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
+        ).outcome
+
+
+def replay_step(
+    progress: Progress,
+    run: Path,
+    robot: str,
+    names: Sequence[str],
+    settings: Mapping[str, Any] | None = None,
+    trials: Mapping[str, Any] | None = None,
+    goal: str = "open",
+    start: str | None = None,
+    recording: Path | None = None,
+    contact: tuple[float, ...] | None = None,
+    floor: float | None = None,
+) -> Step:
+    """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin.
+
+    settings: fields of `robots.ReplayConfig`. contact: point (3,) in m where a part is held, twin's world at state 0. floor:
+    height (m) in the twin's world.
+    """
+    import robots
+    from robots.task import task_of
+
+    started = time.perf_counter()
+    twin = load(run)
+    parts = [part_named(twin, n) for n in names] or list(twin.parts)
+    if not parts:
+        raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+    if contact is not None and len(parts) > 1:
+        raise InputError(
+            f"--contact is a point on one part, and {len(parts)} are to be moved",
+            f"add --part with one of: {', '.join(p.name for p in parts)}",
+        )
+    tasks = {part.id: task_of(part, goal, start) for part in parts}
+    robots.resolve(robot)
+    config = robots.ReplayConfig(**(settings or {}))
+    require_writable(run_folder(run) / "replay")
+    # what follows imports MuJoCo: every wrong answer that can be told without it was told before
+    # one of several parts that can't be held does not keep the others from being moved
+    from robots.floor import floor_of
+    from robots.grasp.where_to_hold import NothingToHold
+    from twin.contacts import contacts_off
+
+    missed = (PlanningError, *([NothingToHold] if len(parts) > 1 else []))
+    demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
+    if contact is None:
+        off = [o for o in contacts_off(twin) if o.part in {p.name for p in parts}]
+        warnings += [f"{o.problem}: its shape decides where to hold it; give --contact X,Y,Z" for o in off]
+    ground = floor_of(twin, floor)
+    warnings += [ground.warning] if ground.warning else []
+    rows, reports, tables = [], {}, []
+    for part in parts:
+        row, report, note, trajectory = _replay_part(
+            progress,
+            twin,
+            part,
+            robot,
+            run_folder(run),
+            config,
+            tasks[part.id],
+            contact,
+            ground,
+            demonstration,
+            missed,
+        )
+        rows.append([part.name, *row])
+        reports[part.name] = report
+        notes += note
+        if trials and trajectory is not None:
+            table, report["trials"], assumed = _trials(
+                progress, twin, trajectory, robot, run_folder(run), config, trials
+            )
+            tables.append(table)
+            notes += assumed
+    columns = [
+        "part",
+        "opened",
+        "open at the end",
+        "slip",
+        "torque used",
+        "grasp",
+        "pedestal",
+        "floor",
+        "result",
+    ]
+    ok = all(r["ok"] for r in reports.values())
+    summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
+    tables = [Table(f"replay with {robot}", columns, rows), *tables]
+    outcome = Outcome({"parts": reports}, tables, notes, warnings, ok)
+    return Step("replay", outcome, summary, started).kept(run_folder(run))
+
+
+def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, list[str], list[str]]:
+    """Frames of the recording for the film, notes and warnings; without any the film shows the robot alone.
+
+    Without `recording` it is looked for where the run's manifest says that it was. Raises InputError when `recording`
+    can't be read.
+    """
+    from robots.demonstration import Demonstration
+
+    known = read_json(run / MANIFEST).get("recording")
+    path = recording or (run / known if isinstance(known, str) else None)
+    hint = "give the twin's recording with --recording to see the person beside the robot"
+    if path is None or (recording is None and not path.exists()):
+        return None, [f"the film shows the robot alone; {hint}"], []
+    try:
+        opened = named(OPEN_RECORDING)(path)
+    except InputError as e:
+        if recording is not None:
+            raise
+        return None, [], [f"the film shows the robot alone: {e.problem}; {hint}"]
+    if twin.recorded is not None and twin.recorded.fingerprint != opened.fingerprint:
+        other = f"{path} is not, or no longer, what the twin was made from (its files differ)"
+        return None, [], [f"the film shows the robot alone: {other}; {hint}"]
+    return Demonstration(len(opened), lambda k: opened.frame(k).color), [], []
+
+
+def _replay_part(
+    progress: Progress,
+    twin: Twin,
+    part: Part,
+    robot: str,
+    run: Path,
+    config: Any,
+    task: Any,
+    contact: tuple[float, ...] | None,
+    floor: Any,
+    demonstration: Any,
+    missed: tuple[type[FuntwinError], ...],
+) -> tuple[list[str], dict[str, Any], list[str], Any]:
+    """Table row, report, notes and trajectory of one part; no way to move it is a missed goal, not a wrong input."""
+    import robots
+
+    progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
+    try:
+        trajectory = robots.plan(
+            twin,
+            part.id,
+            robot,
+            contact=None if contact is None else geo.as_float(contact),
+            goal=task.goal,
+            start=task.start,
+            floor=floor,
+        )
+    except missed as e:
+        progress(f"plan {part.name}", 1.0, "found none")
+        row = ["-", "not", "-", "-", "-", "-", floor.text, "FAILED"]
+        return row, {"ok": False, "floor": vars(floor), "reason": str(e)}, [f"{part.name}: {e}"], None
+    progress(f"plan {part.name}", 1.0, trajectory.grasp)
+    progress(f"replay {part.name}", 0.0, "in MuJoCo")
+    folder = replay_folder(run, robot, part, task)
+    r = robots.replay(twin, trajectory, folder, robot=robot, config=config, demonstration=demonstration)
+    progress(f"replay {part.name}", 1.0, f"{100 * r.reached:.0f} % of the way")
+    row = [
+        f"{100 * r.opening_peak:.0f} %",
+        f"{100 * r.opening_final:.0f} %",
+        f"{r.slip_mm:.1f} mm",
+        f"{100 * max(r.torque_share):.0f} %",
+        r.grasp,
+        f"{r.pedestal:.2f} m",
+        floor.text,
+        "ok" if r.ok else "FAILED",
+    ]
+    return row, r.to_json(), [f"{part.name}: {r.reason}"] if r.reason else [], trajectory
+
+
+def _trials(
+    progress: Progress,
+    twin: Twin,
+    trajectory: Any,
+    robot: str,
+    run: Path,
+    config: Any,
+    options: Mapping[str, Any],
+) -> tuple[Table, dict[str, Any], list[str]]:
+    """Table, data and notes of the trials of one part."""
+    import robots
+    from robots.trials.run_trials import COLUMNS
+
+    name = f"trials {trajectory.part}"
+    progress(name, 0.0, "")
+
+    def tell(done: int, total: int) -> None:
+        progress(name, done / total, f"{done} of {total}")
+
+    folder = replay_folder(run, robot, twin.part(trajectory.part_id), trajectory)
+    report = robots.run_trials(twin, trajectory, folder, robot=robot, config=config, tell=tell, **options)
+    table = Table(f"{name}: {options['trials']} for each error", COLUMNS, [r.cells() for r in report.rows])
+    return table, report.summary(), [*report.assumed, f"{name}: {folder / 'trials.png'}"]
+
+
+def replay_folder(run: Path, robot: str, part: Part, task: Any) -> Path:
+    """Where the replay of a part is kept that goes from task.start to task.goal: opening, closing, and between."""
+    ends = tuple(round(100 * s / part.joint.upper) for s in (task.start, task.goal))
+    suffix = {(0, 100): "", (100, 0): "_close"}.get(ends, f"_{ends[0]}_to_{ends[1]}")
+    return run / "replay" / Path(robot).stem / f"{part.name}{suffix}"

@@ -1,0 +1,108 @@
+"""What the steps of all verbs share: their outcome, the run folder they work on, and its page."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+from twin.cli.console import Outcome
+from twin.errors import FuntwinError
+from twin.files.paths import require_writable
+from twin.report.sections import Section, require_own_page, save_section
+from twin.runs.run_lock import claimed
+from twin.runs.stages import MANIFEST
+from twin.scene import Part, Twin
+from twin.storage import require_place
+
+
+class Step:
+    """What one verb did, how long it took, and a line about it."""
+
+    def __init__(self, verb: str, outcome: Outcome, summary: str, started: float) -> None:
+        self.verb, self.outcome, self.summary = verb, outcome, summary
+        self.seconds = time.perf_counter() - started
+
+    def kept(self, run: Path) -> Step:
+        """Keep the tables for the page."""
+        o = self.outcome
+        save_section(run, Section(self.verb, o.ok, round(self.seconds, 2), o.tables, o.warnings, o.notes))
+        return self
+
+
+def run_folder(path: Path) -> Path:
+    """The run folder of a path that is one, or that is its twin/."""
+    return path.parent if (path / "twin.json").is_file() and path.name == "twin" else path
+
+
+def part_named(twin: Twin, name: str) -> Part:
+    return twin.part(int(name) if name.isdecimal() else name)
+
+
+def joint_row(part: Part) -> list[str]:
+    """Type, range, 1 sigma of axis and pivot, and mass of a part, for a table."""
+    from twin.report.page import part_facts
+
+    facts = {name: value for name, value, _ in part_facts(part)}
+    axis, pivot = (facts.get(k, "").partition(" ± ")[2] for k in ("axis", "pivot"))
+    return [part.joint.kind, facts["range"], axis, pivot, facts.get("mass", "")]
+
+
+def joint_text(part: Part) -> str:
+    from twin.report.page import part_facts
+
+    facts = {name: value for name, value, _ in part_facts(part)}
+    return f"{part.joint.kind}, {facts['range']}"
+
+
+def page_note(run: Path) -> str:
+    return f"report: {run / 'report.html'}"
+
+
+@contextmanager
+def page(run: Path) -> Iterator[None]:
+    """Hold the run and render its page when the verb is done, also when it failed for a reason the user can mend after it
+    changed the run.
+
+    A run folder that is not there yet is held by what makes it.
+    """
+    from twin.report import render
+
+    place = run_folder(run)
+    with claimed(place) if place.is_dir() else nullcontext():
+        require_own_page(place)
+        before = _shown(place)
+        try:
+            yield
+        except FuntwinError:
+            if (place / MANIFEST).is_file() and _shown(place) != before:
+                render(place)
+            raise
+        with claimed(place):
+            render(place)
+
+
+def _shown(run: Path) -> dict[Path, int]:
+    """When what the page shows was written last."""
+    files = (run / MANIFEST, run / "twin" / "twin.json", *(run / "report").glob("*.json"))
+    return {f: f.stat().st_mtime_ns for f in files if f.is_file()}
+
+
+def require_run(out: Path) -> None:
+    """Raises InputError unless a twin can be written to the run folder; cheap, for before anything is computed."""
+    require_writable(out)
+    require_place(out / "twin")
+
+
+@contextmanager
+def unlogged(name: str) -> Iterator[None]:
+    """Keep the warnings of a logger from the terminal, where the verb tells them itself."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)

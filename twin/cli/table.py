@@ -1,0 +1,56 @@
+"""What the command line names and imports when it is called: the twin's packages know neither reconstruction nor robots.
+
+These are the only functions that are named by text; tests/twin/test_cli.py resolves each.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+# verb -> (function that carries it out, what it does). Named as strings: their imports take seconds.
+VERBS = {
+    "demo": ("twin.cli.verbs:demo", "the whole chain on the recording shipped with Funtwin"),
+    "simulate": ("recon.verbs:simulate", "render a recording with exact truth from an MJCF scene"),
+    "reconstruct": ("recon.verbs:reconstruct", "turn a recording into a twin"),
+    "import": ("twin.cli.verbs:import_scene", "turn a URDF or MJCF scene from elsewhere into a twin"),
+    "export": ("twin.cli.verbs:export", "write the twin as URDF, MJCF and USD"),
+    "check": (
+        "twin.cli.verbs:check",
+        "load the exported files in other programs and compare them with the twin",
+    ),
+    "lint": ("twin.cli.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
+    "replay": ("robots.replay_verb:replay", "let a robot open or close the twin's parts in simulation"),
+    "trajectory": ("robots.trajectory_verb:trajectory", "export a planned trajectory in robots' own formats"),
+    "evaluate": ("recon.verbs:evaluate", "compare a run with the truth"),
+    "physics": (
+        "twin.cli.physics_verbs:physics",
+        "show, set or estimate what parts weigh and how they resist",
+    ),
+    "doctor": ("twin.cli.verbs:doctor", "say what this machine lacks, and how to get it"),
+    "robots": (
+        "robots.verbs:robots",
+        "list or show the robots that can open parts, or fetch a model from the net",
+    ),
+    "engines": (
+        "twin.cli.verbs:engines",
+        "list or install the programs that judge exports in environments of their own",
+    ),
+}
+# What `twin demo` chains, beside the twin's own verbs.
+CHAIN = {
+    "resolve": "robots:resolve",
+    "open_recording": "recon.readers:open_recording",
+    "settings": "recon.config:ReconConfig",
+    "reconstruct": "recon.verbs:reconstruct_step",
+    "evaluate": "recon.verbs:evaluate_step",
+    "replay": "robots.replay_verb:replay_step",
+}
+# Frames for a robot's film and for a question about a part: whoever asks does not know how recordings are read.
+OPEN_RECORDING = "recon.readers:open_recording"
+
+
+def named(name: str) -> Any:
+    """The object "module:attribute"."""
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
