@@ -19,7 +19,7 @@ from recon.pipeline import reconstruct
 from recon.readers import open_recording
 from twin.errors import FuntwinError
 from twin.files.text import read_json
-from twin.runs.stages import MANIFEST
+from twin.runs.manifest import MANIFEST
 from twin.storage import load
 
 # metric as the evaluation names it -> column

@@ -40,7 +40,7 @@ from robots.simulation.report import measure
 from robots.trajectory import RobotTrajectory
 from robots.trials.batch import replay_all
 from robots.trials.perturbation import Draw, draw, spread_of
-from robots.trials.run_trials import LADDER
+from robots.trials.report import LADDER
 from twin.errors import FuntwinError
 from twin.scene import Revolute, Twin
 

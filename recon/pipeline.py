@@ -32,9 +32,10 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.physics import MaterialTable, keep_known, read_materials, with_physics
+from twin.runs.manifest import MANIFEST, update_manifest, versions
 from twin.runs.progress import default_progress
 from twin.runs.settings import as_dict
-from twin.runs.stages import MANIFEST, Progress, Run, update_manifest, versions
+from twin.runs.stages import Progress, Run
 from twin.scene import Trajectory, Twin
 from twin.storage import aside_name, digest, keep_aside, load, require_place, save
 

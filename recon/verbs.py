@@ -13,8 +13,9 @@ from twin.cli.step import Step, joint_row, joint_text, page, page_note, require_
 from twin.files.paths import require_writable
 from twin.files.text import read_json
 from twin.report.sections import Table
+from twin.runs.manifest import MANIFEST
 from twin.runs.settings import from_dict
-from twin.runs.stages import MANIFEST, Progress
+from twin.runs.stages import Progress
 from twin.storage import load
 
 

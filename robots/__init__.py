@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from robots.simulation.replay import replay as replay
     from robots.simulation.report import ReplayReport as ReplayReport
     from robots.trajectory import RobotTrajectory as RobotTrajectory
-    from robots.trials.run_trials import TrialReport as TrialReport
+    from robots.trials.report import TrialReport as TrialReport
     from robots.trials.run_trials import run_trials as run_trials
 
 # name -> module; imported when first used, because MuJoCo and mink take a second to load

@@ -15,7 +15,8 @@ from twin.errors import FuntwinError, InputError, PlanningError
 from twin.files.paths import require_writable
 from twin.files.text import read_json
 from twin.report.sections import Table
-from twin.runs.stages import MANIFEST, Progress
+from twin.runs.manifest import MANIFEST
+from twin.runs.stages import Progress
 from twin.scene import Part, Twin
 from twin.storage import load
 
@@ -229,7 +230,7 @@ def _trials(
 ) -> tuple[Table, dict[str, Any], list[str]]:
     """Table, data and notes of the trials of one part."""
     import robots
-    from robots.trials.run_trials import COLUMNS
+    from robots.trials.report import COLUMNS
 
     name = f"trials {trajectory.part}"
     progress(name, 0.0, "")

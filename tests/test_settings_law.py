@@ -21,8 +21,8 @@ from robots.config import PlanConfig, ReplayConfig
 from tests.recon import tiny
 from twin.collision import CollisionConfig
 from twin.errors import ConfigError
+from twin.runs.keys import stage_key
 from twin.runs.settings import as_dict, from_dict, load_config, to_toml
-from twin.runs.stages import stage_key
 
 ROOTS = (ReconConfig, SimulateConfig, PlanConfig, ReplayConfig, CollisionConfig)
 # TOML holds 64-bit integers; every character but halves of surrogate pairs, which are no text

@@ -18,7 +18,7 @@ from twin.errors import FuntwinError, InputError
 from twin.files.ply import read_ply
 from twin.geometry import Array
 from twin.scene import Joint, Mesh, Prismatic, Revolute, Trajectory
-from twin.storage import LabelFolder
+from twin.storage.labels import LabelFolder
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robots.trials.run_trials import TrialReport, TrialRow, binned
+from robots.trials.report import TrialReport, TrialRow
+from robots.trials.run_trials import binned
 from robots.trials.statistics import Estimate
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from tests.twin.scenes import cabinet_twin
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.physics.edit import given, set_physics
-from twin.runs.stages import MANIFEST
+from twin.runs.manifest import MANIFEST
 from twin.storage import load, save
 
 

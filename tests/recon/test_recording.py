@@ -22,7 +22,7 @@ from tests.recon.tiny import FRAMES, HEIGHT, WIDTH, cameras, write_poses, write_
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.files.text import read_json
-from twin.runs.stages import MANIFEST, update_manifest
+from twin.runs.manifest import MANIFEST, update_manifest
 from twin.scene import Trajectory
 
 T = 12

@@ -17,7 +17,7 @@ from robots.simulation.impedance import FORCE_CAP, ROTATION, TRANSLATION, Impeda
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
 from robots.trials.perturbation import draw, perturbed, spread_of
-from robots.trials.run_trials import LADDER
+from robots.trials.report import LADDER
 from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from twin import geometry as geo

@@ -49,7 +49,8 @@ from robots.trials.perturbation import (
     perturbed,
     spread_of,
 )
-from robots.trials.run_trials import LADDER, Trial, TrialRow, run_trials
+from robots.trials.report import LADDER, Trial, TrialRow
+from robots.trials.run_trials import run_trials
 from robots.trials.statistics import mean, wilson
 from tests.robots import furniture
 from twin import geometry as geo

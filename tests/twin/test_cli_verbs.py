@@ -14,7 +14,8 @@ from tests.twin.scenes import cabinet_twin
 from tests.twin.stand_ins import Settings, stand_in
 from twin.cli import main as cli
 from twin.errors import InputError, PlanningError
-from twin.runs.stages import Run, update_manifest
+from twin.runs.manifest import update_manifest
+from twin.runs.stages import Run
 from twin.storage import load, save
 
 

@@ -18,8 +18,9 @@ import pytest
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.geometry import Array
+from twin.runs.keys import stage_key
 from twin.runs.settings import load_config
-from twin.runs.stages import Run, StageResult, stage_key
+from twin.runs.stages import Run, StageResult
 from twin.scene import Prismatic
 
 

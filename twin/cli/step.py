@@ -12,8 +12,8 @@ from twin.cli.console import Outcome
 from twin.errors import FuntwinError
 from twin.files.paths import require_writable
 from twin.report.sections import Section, require_own_page, save_section
+from twin.runs.manifest import MANIFEST
 from twin.runs.run_lock import claimed
-from twin.runs.stages import MANIFEST
 from twin.scene import Part, Twin
 from twin.storage import require_place
 

@@ -16,7 +16,7 @@ from twin.physics.text import described
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
-from twin.runs.stages import MANIFEST
+from twin.runs.manifest import MANIFEST
 from twin.scene import Part, Twin
 from twin.storage import load
 

@@ -7,33 +7,28 @@ dies, what stands under `stages/NN_name` is complete, and the next run goes on f
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
-import resource
 import shutil
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from contextlib import suppress
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
-from platform import python_version
 from typing import Any, Generic, Protocol, TypeVar
 
 from twin.errors import FuntwinError, InputError
 from twin.files.text import read_json, write_json, write_text
 from twin.runs.codec import OtherVersionError, TreeCodec
+from twin.runs.keys import stage_key, why_changed
+from twin.runs.manifest import MANIFEST, update_manifest, versions
+from twin.runs.memory import peak_memory_mb, reset_peak_memory
 from twin.runs.run_lock import claim, release
 from twin.runs.settings import as_dict, to_toml
 
 T = TypeVar("T")
 
-MANIFEST = "manifest.json"
 CONFIG = "config.toml"
 RECORD = "stage.json"
-PACKAGES = ("funtwin", "numpy", "scipy", "open3d", "opencv-contrib-python", "scikit-learn", "mujoco")
 
 
 class Progress(Protocol):
@@ -218,7 +213,7 @@ class Run:
         reason: str,
     ) -> StageResult[T]:
         start = time.perf_counter()
-        _reset_peak_memory()
+        reset_peak_memory()
         value, notes = _recording_warnings(compute)
         seconds, peak = time.perf_counter() - start, peak_memory_mb()
         if self.folder is None:
@@ -275,64 +270,6 @@ class Run:
         )
 
 
-def stage_key(name: str, parts: Mapping[str, Any]) -> str:
-    """SHA-256 of the canonical JSON of a stage's name and key parts."""
-    text = json.dumps([name, parts], sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def why_changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
-    """One line that names what differs between two sets of key parts."""
-    reasons = []
-    if old.get("input") != new["input"]:
-        reasons.append("the recording changed")
-    if old.get("version") != new["version"]:
-        reasons.append(f"the stage's version changed from {old.get('version')} to {new['version']}")
-    was, now = _flat(old.get("config")), _flat(new["config"])
-    reasons += [
-        f"{field or 'config'} changed from {was.get(field)!r} to {now.get(field)!r}"
-        for field in sorted(was.keys() | now.keys())
-        if was.get(field) != now.get(field) or (field in was) != (field in now)
-    ]
-    was, now = old.get("upstream", {}), new["upstream"]
-    changed = [n for n in sorted(was.keys() | now.keys()) if was.get(n) != now.get(n)]
-    if changed:
-        reasons.append(f"it reads {', '.join(changed)}, which changed")
-    return "; ".join(reasons) or "its stored key does not match"
-
-
-def update_manifest(folder: Path, **sections: Any) -> None:
-    """Replace top-level sections of RUN/manifest.json, atomically, and keep the others."""
-    path = folder / MANIFEST
-    manifest = read_json(path)
-    manifest = {"format": "funtwin-run/1"} | manifest | sections
-    write_json(path, manifest)
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the installed packages that shape the results."""
-    found = {"python": python_version()}
-    for package in PACKAGES:
-        with suppress(metadata.PackageNotFoundError):
-            found[package] = metadata.version(package)
-    return found
-
-
-def peak_memory_mb() -> float:
-    """Largest resident memory of this process in MB since the last reset, else since its start."""
-    with suppress(OSError, ValueError):
-        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
-        match = re.search(r"VmHWM:\s+(\d+) kB", status)
-        if match:
-            return int(match[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
-def _reset_peak_memory() -> None:
-    with suppress(OSError):  # Linux only; elsewhere the peak is that of the whole process
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-
-
 def _recording_warnings(compute: Callable[[], T]) -> tuple[T, list[str]]:
     """Call `compute`; UserWarnings are collected, each text once, and other warnings shown as usual."""
     with warnings.catch_warnings(record=True) as caught:
@@ -364,14 +301,3 @@ def _make(folder: Path) -> None:
 
 def _meta(record: Mapping[str, Any]) -> tuple[float, float, tuple[str, ...]]:
     return float(record["seconds"]), float(record["peak_mb"]), tuple(record["warnings"])
-
-
-def _flat(config: Any, prefix: str = "") -> dict[str, Any]:
-    if isinstance(config, list) and any(isinstance(c, Mapping) for c in config):
-        config = {str(k): c for k, c in enumerate(config)}
-    if not isinstance(config, Mapping):
-        return {} if config is None and not prefix else {prefix: config}
-    items: dict[str, Any] = {}
-    for key, value in config.items():
-        items |= _flat(value, f"{prefix}.{key}" if prefix else key)
-    return items

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -22,12 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import geometry as geo
 from twin.errors import InputError
 from twin.files.atomic import contents, put, staging, tidy, write_file
 from twin.files.paths import AnyPath
 from twin.files.ply import ply_bytes, read_ply
-from twin.scene import Mesh, Trajectory, Twin
+from twin.scene import Mesh, Twin
 from twin.storage.document import (
     CAMERAS,
     json_text,
@@ -36,8 +34,9 @@ from twin.storage.document import (
     with_changes,
     with_files_named,
 )
+from twin.storage.labels import LABEL
+from twin.storage.tum import tum_lines
 
-_LABEL = re.compile(r"\d{6,}\.png")
 # What `twin export` and `twin physics` fill in or change: not what a reconstruction found.
 _FILLED = ("collision", "inertial", "physics")
 
@@ -185,30 +184,6 @@ def _unambiguous(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return out
 
 
-class LabelFolder(Mapping[int, "NDArray[np.uint8]"]):
-    """Label images of a folder by recording frame, each read when it is asked for. Files of other names are not labels."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        names = sorted(p.stem for p in folder.glob("*.png") if _LABEL.fullmatch(p.name))
-        self._frames = {int(n): n for n in names}
-
-    def __getitem__(self, frame: int) -> NDArray[np.uint8]:
-        import cv2
-
-        path = self._folder / f"{self._frames[frame]}.png"
-        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        if image is None or image.ndim != 2 or image.dtype != np.uint8:
-            raise InputError(f"{path} is not a single-channel 8-bit PNG", "labels are written by twin.save")
-        return np.asarray(image, dtype=np.uint8)
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._frames)
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-
 class _Earlier:
     """The twin that a folder holds before it is saved again: its document ({} for none) and the files that are not its own."""
 
@@ -267,7 +242,7 @@ def _earlier(folder: Path) -> dict[str, Any] | None:
 def _files_of(folder: Path, document: Mapping[str, Any]) -> set[str]:
     """Paths in `folder` that are of the twin `document`."""
     cameras = (document.get("cameras") or {}).get("file")
-    labels = {f"labels/{p.name}" for p in (folder / "labels").glob("*.png") if _LABEL.fullmatch(p.name)}
+    labels = {f"labels/{p.name}" for p in (folder / "labels").glob("*.png") if LABEL.fullmatch(p.name)}
     own = {
         "twin.json",
         *(path for _, path in shape_files(document)),
@@ -291,7 +266,7 @@ def _write(twin: Twin, folder: Path, earlier: _Earlier) -> None:
             target.write_bytes(ply_bytes(meshes[path]))
     document = with_files_named(document, lambda path: names[path])
     if twin.cameras is not None:
-        text = _tum(twin.cameras)
+        text = tum_lines(twin.cameras)
         document["cameras"]["file"] = earlier.cameras(text)
         (folder / document["cameras"]["file"]).write_text(text, encoding="ascii", newline="\n")
     _write_labels(twin.labels, folder / "labels")
@@ -336,17 +311,3 @@ def _writing(folder: Path) -> Iterator[None]:
         raise InputError(
             f"{folder} can't be written: {e.strerror or e}{where}", "check space and permissions"
         ) from e
-
-
-def _tum(cameras: Trajectory) -> str:
-    """TUM lines `t tx ty tz qx qy qz qw`, camera to world."""
-    lines = []
-    for t, pose in zip(cameras.times, cameras.T_world_cam, strict=True):
-        w, x, y, z = geo.quat_wxyz_from_matrix(pose[:3, :3])
-        lines.append(" ".join([_time(float(t)), *(repr(float(v)) for v in (*pose[:3, 3], x, y, z, w))]))
-    return "\n".join(lines) + "\n"
-
-
-def _time(t: float) -> str:
-    short = f"{t:.6f}"
-    return short if float(short) == t else repr(t)

@@ -35,8 +35,9 @@ from twin.scene import (
     Twin,
     origin_of,
 )
-from twin.storage import LabelFolder, read_document
+from twin.storage import read_document
 from twin.storage.document import FORMAT, extra_of, part_document, twin_document
+from twin.storage.labels import LabelFolder
 
 T = TypeVar("T")
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.joints.observations import Kind
-from recon.joints.pose_graph.solver import CHI6_MEDIAN, motion_jacobian, right_inverse, twist_of
+from recon.joints.pose_graph.screws import motion_jacobian, right_inverse, twist_of
+from recon.joints.pose_graph.solver import CHI6_MEDIAN
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import moved_axis

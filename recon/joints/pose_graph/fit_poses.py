@@ -9,7 +9,8 @@ from recon.joints.config import JointConfig
 from recon.joints.observations import Kind, Model
 from recon.joints.pose_graph.bundle import FLOOR, PoseBundle, chi2, refine_poses
 from recon.joints.pose_graph.edges import edges_from_poses, graph_pairs
-from recon.joints.pose_graph.solver import PoseGraph, edge_errors, solve_pose_graph, twist_of
+from recon.joints.pose_graph.screws import twist_of
+from recon.joints.pose_graph.solver import PoseGraph, edge_errors, solve_pose_graph
 from recon.joints.result import MotionFit
 from recon.joints.sign_and_limits import orient
 from recon.joints.type_selection import TypeEvidence, decide, delta_bic, truncated_chi2

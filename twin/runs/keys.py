@@ -1,0 +1,45 @@
+"""Keys of stages: what a result depends on, and what changed where a key is another."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+
+def stage_key(name: str, parts: Mapping[str, Any]) -> str:
+    """SHA-256 of the canonical JSON of a stage's name and key parts."""
+    text = json.dumps([name, parts], sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def why_changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """One line that names what differs between two sets of key parts."""
+    reasons = []
+    if old.get("input") != new["input"]:
+        reasons.append("the recording changed")
+    if old.get("version") != new["version"]:
+        reasons.append(f"the stage's version changed from {old.get('version')} to {new['version']}")
+    was, now = _flat(old.get("config")), _flat(new["config"])
+    reasons += [
+        f"{field or 'config'} changed from {was.get(field)!r} to {now.get(field)!r}"
+        for field in sorted(was.keys() | now.keys())
+        if was.get(field) != now.get(field) or (field in was) != (field in now)
+    ]
+    was, now = old.get("upstream", {}), new["upstream"]
+    changed = [n for n in sorted(was.keys() | now.keys()) if was.get(n) != now.get(n)]
+    if changed:
+        reasons.append(f"it reads {', '.join(changed)}, which changed")
+    return "; ".join(reasons) or "its stored key does not match"
+
+
+def _flat(config: Any, prefix: str = "") -> dict[str, Any]:
+    if isinstance(config, list) and any(isinstance(c, Mapping) for c in config):
+        config = {str(k): c for k, c in enumerate(config)}
+    if not isinstance(config, Mapping):
+        return {} if config is None and not prefix else {prefix: config}
+    items: dict[str, Any] = {}
+    for key, value in config.items():
+        items |= _flat(value, f"{prefix}.{key}" if prefix else key)
+    return items

@@ -1,0 +1,31 @@
+"""RUN/manifest.json: what a run has done, by which versions."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from importlib import metadata
+from pathlib import Path
+from platform import python_version
+from typing import Any
+
+from twin.files.text import read_json, write_json
+
+MANIFEST = "manifest.json"
+PACKAGES = ("funtwin", "numpy", "scipy", "open3d", "opencv-contrib-python", "scikit-learn", "mujoco")
+
+
+def update_manifest(folder: Path, **sections: Any) -> None:
+    """Replace top-level sections of RUN/manifest.json, atomically, and keep the others."""
+    path = folder / MANIFEST
+    manifest = read_json(path)
+    manifest = {"format": "funtwin-run/1"} | manifest | sections
+    write_json(path, manifest)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the installed packages that shape the results."""
+    found = {"python": python_version()}
+    for package in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            found[package] = metadata.version(package)
+    return found
