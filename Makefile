@@ -24,11 +24,12 @@ demo: install ## reconstruct the shipped recording, export it, let a robot open 
 test: install ## run the tests
 	OMP_NUM_THREADS=1 $(VENV)/bin/pytest -n 2 --dist loadfile
 
-lint: install ## style, types and the rules between the packages
+lint: install ## style, types, the order of the folders, sizes and repetition
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
+	$(VENV)/bin/python .ci/sizes.py
 
 install: $(VENV)/.installed ## set up system libraries, .venv and packages
 

@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -64,3 +65,24 @@ def test_the_top_of_recon_is_one_screen() -> None:
     if listed.returncode:
         pytest.skip("not a git checkout")
     assert len({line.split("/")[1] for line in listed.stdout.splitlines()}) <= 23
+
+
+def test_repetition_counts_code_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten equal lines in two files are told; imports, docstrings and comments are not equal lines."""
+    spec = spec_from_file_location("sizes", ROOT / ".ci/sizes.py")
+    assert spec is not None
+    assert spec.loader is not None
+    sizes = module_from_spec(spec)
+    spec.loader.exec_module(sizes)
+    monkeypatch.setattr(sizes, "ROOT", tmp_path)
+    (tmp_path / "twin").mkdir()
+    body = "".join(f"x{k} = {k}\n" for k in range(10))
+    header = '"""Told."""\n' + "import os\n" * 12
+    (tmp_path / "twin/a.py").write_text(header + body)
+    (tmp_path / "twin/b.py").write_text(header + "# told\n" + body.replace("x5", "y5"))
+    assert sizes.repeated() == []
+    (tmp_path / "twin/b.py").write_text("# told\n" + body.replace("x5 = 5", "x5 = 5  # a comment\n"))
+    (told,) = sizes.repeated()
+    assert "twin/a.py:14 and twin/b.py:2" in told
+    (tmp_path / "twin/a.py").write_text("def long():\n" + "    x = 1\n" * 60)
+    assert ("twin/a.py:long", 61, 60) in list(sizes.sizes())

@@ -1,0 +1,115 @@
+"""What `make lint` says of size and repetition: functions of at most 60 lines, files of at most 300, and no ten equal lines in two
+places. Imports, comments, docstrings and blank lines do not count as equal ones.
+
+What is larger today stands below with its size, and may only shrink: who splits it deletes its line.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import sys
+import tokenize
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("twin", "recon", "robots")
+FUNCTION, FILE, EQUAL = 60, 300, 10
+LARGER = {
+    "recon/labels/evidence.py:compare": 61,
+    "recon/labels/label_frames.py": 310,
+    "recon/pipeline.py": 306,
+    "recon/pipeline.py:_run": 74,
+    "recon/readers/record3d.py": 310,
+    "robots/planning/base_search.py": 310,
+    "robots/planning/joint_path.py:refined": 79,
+    "robots/planning/plan.py:_planned": 61,
+    "robots/reasons.py": 316,
+    "robots/replay_verb.py:replay_step": 88,
+    "recon/fusion/tsdf.py:_integrate": 61,
+    "twin/collision/solid.py": 317,
+    "twin/exporters/__init__.py:export": 69,
+    "twin/lint/run.py": 311,
+    "twin/lint/usd.py": 310,
+    "twin/probes/behaviour.py": 321,
+    "twin/runs/stages.py": 303,
+    "twin/scene.py": 313,
+    "twin/storage/__init__.py": 313,
+    "twin/storage/reading.py": 317,
+}
+
+
+def sources(*folders: str) -> Iterator[Path]:
+    for folder in folders:
+        yield from sorted((ROOT / folder).rglob("*.py"))
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def sizes() -> Iterator[tuple[str, int, int]]:
+    """(name, lines, limit) of every file and function."""
+    for path in sources(*PACKAGES):
+        text = path.read_text(encoding="utf-8")
+        yield name_of(path), len(text.splitlines()), FILE
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                yield f"{name_of(path)}:{node.name}", lines, FUNCTION
+
+
+def code_lines(path: Path) -> list[tuple[int, str]]:
+    """(number, text) of the lines that hold code."""
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    left_out: set[int] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            left_out.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
+            value = body[0].value
+            if isinstance(value, ast.Constant) and isinstance(value.value, str):
+                left_out.update(range(value.lineno, (value.end_lineno or value.lineno) + 1))
+    lines = text.splitlines()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            lines[token.start[0] - 1] = lines[token.start[0] - 1][: token.start[1]]
+    return [(k, s.strip()) for k, s in enumerate(lines, 1) if s.strip() and k not in left_out]
+
+
+def repeated() -> list[str]:
+    """Pairs of places that share EQUAL lines of code, the first of each run."""
+    seen: dict[tuple[str, ...], list[tuple[str, int]]] = defaultdict(list)
+    for path in sources(*PACKAGES, "tests", "benchmarks"):
+        rows = code_lines(path)
+        for k in range(len(rows) - EQUAL + 1):
+            seen[tuple(text for _, text in rows[k : k + EQUAL])].append((name_of(path), rows[k][0]))
+    found = {}
+    for places in seen.values():
+        if len(places) > 1:
+            files = tuple(name for name, _ in places)
+            found.setdefault(files, " and ".join(f"{name}:{line}" for name, line in places))
+    return [f"{places} share {EQUAL} lines or more" for places in found.values()]
+
+
+def main() -> int:
+    faults = []
+    for name, lines, limit in sizes():
+        allowed = LARGER.get(name, limit)
+        if lines > allowed:
+            faults.append(f"{name} has {lines} lines, at most {allowed} are allowed")
+        elif name in LARGER and lines <= limit:
+            faults.append(f"{name} is no longer too large: delete its line in .ci/sizes.py")
+    known = {name for name, _, _ in sizes()}
+    faults += [f"{name} stands in .ci/sizes.py and does not exist" for name in LARGER if name not in known]
+    faults += repeated()
+    print("\n".join(faults) or "sizes and repetition: nothing to tell")
+    return bool(faults)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
