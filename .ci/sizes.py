@@ -27,7 +27,7 @@ LARGER = {
     "robots/planning/joint_path.py:refined": 79,
     "robots/planning/plan.py:_planned": 61,
     "robots/reasons.py": 316,
-    "robots/replay_verb.py:replay_step": 88,
+    "robots/replay_verb.py:replay_step": 75,
     "recon/fusion/tsdf.py:_integrate": 61,
     "twin/collision/solid.py": 317,
     "twin/exporters/__init__.py:export": 69,

@@ -20,6 +20,18 @@ from twin.runs.stages import Progress
 from twin.scene import Part, Twin
 from twin.storage import load
 
+_COLUMNS = (
+    "part",
+    "opened",
+    "open at the end",
+    "slip",
+    "torque used",
+    "grasp",
+    "pedestal",
+    "floor",
+    "result",
+)
+
 
 def replay(
     console: Console,
@@ -78,9 +90,7 @@ def replay_step(
 
     started = time.perf_counter()
     twin = load(run)
-    parts = [part_named(twin, n) for n in names] or list(twin.parts)
-    if not parts:
-        raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+    parts = parts_to_move(twin, names, run)
     if contact is not None and len(parts) > 1:
         raise InputError(
             f"--contact is a point on one part, and {len(parts)} are to be moved",
@@ -91,11 +101,11 @@ def replay_step(
     config = robots.ReplayConfig(**(settings or {}))
     require_writable(run_folder(run) / "replay")
     # what follows imports MuJoCo: every wrong answer that can be told without it was told before
-    # one of several parts that can't be held does not keep the others from being moved
     from robots.floor import floor_of
     from robots.grasp.where_to_hold import NothingToHold
     from twin.contacts import contacts_off
 
+    # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([NothingToHold] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
     if contact is None:
@@ -127,22 +137,19 @@ def replay_step(
             )
             tables.append(table)
             notes += assumed
-    columns = [
-        "part",
-        "opened",
-        "open at the end",
-        "slip",
-        "torque used",
-        "grasp",
-        "pedestal",
-        "floor",
-        "result",
-    ]
     ok = all(r["ok"] for r in reports.values())
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
-    tables = [Table(f"replay with {robot}", columns, rows), *tables]
+    tables = [Table(f"replay with {robot}", _COLUMNS, rows), *tables]
     outcome = Outcome({"parts": reports}, tables, notes, warnings, ok)
     return Step("replay", outcome, summary, started).kept(run_folder(run))
+
+
+def parts_to_move(twin: Twin, names: Sequence[str], run: Path) -> list[Part]:
+    """The parts of these names, all without names. Raises InputError for a twin without a moving part."""
+    parts = [part_named(twin, n) for n in names] or list(twin.parts)
+    if not parts:
+        raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+    return parts
 
 
 def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, list[str], list[str]]:

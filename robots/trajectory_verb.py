@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from robots.replay_verb import replay_folder
+from robots.replay_verb import parts_to_move, replay_folder
 from twin.cli.console import Console, Outcome
-from twin.cli.step import part_named, run_folder
+from twin.cli.step import run_folder
 from twin.errors import InputError
 from twin.files.paths import require_writable
 from twin.report.sections import Table
@@ -48,9 +48,7 @@ def trajectory_step(
     from robots.task import task_of
 
     twin, spec = load(run), robots.resolve(robot)
-    parts = [part_named(twin, name)] if name else list(twin.parts)
-    if not parts:
-        raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+    parts = parts_to_move(twin, [name] if name else [], run)
     sources = []
     for part in parts:
         task = task_of(part, goal, start)
