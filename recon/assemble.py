@@ -1,30 +1,25 @@
-"""Put a twin together from what the stages found."""
+"""Put a twin together from what the stages found, and keep it in the run folder beside what the user changed there."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.moving_part import MovingPart
+from recon.contact.finish_parts import FinishedPart
 from recon.recording import Recording
+from twin.errors import InputError
+from twin.files.text import read_json
 from twin.names import legal_name
-from twin.scene import ContactPath, Mesh, Part, Recorded, StaticPart, Trajectory, Twin
-
-
-@dataclass(frozen=True, eq=False)
-class FinishedPart:
-    """A part counted from its closed end, with all that was found about it."""
-
-    moving: MovingPart
-    mesh: Mesh
-    contact: ContactPath | None
-    type_source: str
-    closed_source: str
+from twin.physics import keep_known
+from twin.runs.manifest import MANIFEST, update_manifest
+from twin.runs.stages import Run
+from twin.scene import Mesh, Part, Recorded, StaticPart, Trajectory, Twin
+from twin.storage import aside_name, digest, keep_aside, load, save
 
 
 def assemble(
@@ -65,3 +60,60 @@ def assemble(
         provenance=provenance,
         labels=labels,
     )
+
+
+def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
+    """Save the twin into the run folder and return what stands there then.
+
+    A twin that the user changed since it was reconstructed is not lost: it stays where the result is the same as before, and
+    is kept beside the new one where it is not. What was measured or added about its parts goes over to the new one.
+    """
+    folder, found = out / "twin", digest(twin)
+    earlier = _earlier_twin(run, folder)
+    before = read_json(out / MANIFEST).get("twin")
+    if earlier is not None:
+        there = digest(earlier)
+        if found in (before, there):
+            if there != found:
+                run.warn(f"{folder} was changed since and stays as it is: the result is the same as before")
+            update_manifest(out, twin=found)
+            return earlier
+        known = keep_known(twin, earlier)
+        if there != before or (earlier.extra and not known.extra):
+            run.warn(
+                f"{folder} was changed since it was made: the earlier one is kept in {keep_aside(folder)}"
+            )
+        twin = known
+    save(twin, folder)
+    update_manifest(out, twin=found)
+    return twin
+
+
+def _earlier_twin(run: Run, folder: Path) -> Twin | None:
+    if not (folder / "twin.json").is_file():
+        return None
+    try:
+        return load(folder)
+    except InputError as e:
+        aside = aside_name(folder)
+        folder.rename(aside)
+        run.warn(f"the earlier twin can't be read and is kept in {aside}: {e.problem}")
+        return None
+
+
+def say_where(recording: Recording, out: Path) -> None:
+    """Note in the manifest where the recording lies, for a film that shows its frames again.
+
+    Relative to the run folder, so that it holds when both are moved together. twin.json, whose bytes don't depend on the
+    machine, knows the recording by its fingerprint only.
+    """
+    if recording.path is not None:
+        path = os.path.relpath(Path(recording.path).resolve(), out.resolve())
+        update_manifest(out, recording=Path(path).as_posix())
+
+
+def keep_key_frames(twin: Twin, recording: Recording, out: Path) -> None:
+    from twin.report import pick_key_frames, save_key_frames
+
+    chosen = pick_key_frames(twin)
+    save_key_frames(out, {f: recording.frame(f).color for f in chosen}, recording.intrinsics.matrix)

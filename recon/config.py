@@ -9,8 +9,9 @@ from recon.cameras.poses import CameraConfig
 from recon.contact.closed_end import ClosedEndConfig
 from recon.contact.find_contact import ContactConfig
 from recon.fusion.fuse import FusionConfig
+from recon.joints.config import JointConfig
 from recon.labels.label_frames import LabelConfig
-from recon.motion.config import MotionConfig
+from recon.parts.config import MotionConfig
 from recon.refine.observations import RefineConfig
 from recon.tracking.tracks import TrackConfig
 
@@ -23,6 +24,7 @@ class ReconConfig:
     cameras: CameraConfig = field(default_factory=CameraConfig)
     gravity: GravityConfig = field(default_factory=GravityConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+    joints: JointConfig = field(default_factory=JointConfig)
     refine: RefineConfig = field(default_factory=RefineConfig)
     labels: LabelConfig = field(default_factory=LabelConfig)
     fusion: FusionConfig = field(default_factory=FusionConfig)

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import recon.pipeline
+
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 MODULE = re.compile(r"`(?P<path>(?:twin|recon|robots)/[\w/]+(?:\.py|/))`")
@@ -19,8 +21,9 @@ MODULE = re.compile(r"`(?P<path>(?:twin|recon|robots)/[\w/]+(?:\.py|/))`")
 def stages_of_the_pipeline() -> list[str]:
     """Names of the stages that `recon.pipeline` computes, in order."""
     tree = ast.parse((ROOT / "recon/pipeline.py").read_text(encoding="utf-8"))
-    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and ast.unparse(n.func) == "run.stage"]
-    return [ast.literal_eval(c.args[0]) for c in sorted(calls, key=lambda c: c.lineno)]
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and ast.unparse(n.func) == "stage"]
+    ordered = sorted(calls, key=lambda c: c.lineno)
+    return [getattr(recon.pipeline, ast.unparse(c.args[0])).name for c in ordered]
 
 
 def table_of_stages() -> list[tuple[str, list[str]]]:

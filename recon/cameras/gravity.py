@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,10 @@ from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
+from twin.runs.keys import Stage
 from twin.scene import Trajectory
+
+GRAVITY = Stage("gravity", 1, ("gravity",))
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,14 @@ class Gravity:
     R_world_start: Array
     source: str
     warnings: tuple[str, ...] = ()
+
+
+def upright(recording: Recording, cameras: Trajectory, config: GravityConfig = GravityConfig()) -> Trajectory:
+    """The cameras in a world whose z axis points up."""
+    gravity = find_gravity(recording, cameras, config)
+    for note in gravity.warnings:
+        warnings.warn(note, stacklevel=2)
+    return cameras.transformed(geo.make_pose(gravity.R_world_start))
 
 
 def find_gravity(

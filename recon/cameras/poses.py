@@ -7,6 +7,7 @@ alternates landmarks and poses, in which moving things lose their weight; no mas
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +15,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.depth import depth_sigma
-from recon.progress import Progress, silent
+from recon.recording import Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
-from twin.errors import ConfigError, ReconstructionError
+from twin.errors import ConfigError, InputError, ReconstructionError
 from twin.geometry import Array
+from twin.runs.keys import Stage
+from twin.runs.loop import Loop, untold
 from twin.scene import Trajectory
+
+CAMERAS = Stage("cameras", 1, ("cameras",))
 
 
 @dataclass(frozen=True)
@@ -41,12 +46,36 @@ class CameraConfig:
             raise ConfigError(f"cameras: counts must be positive, got {self}")
 
 
+def camera_poses(
+    recording: Recording,
+    tracks: Tracks,
+    config: CameraConfig = CameraConfig(),
+    progress: Loop = untold,
+) -> Trajectory:
+    """The recording's own poses where the settings say so, else those that `estimate_cameras` finds.
+
+    Raises InputError when the recording holds none, ReconstructionError when too few frames can be posed.
+    """
+    if config.use_known_poses:
+        if recording.poses is None:
+            raise InputError(
+                f"{recording.source} holds no camera poses",
+                "leave cameras.use_known_poses off to estimate them",
+            )
+        return recording.poses
+    found = estimate_cameras(tracks, recording.times, recording.intrinsics.fx, config, progress)
+    lost = len(recording) - len(found.frames)
+    if lost:
+        warnings.warn(f"{lost} of {len(recording)} frames have no camera pose", stacklevel=2)
+    return found
+
+
 def estimate_cameras(
     tracks: Tracks,
     times: Array,
     focal: float,
     config: CameraConfig = CameraConfig(),
-    progress: Progress = silent,
+    progress: Loop = untold,
 ) -> Trajectory:
     """Poses T_world_cam of all frames that can be posed; the world is the first posed frame's camera.
 
@@ -92,7 +121,7 @@ def ransac_pose(
 
 
 def _start_poses(
-    tracks: Tracks, config: CameraConfig, focal: float, progress: Progress
+    tracks: Tracks, config: CameraConfig, focal: float, progress: Loop
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Poses (T, 4, 4) by alignment to keyframes and a mask (T,) of the frames that could be posed."""
     rng = np.random.default_rng(0)

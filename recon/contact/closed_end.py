@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from recon.contact.faces import Surface, outer_faces, sample
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from recon.contact.faces import Surface, sample
 from recon.contact.handles import Handle, around_edge, find_edge, find_handle, unseen_handle
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.voxels import voxel_keys
 from twin import geometry as geo

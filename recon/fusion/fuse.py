@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 from recon.depth import F32, depth_sigma
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
-from recon.moving_part import MovingPart
-from recon.progress import Progress, silent
+from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
+from twin.runs.keys import Stage
+from twin.runs.loop import Loop, untold
 from twin.scene import STATIC_LABEL, Mesh, Trajectory
+
+FUSION = Stage("fusion", 2, ("fusion",))
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ def fuse(
     parts: Sequence[MovingPart],
     config: FusionConfig = FusionConfig(),
     *,
-    progress: Progress | None = None,
+    progress: Loop | None = None,
 ) -> FusedScene:
     """Fuse the labelled frames into a mesh of the static scene and one of each part at state 0.
 
@@ -96,7 +99,7 @@ def fuse(
         raise ReconstructionError(
             "no labelled frame has a camera pose", "label frames which the cameras cover"
         )
-    wrap = progress or silent
+    wrap = progress or untold
     seen = {f: _load(recording, cameras, labels[f], f, camera, config) for f in wrap(frames, "depth")}
     bodies: dict[int, MovingPart | None] = {STATIC_LABEL: None, **{p.id: p for p in parts}}
     meshes = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from twin.errors import ConfigError
 class JointConfig:
     """How tracks or poses become a joint.
 
+    method: what tells the joint of a group of tracks and its states: "bundle", bundle adjustment of the tracks, or "pose_graph",
+        the paper's part-pose graph over relative motions between frames.
     min_travel: m, a track that moves less is at rest (the paper's eps_s).
     mover_sigmas: a track must move more than this many noise standard deviations to vote (measured: the type rule
         holds on every real and synthetic track once those under 5 are dropped).
@@ -35,6 +38,7 @@ class JointConfig:
     seed: of the random samples.
     """
 
+    method: Literal["bundle", "pose_graph"] = "bundle"
     min_travel: float = 0.01
     mover_sigmas: float = 5.0
     sigma_floor: float = 0.005

@@ -29,13 +29,16 @@ from recon.labels.reference_frames import (
     relative_moves,
     view,
 )
-from recon.moving_part import MovingPart
-from recon.progress import Progress, silent
+from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
+from twin.runs.keys import Stage
+from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
+
+LABELS = Stage("labels", 2, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ def label_frames(
     config: LabelConfig = LabelConfig(),
     *,
     frames: Sequence[int] | None = None,
-    progress: Progress | None = None,
+    progress: Loop | None = None,
 ) -> dict[int, NDArray[np.uint8]]:
     """Label images (H, W) at colour resolution: 0 unknown, 1 static, part ids, 255 hand with sleeve and forearm.
 
@@ -104,7 +107,7 @@ def label_frames(
         witnesses=config.witnesses,
     )
     _warn(refs)
-    wrap = progress or silent
+    wrap = progress or untold
     camera = camera_vector(recording.intrinsics, factor)
     boxes = [_part_box(refs, cameras, p, camera, config.pose_error) for p in parts]
     views, scores, stays = [], [], []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from recon.depth import F32, depth_sigma
 from recon.labels.reference_frames import View
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys
 from twin import geometry as geo
 from twin.geometry import Array

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recon.depth import F32
 from recon.labels.evidence import compare, median_depth
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.geometry import Array

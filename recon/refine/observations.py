@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.depth import depth_normals, depth_sigma, mean_depth
-from recon.motion.intervals import Movers
-from recon.moving_part import MovingPart
+from recon.motion.movers import Movers
+from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.errors import ConfigError

@@ -7,16 +7,18 @@ three free coordinates; these are eliminated exactly (Schur complement), so that
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.motion.find_parts import FoundParts, PartTracks
-from recon.motion.intervals import IntervalConfig, Movers, state_intervals
-from recon.motion.static_spans import REST_MARGIN
-from recon.moving_part import MovingPart
+from recon.labels.label_frames import LabelConfig, label_frames
+from recon.motion.intervals import IntervalConfig, state_intervals
+from recon.motion.movers import Movers
+from recon.parts.find_parts import FoundParts, PartTracks
+from recon.parts.moving_part import MovingPart
+from recon.parts.static_spans import REST_MARGIN
 from recon.recording import Recording
 from recon.refine.observations import (
     RefineConfig,
@@ -32,9 +34,45 @@ from recon.refine.parallel_faces import face_step
 from recon.refine.solver import step
 from recon.refine.uncertainty import Refined, with_uncertainty
 from twin.geometry import Array
+from twin.runs.keys import Stage
+from twin.runs.loop import Loop, untold
 from twin.scene import Joint, Motion, Trajectory
 
-_DEFAULT = RefineConfig()
+REFINE = Stage("refine", 8, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 3, ("refine", "motion.interval"))
+_DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
+
+
+def refine_found(
+    recording: Recording,
+    cameras: Trajectory,
+    found: FoundParts,
+    config: RefineConfig,
+    of_labels: LabelConfig,
+    interval: IntervalConfig,
+    progress: Loop = untold,
+) -> tuple[MovingPart, ...]:
+    """Labels with the joints found so far, then joints and states refined with every labelled pixel."""
+    parts = [p.part for p in found.parts]
+    # As dense as the final ones: a door's far face is in few frames. Denser adds time and no accuracy.
+    first = replace(of_labels, every=max(of_labels.every, 4))
+    labels = label_frames(recording, cameras, parts, first, progress=progress)
+    return refine_parts(recording, cameras, labels, found, config, interval)
+
+
+def polish_parts(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    found: FoundParts,
+    refined: Sequence[MovingPart],
+    config: RefineConfig,
+    interval: IntervalConfig,
+) -> tuple[MovingPart, ...]:
+    """Refined once more with the final labels, which show what the first ones missed, by the last, tight gates."""
+    tracks = tuple(replace(t, part=p) for t, p in zip(found.parts, refined, strict=True))
+    tight = replace(config, gates=config.gates[-3:])
+    return refine_parts(recording, cameras, labels, replace(found, parts=tracks), tight, interval)
 
 
 def refine_parts(
@@ -43,7 +81,7 @@ def refine_parts(
     labels: Mapping[int, NDArray[np.uint8]],
     found: FoundParts,
     config: RefineConfig = _DEFAULT,
-    interval: IntervalConfig | None = None,
+    interval: IntervalConfig = _INTERVAL,
 ) -> tuple[MovingPart, ...]:
     """All parts with refined joints, states, uncertainties and intervals.
 
@@ -54,9 +92,7 @@ def refine_parts(
     out = []
     for tracks in found.parts:
         fit = _refine_one(views, labels, tracks, found.movers, recording.intrinsics.fx, config)
-        spans = state_intervals(
-            tracks.part.motion.frames, fit.state, fit.jitter, interval or IntervalConfig()
-        )
+        spans = state_intervals(tracks.part.motion.frames, fit.state, fit.jitter, interval)
         joint = replace(fit.joint, covariance=fit.covariance, sigma=fit.sigma)
         motion = replace(
             tracks.part.motion,

@@ -8,10 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.progress import Progress, silent
 from recon.recording import Intrinsics, Recording
 from twin.errors import ConfigError, SceneError
 from twin.geometry import Array
+from twin.runs.keys import Stage
+from twin.runs.loop import Loop, untold
+
+TRACKS = Stage("tracks", 1, ("tracks",))
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,7 @@ class TrackConfig:
 
 
 def track_points(
-    recording: Recording, config: TrackConfig = TrackConfig(), progress: Progress = silent
+    recording: Recording, config: TrackConfig = TrackConfig(), progress: Loop = untold
 ) -> Tracks:
     """Track corners through every frame and lift them by depth.
 

@@ -10,7 +10,7 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.recording import Frame, Intrinsics, Recording
 from tests.recon.tiny import box, merged
 from twin import geometry as geo

@@ -17,7 +17,7 @@ from recon.contact.closed_end import (
     travel_ends,
 )
 from recon.evaluation.truth import load_truth
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from tests.recon.cabinets import TRAVEL, Clip, Kind, make_clip
 from twin import geometry as geo

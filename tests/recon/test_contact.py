@@ -14,7 +14,7 @@ from recon.contact.faces import sample
 from recon.contact.find_contact import ContactConfig, find_contact
 from recon.contact.handles import find_edge, find_handle
 from recon.evaluation.truth import load_truth
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from tests.recon.cabinets import BAR, FRAMES, Clip, Grip, Kind, make_clip
 from tests.recon.tiny import box, merged

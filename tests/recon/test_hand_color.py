@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recon.motion.hand_tracks import HandColorConfig, hand_tracks
+from recon.parts.hand_tracks import HandColorConfig, hand_tracks
 from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny

@@ -14,7 +14,7 @@ from recon.joints.fit_tracks import fit_motion
 from recon.joints.type_selection import HINT_WEIGHT, Kind, TypeEvidence, TypeHint, decide, hint_about
 from recon.models import joint_hint
 from recon.models.joint_hint import read_hints
-from recon.motion.find_parts import find_parts
+from recon.parts.find_parts import find_parts
 from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny

@@ -16,7 +16,7 @@ from recon.labels.crf import agree, geodesic, upsample_labels
 from recon.labels.evidence import compare, median_depth
 from recon.labels.label_frames import LabelConfig, _spread_along_surfaces, _warn_of_ends, label_frames
 from recon.labels.reference_frames import View, find_references
-from recon.moving_part import MovingPart
+from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.voxels import in_hull, largest_piece, near_piece, solid_core, voxel_centres, voxel_keys

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 
 from recon.cameras.poses import estimate_cameras
+from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import fit_motion
-from recon.motion.config import MotionConfig
-from recon.motion.find_parts import FoundParts, _fit_of_both, _on_course, find_parts
-from recon.motion.intervals import Movers
+from recon.joints.group_fits import on_course, widened
+from recon.motion.movers import Movers
+from recon.parts.config import MotionConfig
+from recon.parts.find_parts import FoundParts, find_parts
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.tracking.tracks import Tracks, track_points
@@ -20,20 +23,21 @@ from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.scene import Revolute, Trajectory
 
-FRAMES = 120
+FRAMES, FITS = 120, MotionConfig()
 
 
-def _found(folder: Path) -> tuple[Recording, FoundParts, np.ndarray]:
+def _found(folder: Path, config: MotionConfig = FITS) -> tuple[Recording, FoundParts, np.ndarray]:
     recording = open_recording(folder)
     tracks = track_points(recording)
     cameras = estimate_cameras(tracks, recording.times, recording.intrinsics.fx)
     T_world_start = tiny.cameras(FRAMES)[0]
-    return recording, find_parts(recording, tracks, cameras.transformed(T_world_start)), T_world_start
+    return recording, find_parts(recording, tracks, cameras.transformed(T_world_start), config), T_world_start
 
 
-def test_two_parts_that_move_one_after_the_other(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", ["fits", "clusters"])
+def test_two_parts_that_move_one_after_the_other(tmp_path: Path, method: Literal["fits", "clusters"]) -> None:
     folder = tiny.write_recording(tmp_path / "two", ("door", "drawer"), frames=FRAMES, scale=5, pattern=47.0)
-    _, found, _ = _found(folder)
+    _, found, _ = _found(folder, MotionConfig(method=method))
     assert {p.part.joint.kind for p in found.parts} == {"revolute", "prismatic"}
     assert len(found.parts) == 2
     for part in found.parts:
@@ -101,7 +105,7 @@ def test_a_track_that_circles_the_axis_is_on_course_whatever_its_state() -> None
         geo.transform(joint.poses(state), joint.pivot + np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3))),
         np.ones((30, 20), bool),
     )
-    assert _on_course(fit, movers, MotionConfig()).tolist() == [True, True, False, False]
+    assert on_course(fit, movers, MotionConfig().rest_tolerance).tolist() == [True, True, False, False]
 
 
 def test_a_part_fitted_again_from_both_sides_keeps_why_it_is_a_hinge() -> None:
@@ -116,7 +120,7 @@ def test_a_part_fitted_again_from_both_sides_keeps_why_it_is_a_hinge() -> None:
     everything = np.ones(40, bool)
     movers = Movers(points, seen, everything, everything)
     front = fit_motion(points[:, :20], seen[:, :20])
-    both = _fit_of_both(front, everything, movers, MotionConfig())
+    both = widened(front, everything, movers, JointConfig(), MotionConfig().max_residual)
     assert len(both.frames) == 50 > len(front.frames)
     assert both.type_source == front.type_source
     assert both.type_source.startswith("motion")

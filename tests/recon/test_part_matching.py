@@ -9,11 +9,11 @@ import pytest
 
 from recon.joints.result import MotionFit
 from recon.joints.type_selection import TypeEvidence
-from recon.motion.config import MotionConfig
-from recon.motion.intervals import Movers
-from recon.motion.part_matching import is_another_part, same_part
-from recon.motion.static_spans import REST_MARGIN, known_rest_spans, moving_spans, rest_spans, restless
-from recon.moving_part import MovingPart
+from recon.motion.movers import Movers
+from recon.parts.config import MotionConfig
+from recon.parts.moving_part import MovingPart
+from recon.parts.part_matching import is_another_part, same_part
+from recon.parts.static_spans import REST_MARGIN, known_rest_spans, moving_spans, rest_spans, restless
 from tests.synth import minimum_jerk
 from twin import geometry as geo
 from twin.geometry import Array

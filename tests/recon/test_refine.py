@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.motion.find_parts import FoundParts, PartTracks
-from recon.motion.intervals import Movers
-from recon.moving_part import MovingPart
+from recon.motion.movers import Movers
+from recon.parts.find_parts import FoundParts, PartTracks
+from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.refine import solver
 from recon.refine.observations import RefineConfig

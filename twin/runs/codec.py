@@ -15,16 +15,29 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
 
+T = TypeVar("T")
+
 PACKAGES = ("twin", "recon", "robots")
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # zip archives carry clock times; a fixed one keeps equal values byte-equal
 _KIND = "__kind__"
+
+
+class Codec(Protocol[T]):
+    """Stores the value of a stage in an existing, empty folder, exactly.
+
+    `settle(value)` is what `load` would return after `save`: runs with and without a folder then compute on equal bytes.
+    """
+
+    def save(self, value: T, folder: Path) -> None: ...
+    def load(self, folder: Path) -> T: ...
+    def settle(self, value: T) -> T: ...
 
 
 class CodecError(InputError):

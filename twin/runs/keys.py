@@ -5,7 +5,27 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage as the folder that computes it declares it.
+
+    name: identifier, unique in a run. version: to be raised by whoever changes what the stage returns. settings: dotted names of
+    the run's settings that it reads ("refine", "motion.interval").
+    """
+
+    name: str
+    version: int
+    settings: tuple[str, ...]
+
+    def settings_of(self, config: Any) -> Any:
+        """What the stage reads of a run's settings: one section as it is, several as a tuple."""
+        found = tuple(attrgetter(name)(config) for name in self.settings)
+        return found[0] if len(found) == 1 else found
 
 
 def stage_key(name: str, parts: Mapping[str, Any]) -> str:

@@ -18,8 +18,9 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from twin.errors import FuntwinError, InputError
 from twin.files.text import read_json, write_json, write_text
-from twin.runs.codec import OtherVersionError, TreeCodec
+from twin.runs.codec import Codec, OtherVersionError, TreeCodec
 from twin.runs.keys import stage_key, why_changed
+from twin.runs.loop import Loop
 from twin.runs.manifest import MANIFEST, update_manifest, versions
 from twin.runs.memory import peak_memory_mb, reset_peak_memory
 from twin.runs.run_lock import claim, release
@@ -35,17 +36,6 @@ class Progress(Protocol):
     """Told how far a stage is: `fraction` 0..1; `message` says why it runs, or that it was taken from the cache."""
 
     def __call__(self, stage: str, fraction: float, message: str = "") -> None: ...
-
-
-class Codec(Protocol[T]):
-    """Stores the value of a stage in an existing, empty folder, exactly.
-
-    `settle(value)` is what `load` would return after `save`: runs with and without a folder then compute on equal bytes.
-    """
-
-    def save(self, value: T, folder: Path) -> None: ...
-    def load(self, folder: Path) -> T: ...
-    def settle(self, value: T) -> T: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +136,7 @@ class Run:
         if self._progress is not None:
             self._progress(stage, fraction, message)
 
-    def loop(self, stage: str) -> Callable[[Iterable[T], str], Iterable[T]]:
+    def loop(self, stage: str) -> Loop:
         """A function `(items, what)` that yields the items and reports how many of them are done."""
 
         def wrap(items: Iterable[T], what: str) -> Iterator[T]:

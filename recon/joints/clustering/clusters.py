@@ -7,7 +7,7 @@ that follows that joint rigidly joins, and what remains is searched for further 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,16 +31,13 @@ from twin.scene import Prismatic, Revolute
 class ClusterConfig:
     """eps_s, eps_f: m, least travel of a moving track and largest error of its line or arc (the paper's 0.01 each; the
     noise widens them to 5 and 2.5 standard deviations). min_share, min_size: a part has at least this share of the moving
-    tracks and this many (by us). max_parts: most clusters sought (by us). joint: settings of the fits."""
+    tracks and this many (by us). max_parts: most clusters sought (by us)."""
 
     eps_s: float = 0.01
     eps_f: float = 0.01
     min_share: float = 0.05
     min_size: int = 6
     max_parts: int = 8
-    joint: JointConfig = field(
-        default_factory=lambda: JointConfig(pairs=24, search_tracks=150, search_frames=40)
-    )
 
     def __post_init__(self) -> None:
         if not (self.eps_s > 0 and self.eps_f > 0 and 0 <= self.min_share < 1):
@@ -49,7 +46,7 @@ class ClusterConfig:
             raise ConfigError(f"clusters: needs min_size >= 4 and max_parts >= 1, got {self}")
 
 
-_DEFAULT = ClusterConfig()
+_DEFAULT, _JOINTS = ClusterConfig(), JointConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,43 +61,50 @@ class Cluster:
 
 
 def cluster_tracks(
-    points_world: ArrayLike, visible: ArrayLike, *, config: ClusterConfig = _DEFAULT
+    points_world: ArrayLike,
+    visible: ArrayLike,
+    *,
+    config: ClusterConfig = _DEFAULT,
+    joints: JointConfig = _JOINTS,
 ) -> list[Cluster]:
     """Clusters of tracks, best first; empty when nothing moves.
 
     Args:
-        points_world: (T, K, 3) m, NaN where not visible. visible: (T, K) bool.
+        points_world: (T, K, 3) m, NaN where not visible. visible: (T, K) bool. joints: of the fits, here with fewer samples.
 
     Raises MissingDependencyError without scikit-learn.
     """
+    joints = replace(joints, pairs=24, search_tracks=150, search_frames=40)  # a part's own fit is finer
     points, seen = geo.as_float(points_world), np.asarray(visible, dtype=bool)
     everything = Observations.of(points, seen)
     travel, noise = travel_and_noise(everything)
-    moving = np.flatnonzero(travel > max(config.eps_s, config.joint.mover_sigmas * noise))
+    moving = np.flatnonzero(travel > max(config.eps_s, joints.mover_sigmas * noise))
     least = max(config.min_size, int(np.ceil(config.min_share * len(moving))))
     if len(moving) < least:
         return []
     obs = everything.take(moving)
     free = np.ones(len(moving), dtype=bool)
     found: list[Cluster] = []
-    seeds = [*_seeds(obs, noise, least, config), None]
+    seeds = [*_seeds(obs, noise, least, config, joints), None]
     while seeds and len(found) < config.max_parts:
         seed = seeds[0]
-        cluster = _grow(obs, free if seed is None else free & seed, free, noise, least, config)
+        cluster = _grow(obs, free if seed is None else free & seed, free, noise, least, joints)
         if cluster is None:
             seeds.pop(0)
             continue
         members, fit = cluster
-        free &= ~_explained(obs, fit, noise, config)
+        free &= ~_explained(obs, fit, noise, joints)
         full = np.zeros(seen.shape[1], dtype=bool)
         full[moving[members]] = True
-        found.append(_cluster(full, obs.take(members), fit, config))
+        found.append(_cluster(full, obs.take(members), fit, joints))
     return sorted(found, key=lambda c: -c.score)
 
 
-def _seeds(obs: Observations, noise: float, least: int, config: ClusterConfig) -> list[NDArray[np.bool_]]:
+def _seeds(
+    obs: Observations, noise: float, least: int, config: ClusterConfig, joints: JointConfig
+) -> list[NDArray[np.bool_]]:
     """Density clusters over the joints of single tracks, largest first."""
-    shapes = track_shapes(obs, max(noise, config.joint.search_sigma))
+    shapes = track_shapes(obs, max(noise, joints.search_sigma))
     fitted = np.flatnonzero(shapes.error < max(config.eps_f, 2.5 * noise))
     if len(fitted) < least:
         return []
@@ -121,35 +125,33 @@ def _grow(
     free: NDArray[np.bool_],
     noise: float,
     least: int,
-    config: ClusterConfig,
+    joints: JointConfig,
 ) -> tuple[NDArray[np.bool_], TrackFit] | None:
     """Fit the seed's joint and take every free track that follows it; nothing when too few do."""
     if seed.sum() < least:
         return None
-    fits = fit_kinds(obs.take(seed), noise, config.joint)
+    fits = fit_kinds(obs.take(seed), noise, joints)
     if not fits:
         return None
-    kind, _ = decide(compare_kinds(obs.take(seed), fits, config.joint), config.joint)
+    kind, _ = decide(compare_kinds(obs.take(seed), fits, joints), joints)
     fit = fits.get(kind) or next(iter(fits.values()))
-    members = follows(obs, fit.bundle.model, fit.scale(noise, config.joint), config.joint) & free
+    members = follows(obs, fit.bundle.model, fit.scale(noise, joints), joints) & free
     return (members, fit) if members.sum() >= least else None
 
 
-def _explained(obs: Observations, fit: TrackFit, noise: float, config: ClusterConfig) -> NDArray[np.bool_]:
+def _explained(obs: Observations, fit: TrackFit, noise: float, joints: JointConfig) -> NDArray[np.bool_]:
     """Tracks that need no joint of their own: they follow, or stay near one that does (a hand on the handle)."""
-    sigma = max(fit.scale(noise, config.joint), config.joint.search_sigma)
+    sigma = max(fit.scale(noise, joints), joints.search_sigma)
     square, _, _ = residuals(obs, fit.bundle.model, sigma)
-    return np.asarray(
-        np.sqrt(row_medians(square, obs.weight)) < config.joint.prune_sigmas * CHI3_MEDIAN * sigma
-    )
+    return np.asarray(np.sqrt(row_medians(square, obs.weight)) < joints.prune_sigmas * CHI3_MEDIAN * sigma)
 
 
-def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit, config: ClusterConfig) -> Cluster:
+def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit, joints: JointConfig) -> Cluster:
     model: Model = fit.bundle.model
     _, _, marks = residuals(obs, model, max(fit.bundle.sigma, 1e-5))
     score = float(predicted_travel(obs, model, marks).sum())
-    frames = np.flatnonzero((obs.weight > 0).sum(0) >= config.joint.min_observations)
-    oriented = orient(model, fit.bundle.covariance, frames, config.joint.limit_quantile)
+    frames = np.flatnonzero((obs.weight > 0).sum(0) >= joints.min_observations)
+    oriented = orient(model, fit.bundle.covariance, frames, joints.limit_quantile)
     joint = replace(oriented.joint, covariance=None, sigma=None)
     return Cluster(full, model.kind, joint, score)
 

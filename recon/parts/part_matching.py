@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.joints.result import MotionFit
-from recon.motion.config import MotionConfig
-from recon.motion.intervals import Movers
-from recon.motion.static_spans import REST_MARGIN, moving_spans
-from recon.moving_part import MovingPart
+from recon.motion.movers import Movers
+from recon.parts.config import MotionConfig
+from recon.parts.moving_part import MovingPart
+from recon.parts.static_spans import REST_MARGIN, moving_spans
 from twin import geometry as geo
 from twin.scene import Revolute
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
-from recon.joints.config import JointConfig
-from recon.motion.hand_tracks import HandColorConfig
+from recon.joints.clustering.clusters import ClusterConfig
 from recon.motion.intervals import IntervalConfig
+from recon.parts.hand_tracks import HandColorConfig
 from twin.errors import ConfigError
 
 
@@ -16,6 +17,8 @@ from twin.errors import ConfigError
 class MotionConfig:
     """Finding parts among tracks. Chosen by us unless the comment says otherwise.
 
+    method: how tracks are told apart that move by different joints: "fits", each joint fitted to all that no earlier one
+    explains, or "clusters", the paper's motion clustering (needs the extra `clustering`).
     far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
     last fits. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
     further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
@@ -25,6 +28,7 @@ class MotionConfig:
     at the same time are two faces of one part.
     """
 
+    method: Literal["fits", "clusters"] = "fits"
     far_share: float = 0.3
     rest_tolerance: float = 0.012
     max_parts: int = 8
@@ -37,9 +41,9 @@ class MotionConfig:
     max_axis_sigma: float = float(np.radians(1.4))
     same_axis: float = float(np.radians(10.0))
     same_pivot: float = 0.06
-    joint: JointConfig = field(default_factory=JointConfig)
     interval: IntervalConfig = field(default_factory=IntervalConfig)
     hand: HandColorConfig = field(default_factory=HandColorConfig)
+    clusters: ClusterConfig = field(default_factory=ClusterConfig)
 
     def __post_init__(self) -> None:
         if (

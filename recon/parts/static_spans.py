@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.joints.result import MotionFit
-from recon.motion.config import MotionConfig
-from recon.motion.intervals import Interval, Movers, state_intervals
+from recon.motion.intervals import Interval, state_intervals
+from recon.motion.movers import Movers
+from recon.parts.config import MotionConfig
 
 REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
 

@@ -1,0 +1,117 @@
+"""Joints of groups of tracks, and how well all others follow them.
+
+A group is a choice among the movers (`recon.motion.movers`); who chooses it is `recon.parts.find_parts`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.joints.config import JointConfig
+from recon.joints.fit_tracks import MotionFit, fit_motion
+from recon.joints.inliers import track_support
+from recon.joints.observations import Model, Observations
+from recon.joints.type_selection import TypeHint
+from recon.motion.movers import Movers
+from twin import geometry as geo
+from twin.errors import ReconstructionError
+from twin.geometry import Array
+from twin.scene import Revolute
+
+AS_WELL = 0.9  # a fit to more tracks is kept when the tracks follow it nearly as well; wrong ones have a quarter or less
+
+
+@dataclass(frozen=True, eq=False)
+class GroupFit:
+    """A fit to the tracks `chosen` (K,), those of them that follow (`members`, (K,)), and how many of all free ones do,
+    each counted by how well (`support`)."""
+
+    fit: MotionFit
+    chosen: NDArray[np.bool_]
+    support: float
+
+    @property
+    def members(self) -> NDArray[np.bool_]:
+        out = np.zeros_like(self.chosen)
+        out[np.flatnonzero(self.chosen)[self.fit.track_inliers]] = True
+        return out
+
+
+def fit_group(
+    choices: Sequence[NDArray[np.bool_]],
+    free: NDArray[np.bool_],
+    movers: Movers,
+    config: JointConfig,
+    hints: Sequence[TypeHint] = (),
+) -> GroupFit:
+    """The fit to the first choice of tracks that has one.
+
+    Raises ReconstructionError, that of the first choice, when none has.
+    """
+    failed: list[ReconstructionError] = []
+    for chosen in choices:
+        try:
+            points, visible = movers.points_world[:, chosen], movers.visible[:, chosen]
+            fit = fit_motion(points, visible, config=config, hints=hints)
+        except ReconstructionError as e:
+            failed.append(e)
+        else:
+            return GroupFit(fit, chosen, float(support(fit, free, movers, config).sum()))
+    raise failed[0]
+
+
+def support(fit: MotionFit, asked: NDArray[np.bool_], movers: Movers, config: JointConfig) -> Array:
+    """How much better each track (K,) follows a fit than standing still, 0..1; 0 for those not asked for.
+
+    Past its known frames the part is held still.
+    """
+    obs = Observations.of(movers.points_world[:, asked], movers.visible[:, asked])
+    state = np.interp(np.arange(len(movers.visible)), fit.frames, fit.state)
+    pivot = fit.joint.pivot if isinstance(fit.joint, Revolute) else np.zeros(3)
+    model = Model(fit.joint.kind, fit.joint.axis, pivot, state)
+    out = np.zeros(len(asked))
+    out[asked] = track_support(obs, model, config.search_sigma, config)
+    return out
+
+
+def on_course(fit: MotionFit, movers: Movers, tolerance: float) -> NDArray[np.bool_]:
+    """Movers (K,) that keep their distance from the fitted joint's axis and their place along it, or move along the slide,
+    to within `tolerance` metres.
+
+    That needs no state, so it finds the part's points in frames of which the fit knows none.
+    """
+    joint, out = fit.joint, np.zeros(movers.moving.shape, bool)
+    basis = geo.orthogonal_basis(joint.axis)
+    for k in np.flatnonzero(movers.moving):
+        p = movers.points_world[movers.visible[:, k], k]
+        if isinstance(joint, Revolute):
+            q = (p - joint.pivot) @ basis
+            course = np.stack([np.hypot(q[:, 0], q[:, 1]), q[:, 2]], axis=1)
+        else:
+            course = p @ basis[:, :2]
+        off = np.linalg.norm(course - np.median(course, axis=0), axis=1)
+        out[k] = np.quantile(off, 0.9) < tolerance
+    return out
+
+
+def widened(
+    fit: MotionFit, group: NDArray[np.bool_], movers: Movers, config: JointConfig, max_residual: float
+) -> MotionFit:
+    """The fit to a larger group of tracks (K,), when it knows the state of more frames and leaves no more than
+    `max_residual` metres; else the fit as it was.
+
+    A door that crosses edge-on loses the tracks on its front before those on its inside begin.
+    """
+    points, visible = movers.points_world[:, group], movers.visible[:, group]
+    try:
+        wide = fit_motion(points, visible, config=config, joint_type=fit.joint.kind)
+    except ReconstructionError:
+        return fit
+    better = len(wide.frames) > len(fit.frames) and wide.residual <= max_residual
+    before, after = (float(support(f, group, movers, config).sum()) for f in (fit, wide))
+    # its type was handed on, not given by anybody: what decided the first fit's type still does
+    return replace(wide, type_source=fit.type_source) if better and after >= AS_WELL * before else fit
