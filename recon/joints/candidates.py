@@ -13,6 +13,7 @@ from recon.joints.hypotheses import Hypothesis, pair_hypotheses, travel_and_nois
 from recon.joints.initial_states import states_of
 from recon.joints.inliers import follows, track_support
 from recon.joints.observations import Kind, Model, Observations, residuals
+from recon.joints.pose_graph.fit_tracks import pose_graph_of_tracks
 from recon.joints.type_selection import TypeEvidence, delta_bic, truncated_chi2
 from twin.errors import ReconstructionError
 from twin.geometry import Array
@@ -114,6 +115,9 @@ def _settle(
         if np.array_equal(again, members):
             break
         members = again
+    if fit is not None and config.method == "pose_graph":
+        graph = pose_graph_of_tracks(obs.take(fit.members), fit.bundle.model, scale)
+        return TrackFit(graph, fit.members)
     return fit
 
 

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from recon.joints.observations import Kind
+from recon.joints.config import JointConfig
+from recon.joints.fit_tracks import fit_motion
+from recon.joints.observations import Kind, Model, Observations
 from recon.joints.pose_graph.edges import PoseEdges, edges_from_poses, edges_from_tracks, graph_pairs
+from recon.joints.pose_graph.fit_tracks import pose_graph_of_tracks
 from recon.joints.pose_graph.solver import (
     PoseGraph,
     PoseGraphConfig,
@@ -228,3 +231,42 @@ def test_pairs_hold_every_consecutive_one_and_never_a_frame_twice() -> None:
     consecutive = pairs[np.diff(pairs, axis=1)[:, 0] == 1]
     assert len(consecutive) == 39
     assert len(pairs) == 39 + 200
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_joint_of_tracks_by_the_pose_graph(kind: Kind) -> None:
+    """`joints.method = "pose_graph"` finds the exact joint of exact tracks, and under noise one within its own sigma."""
+    rng = np.random.default_rng(11)
+    joint = random_joint(rng, kind)
+    state = (0.3 if kind == "prismatic" else 1.0) * minimum_jerk(30)
+    origin = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
+    rest = origin + rng.uniform(-0.4, 0.4, (40, 3))
+    points, config = moved_points(joint, state, rest), JointConfig(method="pose_graph")
+    exact = fit_motion(points, config=config)
+    assert geo.line_angle(exact.joint.axis, joint.axis) < 1e-6
+    assert exact.state == pytest.approx(state - state[0], abs=1e-6)
+    noisy = fit_motion(points + rng.normal(0, 0.003, points.shape), config=config)
+    assert noisy.joint.kind == kind
+    assert noisy.joint.sigma is not None
+    assert geo.line_angle(noisy.joint.axis, joint.axis) < 4.0 * np.sqrt(2.0) * noisy.joint.sigma.axis
+    if isinstance(joint, Revolute) and isinstance(noisy.joint, Revolute):
+        off = geo.line_distance(noisy.joint.pivot, noisy.joint.axis, joint.pivot, joint.axis)
+        assert off < 4.0 * np.sqrt(2.0) * (noisy.joint.sigma.pivot or 0.0)
+    assert noisy.state == pytest.approx(state - state[0], abs=0.01)
+
+
+def test_frames_that_share_no_tracks_with_the_others_leave_the_graph() -> None:
+    """Tracks that end at frame 20 and others that begin there: the larger piece is fitted, the states of the rest are held."""
+    rng = np.random.default_rng(12)
+    joint = random_joint(rng, "prismatic")
+    state = 0.3 * minimum_jerk(30)
+    points = moved_points(joint, state, rng.uniform(-0.4, 0.4, (40, 3)))
+    seen = np.zeros((30, 40), dtype=bool)
+    seen[:20, :20], seen[20:, 20:] = True, True
+    obs = Observations.of(points, seen)
+    bundle = pose_graph_of_tracks(obs, Model("prismatic", joint.axis, np.zeros(3), state), 0.003)
+    assert bundle.model.state[:20] == pytest.approx(state[:20] - state[0], abs=1e-6)
+    assert bundle.model.state[20:] == pytest.approx(np.full(10, bundle.model.state[19]))
+    assert bundle.covariance.shape == (32, 32)
+    with pytest.raises(ReconstructionError, match="frames share"):
+        pose_graph_of_tracks(obs.take(np.arange(5)), bundle.model, 0.003)
