@@ -18,23 +18,12 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("twin", "recon", "robots")
 FUNCTION, FILE, EQUAL = 60, 300, 10
 LARGER = {
-    "recon/labels/evidence.py:compare": 61,
     "recon/labels/label_frames.py": 313,
     "recon/readers/record3d.py": 310,
-    "robots/planning/base_search.py": 310,
-    "robots/planning/joint_path.py:refined": 79,
-    "robots/planning/plan.py:_planned": 61,
-    "robots/reasons.py": 316,
     "robots/replay_verb.py:replay_step": 75,
-    "recon/fusion/tsdf.py:_integrate": 61,
     "twin/collision/solid.py": 317,
     "twin/exporters/__init__.py:export": 69,
-    "twin/lint/run.py": 311,
-    "twin/lint/usd.py": 310,
-    "twin/probes/behaviour.py": 321,
     "twin/scene.py": 313,
-    "twin/storage/__init__.py": 313,
-    "twin/storage/reading.py": 317,
 }
 
 

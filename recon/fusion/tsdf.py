@@ -115,12 +115,11 @@ def _integrate(
 ) -> None:
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
-    radius = BLOCK * voxel * 0.87  # half the diagonal of a block
+    half, radius = 0.5 * BLOCK * voxel, BLOCK * voxel * 0.87  # of a block: half its side, and its diagonal
     for n in numba.prange(blocks.shape[0]):
         bx = origin[0] + blocks[n, 0] * BLOCK * voxel
         by = origin[1] + blocks[n, 1] * BLOCK * voxel
         bz = origin[2] + blocks[n, 2] * BLOCK * voxel
-        half = 0.5 * BLOCK * voxel
         mx, my, mz = bx + half, by + half, bz + half
         qz = T[2, 0] * mx + T[2, 1] * my + T[2, 2] * mz + T[2, 3]
         if qz < radius:

@@ -105,8 +105,7 @@ def compare(
         depth: (h, w) m, 0 unknown. color: (h, w, 3). wanted: (h, w) pixels to look at.
         camera: (fx, fy, cx, cy) of this grid. moves: (R, 3, 4) frame camera to reference camera; NaN rows are skipped.
         ref_depth: (R, h, w). ref_color: (R, h, w, 3). can_support: (R,) false for frames which may only violate.
-        side: (R,) -1 for frames that show the part at a clearly lower state, 1 for a higher one, else 0: only the sides
-        tell a part from static scene.
+        side: (R,) -1 where a frame shows the part at a clearly lower state, 1 at a higher one, else 0; only sides tell it from static.
         color_sigma: one standard deviation of colour. slack: m, depth error that poses may cause.
         out: (4, h, w) result, sums of weights 0..1: support, violation, support by frames at lower and at higher states.
     """

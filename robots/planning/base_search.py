@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from robots.config import PlanConfig
-from robots.grasp.holds import sample_surface
 from robots.grasp.tool_path import Grasp, backed_off
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
+from robots.planning.ground import Ground
 from robots.planning.planar_base import planar_starts
 from robots.reasons import NoRoom, Reason, Reconfigures, Unreachable
 from robots.task import Task
@@ -26,9 +25,6 @@ _START_STEPS, _FOLLOW_STEPS, _POLISH_STEPS = 45, 7, 25
 _REACHED, _NEARLY = 0.006, 0.10  # m of the tool's worst error: good enough for a rough path; worth more steps
 _OVERSAMPLED = 10  # in a furnished room nine of ten places around a handle are taken
 _BLOCKED_KEPT = 20
-_POINTS = 80_000  # surface samples of the static scene
-_ROOM = 0.03  # m kept around the pedestal
-_SHOULDER = 0.5  # m above the base that must be free
 _FURNITURE_COST = 1.0  # of the score: standing on a table is possible, on the floor is better
 _AT_LIMIT = 1e-3  # rad
 _BELOW = (-0.15, 0.75)  # m by which the base lies below the handle
@@ -84,7 +80,7 @@ class BaseSearch:
         self._states = np.concatenate([states[:1], states, states[-1:]])
         self._unit = "rad" if isinstance(joint, Revolute) else "m"
         self._paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
-        self._ground = _Ground(static, spec.footprint, floor)
+        self._ground = Ground(static, spec.footprint, floor)
         self._handle = float(self._paths[0, 1:-1, 2, 3].min()) - 0.05
         self._rng = np.random.default_rng(config.seed)
         # natural grasps are tried more often
@@ -151,40 +147,6 @@ class BaseSearch:
             )
             for k in range(len(poses))
         ]
-
-
-class _Ground:
-    """What a pedestal can stand on."""
-
-    def __init__(self, static: Mesh, footprint: float, floor: float) -> None:
-        points, _ = sample_surface(static, _POINTS, np.random.default_rng(0))
-        self.floor = floor
-        self._tree = cKDTree(points[:, :2]) if len(points) else None
-        self._heights, self._footprint = points[:, 2], footprint
-        self._expected = _POINTS / max(static.area, 1e-9) * np.pi * footprint**2
-
-    def supports(self, poses: Array, handle: float, config: PlanConfig) -> Array:
-        """Height (B,) of what a pedestal under each pose would stand on: floor or level surface; NaN where it can't.
-
-        Nothing may be above the support within the footprint up to the shoulder, nor up to the handle: a base under a
-        table or inside a cupboard is shut in. Poses after the wanted number of free ones are left out (NaN).
-        """
-        if self._tree is None:
-            return np.full(len(poses), self.floor)
-        out, found = np.full(len(poses), np.nan), 0
-        for k, pose in enumerate(poses):
-            near = self._tree.query_ball_point(pose[:2, 3], self._footprint + _ROOM)
-            z, base = self._heights[near], pose[2, 3]
-            z = z[z > self.floor + 0.05]
-            if np.any((z > base) & (z < max(base + _SHOULDER, handle))):
-                continue
-            top = z[z <= base].max(initial=self.floor)
-            level = top == self.floor or np.count_nonzero(np.abs(z - top) < 0.015) > 0.7 * self._expected
-            if level and config.pedestal[0] <= base - top <= config.pedestal[1]:
-                out[k], found = top, found + 1
-                if found == config.candidates:
-                    break
-        return out
 
 
 def _tool_path(grasp: Grasp, joint: Joint, states: Array, approach: float) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,7 +15,7 @@ from robots.model.spec import RobotSpec
 from robots.part_physics import frictionloss, weight_load
 from robots.planning.base_search import Base
 from robots.planning.ik import PathSolver
-from robots.planning.timing import Effort, Leg, timed
+from robots.planning.timing import Effort, Leg, Samples, timed
 from robots.reasons import Reconfigures, RefusedError, Unreachable
 from robots.task import Task, unit
 from robots.trajectory import RobotTrajectory
@@ -41,33 +41,14 @@ def refined(
     config: PlanConfig,
 ) -> RobotTrajectory:
     """The precise path over a base, timed. Raises PlanningError when it misses the tolerances or a joint is too weak."""
+    legs = _Legs(solver, base, grasp, config, unit(part))
     states = task.states(_WAYPOINTS)
-    tool = grasp.path(part.joint, states)
     rough = CubicSpline(np.linspace(0.0, 1.0, len(base.q) - 2), base.q[1:-1])
-    back = np.linspace(0.0, config.approach, _STRAIGHT_WAYPOINTS)
-
-    def leg(poses: Array, at: Array, hint: Array) -> Leg:
-        return _leg(solver, base, poses, at, grasp, hint, config, unit(part))
-
-    def straight(poses: Array, state: float, q: Array, end: Array) -> Leg:
-        hint = q + np.linspace(0.0, 1.0, len(poses))[:, None] * (end - q)
-        found = leg(poses, np.full(len(poses), state), hint)
-        found.q[0] = q
-        return found
-
-    def away(pose: Array, state: float, q: Array, end: Array) -> tuple[Leg | None, Leg]:
-        """Aside until the jaws are clear of the part, if they need it, and back to about `end`."""
-        if grasp.room == 0.0:
-            return None, straight(np.stack([backed_off(pose, d) for d in back]), state, q, end)
-        aside = np.linspace(0.0, grasp.room, _STRAIGHT_WAYPOINTS)
-        clear = straight(np.stack([backed_off(pose, 0.0, d) for d in aside]), state, q, q)
-        poses = np.stack([backed_off(pose, d, grasp.room) for d in back])
-        return clear, straight(poses, state, clear.q[-1], end)
-
-    move = leg(tool, states, rough(np.linspace(0.0, 1.0, _WAYPOINTS)))
-    out, back_off = away(tool[0], task.start, move.q[0], base.q[0])
+    tool = grasp.path(part.joint, states)
+    move = legs.along(tool, states, rough(np.linspace(0.0, 1.0, _WAYPOINTS)))
+    out, back_off = legs.away(tool[0], task.start, move.q[0], base.q[0])
     around, approach = out and out.reversed(), back_off.reversed()
-    clear, retreat = away(tool[-1], task.goal, move.q[-1], base.q[-1])
+    clear, retreat = legs.away(tool[-1], task.goal, move.q[-1], base.q[-1])
     margin = float(chain.limit_margin(np.concatenate([approach.q, move.q, retreat.q])).min())
     laden = with_payload(twin, part)
     release = not may_move_alone(laden, task.goal) if config.release is None else config.release
@@ -82,6 +63,21 @@ def refined(
         held=min(grasp.hold.thickness + _ROOM, spec.stroke),
         effort=effort,
     )
+    score = base.score + min(margin, 0.35) - 50.0 * float(move.error.max())
+    return _trajectory(samples, twin, part, spec, chain, base, grasp, task, score)
+
+
+def _trajectory(
+    samples: Samples,
+    twin: Twin,
+    part: Part,
+    spec: RobotSpec,
+    chain: Chain,
+    base: Base,
+    grasp: Grasp,
+    task: Task,
+    score: float,
+) -> RobotTrajectory:
     return RobotTrajectory(
         robot=spec.name,
         twin=twin.name,
@@ -104,30 +100,51 @@ def refined(
         start=task.start,
         goal=task.goal,
         grasp=f"{grasp.label}, {1000 * grasp.hold.thickness:.0f} mm thick",
-        score=base.score + min(margin, 0.35) - 50.0 * float(move.error.max()),
+        score=score,
         clearance=base.clearance,
     )
 
 
-def _leg(
-    solver: PathSolver,
-    base: Base,
-    tool: Array,
-    states: Array,
-    grasp: Grasp,
-    hint: Array,
-    config: PlanConfig,
-    of: str,
-) -> Leg:
-    solution = solver.follow(geo.invert_pose(base.T_world_base) @ tool, grasp.freedom, hint)
-    worst = int(np.argmax(solution.position_error))
-    strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
-    if solution.position_error[worst] > config.position_tolerance or strict > config.angle_tolerance:
-        off = float(solution.position_error[worst])
-        raise RefusedError(Unreachable(float(states[worst]), of, off, strict))
-    if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
-        raise RefusedError(Reconfigures())
-    return Leg(solution.q, states, solution.position_error, tool)
+@dataclass(frozen=True, eq=False)
+class _Legs:
+    """Pieces of the path over one base with one grasp; of: the unit of the part's state."""
+
+    solver: PathSolver
+    base: Base
+    grasp: Grasp
+    config: PlanConfig
+    of: str
+
+    def along(self, tool: Array, states: Array, hint: Array) -> Leg:
+        """The joints (n, dof) for tool poses (n, 4, 4) at the part's states (n,), near a hint."""
+        grasp, config = self.grasp, self.config
+        solution = self.solver.follow(geo.invert_pose(self.base.T_world_base) @ tool, grasp.freedom, hint)
+        worst = int(np.argmax(solution.position_error))
+        strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
+        if solution.position_error[worst] > config.position_tolerance or strict > config.angle_tolerance:
+            off = float(solution.position_error[worst])
+            raise RefusedError(Unreachable(float(states[worst]), self.of, off, strict))
+        if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
+            raise RefusedError(Reconfigures())
+        return Leg(solution.q, states, solution.position_error, tool)
+
+    def straight(self, poses: Array, state: float, q: Array, end: Array) -> Leg:
+        """From the joints q about straight to `end`, the part at rest."""
+        hint = q + np.linspace(0.0, 1.0, len(poses))[:, None] * (end - q)
+        found = self.along(poses, np.full(len(poses), state), hint)
+        found.q[0] = q
+        return found
+
+    def away(self, pose: Array, state: float, q: Array, end: Array) -> tuple[Leg | None, Leg]:
+        """Aside until the jaws are clear of the part, if they need it, and back to about `end`."""
+        room = self.grasp.room
+        back = np.linspace(0.0, self.config.approach, _STRAIGHT_WAYPOINTS)
+        if room == 0.0:
+            return None, self.straight(np.stack([backed_off(pose, d) for d in back]), state, q, end)
+        aside = np.linspace(0.0, room, _STRAIGHT_WAYPOINTS)
+        clear = self.straight(np.stack([backed_off(pose, 0.0, d) for d in aside]), state, q, q)
+        poses = np.stack([backed_off(pose, d, room) for d in back])
+        return clear, self.straight(poses, state, clear.q[-1], end)
 
 
 def moves_alone(part: Part, state: float) -> bool:

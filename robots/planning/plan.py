@@ -147,15 +147,7 @@ def _planned(
         )
     best = _best(twin, candidates, config.rehearse, robot)
     nearest = sorted(rejected, key=lambda b: -b.score)[:_REPORTED]
-    _LOG.info(
-        "%s moves %s from %.2f to %.2f: %s, base score %.2f",
-        spec.name,
-        target.name,
-        task.start,
-        task.goal,
-        best.grasp,
-        best.score,
-    )
+    _LOG.info("%s moves %s from %.2f to %.2f: %s", spec.name, target.name, task.start, task.goal, best.grasp)
     return replace(best, rejected=tuple(_reported(b) for b in nearest))
 
 

@@ -10,19 +10,15 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import mujoco
 import numpy as np
 
 from twin.geometry import Array
-from twin.lint.meshes import locate
-from twin.lint.xml import read_xml
+from twin.lint.loading import load
 
 _FORCE = {int(mujoco.mjtJoint.mjJNT_SLIDE): 10.0, int(mujoco.mjtJoint.mjJNT_HINGE): 2.0}  # N, N m
 _HEAVY = 0.1 * 9.81  # m/s^2
@@ -32,45 +28,6 @@ _SECONDS = 10.0  # of simulated time
 _PUSHED = 60.0  # s, chosen by us: a gate of 10 m whose damping stops it in a second takes 15 s; what is stuck stands still long before
 _REACHED = 0.01  # share of the range that may be left: limits are soft
 _STALLED = 1e-5  # share of the range per step; slower for half a second is standing still
-_READABLE = (".obj", ".stl", ".msh")
-
-
-def load(path: Path, fmt: str) -> Any:
-    """The specification, nothing fused or discarded. Raises ValueError as MuJoCo says it; LookupError where we don't ask."""
-    if fmt == "usd":
-        import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
-    if fmt == "urdf":
-        with tempfile.TemporaryDirectory() as folder:
-            plain = Path(folder) / "model.urdf"
-            plain.write_bytes(_plain_urdf(path))
-            spec = mujoco.MjSpec.from_file(str(plain))
-            return spec
-    return mujoco.MjSpec.from_file(str(path))
-
-
-def _plain_urdf(path: Path) -> bytes:
-    """The URDF without visuals, with absolute mesh paths, and with settings that keep every link."""
-    root, _ = read_xml(path)
-    for link in root.findall("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
-    for mesh in root.iter("mesh"):
-        found = locate(mesh.get("filename", ""), path.parent)
-        if found is None:
-            raise LookupError(f"{mesh.get('filename')!r} can't be found from here")
-        if found.suffix.lower() not in _READABLE:
-            raise LookupError(f"MuJoCo reads no {found.suffix} meshes ({found.name})")
-        mesh.set("filename", str(found.resolve()))
-    for old in root.findall("mujoco"):
-        root.remove(old)
-    settings = {
-        "fusestatic": "false",
-        "strippath": "false",
-        "balanceinertia": "false",
-        "discardvisual": "false",
-    }
-    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", settings)
-    return ET.tostring(root)
 
 
 class Scene:

@@ -14,6 +14,7 @@ from twin.geometry import Array
 from twin.lint.meshes import is_absolute
 from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shape, StageUnits, Surface
 from twin.lint.primitives import box_points, cylinder_points
+from twin.lint.usd_prims import authored, body_of, enabled, has, matrix_of, scales
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 
@@ -33,19 +34,19 @@ def read(path: Path) -> LintModel:
     rigid = {
         p
         for p in prims
-        if _has(p, "PhysicsRigidBodyAPI") and _enabled(UsdPhysics.RigidBodyAPI(p).GetRigidBodyEnabledAttr())
+        if has(p, "PhysicsRigidBodyAPI") and enabled(UsdPhysics.RigidBodyAPI(p).GetRigidBodyEnabledAttr())
     }
     bodies = tuple(_body(p, cache) for p in prims if p in rigid)
-    enabled = [
-        p for p in prims if p.IsA(UsdPhysics.Joint) and _enabled(UsdPhysics.Joint(p).GetJointEnabledAttr())
+    links = [
+        p for p in prims if p.IsA(UsdPhysics.Joint) and enabled(UsdPhysics.Joint(p).GetJointEnabledAttr())
     ]
-    loops = not any(_has(p, "PhysicsArticulationRootAPI") for p in prims)  # only articulations must be trees
-    joints = [_joint(UsdPhysics.Joint(p), rigid, cache, loops) for p in enabled]
+    loops = not any(has(p, "PhysicsArticulationRootAPI") for p in prims)  # only articulations must be trees
+    joints = [_joint(UsdPhysics.Joint(p), rigid, cache, loops) for p in links]
     held = {j.child for j in joints} | {j.parent for j in joints}
     free = [Joint(f"{b.name} (free)", b.element, "free", WORLD, b.name) for b in bodies if b.name not in held]
     shapes = [s for p in prims if p.IsA(UsdGeom.Gprim) for s in _shapes(p, rigid, cache)]
     units = None
-    if bodies or any(p.IsA(UsdPhysics.Joint) or _has(p, "PhysicsCollisionAPI") for p in prims):
+    if bodies or any(p.IsA(UsdPhysics.Joint) or has(p, "PhysicsCollisionAPI") for p in prims):
         units = _units(stage)
     return LintModel(
         path, "usd", bodies, (*joints, *free), tuple(shapes), tuple(_references(stage)), units=units
@@ -55,10 +56,6 @@ def read(path: Path) -> LintModel:
 def _first_line(error: Exception) -> str:
     said = [str(getattr(a, "commentary", a)).split("matching PXR")[0].strip() for a in error.args]
     return said[0] if said else type(error).__name__
-
-
-def _enabled(attribute: Any) -> bool:
-    return attribute.Get() is not False
 
 
 def _units(stage: Any) -> StageUnits:
@@ -80,43 +77,16 @@ def _units(stage: Any) -> StageUnits:
     )
 
 
-def _matrix(prim: Any, cache: Any) -> Array:
-    """Local to world (4, 4) for column vectors; may hold scale."""
-    return np.array(cache.GetLocalToWorldTransform(prim), dtype=np.float64).T
-
-
-def _scales(matrix: Array) -> Array:
-    return np.linalg.norm(matrix[:3, :3], axis=0)
-
-
-def _body_of(prim: Any, rigid: set[Any]) -> str:
-    while prim and not prim.IsPseudoRoot():
-        if prim in rigid:
-            return str(prim.GetPath())
-        prim = prim.GetParent()
-    return WORLD
-
-
-def _has(prim: Any, schema: str) -> bool:
-    """Whether the file applies a schema. `HasAPI` also counts what another schema brings along, which depends on the plugins
-    that this process has loaded: MuJoCo's collision schema brings UsdPhysics' with it."""
-    return schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()
-
-
-def _authored(attribute: Any) -> Any:
-    return attribute.Get() if attribute and attribute.HasAuthoredValue() else None
-
-
 def _body(prim: Any, cache: Any) -> Body:
     from pxr import Usd, UsdPhysics
 
-    name, scale = str(prim.GetPath()), _scales(_matrix(prim, cache))
+    name, scale = str(prim.GetPath()), scales(matrix_of(prim, cache))
     told = any(_told_density(p) for p in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()))
     inferred = "density" if told else "default density"
-    if not _has(prim, "PhysicsMassAPI"):
+    if not has(prim, "PhysicsMassAPI"):
         return Body(name, name, inferred=inferred, scale=scale)
     api = UsdPhysics.MassAPI(prim)
-    mass, moments = _authored(api.GetMassAttr()), _authored(api.GetDiagonalInertiaAttr())
+    mass, moments = authored(api.GetMassAttr()), authored(api.GetDiagonalInertiaAttr())
     tensor = None if moments is None else np.diag(np.array(moments, dtype=np.float64))
     return Body(
         name, name, None if mass is None else float(mass), tensor, inferred if mass is None else "", scale
@@ -128,12 +98,12 @@ def _told_density(prim: Any) -> bool:
     from pxr import UsdPhysics, UsdShade
 
     api = UsdPhysics.MassAPI(prim)
-    if _has(prim, "PhysicsMassAPI") and (_authored(api.GetMassAttr()) or _authored(api.GetDensityAttr())):
+    if has(prim, "PhysicsMassAPI") and (authored(api.GetMassAttr()) or authored(api.GetDensityAttr())):
         return True
-    if not _has(prim, "PhysicsCollisionAPI"):
+    if not has(prim, "PhysicsCollisionAPI"):
         return False
     material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-    return bool(material and _authored(UsdPhysics.MaterialAPI(material.GetPrim()).GetDensityAttr()))
+    return bool(material and authored(UsdPhysics.MaterialAPI(material.GetPrim()).GetDensityAttr()))
 
 
 def _joint(joint: Any, rigid: set[Any], cache: Any, loops: bool) -> Joint:
@@ -154,8 +124,8 @@ def _joint(joint: Any, rigid: set[Any], cache: Any, loops: bool) -> Joint:
             ends.append(str(targets[0]))  # dangling: a rule names it
             frames.append(None)
             continue
-        ends.append(WORLD if target is None else _body_of(target, rigid))
-        place = np.eye(4) if target is None else _matrix(target, cache)
+        ends.append(WORLD if target is None else body_of(target, rigid))
+        place = np.eye(4) if target is None else matrix_of(target, cache)
         frames.append(_frame(place, pos.Get(), rot.Get()))
     if ends[1] == WORLD:  # the second end may be the world as well as the first
         ends.reverse()
@@ -167,7 +137,7 @@ def _joint(joint: Any, rigid: set[Any], cache: Any, loops: bool) -> Joint:
         if prim.IsA(cls):
             kind = "revolute" if k == "revolute" else "prismatic"
             typed = cls(prim)
-            lower, upper = _authored(typed.GetLowerLimitAttr()), _authored(typed.GetUpperLimitAttr())
+            lower, upper = authored(typed.GetLowerLimitAttr()), authored(typed.GetUpperLimitAttr())
             letter = str(typed.GetAxisAttr().Get())
             axis = np.eye(3)[_AXES[letter]] if letter in _AXES else np.zeros(3)
     if prim.IsA(UsdPhysics.FixedJoint):
@@ -197,7 +167,7 @@ def _frame(body: Array, position: Any, rotation: Any) -> Array:
         else np.array([rotation.GetReal(), *rotation.GetImaginary()])
     )
     n = np.linalg.norm(q)
-    scale = _scales(body)
+    scale = scales(body)
     turn = body[:3, :3] / np.where(scale > 0, scale, 1.0)
     out[:3, :3] = turn @ geo.matrix_from_quat_wxyz(q / n if n > 0 else np.array([1.0, 0, 0, 0]))
     return out
@@ -229,25 +199,25 @@ def _shapes(prim: Any, rigid: set[Any], cache: Any) -> Iterator[Shape]:
     """A gprim as a collision shape, or as a visual one when it is drawn."""
     from pxr import UsdGeom, UsdPhysics
 
-    collides = _has(prim, "PhysicsCollisionAPI") and _enabled(
+    collides = has(prim, "PhysicsCollisionAPI") and enabled(
         UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr()
     )
     if not collides and str(UsdGeom.Imageable(prim).ComputePurpose()) in ("guide", "proxy"):
         return
     kind = str(prim.GetTypeName()).lower()
-    matrix = _matrix(prim, cache)
+    matrix = matrix_of(prim, cache)
     surface, problem, local, approximation = None, "", _primitive(prim, kind), None
     if kind == "mesh":
         surface, problem = _surface(UsdGeom.Mesh(prim))
         local = None if surface is None or not len(surface.vertices) else surface.vertices
         approximation = ""
-        if _has(prim, "PhysicsMeshCollisionAPI"):
-            approximation = str(_authored(UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr()) or "")
+        if has(prim, "PhysicsMeshCollisionAPI"):
+            approximation = str(authored(UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr()) or "")
     points = None if local is None else geo.transform(matrix, local)
     name = str(prim.GetPath())
     yield Shape(
-        name, _body_of(prim, rigid), "collision" if collides else "visual", kind, points, surface, problem,
-        approximation, _scales(matrix),
+        name, body_of(prim, rigid), "collision" if collides else "visual", kind, points, surface, problem,
+        approximation, scales(matrix),
     )  # fmt: skip
 
 

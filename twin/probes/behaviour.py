@@ -5,7 +5,7 @@ N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of
 demonstration, and slides, whether its weight is more than friction holds when it is closed. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
 The files are simulated as they are, with the step and the integrator that they ask for. What is changed, in memory: the other
-parts have no joints (`_moved`); in `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight
+parts have no joints (`moved.moved`); in `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight
 of a lid; in `_sweep` bodies that the file keeps apart may touch; in `_demonstration` the hand's mass goes with the part.
 """
 
@@ -14,15 +14,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+
+from .moved import BrokenDown, Moved, insist, moved, pose_of
 
 REST_SECONDS = 10.0
 REACH_SECONDS = 60.0  # a gate of 10 m whose damping stops it in a second takes 15 s
@@ -31,37 +32,9 @@ SWEEP_STATES = 41
 SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
 VERSION = mujoco.__version__
 _STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
-_BROKEN = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
 
 
 _File = tuple[Any, Any]  # mujoco.MjSpec and the mujoco.MjModel compiled from it
-
-
-class _BrokenDown(Exception):
-    """The simulation diverged."""
-
-
-@dataclass(frozen=True)
-class _Moved:
-    """A model in which one part moves: its body, degree of freedom, place in qpos, and range."""
-
-    model: Any
-    body: int
-    dof: int
-    at: int
-    lower: float
-    upper: float
-
-    def data(self, state: float) -> Any:
-        """A fresh simulation with the part at `state`."""
-        data = mujoco.MjData(self.model)
-        data.qpos[self.at] = state
-        mujoco.mj_forward(self.model, data)
-        return data
 
 
 def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
@@ -76,8 +49,8 @@ def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
 
 def _measured(part: Mapping[str, Any], file: _File, touching: _File) -> dict[str, Any]:
     """All that is asked of one part. file, touching: a specification and the model compiled from it."""
-    weighed = _moved(*file, part["name"], part["held"])
-    closed = _moved(*file, part["name"], {}) if part["held"] else weighed
+    weighed = moved(*file, part["name"], part["held"])
+    closed = moved(*file, part["name"], {}) if part["held"] else weighed
     free = replace(weighed, model=copy(weighed.model))
     free.model.opt.gravity[:] = 0.0
     model = weighed.model
@@ -88,7 +61,7 @@ def _measured(part: Mapping[str, Any], file: _File, touching: _File) -> dict[str
         "armature": float(model.dof_armature[weighed.dof]),
         "open": _guarded(_reach, free, free.lower, part["force"]),
         "close": _guarded(_reach, free, free.upper, -part["force"]),
-        "sweep": _sweep(_moved(*touching, part["name"], part["held"])),
+        "sweep": _sweep(moved(*touching, part["name"], part["held"])),
         "energy": _guarded(_energy, weighed, part["speed"]),
         "demonstration": _guarded(_demonstration, weighed, part),
         "step": float(model.opt.timestep),
@@ -105,58 +78,11 @@ def _touching(path: Path) -> Any:
     return spec
 
 
-def _moved(spec: Any, whole: Any, part: str, held: Mapping[str, float]) -> _Moved:
-    """The file with one joint, that of `part`, and the others' bodies fixed where `held` ({part: state}, else 0) has them.
-
-    They can't be held by putting them back after every step: within one, a heavy part that falls freely throws about the light
-    one that it hangs on. Nor by inertia or constraints: both leave the solver numbers that differ by a factor of 10^9.
-    """
-    alone, data, own = spec.copy(), mujoco.MjData(whole), _joint(whole, part)
-    for name, state in held.items():
-        data.qpos[whole.jnt_qposadr[_joint(whole, name)]] = state
-    mujoco.mj_kinematics(whole, data)
-    for joint in list(alone.joints):
-        if joint.name != whole.joint(own).name:
-            _place(joint.parent, whole, data)
-            alone.delete(joint)
-    _keep_apart(alone, whole, int(whole.jnt_bodyid[own]))
-    alone.compiler.fusestatic = False
-    model = alone.compile()
-    lower, upper = map(float, model.jnt_range[0])
-    return _Moved(
-        model, int(model.jnt_bodyid[0]), int(model.jnt_dofadr[0]), int(model.jnt_qposadr[0]), lower, upper
-    )
-
-
-def _joint(model: Any, part: str) -> int:
-    """Index of the joint of a part, which readers may put into a namespace."""
-    return {model.joint(j).name.split("/")[-1]: j for j in range(model.njnt)}[f"{part}_joint"]
-
-
-def _place(body: Any, model: Any, data: Any) -> None:
-    """Give a body of a specification the pose in its parent that it has in `data`."""
-    at = model.body(body.name).id
-    pose = np.linalg.inv(_pose(data, int(model.body_parentid[at]))) @ _pose(data, at)
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, pose[:3, :3].flatten())
-    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    body.pos, body.quat = pose[:3, 3], quat
-
-
-def _keep_apart(spec: Any, model: Any, body: int) -> None:
-    """What a joint links does not touch; without a joint of its own the parent would count as the world, which does."""
-    parent = int(model.body_weldid[model.body_parentid[body]])
-    if parent == 0 or spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
-        return
-    for a, b in product(*(np.flatnonzero(model.body_weldid == k) for k in (parent, body))):
-        spec.add_exclude(bodyname1=model.body(a).name, bodyname2=model.body(b).name)
-
-
 def _guarded(run: Callable[..., Any], *arguments: Any) -> Any:
     """What `run` measures, None where its simulation broke down."""
     try:
         return run(*arguments)
-    except _BrokenDown:
+    except BrokenDown:
         return None
 
 
@@ -164,29 +90,23 @@ def _steps(model: Any, data: Any, seconds: float, look: Callable[[], bool]) -> N
     """Simulate up to `seconds`, until a look says that it is done."""
     while data.time < seconds:
         mujoco.mj_step(model, data)
-        _insist(data)
+        insist(data)
         if look():
             return
 
 
-def _insist(data: Any) -> None:
-    """Raise _BrokenDown when the simulation has diverged."""
-    if any(data.warning[w].number for w in _BROKEN) or not np.isfinite(data.qvel).all():
-        raise _BrokenDown
-
-
-def _slide(part: _Moved) -> list[float]:
+def _slide(part: Moved) -> list[float]:
     """States at SLIDE_TIMES of the part let go when all are closed."""
     data, course = part.data(0.0), []
     for until in SLIDE_TIMES:
         while data.time < until - part.model.opt.timestep / 2:
             mujoco.mj_step(part.model, data)
-        _insist(data)
+        insist(data)
         course.append(float(data.qpos[part.at]))
     return course
 
 
-def _creep(part: _Moved, pull: float) -> float:
+def _creep(part: Moved, pull: float) -> float:
     """Speed (m/s or rad/s) at which dry friction yields to a `pull` (N or N m) that it holds: MuJoCo's friction is a soft
     constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model")."""
     model, (constant, ratio) = part.model, map(float, part.model.dof_solref[part.dof])
@@ -195,7 +115,7 @@ def _creep(part: _Moved, pull: float) -> float:
     return (1.0 - d) / d * float(model.dof_invweight0[part.dof]) * pull / damping
 
 
-def _stay(part: _Moved, state: float) -> dict[str, float]:
+def _stay(part: Moved, state: float) -> dict[str, float]:
     """Greatest change of state in 10 s when left at `state`, and what friction would yield in that time to gravity's pull where
     the part is: a door that creeps away from its balance is pulled more and more."""
     data, most, creep = part.data(state), 0.0, 0.0
@@ -210,7 +130,7 @@ def _stay(part: _Moved, state: float) -> dict[str, float]:
     return {"drift": most, "creep": creep}
 
 
-def _reach(part: _Moved, start: float, force: float) -> dict[str, float]:
+def _reach(part: Moved, start: float, force: float) -> dict[str, float]:
     """Pull from `start` with a steady generalised force: the share of the range that is left, and the time it took."""
     goal = part.upper if force > 0 else part.lower
     span = part.upper - part.lower
@@ -227,7 +147,7 @@ def _reach(part: _Moved, start: float, force: float) -> dict[str, float]:
     return {"left": float(left), "seconds": float(data.time)}
 
 
-def _sweep(part: _Moved) -> float:
+def _sweep(part: Moved) -> float:
     """Greatest depth (m) at which the part, opened alone, or what it carries, meets anything."""
     model, data, deepest = part.model, mujoco.MjData(part.model), 0.0
     carried = _below(model, part.body)
@@ -251,7 +171,7 @@ def _below(model: Any, body: int) -> set[int]:
     return found
 
 
-def _energy(part: _Moved, speed: float) -> dict[str, float]:
+def _energy(part: Moved, speed: float) -> dict[str, float]:
     """Push the half open part and let go: the greatest total energy (J) above that at the start, and the scale to judge it
     by: the push's kinetic energy and what the part's weight can give on its way."""
     model = part.model
@@ -277,7 +197,7 @@ def _energy(part: _Moved, speed: float) -> dict[str, float]:
     return {"gain": most, "scale": scale}
 
 
-def _demonstration(part: _Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _demonstration(part: Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Lead the part along its recorded states by a servo as heavy as a hand and no stronger: its motion (n, 4, 4) from where
     it is with the others held and its own state 0, at the recorded times, and the greatest force used. The servo does not
     press against a stop: where a recorded state lies beyond one, it leads to the stop."""
@@ -287,7 +207,7 @@ def _demonstration(part: _Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
     model, times = copy(part.model), times - times[0]
     model.dof_armature[part.dof] += asked["hand_inertia"]
     part = replace(part, model=model)
-    rest = np.linalg.inv(_pose(part.data(0.0), part.body))
+    rest = np.linalg.inv(pose_of(part.data(0.0), part.body))
     path = PchipInterpolator(times, states)
     steps = model.opt.timestep * np.arange(math.ceil(times[-1] / model.opt.timestep) + 1)
     course = np.stack([path(steps), path.derivative()(steps), path.derivative(2)(steps)], axis=1).tolist()
@@ -307,15 +227,9 @@ def _demonstration(part: _Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
             data.qfrc_applied[part.dof] = pull
             most, k = max(most, abs(pull)), k + 1
             mujoco.mj_step(model, data)
-        _insist(data)
+        insist(data)
         shown.qpos[:] = data.qpos
         shown.qpos[part.at] -= data.qvel[part.dof] * (steps[k] - t)  # the last step went a little past t
         mujoco.mj_kinematics(model, shown)
-        motion.append((_pose(shown, part.body) @ rest).tolist())
+        motion.append((pose_of(shown, part.body) @ rest).tolist())
     return {"motion": motion, "force": most}
-
-
-def _pose(data: Any, body: int) -> Any:
-    t = np.eye(4)
-    t[:3, :3], t[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-    return t

@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -24,16 +24,16 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.files.atomic import contents, put, staging, tidy, write_file
 from twin.files.paths import AnyPath
-from twin.files.ply import ply_bytes, read_ply
+from twin.files.ply import ply_bytes
 from twin.scene import Mesh, Twin
 from twin.storage.document import (
-    CAMERAS,
     json_text,
     shape_files,
     twin_document,
     with_changes,
     with_files_named,
 )
+from twin.storage.earlier import Earlier, free_name, same_mesh
 from twin.storage.labels import LABEL
 from twin.storage.tum import tum_lines
 
@@ -57,7 +57,7 @@ def save(twin: Twin, folder: AnyPath) -> None:
         ours = set() if old is None else _files_of(folder, old)
         present = set(contents(folder)) if folder.exists() else set()
         with staging(folder) as staged:
-            _write(twin, staged, _Earlier(folder, old or {}, present - ours))
+            _write(twin, staged, Earlier(folder, old or {}, present - ours))
             put(staged, folder, ours)
 
 
@@ -106,14 +106,14 @@ def update(old: Twin, new: Twin, folder: AnyPath) -> None:
     absent = [path for _, path in shape_files(raw) if not (here / path).is_file()]
     if absent:
         raise InputError(f"{here / absent[0]} does not exist", "save the whole twin with twin.save")
-    fresh = {path: ply_bytes(m) for path, m in meshes.items() if not _same_mesh(m, known.get(path))}
+    fresh = {path: ply_bytes(m) for path, m in meshes.items() if not same_mesh(m, known.get(path))}
     other = [path for (_, shape), path in shape_files(after) if shape is None and path in fresh]
     if other:
         raise InputError(f"{other[0]} is not what {here} holds", "save the whole twin with twin.save")
     with _writing(here):
         names = {}
         for path, data in fresh.items():
-            names[path] = _free_name(path, partial(_says_else, here, data))
+            names[path] = free_name(path, partial(_says_else, here, data))
             write_file(here / names[path], data)
         changed = with_changes(raw, before, with_files_named(after, lambda p: names.get(p, p)))
         if changed != raw:
@@ -184,46 +184,6 @@ def _unambiguous(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return out
 
 
-class _Earlier:
-    """The twin that a folder holds before it is saved again: its document ({} for none) and the files that are not its own."""
-
-    def __init__(self, folder: Path, document: Mapping[str, Any], strange: Collection[str]) -> None:
-        self.folder, self._strange = folder, strange
-        self._shapes = dict(shape_files(document)) if document else {}
-        cameras = document.get("cameras") or {}
-        self._cameras: str | None = cameras.get("file")
-
-    def name(self, role: tuple[int | None, int | None], path: str, mesh: Mesh) -> tuple[str, bool]:
-        """Where to write a mesh, and whether the file that plays this role now holds the same."""
-        known = self._shapes.get(role)
-        if known is not None and known not in self._strange and self._holds(known, mesh):
-            return known, True
-        return _free_name(path, lambda p: p in self._strange), False
-
-    def cameras(self, text: str) -> str:
-        """The name for the cameras' file: that of the earlier one if it says the same."""
-        known = self._cameras
-        if known is not None and known not in self._strange:
-            path = self.folder / known
-            if path.is_file() and path.read_bytes() == text.encode():
-                return known
-        return _free_name(CAMERAS, lambda p: p in self._strange)
-
-    def _holds(self, path: str, mesh: Mesh) -> bool:
-        try:
-            there = read_ply(self.folder / path)
-        except InputError:
-            return False
-        return _same_mesh(there, mesh)
-
-
-def _same_mesh(a: Mesh, b: Mesh | None) -> bool:
-    if b is None or (a.colors is None) != (b.colors is None):
-        return False
-    pairs = [(a.vertices, b.vertices), (a.faces, b.faces), (a.colors, b.colors)]
-    return a is b or all(x is y or np.array_equal(x, y) for x, y in pairs)  # type: ignore[arg-type]
-
-
 def _earlier(folder: Path) -> dict[str, Any] | None:
     """The document of the twin that `folder` holds, None for a folder that is empty or not there."""
     require_place(folder)
@@ -252,7 +212,7 @@ def _files_of(folder: Path, document: Mapping[str, Any]) -> set[str]:
     return {os.path.normpath(path) for path in own}
 
 
-def _write(twin: Twin, folder: Path, earlier: _Earlier) -> None:
+def _write(twin: Twin, folder: Path, earlier: Earlier) -> None:
     meshes: dict[str, Mesh] = {}
     document = twin_document(twin, meshes)
     names: dict[str, str] = {}
@@ -290,15 +250,6 @@ def _says_else(folder: Path, data: bytes, name: str) -> bool:
     """Whether a file of this name says something else; the same bytes were left by a call that was interrupted."""
     path = folder / name
     return path.exists() and not (path.is_file() and path.read_bytes() == data)
-
-
-def _free_name(path: str, taken: Callable[[str], bool]) -> str:
-    """The path, with a number before its ending where it is taken: no name of a part holds a dot."""
-    stem, dot, ending = path.rpartition(".")
-    name, k = path, 2
-    while taken(name):
-        name, k = f"{stem}.{k}{dot}{ending}", k + 1
-    return name
 
 
 @contextmanager

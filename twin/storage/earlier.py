@@ -1,0 +1,66 @@
+"""The twin that a folder holds before it is saved again: what of it stays under its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.files.ply import read_ply
+from twin.scene import Mesh
+from twin.storage.document import (
+    CAMERAS,
+    shape_files,
+)
+
+
+class Earlier:
+    """The twin that a folder holds before it is saved again: its document ({} for none) and the files that are not its own."""
+
+    def __init__(self, folder: Path, document: Mapping[str, Any], strange: Collection[str]) -> None:
+        self.folder, self._strange = folder, strange
+        self._shapes = dict(shape_files(document)) if document else {}
+        cameras = document.get("cameras") or {}
+        self._cameras: str | None = cameras.get("file")
+
+    def name(self, role: tuple[int | None, int | None], path: str, mesh: Mesh) -> tuple[str, bool]:
+        """Where to write a mesh, and whether the file that plays this role now holds the same."""
+        known = self._shapes.get(role)
+        if known is not None and known not in self._strange and self._holds(known, mesh):
+            return known, True
+        return free_name(path, lambda p: p in self._strange), False
+
+    def cameras(self, text: str) -> str:
+        """The name for the cameras' file: that of the earlier one if it says the same."""
+        known = self._cameras
+        if known is not None and known not in self._strange:
+            path = self.folder / known
+            if path.is_file() and path.read_bytes() == text.encode():
+                return known
+        return free_name(CAMERAS, lambda p: p in self._strange)
+
+    def _holds(self, path: str, mesh: Mesh) -> bool:
+        try:
+            there = read_ply(self.folder / path)
+        except InputError:
+            return False
+        return same_mesh(there, mesh)
+
+
+def same_mesh(a: Mesh, b: Mesh | None) -> bool:
+    if b is None or (a.colors is None) != (b.colors is None):
+        return False
+    pairs = [(a.vertices, b.vertices), (a.faces, b.faces), (a.colors, b.colors)]
+    return a is b or all(x is y or np.array_equal(x, y) for x, y in pairs)  # type: ignore[arg-type]
+
+
+def free_name(path: str, taken: Callable[[str], bool]) -> str:
+    """The path, with a number before its ending where it is taken: no name of a part holds a dot."""
+    stem, dot, ending = path.rpartition(".")
+    name, k = path, 2
+    while taken(name):
+        name, k = f"{stem}.{k}{dot}{ending}", k + 1
+    return name
