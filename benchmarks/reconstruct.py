@@ -1,8 +1,8 @@
 """Reconstruct recordings that have truth and print one row each: every goal's figure, seconds and memory by stage.
 
-    python benchmarks/reconstruct.py RUNS RECORDING [RECORDING ...] [--table benchmarks/reconstruct.md]
+    python benchmarks/reconstruct.py RUNS RECORDING [RECORDING ...] [--set motion.method=clusters] [--table FILE]
 
-Each recording is reconstructed with default settings into RUNS/<name>; runs found there are resumed, so that a
+Each recording is reconstructed into RUNS/<name>, with default settings or those given; runs found there are resumed, so that a
 second call only evaluates. A recording that fails gives a row that says why. Truth is read by the evaluation alone.
 """
 
@@ -14,9 +14,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from recon.config import ReconConfig
 from recon.evaluation.evaluate import evaluate
 from recon.pipeline import reconstruct
 from recon.readers import open_recording
+from twin.cli.given import settings
 from twin.errors import FuntwinError
 from twin.files.text import read_json
 from twin.runs.manifest import MANIFEST
@@ -43,11 +45,11 @@ COLUMNS = {
 }
 
 
-def measure(recording: Path, runs: Path) -> dict[str, Any]:
+def measure(recording: Path, runs: Path, config: ReconConfig) -> dict[str, Any]:
     """Figures of one recording by column, the goals it missed, and its stages' seconds and peak memory."""
     run = runs / recording.name
     try:
-        reconstruct(open_recording(recording), out=run)
+        reconstruct(open_recording(recording), config, out=run)
         result = evaluate(load(run), recording / "truth")
     except FuntwinError as e:
         return {"name": recording.name, "error": str(e)}
@@ -94,11 +96,13 @@ def main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("runs", type=Path, help="folder of the run folders")
     parser.add_argument("recordings", type=Path, nargs="+", help="recordings with truth/")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting")
     parser.add_argument("--table", type=Path, help="also write the tables here")
     options = parser.parse_args(argv)
+    config = settings(ReconConfig, None, options.set)
     rows = []
     for recording in options.recordings:
-        rows.append(measure(recording, options.runs))
+        rows.append(measure(recording, options.runs, config))
         print(
             f"{recording.name}: {rows[-1].get('error') or rows[-1]['missed'] or 'all goals met'}", flush=True
         )
