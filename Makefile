@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint install engines wheel check-wheel clean
+.PHONY: help demo test mutants lint install engines wheel check-wheel clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
@@ -23,6 +23,9 @@ demo: install ## reconstruct the shipped recording, export it, let a robot open 
 
 test: install ## run the tests
 	OMP_NUM_THREADS=1 $(VENV)/bin/pytest -n 2 --dist loadfile
+
+mutants: install ## plant faults one at a time and write which of them the tests notice (hours; stop it and go on at will)
+	$(VENV)/bin/python -m benchmarks.mutants run
 
 lint: install ## style, types, the order of the folders, sizes and repetition
 	$(VENV)/bin/ruff check .

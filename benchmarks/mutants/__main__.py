@@ -1,0 +1,58 @@
+"""Plant faults and see which of them the default tests notice.
+
+    python -m benchmarks.mutants draw            add faults to benchmarks/mutants/faults.toml, replace those whose line is gone
+    python -m benchmarks.mutants run [--only X]  judge what has no result that still holds, then write benchmarks/mutants.md
+    python -m benchmarks.mutants page            only write the page
+
+A run may be stopped and goes on where it was; results are in out/mutants.jsonl. A fault is judged again when its module or
+the test that noticed it changes, a survivor when any test does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.mutants.draw import draw
+from benchmarks.mutants.faults import LIST, ROOT, read_faults, write_faults
+from benchmarks.mutants.page import page
+from benchmarks.mutants.run import Runner, read_results
+
+
+def main(argv: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.mutants",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    parser.add_argument("verb", choices=("draw", "run", "page"))
+    parser.add_argument("--only", default="", help="judge only faults whose file or key holds this text")
+    parser.add_argument("--tests", nargs="*", help="only the tests of these files judge (default: all)")
+    parser.add_argument("--workers", type=int, default=2, help="faults judged at a time (default: 2)")
+    parser.add_argument("--fresh", action="store_true", help="judge again what was judged before")
+    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of results (default: out)")
+    args = parser.parse_args(argv)
+    faults = read_faults()
+    if args.verb == "draw":
+        stand, gone = draw(faults)
+        for f in gone:
+            print(f"gone: {f.file}: {f.line}" + ("  (NAMED: find its place by hand)" if f.name else ""))
+        write_faults(stand, LIST)
+        print(f"{len(stand)} faults, {len(set(stand) - set(faults))} of them new, {len(gone)} gone")
+        return 1 if any(f.name for f in gone) else 0
+    results = args.out / "mutants.jsonl"
+    if args.verb == "run":
+        if args.fresh:
+            results.unlink(missing_ok=True)
+        Runner(ROOT, args.out, args.workers, lambda s: print(s, flush=True)).run(
+            [f for f in faults if args.only in f"{f.file} {f.key}"], args.tests
+        )
+    (ROOT / "benchmarks/mutants.md").write_text(page(faults, read_results(results), ROOT), encoding="utf-8")
+    print(f"{ROOT / 'benchmarks/mutants.md'} is written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

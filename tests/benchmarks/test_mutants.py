@@ -1,0 +1,265 @@
+"""The tool that plants faults: what it draws, what it plants, and that it tells what tests notice from what they don't."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchmarks.mutants.copies import Copy
+from benchmarks.mutants.draw import ROOMS, draw, missing, wanted
+from benchmarks.mutants.faults import ROOT, Fault, Gone, read_faults, write_faults
+from benchmarks.mutants.page import page
+from benchmarks.mutants.rules import CONDITION, CONSTANT, SIGN, TERM, candidates
+from benchmarks.mutants.run import NOT_RUN, NOTICED, SURVIVED, Runner, read_results
+from benchmarks.mutants.spots import Sources
+
+MODULE = '''"""Doors: -1 is closed."""
+import numba
+
+LIMIT = 2.0
+FAR = 8.0
+
+
+def beyond(x, least=0.0):
+    if x > LIMIT:
+        return x - LIMIT
+    return least * x
+
+
+def never(x):
+    return x + 3.0 * x
+
+
+@numba.njit(cache=True)
+def double(x):
+    return x * FAR
+
+
+def doubled(x):
+    return double(x + 0.0)
+'''
+INTERPRETED = MODULE.replace("import numba", "").replace("@numba.njit(cache=True)", "")
+TESTS = """import pytest
+from recon.room.mod import beyond, doubled
+
+
+@pytest.fixture(scope="module")
+def far():
+    return beyond(5.0)
+
+
+def test_it_runs():
+    assert beyond(1.0) == 0.0
+
+
+def test_something_else(far):
+    assert far > 0.0
+
+
+def test_far(far):
+    assert far == 3.0
+
+
+def test_compiled():
+    assert doubled(3.0) == 24.0
+"""
+
+
+def planted(line: str, rule: str) -> set[str]:
+    return {c.planted for c in candidates(line) if c.rule == rule}
+
+
+@pytest.mark.parametrize(
+    ("rule", "line", "expected"),
+    [
+        (SIGN, "y = (a + b) * c", {"y = (a - b) * c"}),
+        (SIGN, "y = -(a * χ)", {"y = (a * χ)"}),
+        (SIGN, "y -= a", {"y += a"}),
+        (CONSTANT, "y = f(a, 0.5)", {"y = f(a, 0.15)"}),
+        (CONDITION, "y = a > 1 and b", {"y = True and b", "y = a > 1 and True"}),
+        (CONDITION, "y = a < 1 or b < 1", {"y = False or b < 1", "y = a < 1 or False"}),
+        (CONDITION, "y = (a > 1) & b", {"y = (a > 1)", "y = b"}),
+        (CONDITION, "y = [k for k in a if k > 2]", {"y = [k for k in a if True]"}),
+        (CONDITION, "y = a if b > c else d", {"y = a if not (b > c) else d"}),
+        (CONDITION, "if not a:\n    pass", {"if  a:"}),
+        (TERM, "y = (a - b) * c", {"y = (a) * c", "y = (a - b)", "y = c"}),
+        (TERM, "y = a / 'é'", set()),
+    ],
+)
+def test_a_rule_changes_what_it_says(rule: str, line: str, expected: set[str]) -> None:
+    assert planted(line, rule) == expected
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '"""Text - with 0.5 signs."""', 'raise ValueError(f"{a - b} is not 0.5")', "assert a - b == 0.5", 'tell(0.5 * done)',
+        "def f(a: int | None) -> list[int | str]: pass", "class C:\n    near: float = 0.5", "x = f(a, atol=1.5)", "y = a[-1]",
+        "x = max(a, 1e-12)", "if a is None:\n    pass", "if isinstance(a, B):\n    pass", "x = 0.0", "y = a or B()", "out = [a] + b",
+        'x = folder / "name"', "def f() -> str:\n    return g(a - b)", "import a\nfrom b import c", "x = [s for f in a if (s := g(f))]",
+    ],
+)  # fmt: skip
+def test_what_no_test_of_behaviour_is_for_is_left_alone(line: str) -> None:
+    assert candidates(line) == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_candidate_of_the_sources_is_another_valid_program(room: str) -> None:
+    for path in (ROOT / room).rglob("*.py"):
+        source = path.read_text(encoding="utf-8")
+        lines = source.splitlines(keepends=True)
+        blocks = {k: n for n in ast.parse(source).body for k in range(n.lineno, (n.end_lineno or 0) + 1)}
+        for c in candidates(source):
+            block, k = blocks[c.number], c.number - 1
+            assert lines[k].strip() == c.line
+            changed = [*lines[:k], lines[k].replace(c.line, c.planted, 1), *lines[c.number :]]
+            text = "".join(changed[block.lineno - 1 : block.end_lineno])
+            assert ast.dump(ast.parse(text).body[0]) != ast.dump(block), c
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Path:
+    """A package of one module and its tests."""
+    root = tmp_path / "tiny"
+    for name, text in (("recon/room/mod.py", MODULE), ("tests/test_mod.py", TESTS)):
+        (root / name).parent.mkdir(parents=True)
+        (root / name).write_text(text)
+    for folder in ("recon", "recon/room"):
+        (root / folder / "__init__.py").write_text("")
+    return root
+
+
+def test_equal_sources_give_an_equal_list_and_moved_lines_keep_their_faults(
+    tiny: Path, tmp_path: Path
+) -> None:
+    first, gone = draw([], tiny, rooms=("recon/room",))
+    assert len(first) == wanted(MODULE) == 2
+    assert len({f.rule for f in first}) == 2
+    assert gone == []
+    assert draw([], tiny, rooms=("recon/room",))[0] == first
+    write_faults(first, tmp_path / "list.toml")
+    assert read_faults(tmp_path / "list.toml") == first
+    path = tiny / "recon/room/mod.py"
+    path.write_text(MODULE.replace("import numba", "import math\nimport numba\n\nMORE = [math.pi]"))
+    assert draw(first, tiny, rooms=("recon/room",)) == (first, [])
+    path.write_text(MODULE.replace(first[0].line, "pass"))
+    again, gone = draw(first, tiny, rooms=("recon/room",))
+    assert gone == [first[0]]
+    assert len(again) == 2
+    assert first[1] in again
+    with pytest.raises(Gone, match="draw again"):
+        first[0].plant(path.read_text())
+
+
+def test_a_named_fault_is_never_thrown_away(tiny: Path) -> None:
+    named = Fault("recon/room/mod.py", "by hand", "return x - LIMITS", "return x", name="limit forgotten")
+    stand, gone = draw([named], tiny, rooms=("recon/room",))
+    assert stand[0] == named
+    assert gone == missing([named], tiny) == [named]
+
+
+def test_the_same_line_twice_is_told_apart() -> None:
+    fault = Fault("f.py", SIGN, "x = a - b", "x = a + b", occurrence=2)
+    assert (
+        fault.plant("if c:\n    x = a - b\nelse:\n    x = a - b\n")
+        == "if c:\n    x = a - b\nelse:\n    x = a + b\n"
+    )
+
+
+def test_who_reads_a_constant_or_compiled_code_can_notice_its_fault(tiny: Path) -> None:
+    sources = Sources(tiny, ("recon",))
+
+    def lines(line: str) -> set[str]:
+        spots = sources.spots(Fault("recon/room/mod.py", "", line, ""), MODULE)
+        return {MODULE.splitlines()[k - 1].strip() for _, k in spots}
+
+    assert lines("return x - LIMIT") == {"return x - LIMIT"}
+    assert lines("LIMIT = 2.0") == {"if x > LIMIT:", "return x - LIMIT"}
+    assert lines("return x * FAR") == lines("FAR = 8.0") == {"return double(x + 0.0)"}
+
+
+FAULTS = {
+    "sign": Fault("recon/room/mod.py", SIGN, "return x - LIMIT", "return x + LIMIT"),
+    "default": Fault("recon/room/mod.py", TERM, "return least * x", "return least"),
+    "never": Fault("recon/room/mod.py", SIGN, "return x + 3.0 * x", "return x - 3.0 * x"),
+    "crash": Fault("recon/room/mod.py", "by hand", "LIMIT = 2.0", "LIMIT = no_such_name"),
+}
+COMPILED = Fault("recon/room/mod.py", CONSTANT, "FAR = 8.0", "FAR = 2.4")
+
+
+def test_the_runner_tells_noticed_from_surviving_and_goes_on_where_it_was(tiny: Path, tmp_path: Path) -> None:
+    pytest.importorskip("coverage")
+    (tiny / "recon/room/mod.py").write_text(INTERPRETED)
+    (tiny / "tests/test_mod.py").write_text(TESTS.split("def test_compiled")[0].replace(", doubled", ""))
+    told: list[str] = []
+    faults = list(FAULTS.values())
+    runner = Runner(tiny, tmp_path / "out", 1, told.append)
+    before = {p: p.read_bytes() for p in tiny.rglob("*") if p.is_file()}
+    runner.run(faults)
+    assert {p: p.read_bytes() for p in tiny.rglob("*") if p.is_file()} == before, (
+        "the user's tree is untouched"
+    )
+    results = read_results(runner.results)
+    outcome = {name: results[f.key].outcome for name, f in FAULTS.items()}
+    assert outcome == {"sign": NOTICED, "default": SURVIVED, "never": NOT_RUN, "crash": NOTICED}
+    by = results[FAULTS["sign"].key].by
+    assert by == "tests/test_mod.py::test_far", "what a shared fixture made is another test's to judge"
+    written = page(faults, results, tiny)
+    assert "| `recon/room` | 4 | 2 | 2 | 0 |" in written
+    assert "**2 of 4 planted faults are noticed (50 %).**" in written
+
+    told.clear()
+    runner.run(faults)
+    assert told == ["4 of 4 faults have a result that still holds"]
+    with runner.results.open("a") as f:
+        f.write('{"key": "cut sho')
+    more = (
+        "from recon.room.mod import beyond\n\n\ndef test_least():\n    assert beyond(0.5, least=2.0) == 1.0\n"
+    )
+    (tiny / "tests/test_more.py").write_text(more)
+    told.clear()
+    runner.run(faults)
+    assert told[0] == "2 of 4 faults have a result that still holds", "a new test may notice what survived"
+    results = read_results(runner.results)
+    assert results[FAULTS["default"].key].by == "tests/test_more.py::test_least"
+    assert results[FAULTS["never"].key].outcome == NOT_RUN
+
+
+@pytest.mark.slow
+def test_a_fault_in_compiled_code_is_compiled(tiny: Path, tmp_path: Path) -> None:
+    pytest.importorskip("coverage")
+    runner = Runner(tiny, tmp_path / "out", 1, lambda _: None)
+    runner.run([COMPILED])
+    assert read_results(runner.results)[COMPILED.key].by == "tests/test_mod.py::test_compiled"
+
+
+def test_a_copy_is_as_it_was_after_a_fault(tiny: Path, tmp_path: Path) -> None:
+    """Bytes and time stamp, so that Python and numba take their compiled code again; while planted, neither may."""
+    copy = Copy.of(tiny, tmp_path / "copy")
+    path = copy.tree / "recon/room/mod.py"
+    cache = path.parent / "__pycache__" / "mod.double-18.py311.nbi"
+    cache.parent.mkdir()
+    cache.write_text("of the sound source")
+    (tiny / "gone.py").write_text("")
+    before = path.stat().st_mtime_ns
+    with copy.planted(COMPILED):
+        assert "FAR = 2.4" in path.read_text()
+        assert path.stat().st_mtime_ns != before
+        assert not cache.exists()
+        cache.write_text("of the planted source")
+    assert path.read_text() == MODULE
+    assert path.stat().st_mtime_ns == before
+    assert cache.read_text() == "of the sound source"
+    shutil.rmtree(copy.folder)
+
+
+def test_the_list_names_what_the_issue_found_and_every_module() -> None:
+    faults = read_faults()
+    assert missing([f for f in faults if f.name], ROOT) == []
+    for path in (p for room in ROOMS for p in (ROOT / room).rglob("*.py")):
+        file = path.relative_to(ROOT).as_posix()
+        if len(candidates(path.read_text(encoding="utf-8"))) >= 2:
+            assert sum(f.file == file for f in faults) >= 2, f"{file}: python -m benchmarks.mutants draw"
