@@ -33,7 +33,7 @@ ASSETS = ROOT / "assets"
 @pytest.fixture
 def nothing_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An installation that lacks every shipped file."""
-    monkeypatch.setattr(asset_files, "_PLACES", (tmp_path / "_assets", tmp_path / "assets"))
+    monkeypatch.setattr(asset_files, "places", lambda: (tmp_path / "_assets", tmp_path / "assets"))
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     shutil.copytree(ASSETS, place, ignore=shutil.ignore_patterns("recordings", "chest.xml"))
     with (place / "materials.toml").open("a") as f:
         f.write("\n")
-    monkeypatch.setattr(asset_files, "_PLACES", (place, tmp_path / "assets"))
+    monkeypatch.setattr(asset_files, "places", lambda: (place, tmp_path / "assets"))
     return place
 
 

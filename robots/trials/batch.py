@@ -18,7 +18,7 @@ from twin.interrupt import spared
 from twin.scene import Part
 
 Tell = Callable[[int, int], None]
-_GROUP = 8  # draws that a worker takes at once: some seconds of work
+GROUP = 8  # draws that a worker takes at once: some seconds of work
 
 
 def cores() -> int:
@@ -36,19 +36,21 @@ def replay_all(
     config: ReplayConfig,
     *,
     workers: int | None = None,
+    group: int = GROUP,
     tell: Tell | None = None,
 ) -> list[ReplayReport]:
     """Replay the trajectory in the scene of each draw; reports in the order of the draws, whatever the workers.
 
     The very simulation and measurement of a single replay runs in processes: a step of MuJoCo takes some 40 us, too
-    short for threads, which would wait for each other's interpreter. A few draws do not pay for starting any.
+    short for threads, which would wait for each other's interpreter. `group` draws are one worker's at a time; fewer do
+    not pay for starting any.
     """
-    groups = [draws[k : k + _GROUP] for k in range(0, len(draws), _GROUP)]
+    groups = [draws[k : k + group] for k in range(0, len(draws), group)]
     workers = min(workers or cores(), len(groups))
     with parallel_config("loky", n_jobs=workers, inner_max_num_threads=1):
         with spared():
             done = Parallel(return_as="generator")(
-                delayed(_replay_some)(world, trajectory, part, group, config) for group in groups
+                delayed(_replay_some)(world, trajectory, part, some, config) for some in groups
             )
         reports: list[ReplayReport] = []
         for some in done:

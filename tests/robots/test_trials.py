@@ -38,7 +38,7 @@ from robots.scene.world import build_world
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
 from robots.trajectory import PHASES
-from robots.trials.batch import replay_all
+from robots.trials.batch import GROUP, replay_all
 from robots.trials.perturbation import (
     CONTACT_SIGMA,
     ErrorSizes,
@@ -139,7 +139,7 @@ def test_path_error_of_a_shift_is_the_shift_and_of_a_tilted_slide_its_chord(draw
     assert path_error(part, tilted, point, 0.35) == pytest.approx(2 * 0.35 * np.sin(0.025))
 
 
-def test_no_error_is_the_nominal_replay_exactly(drawer, monkeypatch):
+def test_no_error_is_the_nominal_replay_exactly(drawer):
     twin, trajectory = drawer
     world = build_world(twin, robots.resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
     config = ReplayConfig()
@@ -151,9 +151,8 @@ def test_no_error_is_the_nominal_replay_exactly(drawer, monkeypatch):
     here = replay_all(world, trajectory, part, draws, config, tell=lambda *count: told.append(count))
     assert told == [(3, 3)], "too few for processes"
     assert [r.to_json() == alone for r in here] == [True, True, False]
-    monkeypatch.setattr("robots.trials.batch._GROUP", 1)
     there = replay_all(
-        world, trajectory, part, draws, config, workers=2, tell=lambda *count: told.append(count)
+        world, trajectory, part, draws, config, workers=2, group=1, tell=lambda *count: told.append(count)
     )
     assert told[1:] == [(1, 3), (2, 3), (3, 3)]
     assert [r.to_json() for r in there] == [r.to_json() for r in here]
@@ -192,18 +191,19 @@ def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged):
         assert getattr(changed, name) == pytest.approx(getattr(compiled, name), abs=1e-9), name
 
 
-def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path, monkeypatch):
-    monkeypatch.setattr("robots.trials.batch._GROUP", 3)  # of 8 draws: work for both processes
+def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path):
     twin, trajectory = drawer
+    trials = 3  # of 4 rows: draws for both processes
+    assert trials * (1 + len(LADDER)) > GROUP
     for name, workers, seed in (("a", 1, 7), ("b", 2, 7), ("c", 2, 8)):
-        run_trials(twin, trajectory, tmp_path / name, trials=2, seed=seed, workers=workers)
+        run_trials(twin, trajectory, tmp_path / name, trials=trials, seed=seed, workers=workers)
     texts = {n: (tmp_path / n / "trials.json").read_bytes() for n in "abc"}
     pictures = {n: (tmp_path / n / "trials.png").read_bytes() for n in "ab"}
     assert texts["a"] == texts["b"]
     assert json.loads(texts["a"])["rows"] != json.loads(texts["c"])["rows"]
     assert pictures["a"] == pictures["b"]
     written = json.loads(texts["a"])
-    assert [len(row["trials"]) for row in written["rows"]] == [2] * (1 + len(LADDER))
+    assert [len(row["trials"]) for row in written["rows"]] == [trials] * (1 + len(LADDER))
     assert all(0 <= row["success_90"]["low"] <= row["success_90"]["high"] <= 1 for row in written["rows"])
     first = written["rows"][0]["trials"][0]
     assert set(first) >= {"axis", "contact_shift", "mass", "friction", "damping", "frictionloss", "reason"}

@@ -114,8 +114,7 @@ def test_a_coacd_that_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_p
     limit = "import resource, sys\nresource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[3]),) * 2)\n"
     (tmp_path / "coacd_worker.py").write_text(limit + "while True:\n    pass\n")
     monkeypatch.setattr(closed_pieces, "__file__", str(tmp_path / "closed_pieces.py"))
-    monkeypatch.setattr(closed_pieces, "_SECONDS", 1)
-    assert coacd_pieces(channel(), 0.007, 32) == []
+    assert coacd_pieces(channel(), 0.007, 32, seconds=1) == []
 
 
 def test_bodies_that_are_none_are_no_shapes_and_no_errors() -> None:

@@ -194,10 +194,12 @@ def _balanced(faces: NDArray[np.int32]) -> bool:
     return bool(np.array_equal(there, back))
 
 
-def coacd_pieces(mesh: Mesh, tolerance: float, most: int, **settings: float | str | bool) -> list[Mesh]:
+def coacd_pieces(
+    mesh: Mesh, tolerance: float, most: int, seconds: int = _SECONDS, **settings: float | str | bool
+) -> list[Mesh]:
     """CoACD's convex pieces of a closed, outward mesh: the fewest that one of two seeds gives, [] when both fail.
 
-    The two run side by side. On about one body in ten a seed never comes to an end; it is ended after 8 s of processor time.
+    The two run side by side. On about one body in ten a seed never comes to an end; it is ended after `seconds` of processor time.
 
     Args:
         settings: of `coacd.run_coacd`, over those in `coacd_worker`.
@@ -218,7 +220,7 @@ def coacd_pieces(mesh: Mesh, tolerance: float, most: int, **settings: float | st
             folder.mkdir()
             named = {f"set_{k}": v for k, v in ({"seed": seed} | settings).items()}
             np.savez(folder / "mesh.npz", **_arrays(given | named))
-            running.append((_start(folder), folder / "pieces.npz"))
+            running.append((_start(folder, seconds), folder / "pieces.npz"))
         for process, result in running:
             if _ended_well(process) and result.is_file():
                 with np.load(result, allow_pickle=False) as data:
@@ -227,7 +229,7 @@ def coacd_pieces(mesh: Mesh, tolerance: float, most: int, **settings: float | st
     return min((f for f in found if f), key=len, default=[])
 
 
-def _start(folder: Path) -> subprocess.Popen[bytes]:
+def _start(folder: Path, seconds: int) -> subprocess.Popen[bytes]:
     """CoACD on folder/mesh.npz, in a process of its own on one core."""
     worker = Path(__file__).with_name("coacd_worker.py")
     command = [
@@ -235,7 +237,7 @@ def _start(folder: Path) -> subprocess.Popen[bytes]:
         str(worker),
         str(folder / "mesh.npz"),
         str(folder / "pieces.npz"),
-        str(_SECONDS),
+        str(seconds),
     ]
     return subprocess.Popen(  # noqa: S603  (this interpreter, this package, no shell)
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,

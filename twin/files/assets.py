@@ -13,16 +13,20 @@ from pathlib import Path
 from twin.errors import InputError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-_PLACES = (_PACKAGE / "_assets", _PACKAGE.parent / "assets")  # as setup.py installs them; in a checkout
 REMEDY = "install the package funtwin again, or in a checkout restore the folder assets/"
+
+
+def places() -> tuple[Path, ...]:
+    """Folders that may hold them, the first that exists counts: as setup.py installs them, and in a checkout."""
+    return _PACKAGE / "_assets", _PACKAGE.parent / "assets"
 
 
 def asset(name: str) -> Path:
     """Path of the file or folder `name`, relative to assets/. Raises InputError when it is not there."""
-    place = next((p for p in _PLACES if p.is_dir()), None)
+    place = next((p for p in places() if p.is_dir()), None)
     if place is None:
         raise InputError(
-            f"the files that ship with Funtwin are neither in {_PLACES[0]} nor in {_PLACES[1]}", REMEDY
+            f"the files that ship with Funtwin are neither in {' nor in '.join(map(str, places()))}", REMEDY
         )
     if not (place / name).exists():
         raise InputError(f"{place / name}, which ships with Funtwin, is missing", REMEDY)

@@ -31,7 +31,7 @@ OURS = (
     "yourdfpy",
 )  # come with this project; the others have environments of their own
 BEHAVIOUR = "behaviour"  # the probe that moves parts, for twin.verification.behaviour: it compares nothing and is no engine to choose
-_SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once
+SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once
 _RUN = Path(__file__).resolve().parents[1] / "probes" / "run.py"
 
 
@@ -40,19 +40,22 @@ def python_of(engine: str) -> Path:
     return Path(sys.executable) if engine in (*OURS, BEHAVIOUR) else interpreter(engine)
 
 
-def ask(engine: str, jobs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One answer per job, as twin.probes describes it; a crash or a hang is the answer's error, and the rest is asked again."""
+def ask(engine: str, jobs: Sequence[dict[str, Any]], seconds: float = SECONDS) -> list[dict[str, Any]]:
+    """One answer per job, as twin.probes describes it; a crash, or a hang of so many seconds, is the answer's error, and the
+    rest is asked again."""
     python = python_of(engine)
     answers: list[dict[str, Any]] = []
     while len(answers) < len(jobs):
-        got, why, whole = _run(python, engine, jobs[len(answers) :])
+        got, why, whole = _run(python, engine, jobs[len(answers) :], seconds)
         answers += got
         lost = len(jobs) - len(answers) if whole else min(1, len(jobs) - len(answers))
         answers += [{"parts": {}, "warnings": [], "error": why, "version": "", "seconds": 0.0}] * lost
     return answers
 
 
-def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], str, bool]:
+def _run(
+    python: Path, engine: str, jobs: Sequence[dict[str, Any]], seconds: float
+) -> tuple[list[dict[str, Any]], str, bool]:
     """The answers of one process, in an empty folder (MuJoCo leaves a log where it runs), why it did not answer all, and
     whether that is about the engine as a whole and not about the file it was at."""
     with tempfile.TemporaryDirectory() as folder:
@@ -65,7 +68,7 @@ def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[lis
                 cwd=folder, stdout=out, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
                 env={**os.environ, "CUDA_VISIBLE_DEVICES": ""},
             )  # fmt: skip
-            hung = _wait(process, answers)
+            hung = _wait(process, answers, seconds)
         got = [
             json.loads(x)
             for x in answers.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -74,7 +77,7 @@ def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[lis
         if len(got) == len(jobs):
             return got, "", False
         if hung:
-            return got, f"no answer within {_SECONDS:g} s", False
+            return got, f"no answer within {seconds:g} s", False
         if process.returncode < 0:
             return got, f"the engine crashed ({signal.Signals(-process.returncode).name})", False
         last = [x for x in said.read_text("utf-8", "replace").splitlines() if x.strip()][-1:]
@@ -82,7 +85,7 @@ def _run(python: Path, engine: str, jobs: Sequence[dict[str, Any]]) -> tuple[lis
         return got, last[0] if last else f"the engine stopped with exit code {process.returncode}", True
 
 
-def _wait(process: subprocess.Popen[bytes], answers: Path) -> bool:
+def _wait(process: subprocess.Popen[bytes], answers: Path, seconds: float) -> bool:
     """Wait for the end; True when it had to be killed because a file took too long."""
     size, since = 0, time.monotonic()
     while True:
@@ -92,7 +95,7 @@ def _wait(process: subprocess.Popen[bytes], answers: Path) -> bool:
         except subprocess.TimeoutExpired:
             if answers.stat().st_size != size:
                 size, since = answers.stat().st_size, time.monotonic()
-            elif time.monotonic() - since > _SECONDS:
+            elif time.monotonic() - since > seconds:
                 process.kill()
                 process.wait()
                 return True
