@@ -11,6 +11,7 @@ the test that noticed it changes, a survivor when any test does.
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,9 +47,13 @@ def main(argv: Sequence[str]) -> int:
     if args.verb == "run":
         if args.fresh:
             results.unlink(missing_ok=True)
-        Runner(ROOT, args.out, args.workers, lambda s: print(s, flush=True)).run(
-            [f for f in faults if args.only in f"{f.file} {f.key}"], args.tests
-        )
+        runner = Runner(ROOT, args.out, args.workers, lambda said: print(said, flush=True))
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            runner.run([f for f in faults if args.only in f"{f.file} {f.key}"], args.tests)
+        except KeyboardInterrupt:
+            print("stopped; the same command goes on from here")
+            return 130
     (ROOT / "benchmarks/mutants.md").write_text(page(faults, read_results(results), ROOT), encoding="utf-8")
     print(f"{ROOT / 'benchmarks/mutants.md'} is written")
     return 0

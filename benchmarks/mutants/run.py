@@ -54,11 +54,14 @@ def read_results(path: Path) -> dict[str, Result]:
     return found
 
 
-def judged(root: Path, fault: Fault, outcome: str, by: str) -> str:
-    """What an outcome rests on: the module, and the test file that noticed the fault or, where none did, all tests."""
+def judged(root: Path, fault: Fault, outcome: str, by: str, names: Sequence[str] | None = None) -> str:
+    """What an outcome rests on: the module, and the test file that noticed the fault or, where none did, all tests, with
+    those of the test files `names` alone where others were not asked."""
     tests = [by.split("::")[0]] if outcome == NOTICED and "::" in by else []
     if outcome != NOTICED:
-        tests = [n for n in tree_files(root) if n.startswith("tests/") and n.endswith(".py")]
+        left_out = set(testmap.test_files(root)) - set(names) if names else set()
+        files = (n for n in tree_files(root) if n.startswith("tests/") and n.endswith(".py"))
+        tests = [n for n in files if n not in left_out]
     digest = hashlib.sha256()
     for name in (fault.file, *tests):
         path = root / name
@@ -66,9 +69,9 @@ def judged(root: Path, fault: Fault, outcome: str, by: str) -> str:
     return digest.hexdigest()[:16]
 
 
-def stands(root: Path, fault: Fault, result: Result | None) -> bool:
-    """Whether an earlier result still holds."""
-    return result is not None and result.judged == judged(root, fault, result.outcome, result.by)
+def stands(root: Path, fault: Fault, result: Result | None, names: Sequence[str] | None = None) -> bool:
+    """Whether an earlier result still holds where these test files are asked, all by default."""
+    return result is not None and result.judged == judged(root, fault, result.outcome, result.by, names)
 
 
 class Runner:
@@ -79,14 +82,14 @@ class Runner:
         self.results = out / "mutants.jsonl"
         self._lock = threading.Lock()
 
-    def run(self, faults: Sequence[Fault], only: Iterable[str] | None = None) -> None:
+    def run(self, faults: Sequence[Fault], only: Sequence[str] | None = None) -> None:
         """Judge the faults that have no result that still holds. only: names of test files, all by default."""
         known = read_results(self.results)
         gone = missing(faults, self.root)
         for fault in gone:
             self.tell(f"its line is gone, draw again: {fault.file}: {fault.line}")
         faults = [f for f in faults if f not in gone]
-        due = [f for f in faults if not stands(self.root, f, known.get(f.key))]
+        due = [f for f in faults if not stands(self.root, f, known.get(f.key), only)]
         self.tell(f"{len(faults) - len(due)} of {len(faults)} faults have a result that still holds")
         if not due:
             return
@@ -149,7 +152,7 @@ class Runner:
             by = "" if outcome == SURVIVED else ends or "it can't be imported"
         return Result(
             fault.key, fault.file, outcome, by, tests, round(monotonic() - started, 1),
-            judged(self.root, fault, outcome, by),
+            judged(self.root, fault, outcome, by, sorted(maps)),
         )  # fmt: skip
 
     @contextmanager

@@ -127,6 +127,7 @@ def tiny(tmp_path: Path) -> Path:
     for name, text in (("recon/room/mod.py", MODULE), ("tests/test_mod.py", TESTS)):
         (root / name).parent.mkdir(parents=True)
         (root / name).write_text(text)
+    (root / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "-p no:dash"\n')
     for folder in ("recon", "recon/room"):
         (root / folder / "__init__.py").write_text("")
     return root
@@ -220,6 +221,9 @@ def test_the_runner_tells_noticed_from_surviving_and_goes_on_where_it_was(tiny: 
         "from recon.room.mod import beyond\n\n\ndef test_least():\n    assert beyond(0.5, least=2.0) == 1.0\n"
     )
     (tiny / "tests/test_more.py").write_text(more)
+    told.clear()
+    runner.run(faults, ["tests/test_mod.py"])
+    assert told == ["4 of 4 faults have a result that still holds"], "the new test was not asked"
     told.clear()
     runner.run(faults)
     assert told[0] == "2 of 4 faults have a result that still holds", "a new test may notice what survived"
