@@ -2,7 +2,7 @@
 
 usage: python benchmarks/engines.py [RUN ...] [--count 200] [--engines all] [--processes 2] [--out FILE.md]
 
-Random twins (tests/twin/random_twins.py) and the twins of the RUN folders are exported by this code and probed, each engine in
+Random twins (benchmarks/scenes/random_twins.py) and the twins of the RUN folders are exported by this code and probed, each engine in
 processes of its own. `make engines` sets the engines up.
 """
 
@@ -18,7 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.twin.random_twins import random_twin
+from benchmarks.scenes.random_twins import random_twin
 from twin.exporters import complete, export
 from twin.scene import Twin
 from twin.storage import load
@@ -75,7 +75,7 @@ def page(
         "# Do the engines agree with the twin?",
         "",
         f"Written by `{' '.join(words.split())}` on {date.today().isoformat()}: "
-        f"{options.count} random twins of tests/twin/random_twins.py"
+        f"{options.count} random twins of benchmarks/scenes/random_twins.py"
         + (f" and {len(recorded)} from recordings ({', '.join(t.name for t in recorded)})" if recorded else "")
         + f", {parts} moving parts in all; {seconds / 60:.0f} minutes.",
         "",

@@ -2,7 +2,7 @@
 
     python benchmarks/large_meshes.py WORK [FACES ...]
 
-WORK is a folder for the runs. The meshes are noisy boards cut finely, as a scanner leaves them (tests/twin/large_meshes.py).
+WORK is a folder for the runs. The meshes are noisy boards cut finely, as a scanner leaves them (benchmarks/scenes/large_meshes.py).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from tests.twin.large_meshes import fine_boards, fine_scene
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
+from benchmarks.scenes.large_meshes import fine_boards, fine_scene
 from twin.scene import Mesh, Twin
 from twin.storage import save
 

@@ -2,7 +2,7 @@
 
     python benchmarks/lint.py > benchmarks/lint.md
 
-Plants every fault of tests/twin/lint_mutations/ into an export of the closed-form cabinet and asks: yourdfpy, Pinocchio and MuJoCo about
+Plants every fault of benchmarks/lint_faults/ into an export of the closed-form cabinet and asks: yourdfpy, Pinocchio and MuJoCo about
 URDF, MuJoCo about MJCF; OpenUSD's validators, NVIDIA's rules, SimReady's profile and MuJoCo about USD (twin.validators). A program
 notices a fault when it refuses the file or says what it does not say about the file without the fault. Needs the environment
 `validators` (twin engines --install validators); takes some ten minutes on two cores.
@@ -194,7 +194,7 @@ def own(path: Path) -> set[tuple[str, str]]:
 
 
 def main() -> None:
-    from tests.twin.lint_mutations import MUTATIONS, lint_twin
+    from benchmarks.lint_faults import MUTATIONS, lint_twin
     from twin.exporters import export
     from twin.lint import lint
 
@@ -224,7 +224,7 @@ def main() -> None:
             print(fmt, "done", file=sys.stderr)
     print(
         "# Faults that public validators don't notice\n\n"
-        "Made by `python benchmarks/lint.py`: every fault of `tests/twin/lint_mutations/` planted, one at a time, into an export of\n"
+        "Made by `python benchmarks/lint.py`: every fault of `benchmarks/lint_faults/` planted, one at a time, into an export of\n"
         "the closed-form cabinet, in which twin lint finds "
         + (f"{len(clean)} faults" if clean else "nothing")
         + ". *refuses*: the program does not load the file or reports an error; *warns*: it\n"

@@ -13,7 +13,7 @@ import trimesh
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.robots.random_furniture import HANDLES, KINDS, random_furniture
+from benchmarks.scenes.random_furniture import HANDLES, KINDS, random_furniture
 from twin import geometry as geo
 from twin.exporters import complete
 from twin.physics import with_physics

@@ -2,7 +2,7 @@
 
     python -m benchmarks.tracks [--seeds 20] [--case NAME ...]
 
-The recipe (`tests.synth.track_scene`): 40 frames, 200 tracks, 5 mm noise, minimum-jerk motion, 20 % outliers of the named
+The recipe (`benchmarks.scenes.tracks.track_scene`): 40 frames, 200 tracks, 5 mm noise, minimum-jerk motion, 20 % outliers of the named
 kind. Axis and state errors follow their usual definitions; a wrong type or a failed fit is charged 90 degrees, 1 m and the
 whole range. `sigma` is the median of the fits' own axis sigma; `err/sigma` is the RMS of the normalised axis and pivot
 errors, 1 when the uncertainty is honest. Seconds are CPU seconds of one process. With $FUNTWIN_DATA set, the real kitchen
@@ -21,9 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.scenes.tracks import TrackScene, track_scene
 from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
-from tests.laws import axis_error_deg, pivot_error
-from tests.synth import TrackScene, track_scene
 from twin import geometry as geo
 from twin.errors import FuntwinError
 from twin.geometry import Array
@@ -64,19 +63,22 @@ class Row:
 
 def judge(scene: TrackScene) -> Row:
     """Fit one scene and compare it with its truth."""
-    hinge = isinstance(scene.joint, Revolute)
+    true = scene.joint
+    hinge = isinstance(true, Revolute)
     before = time.process_time()
     try:
         fit: MotionFit | None = fit_motion(scene.points, scene.visible)
     except FuntwinError:
         fit = None
     seconds = time.process_time() - before
-    if fit is None or fit.joint.kind != scene.joint.kind:
+    if fit is None or fit.joint.kind != true.kind:
         return Row(False, 90.0, 1.0 if hinge else np.nan, 100.0, np.nan, np.nan, np.nan, 0.0, 0.0, seconds)
     sigma = fit.joint.sigma
     assert sigma is not None
-    axis = axis_error_deg(fit.joint, scene.joint)
-    pivot = pivot_error(fit.joint, scene.joint) if hinge else np.nan
+    axis = float(np.degrees(geo.line_angle(fit.joint.axis, true.axis)))
+    pivot = np.nan
+    if isinstance(fit.joint, Revolute) and isinstance(true, Revolute):
+        pivot = geo.point_line_distance(fit.joint.pivot, true.pivot, true.axis)
     state = 100.0 * float(np.abs(fit.state - scene.state[fit.frames]).mean()) / float(scene.state.max())
     common = int((fit.track_inliers & scene.member).sum())
     return Row(

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.scenes.boards import cabinet_twin
 from recon.config import ReconConfig
 from recon.simulate.config import SimulateConfig
-from tests.twin.scenes import cabinet_twin
 from twin.cli import given
 from twin.cli import main as cli
 from twin.errors import ConfigError

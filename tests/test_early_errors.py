@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import twin
+from benchmarks.scenes.boards import cabinet_twin
 from recon.pipeline import reconstruct
 from recon.recording import Frame, Intrinsics, Recording
-from tests.twin.scenes import cabinet_twin
 from twin.errors import InputError
 from twin.files.paths import require_writable
 

@@ -19,9 +19,9 @@ import pytest
 
 import robots
 import twin
+from benchmarks.scenes.boards import cabinet_twin, opening_motion
 from robots import formats
 from robots.formats import native
-from tests.twin.scenes import cabinet_twin, opening_motion
 from twin.report import render
 from twin.scene import JointSigma, Part, Twin
 

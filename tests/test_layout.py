@@ -70,6 +70,22 @@ def test_the_top_of_recon_is_one_screen() -> None:
     assert len({line.split("/")[1] for line in listed.stdout.splitlines()}) <= 23
 
 
+def test_benchmarks_stand_without_the_tests() -> None:
+    pattern = re.compile(r"^\s*(?:from|import) tests\b", re.MULTILINE)
+    files = sorted((ROOT / "benchmarks").rglob("*.py"))
+    assert len(files) > 20
+    assert [f.name for f in files if pattern.search(f.read_text(encoding="utf-8"))] == []
+
+
+def test_no_test_replaces_a_private_constant() -> None:
+    """Such a test passes whatever reads the constant; a parameter or behaviour is tested instead."""
+    pattern = re.compile(r"""setattr\([^()]*?["'.]_[A-Z][A-Z_]*["']""")
+    assert pattern.search('monkeypatch.setattr(solver, "_SHARE", 1)')
+    assert pattern.search('monkeypatch.setattr("robots.batch._GROUP", 1)')
+    files = [p for p in (ROOT / "tests").rglob("*.py") if p.name != "test_layout.py"]
+    assert [p.name for p in files if pattern.search(p.read_text(encoding="utf-8"))] == []
+
+
 def test_repetition_counts_code_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten equal lines in two files are told; imports, docstrings and comments are not equal lines."""
     spec = spec_from_file_location("sizes", ROOT / ".ci/sizes.py")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import twin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin.cli.console import Console
 from twin.runs import progress
 from twin.runs.progress import Bars, default_progress, shows_bar

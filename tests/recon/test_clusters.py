@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import TrackScene, minimum_jerk, moved_points, together, track_scene
 from recon.joints.clustering.clusters import Cluster, ClusterConfig, cluster_tracks
 from recon.joints.clustering.line_arc import track_shapes
 from recon.joints.observations import Observations
 from tests.laws import axis_error_deg
-from tests.synth import TrackScene, minimum_jerk, moved_points, together, track_scene
 from twin.errors import ConfigError
 from twin.geometry import Array
 from twin.scene import Prismatic, Revolute

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import PartName, minimum_jerk, track_scene
 from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import fit_motion
 from recon.joints.type_selection import HINT_WEIGHT, Kind, TypeEvidence, TypeHint, decide, hint_about
@@ -18,7 +19,6 @@ from recon.parts.find_parts import find_parts
 from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny
-from tests.synth import PartName, minimum_jerk, track_scene
 from tests.twin.vlm_server import KEY, Reply, completion, serving
 from twin import geometry as geo
 from twin.cli import main as cli

@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
-from recon.joints.config import JointConfig
-from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
-from recon.joints.hypotheses import travel_and_noise
-from recon.joints.observations import Observations
-from recon.joints.type_selection import TypeEvidence, decide
-from tests.laws import EXACT, EXACT_DEG, axis_error_deg, pivot_error, random_joint, random_pose, state_error
-from tests.synth import (
+from benchmarks.scenes.tracks import (
     TrackScene,
     make_part,
     minimum_jerk,
@@ -25,6 +19,12 @@ from tests.synth import (
     part_poses,
     track_scene,
 )
+from recon.joints.config import JointConfig
+from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
+from recon.joints.hypotheses import travel_and_noise
+from recon.joints.observations import Observations
+from recon.joints.type_selection import TypeEvidence, decide
+from tests.laws import EXACT, EXACT_DEG, axis_error_deg, pivot_error, random_joint, random_pose, state_error
 from twin import geometry as geo
 from twin.errors import ConfigError, InputError, ReconstructionError
 from twin.geometry import Array

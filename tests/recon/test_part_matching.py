@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import minimum_jerk
 from recon.joints.result import MotionFit
 from recon.joints.type_selection import TypeEvidence
 from recon.motion.movers import Movers
@@ -14,7 +15,6 @@ from recon.parts.config import MotionConfig
 from recon.parts.moving_part import MovingPart
 from recon.parts.part_matching import is_another_part, same_part
 from recon.parts.static_spans import REST_MARGIN, known_rest_spans, moving_spans, rest_spans, restless
-from tests.synth import minimum_jerk
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import JointSigma, Prismatic, Revolute

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.scenes.boards import cabinet_twin
 from recon import pipeline
 from recon.config import ReconConfig
 from recon.joints.type_selection import TypeHint
 from recon.pipeline import _run, reconstruct
 from recon.readers import open_recording
 from tests.recon import tiny
-from tests.twin.scenes import cabinet_twin
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.physics.edit import given, set_physics

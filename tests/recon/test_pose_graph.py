@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from benchmarks.scenes.tracks import minimum_jerk, moved_points, part_poses
 from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import fit_motion
 from recon.joints.observations import Kind, Model, Observations
@@ -23,7 +24,6 @@ from recon.joints.pose_graph.solver import (
     solve_pose_graph,
 )
 from tests.laws import EXACT, random_joint
-from tests.synth import minimum_jerk, moved_points, part_poses
 from twin import geometry as geo
 from twin.errors import ConfigError, InputError, ReconstructionError
 from twin.scene import Prismatic, Revolute

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import minimum_jerk
 from recon.refine.observations import RefineConfig, Terms
 from recon.refine.solver import step
 from recon.refine.uncertainty import Refined, with_uncertainty
-from tests.synth import minimum_jerk
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import Joint, Prismatic, Revolute

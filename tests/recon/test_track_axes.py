@@ -7,10 +7,10 @@ import warnings
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import TrackScene, track_scene
 from recon import fit_motion
 from recon.joints.track_axes import first_axis
 from tests.laws import axis_error_deg
-from tests.synth import TrackScene, track_scene
 from twin.errors import InputError
 from twin.geometry import Array
 

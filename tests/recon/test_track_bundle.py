@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import track_scene
 from recon.joints.bundle import refine, smoothness, step
 from recon.joints.cholesky import solve_positive
 from recon.joints.normal_equations import normal_equations
 from recon.joints.observations import Kind, Model, Observations, noise_sigma, pull_back, weighted_means
-from tests.synth import track_scene
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Revolute

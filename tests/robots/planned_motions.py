@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 import robots
+from benchmarks.scenes import furniture
 from robots.formats import PlannedMotion
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.planning.timing import quintic
 from robots.trajectory import RobotTrajectory
-from tests.robots import furniture
 from twin import geometry as geo
 
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.formats import native
 from robots.model.catalog import resolve
-from tests.robots import furniture, planned_motions
+from tests.robots import planned_motions
 from tests.robots.planned_motions import contents
 from twin.cli.main import run
 from twin.storage import save

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.film.video import _draw_axis, axis_arrow, draw
 from robots.film.viewpoint import View, choose_view, fit
 from robots.scene.world import PEDESTAL, ROBOT, World, build_world
 from robots.simulation.replay import simulate
-from tests.robots import furniture
 from tests.robots.test_replay import can_draw
 from twin.geometry import Array
 

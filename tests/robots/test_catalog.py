@@ -13,13 +13,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.model.catalog import names, resolve
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.model_files import locate
 from robots.model.spec import load_spec
-from tests.robots import furniture
 from twin.cli.main import run
 from twin.errors import InputError
 

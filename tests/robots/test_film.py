@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.demonstration import Demonstration, matching_samples
 from robots.film.side_by_side import captioned, fitted, pace_text, side_by_side, state_text
 from robots.floor import Floor
 from robots.scene.world import build_world
 from robots.simulation.replay import simulate
-from tests.robots import furniture
 from tests.robots.test_replay import can_draw
 from twin.errors import InputError
 from twin.scene import Motion, Part, Twin

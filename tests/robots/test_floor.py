@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
+from benchmarks.scenes.furniture import box, mesh_of
+from benchmarks.scenes.random_furniture import HANDLES, KINDS, random_furniture
 from robots.config import PlanConfig
 from robots.floor import Floor, find_floor, floor_of
 from robots.formats import native
 from robots.trials.run_trials import run_trials
-from tests.robots import furniture
-from tests.robots.furniture import box, mesh_of
-from tests.robots.random_furniture import HANDLES, KINDS, random_furniture
 from twin import geometry as geo
 from twin.cli import main as cli
 from twin.errors import InputError

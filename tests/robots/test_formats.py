@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.scenes import furniture
 from robots.formats import FORMATS, PlannedMotion, export_trajectory, native
 from robots.formats.moveit import velocities
 from robots.formats.trajectory_export import smooth_quaternions_wxyz, yaml_bytes
-from tests.robots import furniture, planned_motions
+from tests.robots import planned_motions
 from tests.robots.messages import ROS, faults
 from tests.robots.planned_motions import contents, stacked
 from twin import geometry as geo

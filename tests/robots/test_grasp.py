@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.scenes import furniture
+from benchmarks.scenes.random_furniture import random_furniture
 from robots.config import PlanConfig
 from robots.grasp.holds import find_holds
 from robots.grasp.tool_path import backed_off, make_grasps
 from robots.model.catalog import resolve
-from tests.robots import furniture
-from tests.robots.random_furniture import random_furniture
 from twin import geometry as geo
 from twin.scene import ContactPath, Mesh
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig, ReplayConfig
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
@@ -18,7 +19,6 @@ from robots.simulation.replay import simulate
 from robots.simulation.report import measure
 from robots.trials.perturbation import draw, perturbed, spread_of
 from robots.trials.report import LADDER
-from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from twin import geometry as geo
 from twin.errors import ConfigError

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.model.catalog import resolve
 from robots.model.dynamics import part_load, with_payload
@@ -16,7 +17,6 @@ from robots.part_physics import frictionloss
 from robots.planning.joint_path import moves_alone
 from robots.scene.world import build_world, with_collision
 from robots.simulation.replay import simulate
-from tests.robots import furniture
 from twin import geometry as geo
 from twin.physics import with_physics
 from twin.scene import Prismatic, Twin

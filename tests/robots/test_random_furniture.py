@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.scenes.random_furniture import HANDLES, KINDS, random_furniture
 from robots.model.catalog import resolve
 from robots.scene.world import PART, STATIC, build_world
-from tests.robots.random_furniture import HANDLES, KINDS, random_furniture
 from twin import geometry as geo
 
 

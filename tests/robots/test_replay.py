@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.film import video
 from robots.floor import find_floor
 from robots.planning.joint_path import moves_alone
 from robots.scene.world import build_world
-from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from twin import geometry as geo
 from twin.errors import InputError, PlanningError, SceneError

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig, ReplayConfig
 from robots.scene.world import build_world
 from robots.simulation.replay import simulate
-from tests.robots import furniture
 from twin.scene import StaticPart
 
 pytest.importorskip("pinocchio")

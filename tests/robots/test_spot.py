@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.floor import find_floor
 from robots.grasp.holds import find_holds
@@ -20,7 +21,6 @@ from robots.planning.base_search import Base
 from robots.planning.clearance import ClearanceCheck
 from robots.scene.world import build_world
 from robots.task import Task
-from tests.robots import furniture
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from tests.robots.spot_table import ARM, HAND, INERTIALS, TOOL_AXES
 from twin import geometry as geo

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig, ReplayConfig
 from robots.grasp.holds import find_holds
 from robots.grasp.tool_path import make_grasps
@@ -20,7 +21,6 @@ from robots.planning.joint_path import may_move_alone, moves_alone
 from robots.scene.world import build_world
 from robots.simulation.replay import simulate
 from robots.task import Task, task_of
-from tests.robots import furniture
 from twin import geometry as geo
 from twin.contacts import distance_to
 from twin.errors import InputError, PlanningError

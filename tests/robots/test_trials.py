@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import binomtest, kstest
 
 import robots
+from benchmarks.scenes import furniture
 from robots.config import PlanConfig, ReplayConfig
 from robots.model.catalog import resolve
 from robots.reasons import (
@@ -52,7 +53,6 @@ from robots.trials.perturbation import (
 from robots.trials.report import LADDER, Trial, TrialRow
 from robots.trials.run_trials import run_trials
 from robots.trials.statistics import mean, wilson
-from tests.robots import furniture
 from twin import geometry as geo
 from twin.cli.main import run
 from twin.errors import ConfigError, InputError

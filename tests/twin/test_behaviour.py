@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.twin.scenes import Board, cabinet_twin, world_from_cabinet
+from benchmarks.scenes.boards import Board, cabinet_twin, world_from_cabinet
 from twin import geometry as geo
 from twin.cli import main as cli
 from twin.errors import InputError

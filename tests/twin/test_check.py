@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import twin as funtwin
-from tests.twin.random_twins import random_twin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
+from benchmarks.scenes.random_twins import random_twin
 from twin import engines
 from twin.errors import InputError, MissingDependencyError
 from twin.exporters import Exported, export

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.twin.random_twins import NAMES, random_twin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
+from benchmarks.scenes.random_twins import NAMES, random_twin
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Quantity, Revolute, Twin

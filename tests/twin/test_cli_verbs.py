@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from tests.twin.stand_ins import Settings, stand_in
 from twin.cli import main as cli
 from twin.errors import InputError, PlanningError

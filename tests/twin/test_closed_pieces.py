@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from tests.twin.scenes import Board, boards_mesh, cabinet_twin, door_boards, drawer_boards, world_from_cabinet
+from benchmarks.scenes.boards import (
+    Board,
+    boards_mesh,
+    cabinet_twin,
+    door_boards,
+    drawer_boards,
+    world_from_cabinet,
+)
 from tests.twin.test_collision import CONFIG, scanned
 from twin import geometry as geo
 from twin.collision import closed_pieces, make_part, part_shapes, with_collision

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.twin.scenes import (
+from benchmarks.scenes.boards import (
     BOARD,
     DOOR_HANDLE,
     DRAWER_HANDLE,

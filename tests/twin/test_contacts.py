@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin.cli import main as cli
 from twin.contacts import allowed, contact_off, contacts_off, distance_to
 from twin.errors import PlanningError
@@ -87,7 +87,7 @@ def test_a_contact_half_a_metre_off_is_told_by_export_check_and_lint(
 
 
 def test_every_rule_for_twins_finds_its_fault_and_nothing_else(tmp_path: Path) -> None:
-    """What tests/twin/lint_mutations does for the rules of files."""
+    """What benchmarks/lint_faults does for the rules of files."""
     faults = {"contact-off-part": shifted(0.5)}
     assert set(faults) == set(TWIN_RULES)
     for name, faulty in faults.items():

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import twin as funtwin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.exporters import Exported, export
@@ -71,7 +71,7 @@ def test_layout_and_self_contained_folders(exported: Exported, tmp_path: Path) -
 
 def test_equal_twins_give_equal_bytes_also_in_another_process(exported: Exported, tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from tests.twin.scenes import cabinet_twin; from twin.exporters import export;"
+        "import sys; from pathlib import Path; from benchmarks.scenes.boards import cabinet_twin; from twin.exporters import export;"
         "export(cabinet_twin(nested=True, lid=True), Path(sys.argv[1]))"
     )
     environment = {**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(Path(__file__).parents[2])}

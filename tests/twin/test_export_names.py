@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin.cli import main as cli
 from twin.exporters import Exported, export
 from twin.lint import LintReport, lint

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin import engines
 from twin import geometry as geo
 from twin.exporters import Exported, export

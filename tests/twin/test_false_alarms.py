@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.twin.random_twins import random_twin
-from tests.twin.scenes import cabinet_twin, world_from_cabinet
+from benchmarks.scenes.boards import cabinet_twin, world_from_cabinet
+from benchmarks.scenes.random_twins import random_twin
 from twin import geometry as geo
 from twin import validators
 from twin.exporters import complete, export

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import twin
-from tests.twin.random_twins import random_twin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
+from benchmarks.scenes.random_twins import random_twin
 from twin import geometry as geo
 from twin.cli import main as cli
 from twin.errors import InputError

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin import interrupt
 from twin.storage import save
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import robots
+from benchmarks.scenes import furniture
+from benchmarks.scenes.boards import Board, boards_inertial, boards_mesh, cabinet_twin, opening_motion
 from robots import resolve
 from robots.scene.world import build_world, with_collision
-from tests.robots import furniture
-from tests.twin.scenes import Board, boards_inertial, boards_mesh, cabinet_twin, opening_motion
 from twin import geometry as geo
 from twin.exporters import export
 from twin.exporters.tree import build_tree

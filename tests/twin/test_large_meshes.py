@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.twin.large_meshes import (
+from benchmarks.scenes.boards import boards_mesh, cabinet_twin, door_boards
+from benchmarks.scenes.large_meshes import (
     KINDS,
     fan,
     fine_boards,
@@ -22,7 +23,6 @@ from tests.twin.large_meshes import (
     soup,
     t_junctions,
 )
-from tests.twin.scenes import boards_mesh, cabinet_twin, door_boards
 from twin import geometry as geo
 from twin.collision import CollisionConfig, part_shapes, static_shapes
 from twin.collision.convex import hull_of

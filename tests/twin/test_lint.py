@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.twin.lint_mutations import MUTATIONS, Mutation, lint_twin
+from benchmarks.lint_faults import MUTATIONS, Mutation, lint_twin
 from twin.cli.main import run
 from twin.errors import InputError
 from twin.exporters import Exported, export

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.twin.random_twins import random_twin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
+from benchmarks.scenes.random_twins import random_twin
 from twin.exporters import export
 from twin.exporters.visual import drawn
 from twin.scene import Mesh, Twin

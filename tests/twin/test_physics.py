@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin.errors import ConfigError, SceneError
 from twin.physics import keep_known, read_materials, with_physics
 from twin.physics.edit import given, set_physics

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.twin.random_twins import random_twin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
+from benchmarks.scenes.random_twins import random_twin
 from twin import engines
 from twin.exporters import export
 from twin.verification import check, check_many

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin.cli.main import run
 from twin.exporters import export
 from twin.scene import Twin

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.twin.random_twins import random_twin
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
+from benchmarks.scenes.random_twins import random_twin
 from tests.twin.test_false_alarms import moved
 from twin.exporters import complete, export
 from twin.scene import Box, Collision, Inertial, Mesh, Part, Prismatic, Revolute, Twin

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin import geometry as geo
 from twin import report
 from twin.errors import InputError

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.twin.scenes import boards_mesh, cabinet_twin, door_boards, world_from_cabinet
+from benchmarks.scenes.boards import boards_mesh, cabinet_twin, door_boards, world_from_cabinet
 from twin import geometry as geo
 from twin.errors import SceneError
 from twin.scene import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.twin.scenes import Board, boards_mesh, world_from_cabinet
+from benchmarks.scenes.boards import Board, boards_mesh, world_from_cabinet
 from twin import geometry as geo
 from twin.collision.fit import fit_of
 from twin.collision.solid import Solid, pieces_of

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.scenes.boards import cabinet_twin
 from tests.laws import random_pose
-from tests.twin.scenes import cabinet_twin
 from twin.cli.main import run
 from twin.physics import read_materials, shell_inertial, with_physics
 from twin.scene import Mesh, Twin

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from twin.cli.main import run
 from twin.collision import with_collision
 from twin.collision.clearance import find_touches

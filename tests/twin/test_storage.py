@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.twin.scenes import boards_mesh, cabinet_twin, door_boards
+from benchmarks.scenes.boards import boards_mesh, cabinet_twin, door_boards
 from twin.errors import InputError
 from twin.files.ply import ply_bytes, read_ply
 from twin.scene import JointSigma, Mesh, Motion, Part, Twin

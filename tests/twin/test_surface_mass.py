@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.twin.scenes import Board, boards_inertial, boards_mesh, door_boards, drawer_boards
+from benchmarks.scenes.boards import Board, boards_inertial, boards_mesh, door_boards, drawer_boards
 from twin import geometry as geo
 from twin.errors import SceneError
 from twin.geometry import Array

@@ -14,7 +14,7 @@ import pytest
 
 pytest.importorskip("httpx", reason="needs the extra vlm")
 
-from tests.twin.scenes import cabinet_twin
+from benchmarks.scenes.boards import cabinet_twin
 from tests.twin.vlm_server import KEY, Reply, Server, completion, serving
 from twin.cli import main as cli
 from twin.errors import InputError, SceneError, ServiceError

@@ -1,10 +1,10 @@
 """Faults planted into exported files, one at a time: what `twin lint` must find, and by which rule.
 
-Also used by benchmarks/lint.py, which asks the public validators about the same files.
+tests/twin/test_lint.py asks our own rules; benchmarks/lint.py asks the public validators about the same files.
 """
 
-from tests.twin.lint_mutations import files, joints, motion, quantities, shapes
-from tests.twin.lint_mutations.planting import Mutation, lint_twin
+from benchmarks.lint_faults import files, joints, motion, quantities, shapes
+from benchmarks.lint_faults.planting import Mutation, lint_twin
 
 __all__ = ["MUTATIONS", "Mutation", "lint_twin"]
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from tests.twin.lint_mutations.planting import (
+from benchmarks.lint_faults.planting import (
     M_DOOR,
     RIGHT,
     U_DOOR,

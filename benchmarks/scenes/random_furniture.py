@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tests.robots.furniture import bar, box, contact_at, floor, mesh_of, shell
-from tests.twin.scenes import Board, boards_inertial
+from benchmarks.scenes.boards import Board, boards_inertial
+from benchmarks.scenes.furniture import bar, box, contact_at, floor, mesh_of, shell
 from twin.physics import with_physics
 from twin.scene import Box, Joint, Motion, Part, Prismatic, Revolute, StaticPart, Twin
 

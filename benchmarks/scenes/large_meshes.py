@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import trimesh
 
-from tests.twin.scenes import boards_mesh, carcass_boards, door_boards
+from benchmarks.scenes.boards import boards_mesh, carcass_boards, door_boards
 from twin.scene import Mesh
 
 

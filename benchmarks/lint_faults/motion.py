@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from tests.twin.lint_mutations.planting import FRONT, RIGHT, U_DOOR, Mutations, Xml, attr, prim, set_, shift
+from benchmarks.lint_faults.planting import FRONT, RIGHT, U_DOOR, Mutations, Xml, attr, prim, set_, shift
 
 MUTATIONS = Mutations()
 _add, _usd, _xml = MUTATIONS.add, MUTATIONS.usd, MUTATIONS.xml
@@ -55,7 +55,7 @@ _add(
 )
 
 
-def _obstacle(size: float = 0.1) -> np.ndarray:
+def _obstacle() -> np.ndarray:
     """Where a block on the closed door stands 12 cm before the drawer's front (world)."""
     cabinet = np.array([0.9, 0.35, 0.15])
     return cabinet + 0.15 * FRONT + 0.70 * np.array([0, 0, 1.0]) + 0.2 * RIGHT

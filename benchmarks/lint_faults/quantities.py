@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.twin.lint_mutations.planting import (
+from benchmarks.lint_faults.planting import (
     M_DRAWER,
     U_DOOR,
     U_DRAWER,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.twin.scenes import Board, boards_inertial, boards_mesh, opening_motion
+from benchmarks.scenes.boards import Board, boards_inertial, boards_mesh, opening_motion
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.names import legal_name

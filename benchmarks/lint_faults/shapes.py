@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.twin.lint_mutations.planting import FRONT, Mutations, attr, drop, prim
+from benchmarks.lint_faults.planting import FRONT, Mutations, attr, drop, prim
 
 MUTATIONS = Mutations()
 _add, _usd = MUTATIONS.add, MUTATIONS.usd

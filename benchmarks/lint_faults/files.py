@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tests.twin.lint_mutations.planting import U_DRAWER, Mutations, Xml, set_
+from benchmarks.lint_faults.planting import U_DRAWER, Mutations, Xml, set_
 
 MUTATIONS = Mutations()
 _add, _usd, _xml = MUTATIONS.add, MUTATIONS.usd, MUTATIONS.xml
