@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.mutants.faults import ROOT, Fault, Gone
 from benchmarks.mutants.rules import Candidate, candidates
 
 SEED = 12
-ROOMS = ("recon/motion", "recon/joints", "recon/refine", "recon/labels", "recon/contact", "robots/planning")
+ROOMS = (
+    "recon/motion",
+    "recon/parts",
+    "recon/joints",
+    "recon/refine",
+    "recon/labels",
+    "recon/contact",
+    "robots/planning",
+)
 LONG = 120  # lines of a module that has two faults; one more for each further LONG
 
 
@@ -21,14 +30,25 @@ def draw(
 
     A named fault whose line is gone stays in the list: only a person knows where it stands now.
     """
+    known = [_moved(f, root) for f in known]
     gone = missing(known, root)
     stand = [f for f in known if f not in gone or f.name]
-    for path in sorted(p for room in rooms for p in (root / room).rglob("*.py")):
+    for path in (p for room in rooms for p in modules(root, room)):
         file = path.relative_to(root).as_posix()
         source = path.read_text(encoding="utf-8")
         stand += _more(file, source, [f for f in stand if f.file == file], seed)
     named = [f for f in stand if f.name]
     return named + sorted((f for f in stand if not f.name), key=lambda f: f.file), gone
+
+
+def modules(root: Path, room: str) -> list[Path]:
+    """Modules of a room. Raises FileNotFoundError when there are none."""
+    found = sorted((root / room).rglob("*.py"))
+    if not found:
+        raise FileNotFoundError(
+            f"no modules in {root / room}: ROOMS in {__name__} must name the folders as they are now"
+        )
+    return found
 
 
 def wanted(source: str) -> int:
@@ -47,6 +67,19 @@ def _stands(fault: Fault, root: Path) -> bool:
     except (Gone, OSError):
         return False
     return True
+
+
+def _moved(fault: Fault, root: Path) -> Fault:
+    """The fault in the module that has its line now: the one file of the same name elsewhere, or the one file at all."""
+    if _stands(fault, root):
+        return fault
+    package, _, name = fault.file.partition("/")
+    others = [p.relative_to(root).as_posix() for p in sorted((root / package).rglob("*.py"))]
+    holding = [f for f in (replace(fault, file=o) for o in others) if _stands(f, root)]
+    for found in ([f for f in holding if f.file.endswith("/" + name.rpartition("/")[2])], holding):
+        if len(found) == 1:
+            return found[0]
+    return fault
 
 
 def _more(file: str, source: str, have: Sequence[Fault], seed: int) -> list[Fault]:

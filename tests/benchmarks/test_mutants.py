@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ast
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from benchmarks.mutants.copies import Copy
-from benchmarks.mutants.draw import ROOMS, draw, missing, wanted
+from benchmarks.mutants.draw import ROOMS, draw, missing, modules, wanted
 from benchmarks.mutants.faults import ROOT, Fault, Gone, read_faults, write_faults
 from benchmarks.mutants.page import page
 from benchmarks.mutants.rules import CONDITION, CONSTANT, SIGN, TERM, candidates
@@ -108,7 +109,7 @@ def test_what_no_test_of_behaviour_is_for_is_left_alone(line: str) -> None:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_every_candidate_of_the_sources_is_another_valid_program(room: str) -> None:
-    for path in (ROOT / room).rglob("*.py"):
+    for path in modules(ROOT, room):
         source = path.read_text(encoding="utf-8")
         lines = source.splitlines(keepends=True)
         blocks = {k: n for n in ast.parse(source).body for k in range(n.lineno, (n.end_lineno or 0) + 1)}
@@ -146,6 +147,14 @@ def test_equal_sources_give_an_equal_list_and_moved_lines_keep_their_faults(
     path = tiny / "recon/room/mod.py"
     path.write_text(MODULE.replace("import numba", "import math\nimport numba\n\nMORE = [math.pi]"))
     assert draw(first, tiny, rooms=("recon/room",)) == (first, [])
+    (tiny / "recon/hall").mkdir()
+    path.rename(tiny / "recon/hall/mod.py")
+    moved, gone = draw(first, tiny, rooms=("recon/hall",))
+    assert moved == [replace(f, file="recon/hall/mod.py") for f in first]
+    assert gone == []
+    with pytest.raises(FileNotFoundError, match="ROOMS"):
+        draw([], tiny, rooms=("recon/attic",))
+    (tiny / "recon/hall/mod.py").unlink()
     path.write_text(MODULE.replace(first[0].line, "pass"))
     again, gone = draw(first, tiny, rooms=("recon/room",))
     assert gone == [first[0]]
@@ -263,7 +272,7 @@ def test_a_copy_is_as_it_was_after_a_fault(tiny: Path, tmp_path: Path) -> None:
 def test_the_list_names_what_the_issue_found_and_every_module() -> None:
     faults = read_faults()
     assert missing([f for f in faults if f.name], ROOT) == []
-    for path in (p for room in ROOMS for p in (ROOT / room).rglob("*.py")):
+    for path in (p for room in ROOMS for p in modules(ROOT, room)):
         file = path.relative_to(ROOT).as_posix()
         if len(candidates(path.read_text(encoding="utf-8"))) >= 2:
             assert sum(f.file == file for f in faults) >= 2, f"{file}: python -m benchmarks.mutants draw"
