@@ -251,21 +251,27 @@ def test_a_fault_in_compiled_code_is_compiled(tiny: Path, tmp_path: Path) -> Non
 
 def test_a_copy_is_as_it_was_after_a_fault(tiny: Path, tmp_path: Path) -> None:
     """Bytes and time stamp, so that Python and numba take their compiled code again; while planted, neither may."""
+    (tiny / "recon/hall").mkdir()
+    (tiny / "recon/hall/user.py").write_text("import numba\nfrom recon.room.mod import double\n")
+    (tiny / "recon/hall/other.py").write_text("import numba\n")
     copy = Copy.of(tiny, tmp_path / "copy")
     path = copy.tree / "recon/room/mod.py"
     cache = path.parent / "__pycache__" / "mod.double-18.py311.nbi"
-    cache.parent.mkdir()
-    cache.write_text("of the sound source")
-    (tiny / "gone.py").write_text("")
+    of_user, of_other = (copy.tree / f"recon/hall/__pycache__/{n}.f-3.py311.1.nbc" for n in ("user", "other"))
+    for file in (cache, of_user, of_other):
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("of the sound source")
     before = path.stat().st_mtime_ns
     with copy.planted(COMPILED):
         assert "FAR = 2.4" in path.read_text()
         assert path.stat().st_mtime_ns != before
         assert not cache.exists()
+        assert not of_user.exists(), "it holds what it compiled of the module"
+        assert of_other.exists()
         cache.write_text("of the planted source")
     assert path.read_text() == MODULE
     assert path.stat().st_mtime_ns == before
-    assert cache.read_text() == "of the sound source"
+    assert [f.read_text() for f in (cache, of_user, of_other)] == ["of the sound source"] * 3
     shutil.rmtree(copy.folder)
 
 
