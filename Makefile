@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test mutants lint install engines wheel check-wheel clean
+.PHONY: help demo test mutants lint docs install engines wheel check-wheel clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
@@ -34,6 +34,9 @@ lint: install ## style, types, the order of the folders, sizes and repetition
 	$(VENV)/bin/lint-imports
 	$(VENV)/bin/python .ci/sizes.py
 
+docs: $(VENV)/.docs ## the docs site with a reference from the docstrings: out/docs/index.html
+	$(VENV)/bin/python docs/build.py
+
 install: $(VENV)/.installed ## set up system libraries, .venv and packages
 
 engines: install ## set up the programs that `twin check --engines all` asks, each in an environment of its own (about 3 GB)
@@ -56,6 +59,10 @@ $(VENV)/.installed: $(VENV)/.created pyproject.toml constraints.txt
 	@echo "Installing the Python packages into $(VENV) (a few minutes, about 3 GB) ..."
 	$(VENV)/bin/python -m pip install -q --progress-bar off -c constraints.txt setuptools
 	$(VENV)/bin/python -m pip install -q --progress-bar off -c constraints.txt --no-build-isolation -e '.[$(EXTRAS)]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.installed
+	$(VENV)/bin/python -m pip install -q --progress-bar off -c constraints.txt --no-build-isolation -e '.[docs]'
 	@touch $@
 
 $(VENV)/.created:

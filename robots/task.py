@@ -38,8 +38,9 @@ def task_of(part: Part, goal: Goal | None = None, start: Goal | None = None) -> 
     """The task that a user asks for.
 
     Args:
-        goal, start: a number is a state in m or rad; a text is "open", "close" or a share of the demonstrated range,
-            "0.5" or "50%". Default goal: open. Default start: the closed end, or the open end where the goal is closed.
+        goal: a number is a state in m or rad; a text is "open", "close" or a share of the demonstrated range, "0.5" or
+            "50%". Default: open.
+        start: the same. Default: the closed end, or the open end where the goal is closed.
 
     Raises:
         InputError: no such text, a state outside the demonstrated range, or no way between start and goal.

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -15,7 +16,18 @@ import recon.pipeline
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+LINKED = [p for folder in (".", "docs", "benchmarks") for p in sorted((ROOT / folder).glob("*.md"))]
 MODULE = re.compile(r"`(?P<path>(?:twin|recon|robots)/[\w/]+(?:\.py|/))`")
+
+
+def module_of(file: Path) -> ModuleType:
+    """A script of the project as a module."""
+    spec = spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def stages_of_the_pipeline() -> list[str]:
@@ -44,6 +56,56 @@ def table_of_stages() -> list[tuple[str, list[str]]]:
 def test_every_file_that_a_page_names_exists(page: Path) -> None:
     named = [m["path"] for m in MODULE.finditer(page.read_text(encoding="utf-8"))]
     assert [n for n in named if not (ROOT / n).exists()] == []
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors that a page's headings get: lower case, hyphens for blanks, other signs left out."""
+    prose = re.sub(r"^ *```.*?^ *```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    headings = re.findall(r"^#+ (.+)$", prose, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", h.lower()).strip().replace(" ", "-") for h in headings}
+
+
+def dead_links(page: Path) -> list[str]:
+    """Links of a page to files and headings that are not there."""
+    dead = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        path, _, anchor = link.partition("#")
+        to = page.parent / path if path else page
+        if "://" not in link and not (to.is_file() and (not anchor or anchor in anchors(to))):
+            dead.append(link)
+    return dead
+
+
+@pytest.mark.parametrize("page", LINKED, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
+    assert dead_links(page) == []
+
+
+def test_a_dead_link_is_found(tmp_path: Path) -> None:
+    (tmp_path / "other.md").write_text("# A heading: `x`, y\n```\n# no heading\n```\n")
+    page = tmp_path / "page.md"
+    good = "[1](other.md) [2](other.md#a-heading-x-y) [3](#here) [4](https://example.org/x)"
+    page.write_text(f"# Here\n{good} [5](gone.md) [6](other.md#no-heading) [7](#there)\n")
+    assert dead_links(page) == ["gone.md", "other.md#no-heading", "#there"]
+
+
+def test_a_dead_link_of_the_built_site_is_found(tmp_path: Path) -> None:
+    """`make docs` asks docs/links.py about what was built."""
+    links = module_of(ROOT / "docs/links.py")
+    good = '<a href="https://example.org/x"></a><a href="api/"></a><a href="api/index.html#f"></a>'
+    (tmp_path / "api").mkdir()
+    (tmp_path / "api/index.html").write_text('<h2 id="f"></h2>')
+    (tmp_path / "index.html").write_text(good)
+    assert links.broken(tmp_path) == []
+    bad = '<a href="gone.html"></a><a href="api/index.html#g"></a><img src="p.png"><autoref identifier="x.y"></autoref>'
+    (tmp_path / "index.html").write_text(good + bad)
+    told = sorted(links.broken(tmp_path))
+    assert told == [
+        "index.html: [x.y] is unresolved",
+        "index.html: api/index.html#g leads nowhere",
+        "index.html: gone.html leads nowhere",
+        "index.html: p.png leads nowhere",
+    ]
 
 
 def test_the_table_of_stages_is_the_pipeline() -> None:
@@ -88,11 +150,7 @@ def test_no_test_replaces_a_private_constant() -> None:
 
 def test_repetition_counts_code_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten equal lines in two files are told; imports, docstrings and comments are not equal lines."""
-    spec = spec_from_file_location("sizes", ROOT / ".ci/sizes.py")
-    assert spec is not None
-    assert spec.loader is not None
-    sizes = module_from_spec(spec)
-    spec.loader.exec_module(sizes)
+    sizes = module_of(ROOT / ".ci/sizes.py")
     monkeypatch.setattr(sizes, "ROOT", tmp_path)
     (tmp_path / "twin").mkdir()
     body = "".join(f"x{k} = {k}\n" for k in range(10))

@@ -161,7 +161,9 @@ def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
     """Least-squares pose T_target_source (..., 4, 4) with target ~ T source (Kabsch 1976, Umeyama 1991, scale 1).
 
     Args:
-        source: points (..., n, 3). target: points (..., n, 3). weights: (..., n), not negative; default ones.
+        source: points (..., n, 3).
+        target: points (..., n, 3).
+        weights: (..., n), not negative; default ones.
     """
     a, b = as_float(source), as_float(target)
     w = np.ones(a.shape[:-1]) if weights is None else as_float(weights)

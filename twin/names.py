@@ -12,7 +12,7 @@ _RESERVED = frozenset({"world"})
 
 
 def is_legal_name(name: str) -> bool:
-    """True when `name` is [A-Za-z][A-Za-z0-9_]* and not reserved."""
+    """True when `name` is `[A-Za-z][A-Za-z0-9_]*` and not reserved."""
     return bool(_LEGAL.match(name)) and name.lower() not in _RESERVED
 
 

@@ -80,7 +80,9 @@ def estimate_cameras(
     """Poses T_world_cam of all frames that can be posed; the world is the first posed frame's camera.
 
     Args:
-        tracks: T frames of tracks. times: (T,) s. focal: focal length in pixels of the recording.
+        tracks: T frames of tracks.
+        times: (T,) s.
+        focal: focal length in pixels of the recording.
 
     Raises ReconstructionError when fewer than half of the frames can be posed.
     """

@@ -80,7 +80,9 @@ def find_contact(
     """Where the hand held the part, in the world with the part at state 0.
 
     Args:
-        labels: label images (H, W) of some frames, 255 = hand. part, mesh: both at the same state 0.
+        labels: label images (H, W) of some frames, 255 = hand.
+        part: its joint and states, with the same state 0 as `mesh`.
+        mesh: its surface.
 
     Warns and returns None when no hand comes near the part while it moves.
     """

@@ -135,8 +135,11 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
     """Judge a twin by a truth folder.
 
     Args:
-        truth: folder truth/ or what `load_truth` made of it. recording: what the twin was made from; by default the
-        folder around the truth. Raises InputError when the truth can't be read or the twin has no cameras.
+        truth: folder truth/ or what `load_truth` made of it.
+        recording: what the twin was made from; by default the folder around the truth.
+
+    Raises:
+        InputError: the truth can't be read or is of another recording, or the twin has no cameras.
     """
     true = truth if isinstance(truth, Truth) else load_truth(truth)
     recording = recording or open_recording(true.folder.parent)

@@ -75,8 +75,9 @@ def label_scores(
     """Scores by true label: every part's id and 255, the hand.
 
     Args:
-        labels: frame -> (H, W) uint8. ids: the label that a true part id has there; by default the same number. A part
-        that is not in `ids` is scored with an empty mask.
+        labels: frame -> (H, W) uint8.
+        ids: the label that a true part id has there; by default the same number. A part that is not in
+            `ids` is scored with an empty mask.
     """
     wanted = [p.id for p in truth.parts] + [HAND_LABEL]
     names = {k: k for k in wanted} if ids is None else {**ids, HAND_LABEL: HAND_LABEL}

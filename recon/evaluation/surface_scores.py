@@ -35,8 +35,8 @@ def surface_errors(mesh: Mesh, true: Mesh, seen: Array, true_points: Array) -> S
     """Compare a mesh with the true one, both in one frame; None for a mesh without area.
 
     Args:
-        seen: points (n, 3) of the true surface that the recording shows. true_points: points (m, 3) that stand for the
-        true surface in the Chamfer distance.
+        seen: points (n, 3) of the true surface that the recording shows.
+        true_points: points (m, 3) that stand for the true surface in the Chamfer distance.
     """
     points = metrics.sample_surface(mesh, SAMPLES)
     if len(points) == 0:

@@ -87,7 +87,9 @@ def refine(obs: Observations, start: Model, sigma: float, iterations: int) -> Bu
     """Levenberg-Marquardt on the Cauchy cost, noise scale rescaled from the data twice.
 
     Args:
-        obs: tracks of one part (outlying observations allowed). start: near the solution. sigma: first noise scale, m.
+        obs: tracks of one part (outlying observations allowed).
+        start: near the solution.
+        sigma: first noise scale, m.
     """
     model = start
     n = 4 if model.kind == "revolute" else 2

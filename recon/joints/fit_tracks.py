@@ -49,11 +49,13 @@ def fit_motion(
         points_world: (T, K, 3) m, frames first, NaN where not visible. Tracks first (K, T, 3) are turned, with a warning,
             where the motion itself leaves no doubt.
         visible: (T, K) bool; None takes every point that is finite.
-        confidence: (T, K), not negative, weighs observations. joint_type: take this type instead of deciding it. hints: may
-            tip what the motion leaves open.
+        confidence: (T, K), not negative, weighs observations.
+        joint_type: take this type instead of deciding it.
+        hints: may tip what the motion leaves open.
+
     Raises:
-        InputError: shapes do not match, or it can't be told which axis counts the frames. ReconstructionError: nothing
-        moves, or no joint explains what moves.
+        InputError: shapes do not match, or it can't be told which axis counts the frames.
+        ReconstructionError: nothing moves, or no joint explains what moves.
     """
     points, seen, trust = _checked(points_world, visible, confidence)
     everything = Observations.of(points, seen, trust)

@@ -34,7 +34,9 @@ def orient(model: Model, covariance: Array, frames: NDArray[np.int64], quantile:
     """Zero at the first rest pose, positive along the net motion (along the larger excursion when it comes back).
 
     Args:
-        model: state for every frame. covariance: joint tangent, then states. frames: those with a trusted state.
+        model: state for every frame.
+        covariance: joint tangent, then states.
+        frames: those with a trusted state.
         quantile: limits are the quantiles q and 1 - q of the smoothed state.
     """
     raw = model.state[frames]

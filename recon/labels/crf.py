@@ -77,9 +77,12 @@ def agree(
     """Belief (K, h, w) after mean-field rounds of a local conditional random field (Potts, Gaussian likeness).
 
     Args:
-        scores: (K, h, w) log scores. color: (h, w, 3). depth: (h, w) m, 0 unknown. color_scale: standard deviation of
-            colour within a surface. radius: px, of the square neighbourhood. pull: log score of full agreement of all
-            neighbours.
+        scores: (K, h, w) log scores.
+        color: (h, w, 3).
+        depth: (h, w) m, 0 unknown.
+        color_scale: standard deviation of colour within a surface.
+        radius: px, of the square neighbourhood.
+        pull: log score of full agreement of all neighbours.
     """
     n, h, w = scores.shape
     now, belief = scores.copy(), np.empty((n, h, w), np.float32)

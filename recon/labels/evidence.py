@@ -101,13 +101,13 @@ def compare(
     likeness of colour, best of 3x3); readings behind the point in all of 3x3 violate, for then the point would have
     hidden them; readings in front say nothing.
 
-    Args:
-        depth: (h, w) m, 0 unknown. color: (h, w, 3). wanted: (h, w) pixels to look at.
-        camera: (fx, fy, cx, cy) of this grid. moves: (R, 3, 4) frame camera to reference camera; NaN rows are skipped.
-        ref_depth: (R, h, w). ref_color: (R, h, w, 3). can_support: (R,) false for frames which may only violate.
-        side: (R,) -1 where a frame shows the part at a clearly lower state, 1 at a higher one, else 0; only sides tell it from static.
-        color_sigma: one standard deviation of colour. slack: m, depth error that poses may cause.
-        out: (4, h, w) result, sums of weights 0..1: support, violation, support by frames at lower and at higher states.
+    The frame has `depth` (h, w) m, 0 unknown, `color` (h, w, 3) and a `camera` (fx, fy, cx, cy); `wanted` (h, w) are the pixels to look
+    at. The references have `ref_depth` (R, h, w) and `ref_color` (R, h, w, 3); `moves` (R, 3, 4) takes the frame's camera to theirs, NaN
+    rows are skipped; those without `can_support` (R,) may only violate; `side` (R,) is -1 for those that show the part at a clearly
+    lower state, 1 at a higher one, else 0: only the sides tell a part from static scene. `color_sigma` is one standard deviation of
+    colour, `slack` (m) the depth error that poses may cause.
+
+    `out` (4, h, w) takes the sums of weights 0..1: support, violation, support by frames at lower and at higher states.
     """
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]

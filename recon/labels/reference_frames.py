@@ -213,8 +213,10 @@ def find_references(
     empty space.
 
     Args:
-        factor: shrinking of the working grid. slack: m, depth error that poses may cause. per_phase: reference frames
-            for each rest phase. witnesses: frames of the motion, and half as many of the whole recording, that may only violate.
+        factor: shrinking of the working grid.
+        slack: m, depth error that poses may cause.
+        per_phase: reference frames for each rest phase.
+        witnesses: frames of the motion, and half as many of the whole recording, that may only violate.
         hand_share: share of unexplained pixels up to which a frame counts as without hand (chosen by us: a third of
             the smallest hand worth a label, well above the share that noise leaves).
     """

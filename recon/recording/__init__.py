@@ -138,6 +138,7 @@ class Recording:
             depth_scale: depth values in a metre, as Open3D counts: 1000 for millimetres, 5000 for TUM RGB-D.
             poses: T_world_cam (T, 4, 4) with OpenCV's camera axes, or a `Trajectory`; used only when asked.
             gravity_camera0: vector (3,) that points down in the first camera's axes.
+
         Raises:
             InputError: shapes, types or ranges that are not these; it says which and how to bring them there.
         """

@@ -26,8 +26,11 @@ def face_step(
     """How far (rad) the far face is turned about the joint's axis from being parallel to the near face.
 
     Args:
-        points, normals: surfels (K, 3) in the part's frame.
-    Returns: the step and the masks (K,) of both faces' surfels; None when the part is no board seen from both sides.
+        points: surfels (K, 3) in the part's frame.
+        normals: theirs (K, 3).
+
+    Returns:
+        the step and the masks (K,) of both faces' surfels; None when the part is no board seen from both sides.
     """
     if not isinstance(joint, Revolute) or len(points) < 2 * MIN_SURFELS:
         return None

@@ -15,7 +15,8 @@ class SimulateConfig:
     """Settings of `simulate`. All defaults are chosen by us; lengths in metres, angles as named.
 
     Attributes:
-        width, height: size of the colour and depth images in pixels, up to 1920 x 1080.
+        width: of the colour and depth images in pixels, up to 1920.
+        height: of the images in pixels, up to 1080.
         fps: frames per second.
         hfov_deg: horizontal field of view; 74.6 degrees is close to head-mounted and Azure Kinect cameras.
         seed: everything random (path, textures, clutter, noise) follows from it.

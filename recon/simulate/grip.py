@@ -25,8 +25,10 @@ class Grasp:
 
     Attributes:
         point: grip centre (3,), inside the fist: on the bar's axis.
-        bar: unit direction (3,) along the bar. outward: unit direction (3,) from the part towards the person.
-        width: thickness of what is held, metres. source: "handle", "edge" or the name that was asked for.
+        bar: unit direction (3,) along the bar.
+        outward: unit direction (3,) from the part towards the person.
+        width: thickness of what is held, metres.
+        source: "handle", "edge" or the name that was asked for.
     """
 
     point: Array

@@ -26,13 +26,18 @@ class Articulation:
     """One joint of a scene, seen from its closed state (0); opening is positive.
 
     Attributes:
-        name: the joint's name. kind: "revolute" or "prismatic".
-        axis, pivot: world axis (3,), signed so that opening is positive, and a point on it (3,) in metres.
+        name: the joint's name.
+        kind: "revolute" or "prismatic".
+        axis: unit axis (3,) in the world, signed so that opening is positive.
+        pivot: a point (3,) on it, metres.
         span: travel from the closed end to the other end, radians or metres.
-        static, part: surfaces in the world frame at state 0.
-        mass, com, inertia: kg; (3,) m and (6,) kg m^2 = xx yy zz xy xz yz about the centre of mass, in world axes
-            at state 0.
-        lower: smallest corner of the scene (3,), upper: largest corner (3,), without infinite planes.
+        static: surface of what stands still, in the world frame at state 0.
+        part: surface of the part, in the world frame at state 0.
+        mass: of the part, kg.
+        com: centre of mass (3,), metres, at state 0.
+        inertia: (6,) kg m^2 = xx yy zz xy xz yz about the centre of mass, in world axes at state 0.
+        lower: smallest corner of the scene (3,), without infinite planes.
+        upper: largest corner (3,).
         has_floor: whether the scene has a plane of its own.
         sites: world positions of the named sites that the part carries.
     """

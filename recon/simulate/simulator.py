@@ -55,7 +55,8 @@ def simulate(
         `out`. The layout is the native one (color/, depth/, intrinsic.json, timestamps.txt) with truth/ beside it.
 
     Raises:
-        InputError: scene, joint, handle or folder can't be used. ConfigError: the settings don't fit the joint.
+        InputError: scene, joint, handle or folder can't be used.
+        ConfigError: the settings don't fit the joint.
         MissingDependencyError: the Franka Kitchen is asked for but not installed.
     """
     config, folder = config or SimulateConfig(), Path(out)

@@ -48,7 +48,8 @@ def side_by_side(
     """The robot's `images` (f of (H, W, 3)), each to the right of the frame in which the person had the part at its state.
 
     Args:
-        states: (f,) the part's states in the images, m or rad. pace: see `pace_text`.
+        states: (f,) the part's states in the images, m or rad.
+        pace: see `pace_text`.
 
     Raises:
         InputError: the recording doesn't fit the part's motion.

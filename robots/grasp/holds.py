@@ -61,7 +61,8 @@ def find_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0)
     """Ways to hold a part near a contact, best first. Never empty: the contact itself is the last resort.
 
     Args:
-        mesh: the part at state 0, noise up to about 5 mm. contact: of the hand.
+        mesh: the part at state 0, noise up to about 5 mm.
+        contact: of the hand.
         spec: the gripper; what is thicker than its stroke can't be held.
     """
     points, normals = sample_surface(mesh, _SAMPLES, np.random.default_rng(seed))

@@ -65,7 +65,8 @@ def fetch(robot: str) -> Path:
     name the model by its path in Menagerie.
 
     Raises:
-        InputError: no such robot, or the download failed. MissingDependencyError: robot_descriptions is not installed.
+        InputError: no such robot, or the download failed.
+        MissingDependencyError: robot_descriptions is not installed.
     """
     module = _FETCHED[_known(robot, sorted(_FETCHED))]
     if find_spec("robot_descriptions") is None:

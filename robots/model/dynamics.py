@@ -156,8 +156,13 @@ class ArmDynamics:
         """Torques along a path over a share s that takes one second.
 
         Args:
-            q, first, second: (n, j) configuration and its derivatives by s.
-            rate, acceleration: (n,) of s. states: (n,) of the part, linear in s. load: the part, None for empty hands.
+            q: (n, j) configuration.
+            first: (n, j) its first derivative by s.
+            second: (n, j) its second derivative by s.
+            rate: (n,) of s.
+            acceleration: (n,) of s.
+            states: (n,) of the part, linear in s.
+            load: the part, None for empty hands.
         """
         none = np.zeros_like(q)
         qd, qdd = first * rate[:, None], first * acceleration[:, None] + second * (rate**2)[:, None]

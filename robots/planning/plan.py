@@ -58,20 +58,23 @@ def plan(
 
     Args:
         twin: with collision geometry; it is made when missing.
-        part: id or name. robot: bundled name or robot file. contact: instead of the part's own: a
-            ContactPath, or a point (3,) in m on the part, world frame at state 0. A part without contact is held where
-            its shape offers a bar, a knob or a rim.
-        goal, start: states in m or rad, or texts: "open", "close", a share such as "50%". Default: open; from the closed
-            end, or from the open end where the goal is closed.
-        config: of the search. floor: its height z in m, twin's world; by default the one that the twin shows, else it is
-            assumed at the scene's lowest point (`RobotTrajectory.floor` says which).
+        part: id or name.
+        robot: bundled name or robot file.
+        contact: instead of the part's own: a ContactPath, or a point (3,) in m on the part, world frame at state 0. A
+            part without contact is held where its shape offers a bar, a knob or a rim.
+        goal: a state in m or rad, or a text: "open", "close", a share such as "50%". Default: open.
+        start: the same. Default: the closed end, or the open end where the goal is closed.
+        config: of the search.
+        floor: its height z in m, twin's world; by default the one that the twin shows, else it is assumed at the
+            scene's lowest point (`RobotTrajectory.floor` says which).
 
     Returns:
         A trajectory inside the robot's position, velocity and torque limits, with base pose, score and rejected bases.
 
     Raises:
-        SceneError: no such part. InputError: no such robot, a contact off the part, nothing to hold, a goal or start
-            outside the joint's range, a floor that is not finite.
+        SceneError: no such part.
+        InputError: no such robot, a contact off the part, nothing to hold, a goal or start outside the joint's range, a
+            floor that is not finite.
         PlanningError: no base reaches the part without touching anything, or the arm is too weak; says at which state
             and by how much.
     """

@@ -95,7 +95,8 @@ def build_world(
 
     Args:
         twin: its static part and parts need collision geometry, its parts mass and friction (see `with_collision`).
-        T_world_base: base pose (4, 4). pedestal: height in metres of the column under the base (0: none).
+        T_world_base: base pose (4, 4).
+        pedestal: height in metres of the column under the base (0: none).
         visual: add the coloured meshes that a video shows.
 
     Raises:

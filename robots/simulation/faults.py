@@ -42,7 +42,9 @@ def find_faults(
     """All faults, causes before what follows from them.
 
     Args:
-        slip: (n,) m. share: (n, j) torques of their limits. beyond: (n, j) by which joints are out of their range.
+        slip: (n,) m.
+        share: (n, j) torques of their limits.
+        beyond: (n, j) by which joints are out of their range.
     """
     return [
         *_grip(record),

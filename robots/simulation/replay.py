@@ -50,13 +50,16 @@ def replay(
     """Replay a trajectory and measure what happened. Deterministic.
 
     Args:
-        twin: the one that was planned for. out: folder for trajectory.json, trajectory.npz, report.json and
-            replay.mp4 (usually RUN/replay/<robot>/<part>), which change at once; nothing is written without it.
-        robot: name or robot file when it is not the trajectory's own name. video: write replay.mp4.
+        twin: the one that was planned for.
+        out: folder for trajectory.json, trajectory.npz, report.json and replay.mp4 (usually RUN/replay/<robot>/<part>),
+            which change at once; nothing is written without it.
+        robot: name or robot file when it is not the trajectory's own name.
+        video: write replay.mp4.
         demonstration: the recording's frames; the film then shows the person beside the robot, at the same state.
 
     Raises:
-        SceneError: the twin has no such part. InputError: no such robot, another arm, or an unwritable folder.
+        SceneError: the twin has no such part.
+        InputError: no such robot, another arm, or an unwritable folder.
         PlanningError: MuJoCo refuses the scene.
     """
     config = config or ReplayConfig()

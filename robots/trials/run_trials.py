@@ -42,14 +42,18 @@ def run_trials(
     """Replay a trajectory on parts that differ from the twin.
 
     Args:
-        twin: the one that was planned for. out: folder for trials.json and trials.png; nothing is written without it.
+        twin: the one that was planned for.
+        out: folder for trials.json and trials.png; nothing is written without it.
         trials: for the twin's own uncertainty, and as many for each size of error: all three kinds together, growing;
-            with `grid` each kind alone too. seed: of every draw. robot: when it is not the trajectory's own name.
-        workers: processes; default one for each core. The result does not depend on them. tell: called with the number of
-            replays done and their total; without it a bar appears on a terminal.
+            with `grid` each kind alone too.
+        seed: of every draw.
+        robot: when it is not the trajectory's own name.
+        workers: processes; default one for each core. The result does not depend on them.
+        tell: called with the number of replays done and their total; without it a bar appears on a terminal.
 
     Raises:
-        SceneError: the twin has no such part. InputError: trials < 1, a negative seed, or an unwritable folder.
+        SceneError: the twin has no such part.
+        InputError: trials < 1, a negative seed, or an unwritable folder.
     """
     check_request(trials, seed)
     config = config or ReplayConfig()

@@ -41,7 +41,8 @@ def closed_piece_shapes(
     """Shapes, at most `most`, of a closed piece of a mesh; None where it is not one body, or not convex and not split.
 
     Args:
-        tolerance: concavity (m) that CoACD leaves. split: whether CoACD may be asked; it takes seconds.
+        tolerance: concavity (m) that CoACD leaves.
+        split: whether CoACD may be asked; it takes seconds.
     """
     oriented = outward(piece)
     hull = None if oriented is None else hull_of(oriented.vertices)

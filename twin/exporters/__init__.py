@@ -55,21 +55,21 @@ def export(
 ) -> Exported:
     """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
 
-    Each format's folder is complete in itself, holds a README.md with notes on importing it and files.json, which lists what was
-    exported, and changes at once; all are written before the first is changed. Files of others stay where they are. Mass, friction and collision shapes that the twin lacks are filled in first
-    (twin.physics, twin.collision).
+    Each format's folder is complete in itself, with notes on importing it (README.md) and a list of what was exported (files.json). All
+    are written before the first is changed; files of others stay. Mass, friction and collision shapes that the twin lacks are made first.
 
     Args:
         package: ROS package name: makes folder/urdf that package, with a second URDF whose mesh paths are package://.
         cache_dir: where collision shapes are kept between runs.
         asset: author, licence, kind and date that the files state.
         overwrite: also replace exported files that were changed since, and others of the same names.
+
     Returns:
         the main file of every format, and warnings about what a format can't carry.
+
     Raises:
-        InputError: unknown format, illegal package name, the folder can't be written, or a file in it that would be replaced was
-        changed since it was exported, or never was. SceneError: a part that can't be
-        simulated.
+        InputError: unknown format, illegal package name, an unwritable folder, or a file in it that was changed since its export.
+        SceneError: a part that can't be simulated.
     """
     folder = Path(folder)
     unknown = [f for f in formats if f not in FORMATS]

@@ -64,8 +64,8 @@ def put(staged: Path, folder: Path, ours: Collection[str]) -> None:
     """Put what was written into `staged` in the place of `folder`.
 
     Args:
-        staged: from `staging(folder)`. ours: paths in `folder` (relative, with /) that the new content replaces or drops;
-            everything else in it stays.
+        staged: from `staging(folder)`.
+        ours: paths in `folder` (relative, with /) that the new content replaces or drops; everything else in it stays.
 
     Raises OSError, FileExistsError where a path that is not ours is also in `staged`; the folder is then as it was.
     """

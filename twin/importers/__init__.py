@@ -39,6 +39,7 @@ def from_urdf(
             Left out: the file's rest pose (zero) where it is an end of the range, else the lower end.
         limits: joint -> (lower, upper) in the file's own m or rad; for joints that have none, or others.
         exclude: names of links, * and ? allowed, that are left out with all that hangs on them.
+
     Raises:
         InputError: the file, or a mesh that it names, can't be read, or it moves in a way that a twin can't: names the
             element.

@@ -64,9 +64,11 @@ def lint(paths: Sequence[AnyPath], ignore: Sequence[str] = ()) -> LintReport:
     Args:
         paths: URDF, MJCF or USD files, or run folders with export/.
         ignore: names of rules to leave out.
+
     Returns:
         what was found. Rules that need the file to run are asked only when no error stands in their way (Rule.stops): a wrong
         limit can't be reached, and one fault shall give one finding.
+
     Raises:
         InputError: a file can't be read or is none of the formats, a folder holds no export, a rule is not known.
     """

@@ -81,7 +81,8 @@ def set_physics(
     """Replace numbers of one part and keep the others.
 
     Args:
-        key: name or id of the part. values: "mass", "friction", "damping", "frictionloss", from `given`.
+        key: name or id of the part.
+        values: "mass", "friction", "damping", "frictionloss", from `given`.
         material: a name of the table; how mass is spread, density and friction then come from it, and so does the mass
             unless it was measured or stated by the user.
 

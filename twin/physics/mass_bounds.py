@@ -22,7 +22,10 @@ def shape_bounds(
 
     Args:
         points: each (F, 3) m, where the pieces can be; their own extent counts little. The middle one belongs to `com`.
-        mass: least, usual and greatest weight (F,) kg of the pieces. com, tensor: of the pieces with their usual weight.
+        mass: least, usual and greatest weight (F,) kg of the pieces.
+        com: (3,) m, centre of the pieces with their usual weight.
+        tensor: (3, 3) kg m^2 about it.
+
     Returns:
         (low, high): factors on the moment about any axis through the centre, at an unchanged total mass.
         (2, 3) m: lower and upper corner of the box in which the centre lies.

@@ -69,8 +69,10 @@ def validate_usd(path: Path) -> UsdVerdict:
     Args:
         path: the main file export/usd/<name>.usda, which stands for all stages beside it and for the asset they refer to
             (the profile judges the asset), or any other USD file.
+
     Raises:
-        InputError: the file is missing, or a validator fails to run. MissingDependencyError: they are not installed.
+        InputError: the file is missing, or a validator fails to run.
+        MissingDependencyError: they are not installed.
     """
     python = interpreter("validators")
     with _neutral(stages(path)) as files:

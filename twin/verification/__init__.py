@@ -34,14 +34,17 @@ def check(
         source: a twin with mass and friction, or a run folder (or its folder twin/).
         exports: format -> file. Left out for a run folder: RUN/export/<format>/.
         engines: names, or "all"; those that come with this project by default.
+
     Returns:
         rows for whether the file loads, tree, joint type, axis (1e-3 deg), pivot (1e-5 m), limits (1e-5), damping, dry friction, armature and contact
         friction (1e-5 relative), mass and inertia as a world tensor (1e-5 relative), centre of mass (1e-5 m), bounds of the
         visual mesh (1e-4 m), motion in 11 states (1e-5), diagonal of the mass matrix (1e-5 relative), a damped rollout of
         0.5 s (1e-3 of the way) and self-collision (1 mm); ten times that for engines in single precision.
+
     Raises:
         InputError: nothing was exported, a file is missing, an engine is not known or reads none of the formats, or the
-        twin has no masses. MissingDependencyError: an engine's environment is not installed.
+            twin has no masses.
+        MissingDependencyError: an engine's environment is not installed.
     """
     return check_many([_inputs(source, exports)], engines)[0]
 

@@ -111,8 +111,10 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
     Args:
         twin: what was exported.
         files: format (urdf, mjcf, usd) -> file.
+
     Returns:
         for every format and part the rows that the module describes.
+
     Raises:
         InputError: no file was named, or one is missing.
     """

@@ -40,7 +40,10 @@ def describe(
     """The text beside the picture: which part, how it moves and how large its surface is.
 
     Args:
-        edges: (3,) m, of its tightest box. words: the user's description. origin, mark: of the picture.
+        edges: (3,) m, of its tightest box.
+        words: the user's description.
+        origin: where the picture is from.
+        mark: how the part is marked in it.
     """
     moves = "turns on a hinge" if part.joint.kind == "revolute" else "slides"
     size = " x ".join(f"{v:.2f}" for v in edges)

@@ -35,6 +35,7 @@ def part_picture(twin: Twin, part: Part, run: Path, frame: Callable[[int], Image
 
     Args:
         frame: colour (H, W, 3) RGB of a recording frame.
+
     Raises:
         InputError: the twin holds nothing that could be shown.
     """

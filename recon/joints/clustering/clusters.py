@@ -70,7 +70,9 @@ def cluster_tracks(
     """Clusters of tracks, best first; empty when nothing moves.
 
     Args:
-        points_world: (T, K, 3) m, NaN where not visible. visible: (T, K) bool. joints: of the fits, here with fewer samples.
+        points_world: (T, K, 3) m, NaN where not visible.
+        visible: (T, K) bool.
+        joints: of the fits, here with fewer samples.
 
     Raises MissingDependencyError without scikit-learn.
     """

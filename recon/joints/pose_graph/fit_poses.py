@@ -34,11 +34,14 @@ def fit_motion_poses(
     """Fit a joint to poses of the part.
 
     Args:
-        poses: T_world_part (N, 4, 4) in any part coordinates, as markers, a robot's hand or a pose tracker give them; rows
-            that are not finite are left out. frames: (N,) recording frames, increasing; default 0..N-1. joint_type: take
-            this type instead of deciding it.
+        poses: T_world_part (N, 4, 4) in any part coordinates, as markers, a robot's hand or a pose tracker give them;
+            rows that are not finite are left out.
+        frames: (N,) recording frames, increasing; default 0..N-1.
+        joint_type: take this type instead of deciding it.
+
     Raises:
-        InputError: shapes, order or rotations are wrong. ReconstructionError: the poses do not move.
+        InputError: shapes, order or rotations are wrong.
+        ReconstructionError: the poses do not move.
     """
     T_world_part, numbers = _checked(poses, frames)
     sigma, sigma_rad = config.sigma_floor, config.sigma_floor_rad

@@ -74,7 +74,9 @@ def solve_pose_graph(
     """Solve for one joint of the given kind.
 
     Args:
-        edges: relative motions among `frames` frames; every frame must be reached. start: else the closed form.
+        edges: relative motions among `frames` frames; every frame must be reached.
+        start: else the closed form.
+
     Raises:
         ReconstructionError: too few edges, or frames that no edge reaches.
     """
