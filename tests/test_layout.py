@@ -17,7 +17,12 @@ import recon.pipeline
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [p for folder in (".", "docs", "benchmarks") for p in sorted((ROOT / folder).glob("*.md"))]
-MODULE = re.compile(r"`(?P<path>(?:twin|recon|robots)/[\w/]+(?:\.py|/))`")
+MODULE = re.compile(r"`(?P<path>(?:twin|recon|robots)(?:/\w+)*(?:\.py|/)|\w+\.py)`")
+# words that the glossary of CONTRIBUTING.md replaced
+LEFT = re.compile(
+    r"\bslippers?\b|\briders?\b|\brides? on\b|\bhand(s|ed|ing)? over\b|\b(base|body|robot) that walks\b|\bwalkers?\b",
+    re.IGNORECASE,
+)
 
 
 def module_of(file: Path) -> ModuleType:
@@ -38,24 +43,29 @@ def stages_of_the_pipeline() -> list[str]:
     return [getattr(recon.pipeline, ast.unparse(c.args[0])).name for c in ordered]
 
 
+def files_named(text: str) -> list[str]:
+    """Files and folders that a text names in backticks; a file without a folder lies beside the one before it."""
+    named = [""]
+    for found in MODULE.finditer(text):
+        folder, _, _ = named[-1].rpartition("/")
+        named.append(found["path"] if "/" in found["path"] else f"{folder}/{found['path']}")
+    return named[1:]
+
+
 def table_of_stages() -> list[tuple[str, list[str]]]:
-    """(stage, files) of the rows of architecture.md; a file without a folder lies beside the one before it."""
+    """(stage, files) of the rows of architecture.md."""
     text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     table = text.split("| stage | finds | module |")[1].split("\n\n")[0]
     rows = []
     for line in table.splitlines()[2:]:
         stage, _, modules = (c.strip() for c in line.strip("|").split("|"))
-        files: list[str] = []
-        for name in re.findall(r"`([^`]+)`", modules):
-            files.append(name if "/" in name else f"{files[-1].rpartition('/')[0]}/{name}")
-        rows.append((stage, files))
+        rows.append((stage, files_named(modules)))
     return rows
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_every_file_that_a_page_names_exists(page: Path) -> None:
-    named = [m["path"] for m in MODULE.finditer(page.read_text(encoding="utf-8"))]
-    assert [n for n in named if not (ROOT / n).exists()] == []
+    assert [n for n in files_named(page.read_text(encoding="utf-8")) if not (ROOT / n).exists()] == []
 
 
 def anchors(page: Path) -> set[str]:
@@ -123,6 +133,29 @@ def test_the_files_in_the_table_of_stages_are_imported_by_the_pipeline() -> None
     named = [f for _, files in table_of_stages() for f in files]
     assert len(named) >= 9
     assert [f for f in named if f.removesuffix(".py").replace("/", ".") not in imported] == []
+
+
+def test_a_file_without_a_folder_lies_beside_the_one_before_it() -> None:
+    assert files_named("`recon/labels/` `crf.py` and `twin/scene.py`, `joint.py`") == [
+        "recon/labels/",
+        "recon/labels/crf.py",
+        "twin/scene.py",
+        "twin/joint.py",
+    ]
+
+
+def test_words_that_the_glossary_replaced_do_not_come_back() -> None:
+    kinds = [
+        p
+        for folder in ("twin", "recon", "robots", "tests", "benchmarks", "docs")
+        for p in (ROOT / folder).rglob("*.py")
+    ]
+    texts = [p for p in (*kinds, *LINKED) if p.name not in ("CHANGELOG.md", Path(__file__).name)]
+    assert len(texts) > 300
+    found = {
+        f"{p.relative_to(ROOT)}: {m[0]}" for p in texts for m in LEFT.finditer(p.read_text(encoding="utf-8"))
+    }
+    assert sorted(found) == []
 
 
 def test_the_top_of_recon_is_one_screen() -> None:

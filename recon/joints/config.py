@@ -27,7 +27,7 @@ class JointConfig:
     search_sigma: m, least noise while searching; 3 of it are about the paper's eps_f = 0.01 m. The refinement measures
         the noise itself.
     far_share: hypotheses come from tracks that travel this share of the farthest (95th percentile): on real recordings
-        half of what moves a little is background that slips at an edge, and at any moment most of it rests (by us).
+        half of what moves a little is background that drifts along an edge, and at any moment most of it rests (by us).
     pair_gaps, pairs, samples: frame distances, number of frame pairs and triples a pair of the motion search (by us).
     candidates: hypotheses of each type that are refined (by us).
     search_tracks, search_frames: most tracks and frames on which hypotheses are compared (by us, for speed).

@@ -47,7 +47,7 @@ class LabelConfig:
 
     every: label every n-th frame. working_width: px, width up to which the dense test works. pose_error: m, depth error
     that camera, joint and state errors may cause together. references: frames at rest taken from each rest phase.
-    witnesses: frames of the whole recording that testify empty space.
+    witnesses: frames of the whole recording that join as free-space witnesses.
     """
 
     every: int = 4

@@ -209,8 +209,8 @@ def find_references(
 ) -> References:
     """Choose reference frames: for every rest phase the frames with the least that nothing explains (a hand).
 
-    What neither hypothesis explains is removed from the chosen frames. Frames of the motion join as witnesses of
-    empty space.
+    What neither hypothesis explains is removed from the chosen frames. Frames of the motion join as free-space
+    witnesses.
 
     Args:
         factor: shrinking of the working grid.

@@ -68,7 +68,7 @@ def is_another_part(
 ) -> bool:
     """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
 
-    Points that slip along edges while the camera sways also follow some joint, but loosely and without ever resting.
+    Tracks that drift along edges while the camera sways also follow some joint, but loosely and without ever resting.
     """
     enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(of_first.sum()))
     lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))

@@ -48,7 +48,7 @@ def known_rest_spans(fit: MotionFit, frames: int, config: MotionConfig) -> list[
 def restless(
     movers: Movers, chosen: NDArray[np.bool_], rests: Sequence[tuple[int, int]], config: MotionConfig
 ) -> NDArray[np.bool_]:
-    """Tracks (K,) that move while the part rests: on the hand, or slipping along an edge."""
+    """Tracks (K,) that move while the part rests: on the hand, or drifting."""
     out = np.zeros_like(chosen)
     for k in np.flatnonzero(chosen):
         for first, last in rests:

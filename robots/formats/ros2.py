@@ -114,7 +114,7 @@ def standing(source: PlannedMotion) -> str:
     x, y, z = (number(v) for v in pose[:3, 3])
     yaw = number(np.arctan2(pose[1, 0], pose[0, 0]))
     what = (
-        "a fixed frame on the floor, which the robot's body leaves as it walks"
+        "a fixed frame on the floor, which the robot's body leaves as it moves"
         if source.base
         else "the robot's base"
     )

@@ -1,6 +1,6 @@
 """Spot's impedance control of the arm: bosdyn.api.ArmImpedanceCommand.Request in protobuf's JSON, one file a leg.
 
-Where the plan walks there is, for each leg, bosdyn.api.SE2TrajectoryCommand.Request of the body too.
+Where the plan moves a mobile base there is, for each leg, bosdyn.api.SE2TrajectoryCommand.Request of the body too.
 
 Source of the fields: Spot SDK, protos/bosdyn/api/{arm_command,basic_command,trajectory,geometry}.proto. Largest stiffness and damping:
 the SDK's example arm_impedance_control. Force and torque caps: the defaults that arm_command.proto states.
@@ -9,7 +9,7 @@ The command is about the tool alone, so any robot's trajectory can be given to S
 the trajectory's first sample (the hand 10 cm in front of the handle, opened): whoever sends the command sets
 `rootTformTask` to where that is for the robot at hand, by default the pose in the base frame of the plan.
 
-A body that walks takes the frame "body" along, so the files of a plan that walks are about "odom". They are written as if
+A mobile base takes the frame "body" along, so the files of a plan that moves it are about "odom". They are written as if
 it were Spot's "flat_body" at the first sample; one transform, odom_tform_flat_body read when Spot stands there, makes
 them right: in front of rootTformTask and of every pose of the body.
 """
@@ -92,7 +92,7 @@ def render(source: PlannedMotion) -> dict[str, bytes]:
         times = t.times[at][keep]
         files[arm_path] = _json(request(_points(times, poses[keep]), frame, root, impedance))
         if body is not None:
-            files[body_path] = _json(walk(times, body[at][keep], frame))
+            files[body_path] = _json(body_trajectory(times, body[at][keep], frame))
     return files
 
 
@@ -113,7 +113,7 @@ def request(
     }
 
 
-def walk(times: Array, poses: Array, frame: str) -> dict[str, Any]:
+def body_trajectory(times: Array, poses: Array, frame: str) -> dict[str, Any]:
     """The body's message as a mapping: times (n,) s, level poses (n, 4, 4). Without endTime, which is in the robot's clock."""
     turns = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
     points = [

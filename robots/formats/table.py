@@ -37,7 +37,7 @@ FORMATS: dict[str, Format] = {
     ),
     "moveit": Format("moveit_msgs/CartesianTrajectory of the tool", moveit.FILES, moveit.render),
     "spot": Format(
-        "bosdyn.api.ArmImpedanceCommand.Request, one a leg, and where the body walks", spot.FILES, spot.render
+        "bosdyn.api.ArmImpedanceCommand.Request, one a leg, and where the body moves", spot.FILES, spot.render
     ),
     "lerobot": Format("LeRobot v3.0 dataset of one episode", lerobot.FILES, lerobot.render),
 }

@@ -70,17 +70,17 @@ class PartLoad:
 
 
 def with_payload(twin: Twin, part: Part) -> Part:
-    """The part with mass, centre and inertia of all that rides on it, at rest where it is at state 0.
+    """The part with mass, centre and inertia of its payload added: all parts that it carries, at rest where they are at state 0.
 
-    A part that itself rides on another one is moved while that one rests: nothing of its parent is added.
+    A part that another one carries is moved while that one rests: nothing of its parent is added.
     """
-    riding, grown = {part.id}, True
+    carried, grown = {part.id}, True
     while grown:
-        more = {p.id for p in twin.parts if p.parent in riding} - riding
-        riding, grown = riding | more, bool(more)
-    if len(riding) == 1:
+        more = {p.id for p in twin.parts if p.parent in carried} - carried
+        carried, grown = carried | more, bool(more)
+    if len(carried) == 1:
         return part
-    bodies = [p for p in twin.parts if p.id in riding]
+    bodies = [p for p in twin.parts if p.id in carried]
     masses = np.array([mass_and_com(p)[0] for p in bodies])
     centres = np.array([mass_and_com(p)[1] for p in bodies])
     total, centre = float(masses.sum()), masses @ centres / masses.sum()
@@ -88,12 +88,12 @@ def with_payload(twin: Twin, part: Part) -> Part:
     tensor = sum(inertia(p) for p in bodies) + sum(
         m * (a @ a * np.eye(3) - np.outer(a, a)) for m, a in zip(masses, arms, strict=True)
     )
-    mass = Quantity(total, "geometry: with what rides on it", (total, total))
+    mass = Quantity(total, "geometry: with its payload", (total, total))
     return replace(part, inertial=Inertial(mass, centre, tensor, mass.source))
 
 
 def part_load(part: Part) -> PartLoad:
-    """What a part's physics say about the force it takes to move it, without what rides on it (see `with_payload`)."""
+    """What a part's physics say about the force it takes to move it, without its payload (see `with_payload`)."""
     resists = inertia_about(part.joint, inertial_of(part))
     return PartLoad(part, resists, joint_damping(part), frictionloss(part))
 

@@ -19,7 +19,7 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 
-# A base walks where the arm alone would end at its limits, and no farther: beside errors of weight 1 (1/m), a metre of
+# A mobile base moves where the arm alone would end at its limits, and no farther: beside errors of weight 1 (1/m), a metre of
 # way costs what 3 cm of error do, and it damps steps as much as an arm joint with a lever of 17 cm would take (chosen
 # by us).
 _BASE_PULL = 1e-3

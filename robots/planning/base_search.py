@@ -189,7 +189,7 @@ def _follow(
             q[:, k] = current
     off = np.linalg.norm(error[:, :, :3], axis=2).max(axis=1)
     near = np.flatnonzero((off > _REACHED) & (off < _NEARLY))
-    if len(near):  # a base that walks converges slowly
+    if len(near):  # a mobile base converges slowly
         shape = (len(near) * count, -1)
         polished, left = chain.solve(
             q[near].reshape(shape), targets[near].reshape(-1, 4, 4), weights, _POLISH_STEPS

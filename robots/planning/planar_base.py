@@ -1,4 +1,4 @@
-"""A base that walks: where the arm's inverse kinematics starts when base and arm are solved together."""
+"""A mobile base: where the arm's inverse kinematics starts when base and arm are solved together."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Leg:
         return float(np.linalg.norm(np.diff(self.tool[:, :3, 3], axis=0), axis=1).sum())
 
     def reversed(self) -> Leg:
-        """The leg walked the other way."""
+        """The leg the other way round."""
         return Leg(self.q[::-1], self.state[::-1], self.error[::-1], self.tool[::-1])
 
 

@@ -61,7 +61,7 @@ def test_nothing_moves(tmp_path: Path) -> None:
 
 
 def test_what_travels_far_does_not_outvote_a_part_that_travels_little(tmp_path: Path) -> None:
-    """A door seen near its hinge moves by centimetres; points that slip along edges travel a metre, each its own way."""
+    """A door seen near its hinge moves by centimetres; drifting tracks travel a metre, each its own way."""
     recording = open_recording(
         tiny.write_recording(tmp_path / "still", ("door",), frames=FRAMES, scale=2, still=True)
     )
@@ -70,12 +70,12 @@ def test_what_travels_far_does_not_outvote_a_part_that_travels_little(tmp_path: 
     joint = Revolute(geo.unit(np.array([0.1, 1.0, 0.05])), 0.0, 1.0, pivot=np.array([0.2, 0.0, 1.5]))
     door = joint.pivot + np.array([0.15, 0.4, 0.04]) * rng.uniform(-1.0, 1.0, (60, 3))
     door = geo.transform(joint.poses(state), door)
-    slips = (
+    drifting = (
         np.cumsum(rng.normal(0.0, 0.012, (FRAMES, 25, 3)), axis=0)
         + rng.uniform(-0.5, 0.5, (25, 3))
         + [0, 0, 2]
     )
-    points = np.concatenate([door, slips], axis=1) + rng.normal(0.0, 0.001, (FRAMES, 85, 3))
+    points = np.concatenate([door, drifting], axis=1) + rng.normal(0.0, 0.001, (FRAMES, 85, 3))
     seen = np.ones(points.shape[:2], bool)
     tracks = Tracks(points, np.zeros((*seen.shape, 2)), seen, np.ones(seen.shape))
     still = Trajectory(np.arange(FRAMES), recording.times, np.tile(np.eye(4), (FRAMES, 1, 1)))

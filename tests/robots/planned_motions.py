@@ -1,4 +1,4 @@
-"""Trajectories in closed form: an arm opens a door, and a robot that walks; both also closing."""
+"""Trajectories in closed form: an arm opens a door, alone and on a mobile base; both also closing."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def door():
     return joined(pieces, twin, robot, T_world_base=stands, pedestal=0.5, limits=limits)
 
 
-def walking():
-    """Spot walks and turns while its arm moves; the tool is where the arm carries it."""
+def mobile_base():
+    """Spot moves and turns its base while its arm moves; the tool is where the arm carries it."""
     twin = furniture.door("left")
     robot, upper = robots.resolve("spot"), twin.part(2).joint.upper
     chain = read_chain(compiled(robot), robot)
@@ -119,8 +119,8 @@ def closing(source):
 SOURCES = {
     "arm opens": door,
     "arm closes": lambda: closing(door()),
-    "walker opens": walking,
-    "walker closes": lambda: closing(walking()),
+    "mobile base opens": mobile_base,
+    "mobile base closes": lambda: closing(mobile_base()),
 }
 
 

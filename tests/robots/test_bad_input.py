@@ -113,7 +113,7 @@ def test_a_goal_out_of_reach_is_a_missed_goal_with_its_reason(tmp_path, capsys, 
 
 
 def test_a_trajectory_is_handed_over_for_its_own_robot_and_part_only(tmp_path, capsys):
-    source = planned_motions.walking()
+    source = planned_motions.mobile_base()
     save(furniture.door("left"), tmp_path / "run/twin")
     order = ["trajectory", tmp_path / "run", "--format", "ros2", "-o", tmp_path / "out"]
     told = refused([*order, "--robot", "spot"], tmp_path, capsys)

@@ -200,7 +200,7 @@ def test_equal_input_gives_equal_bytes_and_no_leftovers(source, folder, tmp_path
     export_trajectory(source, LIGHT, tmp_path)
     export_trajectory(source, LIGHT, tmp_path)
     assert contents(tmp_path) == contents(folder)
-    absent = "base_trajectory.yaml", "_2_close.json", "_4_open.json"  # of a claw, and of a robot that walks
+    absent = "base_trajectory.yaml", "_2_close.json", "_4_open.json"  # of a claw, and of a mobile base
     expected = {f for name in LIGHT for f in FORMATS[name].files if not f.endswith(absent)}
     expected = {f for f in expected if not f.startswith("spot/body_")}
     assert set(contents(tmp_path)) == expected | {"files.json"}

@@ -1,4 +1,4 @@
-"""Parts that ride on other parts, and what a part resists with, judged by MuJoCo's mass matrix and bias forces."""
+"""Parts that other parts carry, and what a part resists with, judged by MuJoCo's mass matrix and bias forces."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def tilted(twin: Twin) -> Twin:
 
 
 def stacked() -> Twin:
-    """Three deep: a lid rides on the pull-out of a door that leans."""
+    """Three deep: a lid is carried by the pull-out of a door that leans."""
     twin = tilted(furniture.laden_door(5.0))
     lid = replace(furniture.lid(0.7).parts[0], id=4, name="lid", parent=3, contact=None)
     return replace(twin, parts=(*twin.parts, lid))
@@ -69,7 +69,7 @@ def test_the_load_is_what_the_scene_resists_with(case):
             assert force == pytest.approx(data.qfrc_bias[dof], abs=1e-9)
 
 
-def test_what_rides_counts_for_what_carries_it_and_not_the_other_way_round():
+def test_a_payload_counts_for_what_carries_it_and_not_the_other_way_round():
     twin = furniture.laden_door(8.0)
     door, tray = twin.parts
     alone = replace(twin, parts=(door,))
@@ -91,7 +91,7 @@ def test_a_load_on_a_door_makes_it_slower():
     assert seconds[1] > 1.3 * seconds[0]
 
 
-def test_a_part_moves_alone_by_the_weight_of_what_rides_on_it():
+def test_a_part_moves_alone_by_the_weight_of_its_payload():
     """A light slider on a slope stays by friction; laden, it does not, and the hand must not let go."""
     twin = furniture.laden_door(8.0)
     tray = twin.part("pull_out")

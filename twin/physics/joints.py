@@ -2,7 +2,7 @@
 
 With I the inertia about the joint (kg m^2, or kg of a slide) and m the mass, the radius of gyration r = sqrt(I / m) is the lever at
 which the whole mass would turn alike. Then armature = I / 100, damping = I / decay time and friction loss = share x m g r, of a slide
-share x m g. So a lid of 3 cm and a wardrobe door slow down alike. All of them are the part's own: what rides on it is not counted, so
+share x m g. So a lid of 3 cm and a wardrobe door slow down alike. All of them are the part's own: its payload is not counted, so
 that finding another part changes no number of this one.
 """
 

@@ -1,4 +1,4 @@
-"""A robot that walks while its arm moves: its files together put the tool where the plan has it.
+"""A mobile base that moves while its arm does: its files together put the tool where the plan has it.
 
 The judge is Pinocchio with the published table of Spot's arm; the arm's joints and the body's way come from the files.
 """
@@ -25,7 +25,7 @@ from twin import geometry as geo
 pin = pytest.importorskip("pinocchio")
 
 
-@pytest.fixture(scope="module", params=["walker opens", "walker closes"])
+@pytest.fixture(scope="module", params=["mobile base opens", "mobile base closes"])
 def source(request):
     return planned_motions.SOURCES[request.param]()
 
@@ -180,8 +180,8 @@ def test_spots_body_and_arm_together_put_the_tool_where_the_command_has_it(sourc
 
 
 def test_an_arm_that_stands_leaves_no_files_of_a_base(tmp_path):
-    walker, arm = planned_motions.walking(), planned_motions.door()
-    export_trajectory(walker, ["ros2", "spot"], tmp_path)
+    mobile, arm = planned_motions.mobile_base(), planned_motions.door()
+    export_trajectory(mobile, ["ros2", "spot"], tmp_path)
     assert (tmp_path / "base_trajectory.yaml").is_file()
     export_trajectory(arm, ["ros2", "spot"], tmp_path)
     names = {p.name for p in tmp_path.rglob("*") if p.is_file()} - {"files.json"}
