@@ -158,6 +158,29 @@ def test_words_that_the_glossary_replaced_do_not_come_back() -> None:
     assert sorted(found) == []
 
 
+def sections_of_the_method() -> list[tuple[str, str]]:
+    """(section of the paper's supplement, module) by docs/method.md; a folder stands for its __init__.py."""
+    rows = (
+        (ROOT / "docs/method.md").read_text(encoding="utf-8").split("|---|---|---|---|\n")[1].split("\n\n")[0]
+    )
+    found = []
+    for step, here, *_ in (row.strip("|").split("|") for row in rows.splitlines()):
+        if section := re.search(r"supplement \d(?:\.\d)?(?:, (?:below )?eq\. \d(?: and \d)?)?", step):
+            found += [(section[0], f + "__init__.py" if f.endswith("/") else f) for f in files_named(here)]
+    return found
+
+
+@pytest.mark.parametrize(("section", "module"), sections_of_the_method())
+def test_a_module_names_the_section_that_it_stands_for(section: str, module: str) -> None:
+    said = ast.get_docstring(ast.parse((ROOT / module).read_text(encoding="utf-8"))) or ""
+    assert f"FunREC, {section}:" in said
+
+
+def test_every_section_of_the_method_is_described() -> None:
+    told = {section.split(",")[0] for section, _ in sections_of_the_method()}
+    assert told >= {f"supplement {n}" for n in ("1.1", "1.2", "1.3", "1.4", "3.2", "4")}
+
+
 def test_the_top_of_recon_is_one_screen() -> None:
     listed = subprocess.run(["git", "ls-files", "recon"], capture_output=True, text=True, cwd=ROOT)
     if listed.returncode:

@@ -2,6 +2,8 @@
 
 The tangent of a joint: tilts (rad) of the axis about the two columns of `Joint.basis`, then, for a hinge, shifts (m) of the axis
 along them at the pivot. All that moves, compares or samples joints does it in these coordinates.
+
+FunREC, supplement 1.1, eq. 1 and 2: another point on the same axis.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 Start: robust rigid alignment of each frame to a keyframe (measured: chaining frame to frame drifts by 4 cm and no
 refinement recovers from it; from keyframes it always converged). Refinement: a robust bundle over all tracks that
 alternates landmarks and poses, in which moving things lose their weight; no mask is needed.
+
+FunREC, supplement 1.2: no learned matches, no masks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Which end of a part's travel is the closed one. The motion alone can't tell; the furniture around it can."""
+"""Which end of a part's travel is the closed one. The motion alone can't tell; the furniture around it can.
+
+FunREC, supplement 4: which of the limits is the closed end.
+"""
 
 from __future__ import annotations
 

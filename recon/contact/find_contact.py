@@ -2,6 +2,8 @@
 
 Seen from outside, a hand's surface lies 2 to 6 cm before what it grips. So the hand says which handle, and where along
 it; the handle says where exactly.
+
+FunREC, supplement 4: the hand's surface in place of fingertips.
 """
 
 from __future__ import annotations

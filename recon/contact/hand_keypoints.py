@@ -2,6 +2,8 @@
 
 The detector looks at the whole picture first and then, where hand labels exist, at a magnified cut-out around them: a
 hand seen from the wearer's eyes with its sleeve is often too small or too covered for the whole picture.
+
+FunREC, supplement 4: optional; another hand model.
 """
 
 from __future__ import annotations

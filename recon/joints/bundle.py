@@ -1,4 +1,7 @@
-"""Least-squares bundle of one joint on 3D tracks: joint, state of every frame and landmarks."""
+"""Least-squares bundle of one joint on 3D tracks: joint, state of every frame and landmarks.
+
+FunREC, supplement 1.4, eq. 3: fits the tracks themselves in place of relative poses.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,8 @@ Tracks may hold what a real recording holds: mostly static background, drifting 
 hand that moves along with the part without being rigid with it. Motions between pairs of frames propose joints, the
 joint that most tracks follow over the whole motion is refined by a robust bundle (`recon.joints.bundle`), and the type is
 decided by evidence (`recon.joints.type_selection`).
+
+FunREC, supplement 3.2: hypotheses from pairs of tracks in place of single ones.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 A part point X (at state 0) is seen at y = pose(s_t) X. Pulling an observation back, z = pose(s_t)^-1 y, leaves a
 landmark that is a mean of its z.
+
+FunREC, supplement 1.2: weights, no PROSAC.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Sign, zero and limits of a measured motion, carried through its covariance."""
+"""Sign, zero and limits of a measured motion, carried through its covariance.
+
+FunREC, supplement 4: quantiles in place of extremes.
+"""
 
 from __future__ import annotations
 

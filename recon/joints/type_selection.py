@@ -5,6 +5,8 @@ information criterion (Schwarz 1978), and two guards on range and radius.
 
 A hint from elsewhere (a model that looked at pictures) may tip what motion leaves open: it counts as much as the margin that
 the rule asks of a hinge anyway, and stands in for the least range, which no data of ours has chosen. Clear motion overrules it.
+
+FunREC, supplement 3.5: ablation A1 is the paper without its model; the rule here takes its place.
 """
 
 from __future__ import annotations

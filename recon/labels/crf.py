@@ -1,4 +1,7 @@
-"""Compiled kernels that let neighbouring pixels of one surface agree on a label."""
+"""Compiled kernels that let neighbouring pixels of one surface agree on a label.
+
+FunREC, supplement 1.3: likeness of pixels in place of semantic groups.
+"""
 
 from __future__ import annotations
 

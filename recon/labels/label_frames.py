@@ -1,8 +1,8 @@
 """Labels: which pixels are static scene, which part, which hand, from geometry alone.
 
-Every pixel's point is carried into reference frames as if it belonged to the static scene and as if to each part. A
-surface that is seen through in another frame can't have been there. What neither hypothesis explains is the hand with
-its sleeve. Evidence is then pooled over voxels of the world and of each part, and over neighbouring pixels.
+Every pixel's point is carried into reference frames as if it belonged to the static scene and as if to each part. A surface that is
+seen through in another frame can't have been there. What neither hypothesis explains is the hand with its sleeve. Evidence is then
+pooled over voxels of the world and of each part, and over neighbouring pixels. FunREC, supplement 1.3: geometry in place of votes on regions.
 """
 
 from __future__ import annotations

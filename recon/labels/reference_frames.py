@@ -1,4 +1,7 @@
-"""Working-resolution views of a recording, and the choice of frames at rest which show no hand."""
+"""Working-resolution views of a recording, and the choice of frames at rest which show no hand.
+
+FunREC, supplement 1.3: frames without a hand in place of keyframes.
+"""
 
 from __future__ import annotations
 

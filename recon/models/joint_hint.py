@@ -1,4 +1,7 @@
-"""Who may say, before any geometry is known, what moves when and by which joint."""
+"""Who may say, before any geometry is known, what moves when and by which joint.
+
+FunREC, supplement 3.5: the model of ablation A1, optional here.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""When a joint moves: the intervals of its smoothed state."""
+"""When a joint moves: the intervals of its smoothed state.
+
+FunREC, supplement 3.5: the motion takes the place of the model.
+"""
 
 from __future__ import annotations
 

@@ -1,10 +1,12 @@
 """Which parts move, by which joints: tracks in, one `PartTracks` per part out.
 
 Parts are found one after the other among the tracks that no earlier part explains: either among all of them, or in the
-groups of the paper's motion clustering (`MotionConfig.method`; FunREC, supplement 2.1). For each, the first fit looks at the
+groups of the paper's motion clustering (`MotionConfig.method`). For each, the first fit looks at the
 tracks that travel far, the hand's among them. It tells roughly when the part is at rest, and with that which tracks lie on the
 hand (they are in view and move while the part rests, or have the hand's colour). The next one looks at the far ones of the
 others, and tells which tracks drift along edges: they move while the part rests. The last ones use all that remain.
+
+FunREC, supplement 3.2: hypotheses from pairs of tracks in place of single ones.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 While the part is at rest, what appears in free space in front of a frame without a hand is the hand. Its colours tell
 tracks on the hand from tracks on the part during the motion, when both move together. The colour of single pixels is no
 evidence (a skin-coloured door would be lost); of whole tracks it is.
+
+FunREC, supplement 3.2: colour in place of a mask of the hand.
 """
 
 from __future__ import annotations

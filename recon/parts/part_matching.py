@@ -1,4 +1,7 @@
-"""Whether a fit found a known part again, or another one that moves as a part does."""
+"""Whether a fit found a known part again, or another one that moves as a part does.
+
+FunREC, supplement 3.2: any number of parts, no mask of the hand.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 Once labels tell the part from the hand, its surface says more than its tracks: a surfel's distance to the depth image
 fixes the state even where nothing can be tracked. Each surfel keeps a free offset along its normal and each track
 three free coordinates; these are eliminated exactly (Schur complement), so that only the joint and the states remain.
+
+FunREC, supplement 1.4, eq. 3: fits every pixel in place of relative poses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Point tracks through a recording."""
+"""Point tracks through a recording.
+
+FunREC, supplement 1.2: tracks and visibilities without a learned tracker.
+"""
 
 from __future__ import annotations
 

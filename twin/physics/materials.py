@@ -1,4 +1,7 @@
-"""The table of materials: densities, board thickness and friction, and the resistance of joints, each with its source."""
+"""The table of materials: densities, board thickness and friction, and the resistance of joints, each with its source.
+
+FunREC, supplement 4: a table in place of a model.
+"""
 
 from __future__ import annotations
 

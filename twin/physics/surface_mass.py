@@ -6,6 +6,8 @@ A reconstructed part is a surface, not a solid. Each triangle stands for a slab 
 - where only one side was seen, it stands for the table's whole thickness.
 What lies behind several faces, as at a board's rim, counts for the nearest one alone. So a board counts once, whichever of
 its sides were seen, and hollow furniture weighs panel area x thickness x density, never what its hull would hold.
+
+FunREC, supplement 4: geometry and a table in place of a model.
 """
 
 from __future__ import annotations

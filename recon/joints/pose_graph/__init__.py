@@ -1,1 +1,4 @@
-"""The part-pose graph: axis and states from relative poses of the part between frames."""
+"""The part-pose graph: axis and states from relative poses of the part between frames.
+
+FunREC, supplement 1.4, eq. 3: same objective, confidences in closed form.
+"""

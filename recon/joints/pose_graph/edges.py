@@ -5,6 +5,8 @@ with true poses T_parti_partj = T_world_parti^-1 T_world_partj, and the residual
 (Written with the inverse measurement, as log(T_i^-1 T_j T_partj_parti), the same sum reads differently; mixing the two
 leaves twice the motion as a residual.) All motions of one joint commute, so T_i^-1 T_j = T_j T_i^-1 depends on the joint
 and on the difference of the states alone.
+
+FunREC, supplement 1.4, below eq. 3: the residual with the measurement the other way round.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Part-pose graph: one joint and one state per frame from relative part motions.
 
-The paper's parameterization and objective (FunREC supplement, section 1): unknowns are the axis (2), for a revolute joint
+The paper's parameterization and objective (FunREC, supplement 1.1, eq. 1 and 2, and 1.4, eq. 3): unknowns are the axis (2), for a revolute joint
 the axis point with a . p = 0 (2), and a state per frame; consecutive edges, loop closures with confidences l, and
 mu (sqrt(l) - 1)^2. The confidences leave in closed form, l = (mu / (mu + f))^2 with cost mu f / (mu + f).
 What differs is the noise model: f is in units of the noise, whose scale is taken from the data (median, two rounds), and mu
