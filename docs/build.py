@@ -154,9 +154,6 @@ def complaints(loaded: griffe.GriffeLoader) -> list[str]:
             if thing.docstring is None:
                 continue
             thing.docstring.parse("google", **DOCSTRINGS)
-            heard.texts += [
-                f"{thing.filepath}: {said} in the docstring of {thing.path}" for said in unreadable(thing)
-            ]
             for path in re.findall(
                 rf"`((?:{'|'.join(PACKAGES)})(?:\.\w+)+)(?<!\.json)(?:\(.*?\))?`", thing.docstring.value
             ):
@@ -165,17 +162,6 @@ def complaints(loaded: griffe.GriffeLoader) -> list[str]:
                         f"{thing.filepath}: `{path}` in the docstring of {thing.path} does not exist"
                     )
     return [t.replace(f"{ROOT}/", "") for t in heard.texts]
-
-
-def unreadable(thing: griffe.Object) -> Iterator[str]:
-    """What of a docstring would be shown as running text, although it is meant as a list."""
-    text = thing.docstring.value if thing.docstring else ""
-    for name in re.findall(r"\S\n *((?:Args|Attributes|Raises|Returns):)\n", text):
-        yield f"no empty line above {name}"
-    if isinstance(thing, griffe.Function) and "Args:\n" in text:
-        names = "|".join(p.name for p in thing.parameters)
-        for name in re.findall(rf"(?<=[.;])\s(?=({names}): )", text):
-            yield f"{name} has no line of its own"
 
 
 def known(loaded: griffe.GriffeLoader, path: str) -> bool:

@@ -25,8 +25,9 @@ def pose_graph_of_tracks(obs: Observations, start: Model, sigma: float) -> Bundl
     """The joint and states that the relative motions of the part between frames agree on.
 
     Args:
-        obs: tracks of one part (outlying ones allowed). start: near the solution, as the paper starts from a least-squares fit
-            to the tracks. sigma: noise of one coordinate in metres.
+        obs: tracks of one part (outlying ones allowed).
+        start: near the solution, as the paper starts from a least-squares fit to the tracks.
+        sigma: noise of one coordinate in metres.
 
     Raises ReconstructionError when too few frames share tracks.
     """
