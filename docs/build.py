@@ -15,7 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,14 +63,24 @@ def pages() -> dict[str, list[str]]:
     }
 
 
+def linked_files(names: Sequence[str]) -> set[str]:
+    """Files of the repository that pages show or link to, other pages left out."""
+    found = set()
+    for page in (ROOT / name for name in names):
+        for link in re.findall(r"\]\(([^)\s#]+)\)", page.read_text(encoding="utf-8")):
+            to = (page.parent / link).resolve()
+            if to.is_file() and to.suffix != ".md":
+                found.add(to.relative_to(ROOT).as_posix())
+    return found
+
+
 def stage(source: Path) -> Nav:
     """Copy the pages and what they show into `source`, laid out as in the repository; return the navigation."""
     nav: Nav = [{"Home": HOME}]
     for section, names in pages().items():
         nav.append({section: [{title(ROOT / n): n} for n in names]})
-    taken = [name for names in pages().values() for name in names]
-    pictures = [p.relative_to(ROOT).as_posix() for p in (ROOT / "docs").glob("*.png")]
-    for name in (*taken, *pictures, "LICENSE", "README.md"):
+    taken = ["README.md", *(name for names in pages().values() for name in names)]
+    for name in (*taken, *linked_files(taken)):
         to = source / (HOME if name == "README.md" else name)
         to.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(ROOT / name, to)
