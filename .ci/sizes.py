@@ -19,7 +19,6 @@ PACKAGES = ("twin", "recon", "robots")
 FUNCTION, FILE, EQUAL = 60, 300, 10
 LARGER = {
     "recon/labels/label_frames.py": 313,
-    "recon/readers/record3d.py": 310,
     "robots/replay_verb.py:replay_step": 75,
     "twin/collision/solid.py": 317,
     "twin/exporters/__init__.py:export": 69,

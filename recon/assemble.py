@@ -116,4 +116,4 @@ def keep_key_frames(twin: Twin, recording: Recording, out: Path) -> None:
     from twin.report import pick_key_frames, save_key_frames
 
     chosen = pick_key_frames(twin)
-    save_key_frames(out, {f: recording.frame(f).color for f in chosen}, recording.intrinsics.matrix)
+    save_key_frames(out, {f: recording.color(f) for f in chosen}, recording.intrinsics.matrix)

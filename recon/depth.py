@@ -1,8 +1,8 @@
-"""Depth images: noise, shrinking, normals."""
+"""Depth images: noise, other resolutions, look-up, normals."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numba
@@ -17,6 +17,7 @@ F32 = NDArray[np.float32]
 # Axial noise of structured-light sensors, Nguyen, Izadi and Lovell 2012 (there 1.2 mm + 1.9 mm (z - 0.4)^2 for a
 # Kinect at small angles); widened by us to cover grazing angles and time-of-flight sensors.
 DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M = 0.002, 0.003, 0.4
+MAX_STEP = 0.02  # chosen by us: neighbours further apart than 2 % of their depth lie on two surfaces
 
 
 def depth_sigma(z: ArrayLike) -> Array:
@@ -39,6 +40,46 @@ def mean_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.
     known = cv2.resize((depth > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     total = cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return np.where(known > 0.9, total / np.maximum(known, 1e-6), 0.0).astype(np.float32)
+
+
+def upsample_depth(depth: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    """Depth (h, w) m on a finer or coarser grid of the same view; 0 = unknown stays unknown.
+
+    Between pixels of one surface it is bilinear, elsewhere the nearest pixel, so that no depth is invented between two
+    surfaces or beside an unknown pixel.
+    """
+    size = (width, height)
+    nearest = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST_EXACT))
+    linear = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_LINEAR))
+    window = np.ones((3, 3), np.uint8)
+    low, high = cv2.erode(depth, window), cv2.dilate(depth, window)
+    one_surface = ((high - low) <= MAX_STEP * low).astype(np.uint8)
+    smooth = np.asarray(cv2.resize(one_surface, size, interpolation=cv2.INTER_NEAREST_EXACT)) > 0
+    return np.where(smooth, linear, nearest).astype(np.float32)
+
+
+class Readings(NamedTuple):
+    """What a depth image says at points (n,): whether each is in view (`inside`), the nearest pixel `x`, `y` (0, 0 where it is
+    not), and the depth `z` m read there, 0 = unknown."""
+
+    inside: NDArray[np.bool_]
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+    z: Array
+
+
+def look_up(
+    depth: NDArray[np.floating], camera: Intrinsics, points_cam: Array, near: float = 0.1
+) -> Readings:
+    """Project points (n, 3) m into a depth image (H, W) m and read the nearest pixel; in view are those over `near` m ahead.
+
+    Nearest and never between pixels: a mean over a depth edge lies on neither surface.
+    """
+    ahead = points_cam[:, 2] > near
+    at = np.rint(camera.project(np.where(ahead[:, None], points_cam, [0.0, 0.0, 1.0]))).astype(np.int64)
+    inside = ahead & (at >= 0).all(axis=1) & (at[:, 0] < camera.width) & (at[:, 1] < camera.height)
+    x, y = np.where(inside, at.T, 0)
+    return Readings(inside, x, y, depth[y, x].astype(np.float64))
 
 
 def depth_normals(depth: NDArray[np.float32], camera: Intrinsics, max_depth: float) -> Array:

@@ -174,7 +174,7 @@ def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, 
     if twin.recorded is not None and twin.recorded.fingerprint != opened.fingerprint:
         other = f"{path} is not, or no longer, what the twin was made from (its files differ)"
         return None, [], [f"the film shows the robot alone: {other}; {hint}"]
-    return Demonstration(len(opened), lambda k: opened.frame(k).color), [], []
+    return Demonstration(len(opened), opened.color), [], []
 
 
 def _replay_part(

@@ -64,9 +64,8 @@ SNIPPETS_PARSED = {
 # what stands before a page's snippets, and what of them is made smaller to be quick
 BEFORE = {
     "docs/robots.md": "from pathlib import Path\nimport numpy as np\nimport twin as package\n"
-    "from types import SimpleNamespace as Frame\ntwin = package.load('RUN')\n"
-    "class Recording(list):\n    def frame(self, k): return self[k]\n"
-    "recording = Recording([Frame(color=np.zeros((48, 64, 3), np.uint8))] * 60)\n",
+    "twin = package.load('RUN')\nclass Recording(list):\n    def color(self, k): return self[k]\n"
+    "recording = Recording([np.zeros((48, 64, 3), np.uint8)] * 60)\n",
 }
 FIRST = {"twin export out/chest": "twin import assets/scenes/chest.xml -o out/chest"}  # as the page has it
 SMALLER = {"trials=100": "trials=1", "--trials 100": "--trials 1"}

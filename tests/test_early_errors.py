@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import pytest
 import twin
 from benchmarks.scenes.boards import cabinet_twin
 from recon.pipeline import reconstruct
-from recon.recording import Frame, Intrinsics, Recording
+from recon.recording import Intrinsics, Recording
 from twin.errors import InputError
 from twin.files.paths import require_writable
 
@@ -136,11 +137,11 @@ def test_a_foreign_twin_folder_is_told_before_anything_is_computed(options: str,
 
 
 def test_reconstruct_refuses_a_foreign_twin_folder_before_it_reads_a_frame(foreign: Path) -> None:
-    def read(index: int) -> Frame:
+    def read(index: int) -> NoReturn:
         raise AssertionError(f"frame {index} was read")
 
     recording = Recording(
-        "r", "r", np.arange(60) / 15.0, Intrinsics(8, 6, 8.0, 8.0, 4.0, 3.0), read, "0" * 16
+        "r", "r", np.arange(60) / 15.0, Intrinsics(8, 6, 8.0, 8.0, 4.0, 3.0), read, read, "0" * 16
     )
     with pytest.raises(InputError, match="does not hold a twin"):
         reconstruct(recording, out=foreign)

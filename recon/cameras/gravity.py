@@ -117,7 +117,7 @@ def _normals(recording: Recording, cameras: Trajectory, config: GravityConfig) -
     picks = np.unique(np.linspace(0, len(cameras.frames) - 1, config.keyframes).astype(int))
     out = []
     for k in picks:
-        depth = recording.frame(int(cameras.frames[k])).depth
+        depth = recording.depth(int(cameras.frames[k]))
         normals = depth_normals(mean_depth(depth, size), camera, config.max_depth)
         out.append(normals[np.isfinite(normals).all(axis=-1)] @ cameras.T_world_cam[k, :3, :3].T)
     return np.concatenate(out)

@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from recon.contact.faces import Surface, outer_faces, sample
+from recon.depth import look_up
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
@@ -224,21 +225,15 @@ def _depth_behind(
     points = geo.transform(part.joint.pose(end), face.points[:: max(1, len(face.points) // 2000)])
     normal = geo.rotate(part.joint.pose(end), face.normal)
     seen = np.full((len(frames), len(points)), np.nan)
-    camera = recording.intrinsics
     for row, frame in zip(seen, frames, strict=True):
         T = cameras.pose(frame)
         if T is None:
             continue
         p = geo.transform(geo.invert_pose(T), points)
-        pixel = np.rint(camera.project(np.where(p[:, 2:] > 0.1, p, [0.0, 0.0, 1.0]))).astype(int)
-        inside = (p[:, 2] > 0.1) & (pixel >= 0).all(axis=1)
-        inside &= (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
-        at = np.flatnonzero(inside)
-        x, y = pixel[at].T
-        z = recording.frame(frame).depth[y, x].astype(np.float64)
-        ok = (z > 0) & (labels[frame][y, x] == STATIC_LABEL) & (z > p[at, 2] - 0.02)
-        ray = (points[at] - T[:3, 3]) * (z / p[at, 2] - 1.0)[:, None]
-        row[at[ok]] = np.abs(ray[ok] @ normal)
+        inside, x, y, z = look_up(recording.depth(frame), recording.intrinsics, p)
+        ok = inside & (z > 0) & (labels[frame][y, x] == STATIC_LABEL) & (z > p[:, 2] - 0.02)
+        ray = (points[ok] - T[:3, 3]) * (z[ok] / p[ok, 2] - 1.0)[:, None]
+        row[ok] = np.abs(ray @ normal)
     known = np.isfinite(seen).any(axis=0)
     return np.asarray(np.nanmedian(seen[:, known], axis=0))
 

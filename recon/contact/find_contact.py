@@ -142,7 +142,7 @@ def _hand_points(
         is_hand = labels[frame][::step, ::step] == HAND_LABEL
         if np.count_nonzero(is_hand) < config.min_points:
             continue
-        depth = recording.frame(frame).depth[::step, ::step]
+        depth = recording.depth(frame)[::step, ::step]
         y, x = np.nonzero(is_hand & (depth > 0))
         pixels = step * np.stack([x, y], axis=-1).astype(np.float64)
         points = recording.intrinsics.backproject(pixels, depth[y, x].astype(np.float64))

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.recording import Frame, Recording
+from recon.recording import Recording
 from twin.errors import ConfigError, MissingDependencyError
 from twin.geometry import Array
 from twin.packages import to_install
@@ -77,12 +77,14 @@ def detect_hands(
     found: list[tuple[int, Array, Array, float]] = []
     with _detector(config) as detector:
         for number in sorted(frames):
-            frame = recording.frame(number)
-            hands = _detect(detector, frame.color)
+            color = recording.color(number)
+            hands = _detect(detector, color)
             mask = None if labels is None or number not in labels else labels[number] == HAND_LABEL
             if not hands and mask is not None and mask.any():
-                hands = _detect_in_cut_out(detector, frame.color, mask)
-            found += [(number, p, _lift(recording, frame, p), score) for p, score in hands]
+                hands = _detect_in_cut_out(detector, color, mask)
+            if hands:
+                depth = recording.depth(number)
+                found += [(number, p, _lift(recording, depth, p), score) for p, score in hands]
     return HandKeypoints(
         np.array([f[0] for f in found], dtype=np.int64),
         np.array([f[1] for f in found]).reshape(-1, KEYPOINTS, 2),
@@ -139,14 +141,14 @@ def _detect_in_cut_out(
     return [((p + 0.5) * factor - 0.5 + [x0, y0], score) for p, score in _detect(detector, large)]
 
 
-def _lift(recording: Recording, frame: Frame, pixels: Array) -> Array:
+def _lift(recording: Recording, depth: NDArray[np.float32], pixels: Array) -> Array:
     """Camera points (21, 3) of keypoints (21, 2): median depth of 3x3 pixels; what lies far from the hand's middle is
     another surface and NaN."""
-    height, width = frame.depth.shape
+    height, width = depth.shape
     out = np.full((KEYPOINTS, 3), np.nan)
     for k, (x, y) in enumerate(np.rint(pixels).astype(int)):
         if 0 <= x < width and 0 <= y < height:
-            patch = frame.depth[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2]
+            patch = depth[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2]
             known = patch[patch > 0]
             if len(known):
                 out[k] = recording.intrinsics.backproject(

@@ -69,7 +69,7 @@ def seen_points(recording: Recording, truth: Truth) -> dict[int, Array]:
                 "give the truth of this recording",
             )
         label = label[step // 2 :: step, step // 2 :: step]
-        depth = recording.frame(frame).depth[step // 2 :: step, step // 2 :: step]
+        depth = recording.depth(frame)[step // 2 :: step, step // 2 :: step]
         for key, cloud in clouds.items():
             mask = (label == key) & (depth > 0)
             points = k.backproject(pixels[mask], depth[mask].astype(np.float64))

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32, depth_sigma
+from recon.depth import F32, depth_sigma, look_up
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.parts.moving_part import MovingPart
-from recon.recording import Recording
+from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
@@ -92,8 +92,7 @@ def fuse(
 
     Raises ReconstructionError when no labelled frame has a camera pose or none shows static scene.
     """
-    i = recording.intrinsics
-    camera = np.array([i.fx, i.fy, i.cx, i.cy])
+    camera = recording.intrinsics
     frames = [f for f in sorted(labels) if cameras.pose(f) is not None]
     if not frames:
         raise ReconstructionError(
@@ -117,19 +116,19 @@ def _load(
     cameras: Trajectory,
     labels: NDArray[np.uint8],
     frame: int,
-    camera: Array,
+    camera: Intrinsics,
     config: FusionConfig,
 ) -> _Frame:
     color, depth = recording.frame(frame)
     z = np.where(depth <= config.max_depth, depth, 0).astype(np.float32)
-    cosine = ray_cosine(z, camera, max(2, round(4 * z.shape[1] / 640)))
+    cosine = ray_cosine(z, camera.vector, max(2, round(4 * z.shape[1] / 640)))
     pose = cameras.pose(frame)
     assert pose is not None
     return _Frame(color, z, labels, cosine, pose)
 
 
 def _fuse_body(
-    seen: Mapping[int, _Frame], key: int, part: MovingPart | None, camera: Array, config: FusionConfig
+    seen: Mapping[int, _Frame], key: int, part: MovingPart | None, camera: Intrinsics, config: FusionConfig
 ) -> Mesh | None:
     """Mesh of one body in the world at state 0; None when no labelled pixel shows it."""
     voxel = config.static_voxel if part is None else config.part_voxel
@@ -175,15 +174,10 @@ def _vertex_colors(
     total, weight = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
     for o, f in zip(observations, frames, strict=True):
         p = geo.transform(o.T_cam_body, vertices)
-        h, w = o.depth.shape
-        z = np.maximum(p[:, 2], 0.05)
-        u = np.round(p[:, 0] / z * o.camera[0] + o.camera[2]).astype(np.int64)
-        v = np.round(p[:, 1] / z * o.camera[1] + o.camera[3]).astype(np.int64)
-        at = np.flatnonzero((p[:, 2] > 0.05) & (u >= 0) & (v >= 0) & (u < w) & (v < h))
-        a, b = u[at], v[at]
-        near = o.own[b, a] & (np.abs(o.depth[b, a] - z[at]) * o.cosine[b, a] < reach)
-        at, a, b = at[near], a[near], b[near]
-        gain = o.cosine[b, a] ** 2 / z[at] ** 2
+        inside, a, b, z = look_up(o.depth, o.camera, p, near=0.05)
+        at = np.flatnonzero(inside & o.own[b, a] & (np.abs(z - p[:, 2]) * o.cosine[b, a] < reach))
+        a, b = a[at], b[at]
+        gain = o.cosine[b, a] ** 2 / p[at, 2] ** 2
         total[at] += gain[:, None] * f.color[b, a]
         weight[at] += gain
     lit = weight > 0

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.depth import F32, pixel_sigma
+from recon.recording import Intrinsics
 from twin.errors import ReconstructionError
 from twin.geometry import Array
 
@@ -38,13 +39,13 @@ class Observation:
     """One frame as the field sees it.
 
     depth: (h, w) m. own: (h, w) pixels on this body. cosine: (h, w) of the angle between ray and normal.
-    camera: (fx, fy, cx, cy). T_cam_body: (4, 4) field coordinates to camera.
+    T_cam_body: (4, 4) field coordinates to camera.
     """
 
     depth: F32
     own: NDArray[np.bool_]
     cosine: F32
-    camera: Array
+    camera: Intrinsics
     T_cam_body: Array
 
 
@@ -53,8 +54,7 @@ def own_points(seen: Observation, stride: int) -> Array:
     y, x = np.nonzero(seen.own[::stride, ::stride] & (seen.depth[::stride, ::stride] > 0))
     y, x = y * stride, x * stride
     z = seen.depth[y, x].astype(np.float64)
-    fx, fy, cx, cy = seen.camera
-    p = np.stack([(x - cx) / fx * z, (y - cy) / fy * z, z], axis=1)
+    p = seen.camera.backproject(np.stack([x, y], axis=1), z)
     rotation, shift = seen.T_cam_body[:3, :3], seen.T_cam_body[:3, 3]
     return np.asarray((p - shift) @ rotation)
 
@@ -91,7 +91,7 @@ def integrate(field: Field, seen: Observation, truncation: float, carve_weight: 
         seen.depth,
         seen.own,
         seen.cosine,
-        seen.camera,
+        seen.camera.vector,
         np.ascontiguousarray(seen.T_cam_body),
         truncation,
         carve_weight,

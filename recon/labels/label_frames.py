@@ -22,7 +22,6 @@ from recon.labels.reference_frames import (
     COLOR_SIGMAS,
     References,
     View,
-    camera_vector,
     find_references,
     gather,
     lab,
@@ -30,7 +29,7 @@ from recon.labels.reference_frames import (
     view,
 )
 from recon.parts.moving_part import MovingPart
-from recon.recording import Recording
+from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
@@ -108,7 +107,7 @@ def label_frames(
     )
     _warn(refs)
     wrap = progress or untold
-    camera = camera_vector(recording.intrinsics, factor)
+    camera = recording.intrinsics.binned(factor)
     boxes = [_part_box(refs, cameras, p, camera, config.pose_error) for p in parts]
     views, scores, stays = [], [], []
     for f in wrap(chosen, "labels"):
@@ -158,7 +157,7 @@ def _warn_of_ends(labels: dict[int, NDArray[np.uint8]]) -> None:
 
 
 def _part_box(
-    refs: References, cameras: Trajectory, part: MovingPart, camera: Array, slack: float
+    refs: References, cameras: Trajectory, part: MovingPart, camera: Intrinsics, slack: float
 ) -> tuple[Array, Array] | None:
     """Lower and upper corner (3,) that surely hold the part at state 0; None when nothing is known of it.
 
@@ -174,10 +173,10 @@ def _part_box(
         small = replace(refs, depth=refs.depth[:, ::2, ::2].copy(), color=refs.color[:, ::2, ::2].copy())
         moves = relative_moves(cameras, (), frame, refs.frames)[0]
         moves[k] = np.nan
-        violation = gather(seen, small, moves, camera / 2, slack)[1]
+        violation = gather(seen, small, moves, camera.strided(2), slack)[1]
         moved = replace(seen, depth=np.where(violation > 1.5, seen.depth, np.float32(0)))
         found.append(
-            geo.transform(geo.invert_pose(pose), world_points(moved, camera / 2, cameras.pose(frame)))
+            geo.transform(geo.invert_pose(pose), world_points(moved, camera.strided(2), cameras.pose(frame)))
         )
     points = np.concatenate(found) if found else np.zeros((0, 3))
     if len(points) < 50:
@@ -193,7 +192,7 @@ def _first_scores(
     cameras: Trajectory,
     parts: Sequence[MovingPart],
     boxes: Sequence[tuple[Array, Array] | None],
-    camera: Array,
+    camera: Intrinsics,
     slack: float,
 ) -> tuple[F32, NDArray[np.bool_]]:
     """Log scores (1 + P + 1, h, w) of static, parts, hand from the reference frames alone; the masks

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from recon.depth import F32, depth_sigma
 from recon.labels.reference_frames import View
 from recon.parts.moving_part import MovingPart
+from recon.recording import Intrinsics
 from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys
 from twin import geometry as geo
 from twin.geometry import Array
@@ -23,12 +24,11 @@ _VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
 SURE = 1.0  # lead of a log score that counts as certain
 
 
-def world_points(seen: View, camera: Array, T: Array | None) -> F32:
+def world_points(seen: View, camera: Intrinsics, T: Array | None) -> F32:
     """World points (n, 3) of the pixels with known depth, in row order."""
     pose = np.eye(4) if T is None else T
     y, x = np.nonzero(seen.depth > 0)
-    z = seen.depth[y, x].astype(np.float64)
-    p = np.stack([(x - camera[2]) / camera[0] * z, (y - camera[3]) / camera[1] * z, z], axis=1)
+    p = camera.backproject(np.stack([x, y], axis=1), seen.depth[y, x].astype(np.float64))
     out: F32 = (p @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
     return out
 
@@ -46,7 +46,7 @@ def _voxel_size(views: list[View]) -> float:
 
 
 def pool_voxels(
-    views: list[View], scores: list[F32], cameras: Trajectory, parts: Sequence[MovingPart], camera: Array
+    views: list[View], scores: list[F32], cameras: Trajectory, parts: Sequence[MovingPart], camera: Intrinsics
 ) -> None:
     """Add to each score what all frames say about the pixel's voxel, in the world and in each part's own frame."""
     size = _voxel_size(views)
@@ -87,7 +87,7 @@ def enclosed_by_parts(
     sure: list[NDArray[np.bool_]],
     cameras: Trajectory,
     parts: Sequence[MovingPart],
-    camera: Array,
+    camera: Intrinsics,
 ) -> list[NDArray[np.bool_]]:
     """Masks (2, P, h, w) of what lies inside the convex hull, and inside the box, of what surely is a part, in its frame.
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32
+from recon.depth import F32, look_up
 from recon.labels.evidence import compare, median_depth
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
@@ -73,13 +73,6 @@ def view(recording: Recording, frame: int, factor: int) -> View:
     return View(frame, z, lab(np.asarray(small, np.uint8)))
 
 
-def camera_vector(intrinsics: Intrinsics, factor: int) -> Array:
-    """(fx, fy, cx, cy) of the working grid, pixel centres at integers."""
-    i = intrinsics
-    centre = [(c + 0.5) / factor - 0.5 for c in (i.cx, i.cy)]
-    return np.array([i.fx / factor, i.fy / factor, *centre])
-
-
 def relative_moves(
     cameras: Trajectory, parts: Sequence[MovingPart], frame: int, others: Sequence[int]
 ) -> Array:
@@ -109,7 +102,7 @@ def gather(
     seen: View,
     refs: References,
     moves: Array,
-    camera: Array,
+    camera: Intrinsics,
     slack: float,
     wanted: NDArray[np.bool_] | None = None,
     side: NDArray[np.int8] | None = None,
@@ -123,7 +116,7 @@ def gather(
         seen.depth,
         seen.color,
         everywhere,
-        camera.astype(np.float32),
+        camera.vector.astype(np.float32),
         moves.astype(np.float32),
         refs.depth,
         refs.color,
@@ -158,7 +151,7 @@ def _unexplained(
     views: list[View],
     cameras: Trajectory,
     parts: Sequence[MovingPart],
-    camera: Array,
+    camera: Intrinsics,
     sigma: float,
     slack: float,
 ) -> list[NDArray[np.bool_]]:
@@ -179,23 +172,18 @@ def _unexplained(
     return out
 
 
-def _color_sigma(seen: View, other: View, move: Array, camera: Array) -> float:
+def _color_sigma(seen: View, other: View, move: Array, camera: Intrinsics) -> float:
     """Robust spread of colour between two frames at rest, at pixels whose depth agrees."""
-    z = seen.depth
-    h, w = z.shape
-    y, x = np.nonzero(z > 0)
-    rays = np.stack([(x - camera[2]) / camera[0], (y - camera[3]) / camera[1], np.ones(len(x))], axis=1)
-    p = (rays * z[y, x, None]) @ move[:, :3].T + move[:, 3]
-    front = p[:, 2] > 0.05
-    u = np.round(p[front, 0] / p[front, 2] * camera[0] + camera[2]).astype(int)
-    v = np.round(p[front, 1] / p[front, 2] * camera[1] + camera[3]).astype(int)
-    inside = (u >= 0) & (v >= 0) & (u < w) & (v < h)
-    u, v = u[inside], v[inside]
-    y, x, depth = y[front][inside], x[front][inside], p[front, 2][inside]
-    same = np.abs(other.depth[v, u] - depth) < 0.02
+    y, x = np.nonzero(seen.depth > 0)
+    p = (
+        camera.backproject(np.stack([x, y], axis=1), seen.depth[y, x].astype(np.float64)) @ move[:, :3].T
+        + move[:, 3]
+    )
+    inside, u, v, z = look_up(other.depth, camera, p, near=0.05)
+    same = inside & (np.abs(z - p[:, 2]) < 0.02)
     if same.sum() < 100:
         return _MIN_COLOR_SIGMA
-    d = np.linalg.norm(seen.color[y, x] - other.color[v, u], axis=1)[same]
+    d = np.linalg.norm(seen.color[y[same], x[same]] - other.color[v[same], u[same]], axis=1)
     return max(float(np.median(d)), _MIN_COLOR_SIGMA)
 
 
@@ -226,10 +214,10 @@ def find_references(
     phases = rest_phases(parts, cameras.frames)
     pools = [_spread(phase, 2 * per_phase) for phase in phases]
     candidates = [view(recording, int(f), factor) for pool in pools for f in pool]
-    camera = camera_vector(recording.intrinsics, factor)
+    camera = recording.intrinsics.binned(factor)
     sigma = _estimate_color_sigma(candidates, pools, cameras, camera)
     coarse = [View(v.frame, v.depth[::2, ::2].copy(), v.color[::2, ::2].copy()) for v in candidates]
-    masks = _unexplained(coarse, cameras, parts, camera / 2, sigma, slack)
+    masks = _unexplained(coarse, cameras, parts, camera.strided(2), sigma, slack)
     share = np.array([m.sum() / max(int((v.depth > 0).sum()), 1) for m, v in zip(masks, coarse, strict=True)])
     chosen, clean, start = [], [], 0
     for pool in pools:
@@ -249,7 +237,7 @@ def find_references(
 
 
 def _estimate_color_sigma(
-    candidates: list[View], pools: list[NDArray[np.int64]], cameras: Trajectory, camera: Array
+    candidates: list[View], pools: list[NDArray[np.int64]], cameras: Trajectory, camera: Intrinsics
 ) -> float:
     """Median over the rest phases of the colour spread between their first and last candidate."""
     values, start = [], 0

@@ -38,7 +38,7 @@ class VlmJointHint:
         last = len(recording) - 1
         chosen = sorted({int(f) for f in np.linspace(0, last, self.frames).round()})
         text = f"The recording has frames 0 to {last}. You see, in this order, frames {', '.join(map(str, chosen))}."
-        pictures = tuple(jpeg(recording.frame(f).color, self.longest) for f in chosen)
+        pictures = tuple(jpeg(recording.color(f), self.longest) for f in chosen)
         question = Question(INSTRUCTIONS, text, pictures)
         return ask_once(
             question,

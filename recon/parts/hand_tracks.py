@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_sigma
+from recon.depth import depth_sigma, look_up
 from recon.recording import Intrinsics, Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
@@ -69,12 +69,15 @@ def hand_tracks(
             [last] if number == len(rests) - 1 else []
         )
         for reference in references or [first, last]:
+            surface = _small_depth(recording, reference, camera)
             for frame in np.unique(np.linspace(first, last, config.max_frames).astype(int)):
-                image, mask = _in_front(recording, cameras, int(reference), int(frame), camera, config)
+                if frame == reference:
+                    continue
+                mask = _in_front(recording, cameras, surface, reference, int(frame), camera, config)
                 if mask is None or mask.mean() < config.min_share:
                     continue
                 found += 1
-                index = _bin(image, config.bins)
+                index = _bin(_small_color(recording, int(frame), camera), config.bins)
                 hand += np.bincount(index[mask], minlength=len(hand))
                 rest_of += np.bincount(index[~mask], minlength=len(hand))
     if found == 0:
@@ -101,43 +104,42 @@ def _bin(color: NDArray[np.uint8], bins: int) -> NDArray[np.int64]:
     return np.asarray((index[..., 0] * bins + index[..., 1]) * bins + index[..., 2])
 
 
-def _small(recording: Recording, frame: int, camera: Intrinsics) -> tuple[NDArray[np.uint8], Array]:
-    color, depth = recording.frame(frame)
+def _small_color(recording: Recording, frame: int, camera: Intrinsics) -> NDArray[np.uint8]:
     size = (camera.width, camera.height)
-    return (
-        np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), dtype=np.uint8),
-        np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST), dtype=np.float64),
+    return np.asarray(cv2.resize(recording.color(frame), size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _small_depth(recording: Recording, frame: int, camera: Intrinsics) -> Array:
+    size = (camera.width, camera.height)
+    return np.asarray(
+        cv2.resize(recording.depth(frame), size, interpolation=cv2.INTER_NEAREST), dtype=np.float64
     )
 
 
 def _in_front(
     recording: Recording,
     cameras: Trajectory,
+    seen: Array,
     reference: int,
     frame: int,
     camera: Intrinsics,
     config: HandColorConfig,
-) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
-    """Colour of `frame` and the mask of its pixels that float in front of what `reference` saw; None without poses."""
-    image, depth = _small(recording, frame, camera)
+) -> NDArray[np.bool_] | None:
+    """Mask of the pixels of `frame` that float in front of what `reference` saw, `seen` m; None without poses."""
     T_world_ref, T_world_frame = cameras.pose(reference), cameras.pose(frame)
-    if reference == frame or T_world_ref is None or T_world_frame is None:
-        return image, None
-    _, seen = _small(recording, reference, camera)
+    if T_world_ref is None or T_world_frame is None:
+        return None
+    depth = _small_depth(recording, frame, camera)
     unknown = cv2.erode(np.where(seen > 0, seen, 0.0), np.ones((3, 3)))  # nearest of 3x3, 0 where unknown
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]
     points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth).reshape(-1, 3)
     p = geo.transform(geo.invert_pose(T_world_ref) @ T_world_frame, points)
-    ok = (depth.ravel() > 0) & (p[:, 2] > 0.1)
-    pixel = np.rint(camera.project(np.where(ok[:, None], p, [0.0, 0.0, 1.0]))).astype(int)
-    ok &= (pixel >= 0).all(axis=1) & (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
-    pixel[~ok] = 0
-    surface = unknown[pixel[:, 1], pixel[:, 0]]
-    mask = ok & (surface - p[:, 2] > config.margin + 4.0 * depth_sigma(surface))
+    inside, _, _, surface = look_up(np.asarray(unknown), camera, p)
+    mask = inside & (depth.ravel() > 0) & (surface - p[:, 2] > config.margin + 4.0 * depth_sigma(surface))
     opened = cv2.morphologyEx(
         mask.reshape(depth.shape).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
     )
-    return image, opened.astype(bool)
+    return np.asarray(opened, dtype=bool)
 
 
 def _mean_odds(recording: Recording, tracks: Tracks, odds: Array, config: HandColorConfig) -> Array:
@@ -147,7 +149,7 @@ def _mean_odds(recording: Recording, tracks: Tracks, odds: Array, config: HandCo
         seen = np.flatnonzero(tracks.visible[frame])
         if not len(seen):
             continue
-        color = recording.frame(frame).color
+        color = recording.color(frame)
         score = cv2.blur(odds[_bin(color, config.bins)], (5, 5))
         x, y = np.rint(tracks.pixels[frame, seen]).astype(int).T
         total[seen] += score[np.clip(y, 0, color.shape[0] - 1), np.clip(x, 0, color.shape[1] - 1)]

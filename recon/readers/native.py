@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.recording import MIN_FRAMES, Frame, Intrinsics, Recording
+from recon.recording import MIN_FRAMES, Intrinsics, ReadColor, ReadDepth, Recording
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Trajectory
@@ -42,13 +42,13 @@ class NativeReader:
         video = _video_facts(path)
         times, warnings = _times(path, color, video.fps)
         gravity, metadata = _metadata(path)
-        read_frame = _frame_reader(path, color, depth, intrinsics, video.depth_per_metre)
         recording = Recording(
             name=path.resolve().name,
             source=str(path),
             times=times,
             intrinsics=intrinsics,
-            read_frame=read_frame,
+            read_color=_color_reader(color, intrinsics),
+            read_depth=_depth_reader(path, depth, intrinsics, video.depth_per_metre),
             fingerprint=files.fingerprint(path, [*color, *depth, *_side_files(path)]),
             poses=_poses(path, times),
             gravity_camera0=gravity,
@@ -227,22 +227,27 @@ def _side_files(path: Path) -> list[Path]:
     return [path / n for n in names if (path / n).is_file()]
 
 
-def _frame_reader(
-    path: Path, color: list[Path], depth: list[Path], intrinsics: Intrinsics, per_metre: float
-) -> Callable[[int], Frame]:
+def _color_reader(color: list[Path], intrinsics: Intrinsics) -> ReadColor:
+    def read(index: int) -> NDArray[np.uint8]:
+        image = files.decode_color(files.shown(color[index]), files.read_bytes(color[index]))
+        _check_size(color[index], image.shape, intrinsics, "intrinsic.json")
+        return image
+
+    return read
+
+
+def _depth_reader(path: Path, depth: list[Path], intrinsics: Intrinsics, per_metre: float) -> ReadDepth:
     own = path / "depth_intrinsic.json"
     depth_intrinsics = files.read_intrinsics(own) if own.is_file() else None
     warp = None if depth_intrinsics is None else depth_to_color_grid(depth_intrinsics, intrinsics)
 
-    def read(index: int) -> Frame:
-        image = files.decode_color(files.shown(color[index]), files.read_bytes(color[index]))
-        _check_size(color[index], image.shape, intrinsics, "intrinsic.json")
+    def read(index: int) -> NDArray[np.float32]:
         metres = files.decode_depth(files.shown(depth[index]), files.read_bytes(depth[index]), per_metre)
         if warp is None or depth_intrinsics is None:
             _check_size(depth[index], metres.shape, intrinsics, "intrinsic.json")
-            return Frame(image, metres)
+            return metres
         _check_size(depth[index], metres.shape, depth_intrinsics, "depth_intrinsic.json")
-        return Frame(image, warp(metres))
+        return warp(metres)
 
     return read
 
@@ -265,9 +270,13 @@ def depth_to_color_grid(depth: Intrinsics, color: Intrinsics) -> DepthWarp:
     Sharing the centre, a pixel's ray meets the same surface at the same depth, so that each colour pixel takes the
     nearest depth pixel (none are mixed); outside the depth image the depth is 0 = unknown.
     """
-    u = (np.arange(color.width) - color.cx) / color.fx * depth.fx + depth.cx
-    v = (np.arange(color.height) - color.cy) / color.fy * depth.fy + depth.cy
-    ui, vi = np.rint(u).astype(int), np.rint(v).astype(int)
+    side = np.arange(max(color.width, color.height))
+    ui, vi = (
+        np.rint(depth.project(color.backproject(np.stack([side, side], axis=1), np.ones(len(side)))))
+        .astype(int)
+        .T
+    )
+    ui, vi = ui[: color.width], vi[: color.height]
     inside = ((vi >= 0) & (vi < depth.height))[:, None] & ((ui >= 0) & (ui < depth.width))
     grid = np.ix_(np.clip(vi, 0, depth.height - 1), np.clip(ui, 0, depth.width - 1))
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -19,17 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.recording import Frame, Intrinsics, Recording
+from recon.recording import Intrinsics, ReadColor, ReadDepth, Recording
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array
 from twin.packages import to_install
 from twin.scene import Trajectory
 
-MAX_SIDE = (
-    640  # px, chosen by us: VGA holds what a 256x192 depth image can support, and costs a ninth of 1920x1440
-)
+MAX_SIDE = 640  # px, chosen by us: VGA holds what a 256x192 depth image can support, a ninth of 1920x1440
 MIN_CONFIDENCE = 1  # chosen by us: ARKit's 0 is "low", mostly edges and glass
-MAX_STEP = 0.02  # chosen by us: neighbours further apart than 2 % of their depth lie on two surfaces
 MAX_MEMBER_BYTES = 64 * 2**20  # chosen by us: no frame is larger; guards against hostile archives
 MAX_FOCAL_CHANGE = 0.01  # chosen by us: one camera model describes all frames when its focus moves less
 FLIP_YZ = np.diag([1.0, -1.0, -1.0, 1.0])  # T_arkitcam_opencvcam
@@ -65,7 +61,8 @@ class Record3DReader:
             source=str(path),
             times=times,
             intrinsics=grid,
-            read_frame=_frame_reader(archive, meta, native, grid),
+            read_color=_color_reader(archive, native, grid),
+            read_depth=_depth_reader(archive, meta, grid),
             fingerprint=files.fingerprint_of(path),
             poses=poses,
             gravity_camera0=gravity,
@@ -228,14 +225,12 @@ class _Metadata:
         return short if values in (short[0] * short[1], 4 * short[0] * short[1]) else (0, 0)
 
 
-def _frame_reader(
-    archive: _Archive, meta: _Metadata, native: Intrinsics, grid: Intrinsics
-) -> Callable[[int], Frame]:
+def _color_reader(archive: _Archive, native: Intrinsics, grid: Intrinsics) -> ReadColor:
     import cv2
 
     size = (grid.width, grid.height)
 
-    def read(index: int) -> Frame:
+    def read(index: int) -> NDArray[np.uint8]:
         name = f"rgbd/{index}"
         image = files.decode_color(archive.shown(f"{name}.jpg"), archive.read(f"{name}.jpg"))
         if image.shape[:2] != (native.height, native.width):
@@ -244,7 +239,16 @@ def _frame_reader(
                 f"{native.width}x{native.height}",
                 "export the recording again",
             )
-        small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+    return read
+
+
+def _depth_reader(archive: _Archive, meta: _Metadata, grid: Intrinsics) -> ReadDepth:
+    from recon.depth import upsample_depth  # here: what is wrong with a recording is told without OpenCV
+
+    def read(index: int) -> NDArray[np.float32]:
+        name = f"rgbd/{index}"
         metres = _payload(archive, meta, f"{name}.depth", np.dtype("<f4")).astype(np.float32)
         metres = np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(0.0))
         if f"{name}.conf" in archive.names:
@@ -255,7 +259,7 @@ def _frame_reader(
                 f"{archive.shown(name)}.depth holds no depth: all {metres.size} pixels are unknown",
                 "leave out this recording, or record again",
             )
-        return Frame(small, upsample_depth(metres, grid.width, grid.height))
+        return upsample_depth(metres, grid.width, grid.height)
 
     return read
 
@@ -290,21 +294,3 @@ def _decompress(name: str, data: bytes) -> bytes:
         raise InputError(
             f"{name} is no LZFSE stream ({len(data)} bytes)", "export the recording again"
         ) from None
-
-
-def upsample_depth(depth: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """Depth (h, w) m on a finer or coarser grid of the same view; 0 = unknown stays unknown.
-
-    Between pixels of one surface it is bilinear, elsewhere the nearest pixel, so that no depth is invented between two
-    surfaces or beside an unknown pixel.
-    """
-    import cv2
-
-    size = (width, height)
-    nearest = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST_EXACT))
-    linear = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_LINEAR))
-    window = np.ones((3, 3), np.uint8)
-    low, high = cv2.erode(depth, window), cv2.dilate(depth, window)
-    one_surface = ((high - low) <= MAX_STEP * low).astype(np.uint8)
-    smooth = np.asarray(cv2.resize(one_surface, size, interpolation=cv2.INTER_NEAREST_EXACT)) > 0
-    return np.where(smooth, linear, nearest).astype(np.float32)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.recording import Frame, Intrinsics, Recording
+from recon.recording import Intrinsics, Recording
 from twin.errors import InputError
 from twin.geometry import Array
 
@@ -59,13 +59,16 @@ class TumReader:
         truth = path / "groundtruth.txt"
         stamped = files.read_tum_poses(truth) if truth.is_file() else None
 
-        def read(index: int) -> Frame:
+        def read_color(index: int) -> NDArray[np.uint8]:
             image = files.decode_color(files.shown(color[index]), files.read_bytes(color[index]))
+            _check_size(color[index], image.shape, intrinsics)
+            return image
+
+        def read_depth(index: int) -> NDArray[np.float32]:
             data = files.read_bytes(depth[index])
             metres = files.decode_depth(files.shown(depth[index]), data, DEPTH_PER_METRE)
-            for file, shape in ((color[index], image.shape), (depth[index], metres.shape)):
-                _check_size(file, shape, intrinsics)
-            return Frame(image, metres)
+            _check_size(depth[index], metres.shape, intrinsics)
+            return metres
 
         lists = [path / n for n in ("rgb.txt", "depth.txt", "groundtruth.txt", "intrinsic.json")]
         recording = Recording(
@@ -73,7 +76,8 @@ class TumReader:
             source=str(path),
             times=times,
             intrinsics=intrinsics,
-            read_frame=read,
+            read_color=read_color,
+            read_depth=read_depth,
             fingerprint=files.fingerprint(path, {*color, *depth, *(p for p in lists if p.is_file())}),
             poses=None if stamped is None else files.trajectory_at(*stamped, times, MAX_TIME_DIFFERENCE),
             warnings=warnings,

@@ -15,6 +15,9 @@ from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
+ReadColor = Callable[[int], NDArray[np.uint8]]
+ReadDepth = Callable[[int], NDArray[np.float32]]
+
 MIN_FRAMES = 10  # chosen by us: rest, motion and rest again need a few frames each
 
 
@@ -53,6 +56,23 @@ class Intrinsics:
         cx, cy = (self.cx + 0.5) * sx - 0.5, (self.cy + 0.5) * sy - 0.5
         return Intrinsics(width, height, self.fx * sx, self.fy * sy, cx, cy)
 
+    @property
+    def vector(self) -> Array:
+        """(fx, fy, cx, cy), for compiled kernels."""
+        return np.array([self.fx, self.fy, self.cx, self.cy])
+
+    def binned(self, factor: int) -> Intrinsics:
+        """The camera whose pixels are blocks of `factor` x `factor`; what fills no block at the right and below is cut off."""
+        cx, cy = ((c + 0.5) / factor - 0.5 for c in (self.cx, self.cy))
+        return Intrinsics(
+            self.width // factor, self.height // factor, self.fx / factor, self.fy / factor, cx, cy
+        )
+
+    def strided(self, step: int) -> Intrinsics:
+        """The camera of every `step`-th pixel from the first on, as image[::step, ::step]."""
+        width, height = -(-self.width // step), -(-self.height // step)
+        return Intrinsics(width, height, *(self.vector / step).tolist())
+
     def backproject(self, pixels: Array, depth: Array) -> Array:
         """Camera points (..., 3) in metres of pixels (..., 2) = (x, y) at depth (...) metres."""
         x = (pixels[..., 0] - self.cx) / self.fx * depth
@@ -79,8 +99,8 @@ class Recording:
     """An RGB-D recording whose frames are read when asked for.
 
     `recording[i]` is a frame (negative from the end), `recording[a:b:c]` a recording of these frames, and a loop goes over
-    all frames. Readers hand in `read_frame`, which returns colour and depth aligned on the grid of `intrinsics`. times (N,) s
-    strictly increase. poses: known camera poses, used only when asked. gravity_camera0: unit vector (3,) that points
+    all frames. `color(i)` and `depth(i)` decode one of a frame's two images, `frame(i)` both; nothing is kept. Readers hand in
+    `read_color` and `read_depth`, whose images are aligned on the grid of `intrinsics`. times (N,) s strictly increase. poses: known camera poses, used only when asked. gravity_camera0: unit vector (3,) that points
     down, in the first camera's axes, when the device knew it. path: where the recording lies, None for one in memory.
     """
 
@@ -88,7 +108,8 @@ class Recording:
     source: str
     times: Array
     intrinsics: Intrinsics
-    read_frame: Callable[[int], Frame]
+    read_color: ReadColor
+    read_depth: ReadDepth
     fingerprint: str
     poses: Trajectory | None = None
     gravity_camera0: Array | None = None
@@ -182,7 +203,18 @@ class Recording:
         return html(self)
 
     def frame(self, index: int) -> Frame:
-        """Read frame `index`. Raises InputError naming the file when it is unreadable."""
+        """Read both images of frame `index`. Raises InputError naming the file when one is unreadable."""
+        return Frame(self.color(index), self.depth(index))
+
+    def color(self, index: int) -> NDArray[np.uint8]:
+        """Read the colour (H, W, 3) uint8 RGB of frame `index` alone. Raises InputError as `frame` does."""
+        return self.read_color(self._checked(index))
+
+    def depth(self, index: int) -> NDArray[np.float32]:
+        """Read the depth (H, W) m, 0 = unknown, of frame `index` alone. Raises InputError as `frame` does."""
+        return self.read_depth(self._checked(index))
+
+    def _checked(self, index: int) -> int:
         if not 0 <= index < len(self):
             raise InputError(f"{self.source} has frames 0..{len(self) - 1}, not {index}")
-        return self.read_frame(index)
+        return index

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recon.recording import Frame, Intrinsics, Recording
+from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.errors import FuntwinError, InputError
 from twin.geometry import Array
@@ -44,7 +43,8 @@ def recording_from_arrays(
         source=name,
         times=clock,
         intrinsics=camera,
-        read_frame=read,
+        read_color=read.image,
+        read_depth=read.metres,
         fingerprint=_check_all(read, count, digest),
         poses=trajectory,
         gravity_camera0=gravity,
@@ -60,8 +60,9 @@ class _Frames:
     size: tuple[int, int]
     per_metre: float
 
-    def __call__(self, index: int) -> Frame:
-        image, raw = np.array(self.color[index]), np.asarray(self.depth[index])
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """Colour (H, W, 3) of a frame, a copy."""
+        image = np.array(self.color[index])
         if image.dtype != np.uint8:
             raise InputError(
                 f"colour of frame {index} is {_range(image)}, not uint8",
@@ -69,11 +70,13 @@ class _Frames:
                 if _range_in_unit(image)
                 else "give RGB values 0 to 255 as uint8",
             )
-        if image.shape != (*self.size, 3) or raw.shape != self.size:
-            raise InputError(
-                f"frame {index} has colour {image.shape} and depth {raw.shape}, the first {(*self.size, 3)} and {self.size}",
-                "give all frames in one size",
-            )
+        self._check_size(index, "colour", image.shape, (*self.size, 3))
+        return image
+
+    def metres(self, index: int) -> NDArray[np.float32]:
+        """Depth (H, W) m of a frame, 0 where it is unknown, a copy."""
+        raw = np.asarray(self.depth[index])
+        self._check_size(index, "depth", raw.shape, self.size)
         with np.errstate(invalid="ignore"):
             metres = (raw.astype(np.float32) / np.float32(self.per_metre)).astype(np.float32)
             lowest = np.nanmin(metres, initial=0.0)
@@ -82,7 +85,13 @@ class _Frames:
                 f"depth of frame {index} is negative, down to {lowest:.4g} m",
                 "give the distance along the view, positive (OpenGL's z has the other sign), 0 for unknown",
             )
-        return Frame(image, np.where(np.isfinite(metres), metres, np.float32(0.0)))
+        return np.where(np.isfinite(metres), metres, np.float32(0.0))
+
+    def _check_size(self, index: int, what: str, shape: tuple[int, ...], first: tuple[int, ...]) -> None:
+        if shape != first:
+            raise InputError(
+                f"frame {index} has {what} {shape}, the first one {first}", "give all frames in one size"
+            )
 
 
 def _sizes(color: Any, depth: Any) -> tuple[int, int, int]:
@@ -249,19 +258,19 @@ def _digest(camera: Intrinsics, clock: Array, poses: Trajectory | None, gravity:
     return digest
 
 
-def _check_all(read: Callable[[int], Frame], count: int, digest: Any) -> str:
+def _check_all(read: _Frames, count: int, digest: Any) -> str:
     """SHA-256 of all frames. Raises InputError for a frame without depth, and for depth in another unit than said."""
     middles = []
     for k in range(count):
-        frame = read(k)
-        known = frame.depth[frame.depth > 0]
+        color, depth = read.image(k), read.metres(k)
+        known = depth[depth > 0]
         if known.size == 0:
             raise InputError(
-                f"depth of frame {k} is unknown in all {frame.depth.size} pixels",
+                f"depth of frame {k} is unknown in all {depth.size} pixels",
                 "leave out this frame, or record again",
             )
         middles.append(float(np.median(known)))
-        digest.update(frame.color.tobytes() + frame.depth.tobytes())
+        digest.update(color.tobytes() + depth.tobytes())
     middle = float(np.median(middles))
     if not NEAREST <= middle <= FARTHEST:
         raise InputError(

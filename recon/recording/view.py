@@ -34,7 +34,7 @@ def html(recording: Recording) -> str:
         for k, v in {**facts(recording), "source": recording.source}.items()
     )
     frames = [0, len(recording) // 2, len(recording) - 1]
-    images = "".join(_thumbnail(recording.frame(k).color, f"frame {k}") for k in frames)
+    images = "".join(_thumbnail(recording.color(k), f"frame {k}") for k in frames)
     return f"<b>Recording {markup.escape(recording.name)}</b><table>{rows}</table><div>{images}</div>"
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_normals, depth_sigma, mean_depth
+from recon.depth import depth_normals, depth_sigma, look_up, mean_depth
 from recon.motion.movers import Movers
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
@@ -70,7 +70,7 @@ def load_views(recording: Recording, cameras: Trajectory, config: RefineConfig) 
     """Read every posed frame's depth once, at the working width."""
     width = min(config.width, recording.intrinsics.width)
     size = (width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width)))
-    depth = np.stack([mean_depth(recording.frame(int(f)).depth, size) for f in cameras.frames])
+    depth = np.stack([mean_depth(recording.depth(int(f)), size) for f in cameras.frames])
     rows = {int(f): k for k, f in enumerate(cameras.frames)}
     return Views(recording.intrinsics.scaled(*size), depth, cameras.T_world_cam, rows)
 
@@ -139,7 +139,6 @@ def surfel_terms(
 ) -> Terms:
     """Look every surfel up in every frame's depth."""
     points, normals = surfels
-    h, w = views.depth.shape[1:]
     term, frame, q, sigma = [], [], [], []
     T_part_cam = _part_points(views, joint, state, rows)
     T_cam_part = geo.invert_pose(T_part_cam)
@@ -147,14 +146,10 @@ def surfel_terms(
         x = geo.transform(T_cam_part[i], points)
         n = normals @ T_cam_part[i, :3, :3].T
         cosine = -(x * n).sum(axis=1) / np.linalg.norm(x, axis=1)
-        ok = (x[:, 2] > 0.1) & (cosine > config.grazing)
-        pixel = np.rint(views.camera.project(np.where(ok[:, None], x, [0.0, 0.0, 1.0]))).astype(int)
-        ok &= (pixel >= 0).all(axis=1) & (pixel[:, 0] < w) & (pixel[:, 1] < h)
-        pixel[~ok] = 0
-        z = views.depth[row][pixel[:, 1], pixel[:, 0]].astype(float)
-        seen = views.camera.backproject(pixel.astype(float), z)
+        inside, u, v, z = look_up(views.depth[row], views.camera, x)
+        seen = views.camera.backproject(np.stack([u, v], axis=1), z)
         distance = (n * (seen - x)).sum(axis=1)
-        ok &= (z > 0) & (np.abs(distance) < gate)
+        ok = inside & (cosine > config.grazing) & (z > 0) & (np.abs(distance) < gate)
         k = np.flatnonzero(ok)
         term.append(k)
         frame.append(np.full(len(k), i))

@@ -11,7 +11,7 @@ import open3d as o3d
 from numpy.typing import NDArray
 
 from recon.parts.moving_part import MovingPart
-from recon.recording import Frame, Intrinsics, Recording
+from recon.recording import Intrinsics, Recording
 from tests.recon.tiny import box, merged
 from twin import geometry as geo
 from twin.geometry import Array
@@ -157,7 +157,7 @@ def make_clip(
             labels[i] = label
     times = np.arange(FRAMES) / 15.0
     color = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
-    recording = Recording("cabinet", "memory", times, CAMERA, lambda i: Frame(color, depths[i]), "0")
+    recording = Recording("cabinet", "memory", times, CAMERA, lambda _: color, lambda i: depths[i], "0")
     frames = np.arange(FRAMES)
     first = joint.pose(float(opening[0]))
     state = axis_sign * (opening - opening[0])

@@ -148,8 +148,11 @@ def test_closed_end_of_recordings_with_true_labels(funtwin_data: Path, name: str
     recording, truth = open_recording(folder), load_truth(folder)
     true, n = truth.parts[0], len(recording)
     order = np.arange(n)[::-1] if backwards else np.arange(n)
-    read = recording.read_frame
-    clip = replace(recording, read_frame=lambda i: read(int(order[i])))
+    clip = replace(
+        recording,
+        read_color=lambda i: recording.color(int(order[i])),
+        read_depth=lambda i: recording.depth(int(order[i])),
+    )
     frames = np.arange(n)
     start = float(true.states[order[0]])
     part = MovingPart(2, true.joint, Motion(frames, clip.times, true.states[order] - start))

@@ -11,19 +11,19 @@ from recon.fusion.fuse import FusedScene, FusionConfig, fuse
 from recon.fusion.mesh_cleaning import compact, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.readers import open_recording
-from recon.recording import Recording
+from recon.recording import Intrinsics, Recording
 from tests.recon.test_labels import true_parts
 from tests.recon.tiny import box, write_recording
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
-CAMERA = np.array([200.0, 200.0, 79.5, 59.5])
+CAMERA = Intrinsics(160, 120, 200.0, 200.0, 79.5, 59.5)
 
 
 def plane(tilt: float, distance: float = 1.0) -> tuple[Array, Array]:
     """Depth (120, 160) of a plane turned by `tilt` rad about the camera's y axis through (0, 0, distance); its normal."""
-    x = (np.arange(160) - CAMERA[2]) / CAMERA[0]
+    x = (np.arange(160) - CAMERA.cx) / CAMERA.fx
     normal = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     depth = distance * np.cos(tilt) / (normal[0] * x + normal[2])
     return np.tile(depth, (120, 1)).astype(np.float32), normal
@@ -86,9 +86,9 @@ def test_what_can_not_be_fused_says_so(door: tuple[Recording, Truth, FusedScene]
 @pytest.mark.parametrize("tilt_deg", [0.0, 30.0, 55.0])
 def test_cosine_of_a_plane_is_exact(tilt_deg: float) -> None:
     depth, normal = plane(np.deg2rad(tilt_deg))
-    rays = np.stack([(np.arange(160) - CAMERA[2]) / CAMERA[0], np.zeros(160), np.ones(160)], axis=1)
+    rays = np.stack([(np.arange(160) - CAMERA.cx) / CAMERA.fx, np.zeros(160), np.ones(160)], axis=1)
     true = np.abs(rays @ normal) / np.linalg.norm(rays, axis=1)
-    cosine = ray_cosine(depth, CAMERA, 3)[60]
+    cosine = ray_cosine(depth, CAMERA.vector, 3)[60]
     assert cosine[20:140] == pytest.approx(true[20:140], abs=0.01)
 
 
@@ -97,7 +97,7 @@ def test_a_plane_is_fused_where_it_is(tilt_deg: float) -> None:
     depth, normal = plane(np.deg2rad(tilt_deg))
     own = np.zeros(depth.shape, bool)
     own[20:100, 40:120] = True
-    seen = Observation(depth, own, ray_cosine(depth, CAMERA, 3), CAMERA, np.eye(4))
+    seen = Observation(depth, own, ray_cosine(depth, CAMERA.vector, 3), CAMERA, np.eye(4))
     field = allocate(own_points(seen, 1), 0.005, 0.015)
     integrate(field, seen, 0.015, 0.5)
     vertices, faces = surface(field, 1e-6)

@@ -13,7 +13,7 @@ import pytest
 
 from recon.contact import hand_keypoints as hands
 from recon.contact.hand_keypoints import FINGERTIPS, KEYPOINTS, HandConfig, detect_hands
-from recon.recording import Frame, Intrinsics, Recording
+from recon.recording import Intrinsics, Recording
 from twin.errors import ConfigError, MissingDependencyError
 from twin.scene import HAND_LABEL
 
@@ -49,7 +49,7 @@ def spot_recording(depth: float = 0.8, frames: int = 10) -> Recording:
     x, y = SPOT.astype(int)
     color[y - 3 : y + 4, x - 3 : x + 4] = 255
     flat = np.full((120, 160), depth, np.float32)
-    return Recording("spot", "memory", np.arange(frames) / 15.0, CAMERA, lambda _: Frame(color, flat), "0")
+    return Recording("spot", "memory", np.arange(frames) / 15.0, CAMERA, lambda _: color, lambda _: flat, "0")
 
 
 def hand_label() -> np.ndarray:
@@ -89,7 +89,7 @@ def test_a_surface_behind_the_hand_is_no_keypoint(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(hands, "_detector", lambda _: SpotDetector(20))
     monkeypatch.setattr(hands, "_detect", lambda *_: [(pixels, 1.0)])
     color = np.zeros((120, 160, 3), np.uint8)
-    recording = Recording("w", "memory", np.arange(10.0), CAMERA, lambda _: Frame(color, depth), "0")
+    recording = Recording("w", "memory", np.arange(10.0), CAMERA, lambda _: color, lambda _: depth, "0")
     points = detect_hands(recording, [0]).points_cam[0]
     lost = [FINGERTIPS[1], FINGERTIPS[2]]
     assert np.isnan(points[lost]).all()
@@ -120,7 +120,7 @@ def video(path: Path) -> Recording:
     camera = Intrinsics(width, height, 525.0, 525.0, width / 2, height / 2)
     blank = np.zeros((height, width), np.float32)
     return Recording(
-        path.stem, str(path), np.arange(len(frames)) / 30.0, camera, lambda i: Frame(frames[i], blank), "0"
+        path.stem, str(path), np.arange(len(frames)) / 30.0, camera, lambda i: frames[i], lambda _: blank, "0"
     )
 
 

@@ -59,7 +59,11 @@ def mean_iou(labels: dict[int, NDArray[np.uint8]], truth: Truth, label: int) -> 
 
 def backwards(recording: Recording, cameras: Trajectory, parts: tuple[MovingPart, ...]) -> Scene:
     n = len(recording)
-    back = replace(recording, read_frame=lambda i: recording.read_frame(n - 1 - i))
+    back = replace(
+        recording,
+        read_color=lambda i: recording.color(n - 1 - i),
+        read_depth=lambda i: recording.depth(n - 1 - i),
+    )
     turned = Trajectory(cameras.frames, cameras.times, cameras.T_world_cam[::-1])
     moved = []
     for p in parts:

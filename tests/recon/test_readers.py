@@ -16,9 +16,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recon.depth import upsample_depth
 from recon.readers import READERS, open_recording
 from recon.readers.native import depth_to_color_grid
-from recon.readers.record3d import upsample_depth
 from recon.readers.tum import PUBLISHED_INTRINSICS, associate
 from recon.recording import Intrinsics
 from tests.recon.tiny import (
@@ -81,6 +81,17 @@ def test_frames_are_read_when_asked_for(native: Path) -> None:
         recording.frame(5)
     with pytest.raises(InputError, match=r"frames 0\.\.29, not 30"):
         recording.frame(30)
+
+
+@pytest.mark.parametrize("lost", ["color", "depth"])
+def test_colour_and_depth_are_decoded_apart(native: Path, lost: str) -> None:
+    recording = open_recording(native)
+    expected = recording.frame(5)
+    shutil.rmtree(native / lost)
+    kept = "depth" if lost == "color" else "color"
+    np.testing.assert_array_equal(getattr(recording, kept)(5), getattr(expected, kept))
+    with pytest.raises(InputError, match=r"000005\.\w+ can't be read"):
+        getattr(recording, lost)(5)
 
 
 def test_native_without_time_stamps_warns_and_assumes_15_per_second(native: Path) -> None:

@@ -241,6 +241,34 @@ def test_a_frame_of_another_size_is_named() -> None:
         made(color=color)
 
 
+def test_one_image_of_a_frame_is_read_without_the_other() -> None:
+    read: list[str] = []
+
+    class Noted:
+        def __init__(self, what: str) -> None:
+            self.what, self.images = what, arrays()[what]
+
+        def __len__(self) -> int:
+            return len(self.images)
+
+        def __getitem__(self, k: int) -> Any:
+            read.append(self.what)
+            return self.images[k]
+
+    recording = made(color=Noted("color"), depth=Noted("depth"))
+    part = recording[2:]
+    read.clear()
+    color, depth = part.color(1), part.depth(1)
+    assert read == ["color", "depth"]
+    both = recording.frame(3)
+    assert read == ["color", "depth"] * 2
+    np.testing.assert_array_equal(both.color, color)
+    np.testing.assert_array_equal(both.depth, depth)
+    for one in (recording.color, recording.depth):
+        with pytest.raises(InputError, match=f"not {T}"):
+            one(T)
+
+
 def test_poses_and_gravity_from_arrays() -> None:
     T_world_cam = cameras(T)
     T_world_cam[4] = np.nan

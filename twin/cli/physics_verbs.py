@@ -122,7 +122,8 @@ def _frames_of(path: Path, twin: Twin) -> Callable[[int], Any]:
     recording = named(OPEN_RECORDING)(path, None)
     if twin.recorded is not None and recording.fingerprint != twin.recorded.fingerprint:
         raise InputError(f"{path} is not the recording of this twin", f"give {twin.recorded.source}")
-    return lambda index: recording.frame(index).color
+    read: Callable[[int], Any] = recording.color
+    return read
 
 
 def keep(
