@@ -7,9 +7,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from robots.grasp.holds import sample_surface
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.mesh import sample_surface
 from twin.scene import Twin
 
 FloorSource = Literal["seen", "given", "assumed"]

@@ -241,6 +241,25 @@ def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:
     return exp_so3(v / s * np.arctan2(s, c))
 
 
+def vector_areas(corners: Array) -> Array:
+    """Vector areas (..., 3) m^2 of triangles (..., 3, 3): normal to them, right-handed, and as long as their area."""
+    return np.asarray(
+        0.5 * np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    )
+
+
+def triangle_areas(corners: Array) -> Array:
+    """Areas (...,) m^2 of triangles (..., 3, 3)."""
+    return np.asarray(np.linalg.norm(vector_areas(corners), axis=-1))
+
+
+def triangle_normals(corners: Array) -> tuple[Array, Array]:
+    """Unit normals (..., 3) of triangles (..., 3, 3), zero without area, and their areas (...,) m^2."""
+    directed = vector_areas(corners)
+    area = np.linalg.norm(directed, axis=-1)
+    return directed / np.maximum(area, 1e-300)[..., None], np.asarray(area)
+
+
 def unique_rows(rows: NDArray[np.integer[Any]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Index of the first of each set of equal rows (m,) of whole numbers, these in rising order, and the set of each row (n,).
 

@@ -62,19 +62,15 @@ class Mesh(Described):
     @property
     def area(self) -> float:
         """Surface area in m^2."""
-        return float(self._face_areas().sum())
+        return float(geo.triangle_areas(self.vertices[self.faces]).sum())
 
     @property
     def area_centroid(self) -> Array:
         """Centroid (3,) of the surface, each face weighing its area; the vertex mean for a mesh without area."""
-        w = self._face_areas()
+        w = geo.triangle_areas(self.vertices[self.faces])
         if w.sum() < 1e-15:
             return np.asarray(self.vertices.mean(axis=0))
         return np.asarray((self.vertices[self.faces].mean(axis=1) * w[:, None]).sum(0) / w.sum())
-
-    def _face_areas(self) -> Array:
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import geometry as geo
 from twin.errors import SceneError
 from twin.geometry import Array
 from twin.scene import Mesh, Part, Twin
@@ -67,8 +68,7 @@ def crossing(mesh: Mesh) -> tuple[float, Array]:
     pairs = pairs[_depth(corners, pairs) > _CROSSING]
     if not len(pairs):
         return 0.0, np.zeros(3)
-    a, b, c = (corners[:, k] for k in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    areas = geo.triangle_areas(corners)
     return float(areas[np.unique(pairs)].sum() / areas.sum()), corners[pairs[0, 0]].mean(axis=0)
 
 
@@ -77,8 +77,7 @@ def _depth(corners: Array, pairs: NDArray[np.int64]) -> Array:
     depth = np.full(len(pairs), np.inf)
     for one, other in (pairs.T, pairs.T[::-1]):
         t = corners[other]
-        normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        normal, _ = geo.triangle_normals(t)
         height = np.einsum("nki,ni->nk", corners[one] - t[:, :1], normal)
         depth = np.minimum(depth, np.minimum(height.max(axis=1), -height.min(axis=1)))
     return depth

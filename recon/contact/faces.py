@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.mesh import sample_surface
 from twin.scene import Mesh
 
 SAMPLES = 40_000  # points on the mesh: some hundred on a bar that has one percent of a front's surface
@@ -40,16 +41,7 @@ class Face:
 
 def sample(mesh: Mesh, count: int = SAMPLES) -> Surface:
     """Sample a mesh evenly by area; the same for the same mesh."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    area = np.linalg.norm(cross, axis=1)
-    if not len(area) or area.sum() <= 0:
-        return Surface(np.zeros((0, 3)), np.zeros((0, 3)))
-    rng = np.random.default_rng(0)
-    face = rng.choice(len(area), count, p=area / area.sum())
-    r, s = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    points = (1 - r) * a[face] + r * (1 - s) * b[face] + r * s * c[face]
-    return Surface(points, cross[face] / area[face, None])
+    return Surface(*sample_surface(mesh, count, np.random.default_rng(0)))
 
 
 def outer_faces(surface: Surface) -> list[Face]:

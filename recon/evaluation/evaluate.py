@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from recon.evaluation import metrics
 from recon.evaluation.goals import Goal, goal_of
 from recon.evaluation.metrics import Surface
 from recon.evaluation.scores import (
@@ -25,7 +24,7 @@ from recon.evaluation.scores import (
     label_scores,
     match_parts,
 )
-from recon.evaluation.surface_scores import SAMPLES, SurfaceErrors, seen_points, surface_errors
+from recon.evaluation.surface_scores import SAMPLES, SurfaceErrors, sampled, seen_points, surface_errors
 from recon.evaluation.truth import Truth, TruthPart, load_truth
 from recon.readers import open_recording
 from recon.recording import Recording
@@ -220,11 +219,7 @@ def _part_rows(
     yield from _joint_rows(joint, true)
     yield from _label_rows("part mIoU", "part on frames without it", true.name, labels)
     mesh = true.closed_mesh
-    surface = (
-        surface_errors(found.mesh.transformed(T), mesh, seen, metrics.sample_surface(mesh, SAMPLES))
-        if found
-        else None
-    )
+    surface = surface_errors(found.mesh.transformed(T), mesh, seen, sampled(mesh)) if found else None
     yield from _surface_rows("part", true.name, surface)
     if true.grip is not None:
         yield _row("contact", true.name, _contact_mm(found, true, T), CHARGE_LENGTH_MM, "mm")

@@ -159,21 +159,6 @@ def iou(true: NDArray[np.bool_], found: NDArray[np.bool_]) -> float:
     return np.count_nonzero(true & found) / union if union else 1.0
 
 
-def sample_surface(mesh: Mesh, count: int, seed: int = 0) -> Array:
-    """Points (count, 3) spread evenly by area over a mesh; the same for the same mesh. (0, 3) for a mesh without area."""
-    corners = mesh.vertices[mesh.faces]
-    area = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    if area.sum() <= 0:
-        return np.zeros((0, 3))
-    rng = np.random.default_rng(seed)
-    face = rng.choice(len(area), size=count, p=area / area.sum())
-    r, s = np.sqrt(rng.random(count)), rng.random(count)
-    weights = np.stack([1 - r, r * (1 - s), r * s], axis=1)
-    return np.asarray(np.einsum("nk,nkd->nd", weights, corners[face]))
-
-
 class Surface:
     """A mesh that answers how far points are from it.
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.evaluation import metrics
 from recon.evaluation.metrics import Surface
 from recon.evaluation.truth import Truth
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.mesh import sample_surface
 from twin.scene import STATIC_LABEL, Mesh
 
 SAMPLES = 10_000  # points on a mesh
@@ -38,7 +38,7 @@ def surface_errors(mesh: Mesh, true: Mesh, seen: Array, true_points: Array) -> S
         seen: points (n, 3) of the true surface that the recording shows.
         true_points: points (m, 3) that stand for the true surface in the Chamfer distance.
     """
-    points = metrics.sample_surface(mesh, SAMPLES)
+    points = sampled(mesh)
     if len(points) == 0:
         return None
     surface = Surface(mesh)
@@ -50,6 +50,11 @@ def surface_errors(mesh: Mesh, true: Mesh, seen: Array, true_points: Array) -> S
         completeness=float(np.mean(covered)) if len(seen) else 1.0,
         chamfer_cm=1e2 * 0.5 * (accuracy + (float(np.mean(back)) if len(back) else 0.0)),
     )
+
+
+def sampled(mesh: Mesh) -> Array:
+    """`SAMPLES` points (n, 3) even over a mesh, the same for the same mesh; none for one without area."""
+    return sample_surface(mesh, SAMPLES, np.random.default_rng(0))[0]
 
 
 def seen_points(recording: Recording, truth: Truth) -> dict[int, Array]:

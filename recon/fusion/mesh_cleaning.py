@@ -5,18 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from twin import geometry as geo
 from twin.geometry import Array
+from twin.mesh import compact, decimated, vertex_pieces
 
 Faces = NDArray[np.int32]
-
-
-def face_areas(vertices: Array, faces: Faces) -> Array:
-    """Area (f,) in m^2 of each face."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 def keep_large_pieces(
@@ -29,11 +24,10 @@ def keep_large_pieces(
     """
     if not len(faces):
         return vertices[:0], faces
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    n = len(vertices)
-    graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    _, piece = connected_components(graph, directed=False)
-    area = np.bincount(piece[faces[:, 0]], weights=face_areas(vertices, faces), minlength=piece.max() + 1)
+    piece = vertex_pieces(faces, len(vertices))
+    area = np.bincount(
+        piece[faces[:, 0]], weights=geo.triangle_areas(vertices[faces]), minlength=piece.max() + 1
+    )
     waiting = [int(k) for k in np.argsort(-area) if area[k] >= min_share * area.max()]
     kept = [waiting.pop(0)]
     fringe = list(kept)
@@ -45,27 +39,17 @@ def keep_large_pieces(
         kept += near
         fringe += near
         waiting = [k for k in waiting if k not in near]
-    return compact(vertices, faces[np.isin(piece[faces[:, 0]], kept)])
-
-
-def compact(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """Drop vertices that no face uses."""
-    used, inverse = np.unique(faces, return_inverse=True)
-    return vertices[used], inverse.reshape(-1, 3).astype(np.int32)
+    used, left = compact(faces[np.isin(piece[faces[:, 0]], kept)])
+    return vertices[used], left
 
 
 def reduce_faces(vertices: Array, faces: Faces, budget: int) -> tuple[Array, Faces]:
     """At most `budget` faces, by quadric error decimation."""
     if len(faces) <= budget:
         return vertices, faces
-    import fast_simplification
-
-    v, f = fast_simplification.simplify(
-        np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32), target_count=budget
-    )
-    f = np.asarray(f, np.int32)
-    f = f[face_areas(np.asarray(v, np.float64), f) > 1e-12]
-    return compact(np.asarray(v, np.float64), f)
+    v, f = decimated(vertices.astype(np.float32), faces, budget)
+    used, left = compact(f[geo.triangle_areas(v[f]) > 1e-12])
+    return v[used], left
 
 
 def smooth(vertices: Array, faces: Faces, rounds: int) -> Array:

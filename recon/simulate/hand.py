@@ -15,6 +15,7 @@ from skimage.measure import marching_cubes
 
 from recon.simulate.surfaces import Surface
 from recon.simulate.textures import Material
+from twin import geometry as geo
 from twin.geometry import Array
 
 # Lengths in metres of proximal, middle and distal phalanx, adult means (Buryanov & Kotiuk 2010, rounded).
@@ -130,9 +131,7 @@ def hand_shape(closure: float, material: Material, spacing: float = 0.003) -> Ha
 
 def _outward(vertices: NDArray[np.float32], faces: NDArray[np.int64], corner: Array) -> Array:
     """Corner normals signed like the faces' own (the renderer turns all normals towards the viewer)."""
-    p = vertices[faces]
-    flat = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-    sign = np.sign(np.einsum("ij,ikj->ik", flat, corner))
+    sign = np.sign(np.einsum("ij,ikj->ik", geo.vector_areas(vertices[faces].astype(np.float64)), corner))
     return corner * np.where(sign == 0.0, 1.0, sign)[..., None]
 
 

@@ -9,6 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from recon.simulate.textures import Material
+from twin import geometry as geo
 from twin.geometry import Array
 
 SMOOTH_ANGLE_DEG = (
@@ -40,8 +41,7 @@ def corner_normals(vertices: Array, faces: NDArray[np.int64], angle_deg: float =
     """Unit normals (F, 3, 3) of each face corner: the area-weighted mean of the faces around the vertex that
     meet this face at less than `angle_deg`, so that edges stay sharp and curved surfaces look round.
     """
-    corners = vertices[faces]
-    weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    weighted = geo.vector_areas(vertices[faces])
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     flat = np.where(length > 0, weighted / np.maximum(length, 1e-30), [0.0, 0.0, 1.0])
     # vertices at one place count as one, so that meshes stored as triangle soups are smoothed too

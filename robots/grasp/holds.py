@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.mesh import sample_surface
 from twin.scene import ContactPath, Mesh
 
 _SAMPLES = 60_000
@@ -79,20 +80,6 @@ def find_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0)
         "contact", contact.point, contact.rotation, contact.width, contact.width / 2, stand_off, refined=False
     )
     return holds or [raw]
-
-
-def sample_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Points (n, 3) spread evenly over the surface and the unit normals (n, 3) of their faces."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    length = np.linalg.norm(cross, axis=1)
-    if len(length) == 0 or length.sum() < 1e-12:
-        return np.zeros((0, 3)), np.zeros((0, 3))
-    face = rng.choice(len(length), count, p=length / length.sum())
-    r1, r2 = np.sqrt(rng.random(count)), rng.random(count)
-    weights = np.stack([1 - r1, r1 * (1 - r2), r1 * r2], axis=1)
-    points = (np.stack([a[face], b[face], c[face]], axis=1) * weights[:, :, None]).sum(axis=1)
-    return points, cross[face] / length[face, None]
 
 
 def dominant_plane(points: Array, normals: Array, contact: ContactPath) -> Plane:

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robots.grasp.holds import Hold, clusters, dominant_plane, find_holds, sample_surface
+from robots.grasp.holds import Hold, clusters, dominant_plane, find_holds
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.contacts import allowed, contact_off, distance_to
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.mesh import sample_surface
 from twin.scene import ContactPath, Part, Revolute, Twin
 
 _LOG = logging.getLogger(__name__)

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from robots.config import PlanConfig
-from robots.grasp.holds import sample_surface
 from twin.geometry import Array
+from twin.mesh import sample_surface
 from twin.scene import Mesh
 
 _POINTS = 80_000  # surface samples of the static scene

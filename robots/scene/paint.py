@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 
+from twin.mesh import compact, decimated
 from twin.scene import Mesh
 
 AnyArray = NDArray[Any]
@@ -38,20 +39,14 @@ def painted(mesh: Mesh, colours: int, max_faces: int) -> list[tuple[Mesh, AnyArr
 
 
 def _decimated(mesh: Mesh, max_faces: int) -> tuple[AnyArray, AnyArray, AnyArray | None]:
-    import fast_simplification
     from scipy.spatial import cKDTree
 
-    vertices, faces = fast_simplification.simplify(
-        np.array(mesh.vertices, dtype=np.float32),
-        np.array(mesh.faces, dtype=np.int32),
-        target_count=max_faces,
-    )
-    vertices = np.asarray(vertices, dtype=np.float64)
+    vertices, faces = decimated(mesh.vertices.astype(np.float32), mesh.faces, max_faces)
     if mesh.colors is None:
         return vertices, faces, None
     return vertices, faces, mesh.colors[cKDTree(mesh.vertices).query(vertices)[1]]
 
 
 def _piece(vertices: AnyArray, faces: AnyArray) -> Mesh:
-    used, compact = np.unique(faces, return_inverse=True)
-    return Mesh(vertices[used], compact.reshape(-1, 3).astype(np.int32))
+    used, left = compact(faces)
+    return Mesh(vertices[used], left)

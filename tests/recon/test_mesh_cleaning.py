@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.fusion.mesh_cleaning import compact, keep_large_pieces
+from recon.fusion.mesh_cleaning import keep_large_pieces
 from tests.recon.tiny import box, merged
 
 
@@ -28,10 +28,3 @@ def test_a_chain_of_pieces_holds_together() -> None:
     chain = merged(*(box((0.9 * k, 0, 0), (0.5, 0.5, 0.5)) for k in range(4)))
     assert len(keep_large_pieces(chain.vertices, chain.faces, 0.5, 0.45)[1]) == 48
     assert len(keep_large_pieces(chain.vertices, chain.faces, 0.5, 0.35)[1]) == 12
-
-
-def test_compact_keeps_the_shape() -> None:
-    b = box((0, 0, 0), (1, 1, 1))
-    vertices, faces = compact(b.vertices, b.faces[:2])
-    assert len(vertices) == 4
-    assert np.array_equal(vertices[faces], b.vertices[b.faces[:2]])

@@ -111,16 +111,6 @@ def test_mask_overlap() -> None:
     assert metrics.iou(a & ~a, a & ~a) == 1.0
 
 
-def test_samples_lie_on_the_surface_and_spread_by_area() -> None:
-    mesh = box((0.5, 0, 0), (2.0, 1.0, 0.001))
-    points = metrics.sample_surface(mesh, 4000)
-    assert len(points) == 4000
-    np.testing.assert_array_equal(points, metrics.sample_surface(mesh, 4000))
-    assert metrics.Surface(mesh).distance(points).mean() < 1e-6
-    assert np.abs(points.mean(axis=0) - [0.5, 0, 0]).max() < 0.03
-    assert len(metrics.sample_surface(type(mesh)(np.zeros((3, 3)), np.array([[0, 1, 2]])), 10)) == 0
-
-
 def test_distance_to_a_box() -> None:
     surface = metrics.Surface(box((0, 0, 0), (2, 2, 2)))
     points = np.array([[3.0, 0, 0], [0.9, 0, 0], [2, 2, 0], [1, 0.2, 0.3]])

@@ -25,7 +25,7 @@ from twin import geometry as geo
 from twin.collision import CollisionConfig, make_part, part_shapes, with_collision
 from twin.collision.boards import find_boards
 from twin.collision.clearance import find_touches, make_clear, points_of, sweep_states
-from twin.collision.convex import areas, clip, cut, hull_distance, hull_of, thick_hull, triangles_of
+from twin.collision.convex import clip, cut, hull_distance, hull_of, thick_hull, triangles_of
 from twin.collision.main_axes import outline_axes
 from twin.collision.splitting import bulge, decompose
 from twin.exporters import export
@@ -247,7 +247,9 @@ def test_cutting_keeps_the_area_and_the_sides() -> None:
         normal = geo.unit(rng.normal(size=3))
         offset = float(rng.choice(triangles.reshape(-1, 3) @ normal)) + 1e-4
         low, high = cut(triangles, normal, offset)
-        assert areas(low).sum() + areas(high).sum() == pytest.approx(areas(triangles).sum(), rel=1e-6)
+        assert geo.triangle_areas(low).sum() + geo.triangle_areas(high).sum() == pytest.approx(
+            geo.triangle_areas(triangles).sum(), rel=1e-6
+        )
         assert (low @ normal).max(initial=-9) <= offset + 1e-9
         assert (high @ normal).min(initial=9) >= offset - 1e-9
 

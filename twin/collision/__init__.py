@@ -18,7 +18,7 @@ from twin.collision.boards import Board, BoardSearch, beyond, find_boards
 from twin.collision.cache import ShapeCache
 from twin.collision.clearance import make_clear, points_of, sweep_states
 from twin.collision.closed_pieces import closed_piece_shapes
-from twin.collision.convex import areas, cut, thick_hull, triangles_of
+from twin.collision.convex import cut, thick_hull, triangles_of
 from twin.collision.decimation import decimated, decimated_body, joined
 from twin.collision.main_axes import main_axes, outline_axes
 from twin.collision.solid import pieces_of
@@ -217,8 +217,8 @@ def surface_hulls(triangles: Array, config: CollisionConfig, most: int) -> list[
     filled = config.part_boards.deepest / 2
     pieces = decompose(triangles, config.tolerance, config.thickness, 2 * config.part_pieces, filled)
     pieces = merge(pieces, config.tolerance, config.thickness, filled)
-    pieces = [p for p in pieces if areas(p).sum() > _SPECK]
-    pieces = sorted(pieces, key=lambda p: -float(areas(p).sum()))[:most]
+    pieces = [p for p in pieces if geo.triangle_areas(p).sum() > _SPECK]
+    pieces = sorted(pieces, key=lambda p: -float(geo.triangle_areas(p).sum()))[:most]
     return [h.mesh for p in pieces if (h := thick_hull(p, config.thickness)) is not None]
 
 

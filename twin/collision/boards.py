@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.collision.convex import areas, sample
+from twin.collision.convex import sample
 from twin.geometry import Array
 from twin.scene import Box
 
@@ -92,7 +92,7 @@ def _strongest_plane(
     triangles: Array, axes: Array, search: BoardSearch, skip: set[tuple[int, int, int]]
 ) -> _Plane | None:
     """The plane with the most surface that faces one way along one of the axes."""
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal = geo.vector_areas(triangles)
     length = np.linalg.norm(normal, axis=1)
     best: tuple[float, int, int, int] | None = None
     for k in range(3):
@@ -103,7 +103,7 @@ def _strongest_plane(
             if not facing.any():
                 continue
             bins: NDArray[np.int64] = np.floor(along[facing] / search.noise).astype(np.int64)
-            held = np.bincount(bins - bins.min(), weights=length[facing] / 2)
+            held = np.bincount(bins - bins.min(), weights=length[facing])
             weight = np.convolve(held, [1.0, 1.0, 1.0])[1:-1]  # a plane between two bins is one plane
             for b in np.argsort(-weight, kind="stable")[:30]:
                 if (k, sign, int(b + bins.min())) not in skip:
@@ -125,11 +125,11 @@ def _strongest_plane(
 def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Board]:
     """Boards behind the surface that lies in a plane and faces its way."""
     local = plane.local(triangles)
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) @ plane.frame
+    normal = geo.vector_areas(triangles) @ plane.frame
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     depth = local[:, :, 2].mean(axis=1)
     front = local[(normal[:, 2] > _FACING) & (np.abs(depth) < 2 * search.noise)]
-    if areas(front).sum() < search.smallest:
+    if geo.triangle_areas(front).sum() < search.smallest:
         return []
     points = sample(front, search.cell * 0.7)
     origin = points[:, :2].min(axis=0)

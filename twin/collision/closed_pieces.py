@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.collision.convex import areas, box_of, hull_of, triangles_of
+from twin.collision.convex import box_of, hull_of, triangles_of
 from twin.collision.main_axes import main_axes, outline_axes
 from twin.collision.splitting import bulge
 from twin.geometry import Array
+from twin.mesh import edges, signed_volume
 from twin.scene import Box, Collision, Mesh
 
 _SECONDS = (
@@ -67,10 +68,8 @@ def concave_share(mesh: Mesh) -> float:
 
     About a tenth on furniture, a quarter on the tube of a handle, half on what is scanned: there every other edge is.
     """
-    corners = mesh.vertices[mesh.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    ends = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    normal, _ = geo.triangle_normals(mesh.vertices[mesh.faces])
+    ends = edges(mesh.faces)
     owner, opposite = np.repeat(np.arange(len(mesh.faces)), 3), mesh.faces[:, [2, 0, 1]].ravel()
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     same = np.flatnonzero(np.all(ends[order[:-1]] == ends[order[1:]], axis=1))
@@ -87,11 +86,9 @@ def rough_box(triangles: Array, volume: float) -> Box | None:
 
     Each side goes through the middle of the surface that faces its way from the outer tenth of the body.
     """
-    axes, size = outline_axes(triangles), areas(triangles)
+    axes = outline_axes(triangles)
     middle = triangles.mean(axis=1)
-    facing = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / (
-        2 * size[:, None]
-    )
+    facing, size = geo.triangle_normals(triangles)
     for last in (False, False, True):
         ends, planes = np.zeros((2, 3)), []
         for k, axis in enumerate(axes.T):
@@ -145,8 +142,7 @@ def _plane_normal(points: Array, like: Array) -> Array:
 
 def enclosed(mesh: Mesh) -> float:
     """Volume (m^3) inside a closed mesh, negative when it is wound inside out."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(axis=0) for k in range(3))
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+    return signed_volume(mesh.vertices[mesh.faces] - mesh.vertices.mean(axis=0))
 
 
 def outward(mesh: Mesh) -> Mesh | None:

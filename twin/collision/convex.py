@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.mesh import compact
 from twin.scene import Box, Mesh
 
 _TOO_SMALL = 1e-9  # m^2: triangles below it carry no surface
@@ -20,24 +21,18 @@ class Hull:
     """Convex body: vertices (V, 3), outward faces (F, 3), volume m^3."""
 
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: NDArray[np.int32]
     volume: float
 
     @property
     def mesh(self) -> Mesh:
-        return Mesh(self.vertices, self.faces.astype(np.int32))
+        return Mesh(self.vertices, self.faces)
 
 
 def triangles_of(mesh: Mesh) -> Array:
     """Corner positions (F, 3, 3) of the faces that have an area."""
     corners = mesh.vertices[mesh.faces]
-    return np.asarray(corners[areas(corners) > _TOO_SMALL])
-
-
-def areas(triangles: Array) -> Array:
-    """Areas (F,) of triangles (F, 3, 3)."""
-    edges = triangles[:, 1:] - triangles[:, :1]
-    return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
+    return np.asarray(corners[geo.triangle_areas(corners) > _TOO_SMALL])
 
 
 def hull_of(points: Array) -> Hull | None:
@@ -46,10 +41,9 @@ def hull_of(points: Array) -> Hull | None:
         q = ConvexHull(points)
     except (QhullError, ValueError):
         return None
-    used, index = np.unique(q.simplices, return_inverse=True)
-    vertices, faces = points[used], index.reshape(-1, 3)
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), q.equations[:, :3]) < 0
+    used, faces = compact(q.simplices)
+    vertices = points[used]
+    inward = np.einsum("ij,ij->i", geo.vector_areas(vertices[faces]), q.equations[:, :3]) < 0
     faces[inward] = faces[inward][:, ::-1]
     return Hull(vertices, faces, float(q.volume))
 
@@ -61,12 +55,12 @@ def thick_hull(triangles: Array, thickness: float) -> Hull | None:
     _, _, axes = np.linalg.svd(points - center, full_matrices=False)
     along = (points - center) @ axes[2]
     if np.ptp(along) < thickness:
-        normal = (
-            np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(0) @ axes[2]
-        )
+        directed = geo.vector_areas(triangles)
+        normal = directed.sum(0) @ axes[2]
         missing = (thickness - np.ptp(along)) * axes[2]
-        seen = 2.0 * areas(triangles).sum()
-        if abs(normal) > 0.3 * seen:  # mostly one side was seen: the material is behind it
+        if (
+            abs(normal) > 0.3 * np.linalg.norm(directed, axis=1).sum()
+        ):  # mostly one side was seen: the material is behind it
             points = np.concatenate([points, points - np.sign(normal) * missing])
         else:
             points = np.concatenate([points - missing / 2, points + missing / 2])
@@ -97,7 +91,7 @@ def cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
 
 
 def _with_area(triangles: Array) -> Array:
-    return triangles[areas(triangles) > _TOO_SMALL]
+    return triangles[geo.triangle_areas(triangles) > _TOO_SMALL]
 
 
 def sample(triangles: Array, spacing: float) -> Array:
@@ -122,10 +116,9 @@ def sample_of(triangles: Array, spacing: float) -> tuple[Array, NDArray[np.int64
 
 def hull_distance(hull: Hull, points: Array) -> Array:
     """How far points (n, 3) lie outside the faces' planes of a hull (m, negative inside)."""
-    a, b, c = (hull.vertices[hull.faces[:, k]] for k in range(3))
-    n = np.cross(b - a, c - a)
-    n /= np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
-    return np.asarray((points @ n.T - np.einsum("ij,ij->i", a, n)).max(axis=1))
+    corners = hull.vertices[hull.faces]
+    n, _ = geo.triangle_normals(corners)
+    return np.asarray((points @ n.T - np.einsum("ij,ij->i", corners[:, 0], n)).max(axis=1))
 
 
 def clip(hull: Hull, normal: Array, offset: float) -> Hull | None:
@@ -138,9 +131,8 @@ def clip(hull: Hull, normal: Array, offset: float) -> Hull | None:
 
 def box_of(hull: Hull, slack: float = 0.005) -> Box | None:
     """The box that a hull is; None when the smallest one found around it holds more than `slack` (a share) beside it."""
-    a, b, c = (hull.vertices[hull.faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    normal = geo.unit(cross[int(np.argmax(np.linalg.norm(cross, axis=1)))])
+    normals, area = geo.triangle_normals(hull.vertices[hull.faces])
+    normal = normals[int(np.argmax(area))]
     basis = geo.orthogonal_basis(normal)
     best: tuple[float, Array] | None = None
     along = (hull.vertices[hull.faces] - hull.vertices[np.roll(hull.faces, 1, axis=1)]).reshape(-1, 3)

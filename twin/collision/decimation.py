@@ -15,6 +15,8 @@ from twin import geometry as geo
 from twin.collision.closed_pieces import enclosed
 from twin.collision.convex import Hull, hull_of
 from twin.collision.solid import pieces_of
+from twin.mesh import compact, edges
+from twin.mesh import decimated as quadric
 from twin.scene import Mesh
 
 _SAME_VOLUME = 0.02  # share, chosen by us: what the noise of a scan takes from a body
@@ -29,8 +31,6 @@ def decimated(mesh: Mesh, faces: int) -> Mesh:
     no face are left out."""
     if len(mesh.faces) <= faces:
         return mesh
-    import fast_simplification
-
     welded = _welded(mesh)
     if len(welded.faces) <= faces:
         return welded
@@ -39,9 +39,7 @@ def decimated(mesh: Mesh, faces: int) -> Mesh:
     middle = (welded.vertices.min(axis=0) + welded.vertices.max(axis=0)) / 2
     # its thresholds are for numbers about one
     size = max(float(np.abs(welded.vertices - middle).max()), 1e-12)
-    vertices, triangles = fast_simplification.simplify(
-        (welded.vertices - middle) / size, welded.faces.astype(np.int32), target_count=faces
-    )
+    vertices, triangles = quadric((welded.vertices - middle) / size, welded.faces, faces)
     small = Mesh(vertices * size + middle, triangles)
     return small if len(triangles) <= _MORE * faces else _clustered(_welded(small), faces)
 
@@ -88,14 +86,13 @@ def _welded(mesh: Mesh) -> Mesh:
     first, which = geo.unique_rows(np.round(mesh.vertices / (1e-7 * size)).astype(np.int64))
     faces = which[mesh.faces]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    kept, index = np.unique(faces[whole], return_inverse=True)
-    return Mesh(mesh.vertices[first[kept]], index.reshape(-1, 3).astype(np.int32))
+    used, left = compact(faces[whole])
+    return Mesh(mesh.vertices[first[used]], left)
 
 
 def _open_share(mesh: Mesh) -> float:
     """Share of the edges that one face has for itself."""
-    ends = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return float(np.mean(np.bincount(geo.unique_rows(ends)[1]) == 1))
+    return float(np.mean(np.bincount(geo.unique_rows(edges(mesh.faces))[1]) == 1))
 
 
 def _crowding(mesh: Mesh) -> float:
@@ -122,5 +119,5 @@ def _clustered(mesh: Mesh, faces: int) -> Mesh:
         cell *= float(np.clip(np.sqrt(len(kept) / faces), 1.05, 2.0))
     count = np.bincount(which, minlength=len(first))
     mean = [np.bincount(which, weights=column, minlength=len(first)) / count for column in mesh.vertices.T]
-    used, index = np.unique(joined_up[kept], return_inverse=True)
-    return Mesh(np.stack(mean, axis=1)[used], index.reshape(-1, 3).astype(np.int32))
+    used, left = compact(joined_up[kept])
+    return Mesh(np.stack(mean, axis=1)[used], left)

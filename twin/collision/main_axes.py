@@ -10,7 +10,7 @@ from twin.geometry import Array
 
 def main_axes(triangles: Array) -> Array:
     """Rotation (3, 3), columns = the directions that most of the surface faces (boards have three)."""
-    n = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    n = geo.vector_areas(triangles)
     weight = np.linalg.norm(n, axis=1)
     n = n[weight > 0] / weight[weight > 0, None]
     first = _mode(n, weight[weight > 0])

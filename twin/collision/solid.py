@@ -17,8 +17,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from twin import geometry as geo
-from twin.collision.convex import Hull, areas, hull_of
+from twin.collision.convex import Hull, hull_of
 from twin.geometry import Array
+from twin.mesh import compact, edges, on_triangles, vertex_pieces
 from twin.scene import Box, Collision, Mesh
 
 _SAME = 1e-7  # m: corners nearer than this are one
@@ -77,11 +78,13 @@ class Solid:
 
     def surface(self, count: int) -> Array:
         """About `count` points evenly on the outside of the union and on the open pieces; the same every time."""
-        total = sum(float(areas(m.vertices[m.faces]).sum()) for m in (*self.closed, *self.open))
+        total = sum(float(geo.triangle_areas(m.vertices[m.faces]).sum()) for m in (*self.closed, *self.open))
         out = []
         for k, mesh in enumerate((*self.closed, *self.open)):
             corners = mesh.vertices[mesh.faces]
-            points, normals = spread(corners, count * float(areas(corners).sum()) / max(total, 1e-12))
+            points, normals = spread(
+                corners, count * float(geo.triangle_areas(corners).sum()) / max(total, 1e-12)
+            )
             if k < len(self.closed):  # no outside where material is on both sides
                 sides = [self._holds(points + d * normals) for d in (_JUST_OUTSIDE, -_JUST_OUTSIDE)]
                 points = points[~(sides[0] & sides[1])]
@@ -191,8 +194,8 @@ def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:
 
 def _piece(faces: NDArray[np.int64], vertices: Array) -> Mesh:
     """Faces with the vertices that they use."""
-    used, index = np.unique(faces, return_inverse=True)
-    return Mesh(vertices[used], index.reshape(-1, 3).astype(np.int32))
+    used, faces_of_used = compact(faces)
+    return Mesh(vertices[used], faces_of_used)
 
 
 def _largest(
@@ -202,7 +205,7 @@ def _largest(
     count = int(label.max(initial=-1)) + 1
     if count <= _PIECES:
         return _split(faces, label), None
-    area = np.bincount(label, weights=areas(vertices[faces]), minlength=count)
+    area = np.bincount(label, weights=geo.triangle_areas(vertices[faces]), minlength=count)
     small = np.zeros(count, bool)
     small[np.argsort(-area, kind="stable")[_PIECES:]] = True
     return _split(faces[~small[label]], label[~small[label]]), faces[small[label]]
@@ -218,25 +221,18 @@ def _without_seams(faces: NDArray[np.int64], vertices: Array) -> NDArray[np.int6
     return left if np.allclose(*spans) else faces
 
 
-def _sides(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Ends (3F, 2) of the faces' edges, the lower first; an edge of face k in rows 3k to 3k + 2."""
-    return np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-
-
 def _is_closed(faces: NDArray[np.int64]) -> bool:
-    return bool(np.all(np.bincount(geo.unique_rows(_sides(faces))[1]) % 2 == 0))
+    return bool(np.all(np.bincount(geo.unique_rows(edges(faces))[1]) % 2 == 0))
 
 
 def _linked_by_corners(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Number of the connected piece (F,) that each face is in."""
-    ends, n = _sides(faces), int(faces.max(initial=-1)) + 1
-    graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n))
-    return np.asarray(connected_components(graph, directed=False)[1][faces[:, 0]] if n else np.zeros(0, int))
+    return vertex_pieces(faces, int(faces.max(initial=-1)) + 1)[faces[:, 0]]
 
 
 def _linked_by_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """The same, but for edges at which other than two faces meet: there bodies touch."""
-    ends, owner = _sides(faces), np.repeat(np.arange(len(faces)), 3)
+    ends, owner = edges(faces), np.repeat(np.arange(len(faces)), 3)
     edge = geo.unique_rows(ends)[1]
     order = np.argsort(edge, kind="stable")
     first = np.flatnonzero(np.bincount(edge)[edge[order]] == 2)[::2]
@@ -256,17 +252,13 @@ def spread(corners: Array, count: float) -> tuple[Array, Array]:
     The quasi-random sequence of Roberts (2018, "The unreasonable effectiveness of quasirandom sequences", R3) spreads
     them more evenly than chance and needs no seed.
     """
-    size = areas(corners)
+    normal, size = geo.triangle_normals(corners)
     edge = np.cumsum(size)
     n = max(1, round(count))
     root = 1.2207440846057596  # the real root of x^4 = x + 1
     u = (0.5 + np.arange(1, n + 1)[:, None] / root ** np.arange(1, 4)) % 1.0
     face = np.minimum(np.searchsorted(edge, u[:, 0] * edge[-1], side="right"), len(size) - 1)
-    a, b = np.sqrt(u[:, 1]), u[:, 2]
-    weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(2 * size, 1e-300)[:, None]
-    return np.einsum("nk,nkx->nx", weights, corners[face]), normal[face]
+    return on_triangles(corners[face], u[:, 1], u[:, 2]), normal[face]
 
 
 def _inside_spans(

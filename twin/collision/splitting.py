@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from twin.collision.convex import Hull, areas, cut, hull_of, sample, sample_of, thick_hull
+from twin import geometry as geo
+from twin.collision.convex import Hull, cut, hull_of, sample, sample_of, thick_hull
 from twin.collision.main_axes import main_axes
 from twin.geometry import Array
 
@@ -28,7 +29,7 @@ def bulge(hull: Hull, triangles: Array, tolerance: float, filled: float = 0.0) -
         filled: what lies behind the surface by up to this (m) is the body, whose other side was not seen, and no bulge.
     """
     shell = hull.vertices[hull.faces]
-    spacing = max(tolerance / 2, float(np.sqrt(areas(shell).sum() / 2000.0)))
+    spacing = max(tolerance / 2, float(np.sqrt(geo.triangle_areas(shell).sum() / 2000.0)))
     points, owner = sample_of(triangles, spacing)
     kept = _thinned(points, spacing / 4)
     tree = cKDTree(points[kept], balanced_tree=False, compact_nodes=False)
@@ -36,9 +37,7 @@ def bulge(hull: Hull, triangles: Array, tolerance: float, filled: float = 0.0) -
     outer = outer[_thinned(outer, spacing / 4)]
     distance, near = tree.query(outer)
     if filled > 0:
-        t = triangles[owner[kept[near]]]
-        normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        normal, _ = geo.triangle_normals(triangles[owner[kept[near]]])
         behind = np.einsum("ij,ij->i", outer - points[kept[near]], normal) < -_BEHIND * distance
         distance = np.where(behind & (distance < filled), 0.0, distance)
     return max(0.0, float(distance.max()) - spacing / 2)
@@ -86,7 +85,7 @@ def decompose(
 
 def merge(pieces: list[Array], tolerance: float, thickness: float, filled: float = 0.0) -> list[Array]:
     """Join neighbouring pieces wherever the joint hull still keeps within the tolerance, small pieces first."""
-    pieces = sorted(pieces, key=lambda p: float(areas(p).sum()))
+    pieces = sorted(pieces, key=lambda p: float(geo.triangle_areas(p).sum()))
     hulls = [thick_hull(p, thickness) for p in pieces]
     k = 0
     while k < len(pieces):
@@ -112,7 +111,9 @@ def _keeps_close(
     if joint is None:
         return True
     apart = sum(h.volume for h in parts if h is not None)
-    if joint.volume > apart + max(allowed, filled) * float(areas(joint.vertices[joint.faces]).sum()):
+    if joint.volume > apart + max(allowed, filled) * float(
+        geo.triangle_areas(joint.vertices[joint.faces]).sum()
+    ):
         return False
     return bulge(joint, triangles, allowed, filled) <= allowed
 
@@ -137,16 +138,17 @@ def _offsets(piece: Array, axis: Array, low: float, high: float, thickness: floa
     if high - low < 2 * thickness:
         return np.zeros(0)
     even = np.linspace(low, high, 9)[1:-1]
-    n = np.cross(piece[:, 1] - piece[:, 0], piece[:, 2] - piece[:, 0])
-    facing = np.abs(n @ axis) > 0.85 * np.linalg.norm(n, axis=1)
+    directed = geo.vector_areas(piece)
+    area = np.linalg.norm(directed, axis=1)
+    facing = np.abs(directed @ axis) > 0.85 * area
     if not facing.any():
         return even
-    where, weight = piece[facing].mean(axis=1) @ axis, areas(piece[facing])
+    where, weight = piece[facing].mean(axis=1) @ axis, area[facing]
     bins = int(np.clip((high - low) / thickness, 4, 400))
     height, edges = np.histogram(where, bins, (low, high), weights=weight)
     beside = []
     for k in np.argsort(-height, kind="stable")[:4]:
-        if height[k] > 0.02 * areas(piece).sum():
+        if height[k] > 0.02 * area.sum():
             inside = np.abs(where - (edges[k] + edges[k + 1]) / 2) < edges[1] - edges[0]
             mean = np.average(where[inside], weights=weight[inside])
             spread = np.sqrt(np.average((where[inside] - mean) ** 2, weights=weight[inside]))
@@ -171,5 +173,5 @@ def _rough_volume(triangles: Array) -> float:
         points = points[np.unique(np.argmax(points @ _DIRECTIONS.T, axis=0))]
     hull = hull_of(points)
     if hull is None:
-        return float(areas(triangles).sum()) * _BOARD
-    return hull.volume + 0.5 * _BOARD * float(areas(hull.vertices[hull.faces]).sum())
+        return float(geo.triangle_areas(triangles).sum()) * _BOARD
+    return hull.volume + 0.5 * _BOARD * float(geo.triangle_areas(hull.vertices[hull.faces]).sum())

@@ -6,12 +6,14 @@ from collections.abc import Iterator, Set
 
 import numpy as np
 
+from twin import geometry as geo
 from twin.collision.clearance import carried, model_of, sweep_states
 from twin.collision.convex import Hull, hull_of, triangles_of
 from twin.collision.decimation import decimated
 from twin.collision.solid import Solid, pieces_of, spread
 from twin.errors import SceneError
 from twin.geometry import Array
+from twin.mesh import used_vertices
 from twin.scene import Collision, Mesh, Part, StaticPart, Twin
 
 _HOLLOW = 0.04  # of a shape's diagonal, chosen by us: noise of 1.5 mm on 100 mm of board stays below
@@ -51,7 +53,7 @@ def require_convex(twin: Twin) -> None:
 
 def _flat(mesh: Mesh) -> bool:
     """Whether the faces lie in one plane, or there are none."""
-    points = mesh.vertices[np.unique(mesh.faces)]
+    points = used_vertices(mesh)
     if len(points) < 4:
         return True
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
@@ -88,11 +90,10 @@ def hollow(mesh: Mesh) -> tuple[float, float]:
 
 def _way_out(hull: Hull, points: Array, directions: Array) -> Array:
     """How far (n,) m it is from points (n, 3) in a hull along unit directions (n, 3) to its outside."""
-    a, b, c = (hull.vertices[hull.faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    corners = hull.vertices[hull.faces]
+    normal, _ = geo.triangle_normals(corners)
     toward = directions @ normal.T
-    room = np.einsum("ij,ij->i", a, normal) - points @ normal.T
+    room = np.einsum("ij,ij->i", corners[:, 0], normal) - points @ normal.T
     far = np.where(toward > 1e-6, np.maximum(room, 0.0) / np.maximum(toward, 1e-6), np.inf)
     return np.asarray(far.min(axis=1))
 

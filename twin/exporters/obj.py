@@ -174,10 +174,8 @@ def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, ND
     n = len(faces)
     if n == 0:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    unit = cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
-    total = _facing_alike(faces.ravel(), cross, unit)
+    unit, _ = geo.triangle_normals(vertices[faces])
+    total = _facing_alike(faces.ravel(), geo.vector_areas(vertices[faces]), unit)
     length = np.linalg.norm(total, axis=1)
     smooth = np.where(
         length[:, None] > 1e-15, total / np.maximum(length, 1e-300)[:, None], np.repeat(unit, 3, axis=0)
@@ -188,15 +186,15 @@ def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, ND
     return steps[first] / 1e4, index.reshape(-1, 3)
 
 
-def _facing_alike(corner: NDArray[np.int32], cross: Array, unit: Array) -> Array:
-    """For each face corner (3 F,), given by its vertex, the sum (3 F, 3) of `cross` (F, 3) over the faces around that vertex
+def _facing_alike(corner: NDArray[np.int32], directed: Array, unit: Array) -> Array:
+    """For each face corner (3 F,), given by its vertex, the sum (3 F, 3) of vector areas (F, 3) over the faces around that vertex
     which face (`unit`) within a crease of its own."""
     owner = np.arange(len(corner)) // 3
     crowded = np.bincount(corner)[corner] > _CROWDED
     way = np.where(crowded[:, None], np.round(unit[owner] * _WAYS), 0.0).astype(np.int64)
     apart = np.where(crowded, 0, owner + 1)  # elsewhere each face is a group of its own
     first, group = geo.unique_rows(np.column_stack([corner, apart, way]))
-    held = np.stack([np.bincount(group, weights=column[owner]) for column in cross.T], axis=1)
+    held = np.stack([np.bincount(group, weights=column[owner]) for column in directed.T], axis=1)
     facing = held / np.maximum(np.linalg.norm(held, axis=1), 1e-300)[:, None]
     facing = np.where(crowded[first, None], facing, unit[owner[first]])
     beside = np.bincount(corner[first])[corner[first]]  # groups come vertex by vertex

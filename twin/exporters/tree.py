@@ -151,8 +151,7 @@ def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
     area = sum(a for _, a in weighed)
     per_area = sum(m for m, _ in weighed) / area if area > 0 else _BOARD
     corners = mesh.vertices[mesh.faces]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    mass = per_area * np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    mass = per_area * geo.triangle_areas(corners)
     total = float(mass.sum())
     if total <= 0:  # nothing was seen: a square metre of board
         return _BOARD, np.zeros(3), np.eye(3) * _BOARD

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from twin import geometry as geo
 from twin.geometry import Array
+from twin.mesh import compact
 from twin.scene import Mesh
 
 # m, chosen by us: a tenth of what the check allows of a mesh's bounds, and far above a reader's smallest volume
@@ -20,11 +21,10 @@ def drawn(mesh: Mesh) -> Mesh:
     it is a shell; a single triangle it refuses everywhere. It gets its back: every face once more, turned around, and
     SHEET behind. This is for what is drawn only: mass and collision shapes come from the twin.
     """
-    used, index = np.unique(mesh.faces, return_inverse=True)
+    used, faces = compact(mesh.faces)
     vertices = mesh.vertices[used]
-    faces = np.asarray(index.reshape(-1, 3), dtype=np.int32)
     colors = None if mesh.colors is None else mesh.colors[used]
-    normals, area = _normals(vertices, faces)
+    normals, area = geo.triangle_normals(vertices[faces])
     if not area.sum() > 0:
         return Mesh(vertices[:0], faces[:0], None if colors is None else colors[:0])
     thick = max(SHEET, _SPACINGS * float(np.spacing(np.float32(np.abs(vertices).max()))))
@@ -37,14 +37,6 @@ def drawn(mesh: Mesh) -> Mesh:
         np.concatenate([faces, np.asarray(back, dtype=np.int32)]),
         None if colors is None else np.concatenate([colors, colors[faces.ravel()]]),
     )
-
-
-def _normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, Array]:
-    """Unit normals (f, 3), zero without area, and areas (f,) m^2."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    length = np.linalg.norm(cross, axis=1)
-    return cross / np.maximum(length, 1e-300)[:, None], length / 2
 
 
 def _thickness(corners: Array, normals: Array, area: Array) -> float:

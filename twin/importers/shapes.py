@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from twin.collision.convex import hull_of
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.mesh import signed_volume
 from twin.scene import Mesh
 
 # Chosen by us: a knob of 4 cm is then round to 0.1 mm.
@@ -122,8 +123,7 @@ def is_convex(mesh: Mesh) -> bool:
     hull = hull_of(mesh.vertices)
     if hull is None:
         return False
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] - hull.vertices.mean(axis=0) for k in range(3))
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+    volume = signed_volume(mesh.vertices[mesh.faces] - hull.vertices.mean(axis=0))
     return abs(abs(volume) - hull.volume) <= _CONCAVE * hull.volume
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import SceneError
 from twin.geometry import Array
+from twin.mesh import signed_volume
 from twin.physics.mass_bounds import shape_bounds
 from twin.physics.materials import Material
 from twin.quantities import Inertial, Quantity
@@ -98,7 +99,7 @@ class _Shell:
         if _pieces(_longest_sides(small), _edge(small, thickness)) > _SLIVERS * _MOST_FACES:
             small = decimated(mesh, _MOST_FACES // 8)
         fine = _cut(small, thickness)
-        areas, normals = _face_frames(fine)
+        normals, areas = geo.triangle_normals(fine.vertices[fine.faces])
         return _Shell(fine, areas, normals, behind(fine, normals, _MAX_BOARD * thickness), solid)
 
     def slabs(self, thickness: float) -> Array:
@@ -158,14 +159,6 @@ def _pieces(sides: Array, edge: float) -> float:
     return float((4.0 ** np.ceil(np.log2(np.maximum(sides / edge, 1.0)))).sum())
 
 
-def _face_frames(mesh: Mesh) -> tuple[Array, Array]:
-    """Area (F,) and unit normal (F, 3) of each face; faces without area get a zero normal."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    length = np.linalg.norm(cross, axis=1)
-    return length / 2, cross / np.maximum(length, 1e-300)[:, None]
-
-
 def _slab_moments(mesh: Mesh, normals: Array, thickness: Array, mass: Array) -> tuple[Array, Array]:
     """Centre of mass (3,) and tensor (3, 3) about it of slabs of `thickness` (F,) behind each face.
 
@@ -221,6 +214,5 @@ def _closed_volume(mesh: Mesh) -> float | None:
     back = edges[:, ::-1][geo.unique_rows(edges[:, ::-1])[0]]
     if forward.shape != back.shape or not np.array_equal(forward, back):
         return None
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(axis=0) for k in range(3))
-    volume = float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+    volume = signed_volume(mesh.vertices[mesh.faces] - mesh.vertices.mean(axis=0))
     return volume if volume > 1e-9 else None

@@ -15,6 +15,7 @@ import numpy as np
 
 from twin.errors import SceneError, ServiceError
 from twin.geometry import Array
+from twin.mesh import used_vertices
 from twin.physics import KEPT, joint_and_contact, weighed
 from twin.physics.edit import Edited, changes
 from twin.physics.materials import Material, MaterialTable, read_materials
@@ -52,7 +53,7 @@ def body_of(mesh: Mesh, table: MaterialTable) -> Body:
     """
     if mesh.area < 1e-9:
         raise SceneError("a part's mesh has no area, so nothing can be said about its size", "give it a mesh")
-    extents, hull = _extents(mesh.vertices[np.unique(mesh.faces)])
+    extents, hull = _extents(used_vertices(mesh))
     rows = table.materials.values()
     board = max(m.thickness.interval[1] for m in rows)
     volume = max(hull, mesh.area / 2 * board)

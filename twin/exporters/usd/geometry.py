@@ -105,8 +105,8 @@ def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
 def _hull(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
     """A convex piece with one normal per face."""
     shape = _mesh(stage, path, mesh.vertices, mesh.faces)
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    normals, index = np.unique(np.round(_unit(np.cross(b - a, c - a)), 4), axis=0, return_inverse=True)
+    directed = geo.vector_areas(mesh.vertices[mesh.faces])
+    normals, index = np.unique(np.round(_unit(directed), 4), axis=0, return_inverse=True)
     _primvar(
         shape, "normals", Sdf.ValueTypeNames.Normal3fArray, points(_unit(normals)), "uniform", index.ravel()
     )
