@@ -22,6 +22,7 @@ from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.errors import ConfigError, InputError, ReconstructionError
 from twin.geometry import Array
+from twin.robust import chi2_scale, geman_mcclure
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import Trajectory
@@ -119,7 +120,7 @@ def ransac_pose(
     pose = hypotheses[int(np.argmin(cost))]
     for _ in range(6):
         d2 = ((source @ pose[:3, :3].T + pose[:3, 3] - target) ** 2).sum(-1) / sigma**2
-        w = 1.0 / (1.0 + d2 / config.inlier_sigma**2) ** 2 / sigma**2
+        w = geman_mcclure(d2, config.inlier_sigma**2) / sigma**2
         pose = geo.fit_rigid(source, target, w)
     return np.asarray(pose)
 
@@ -182,10 +183,8 @@ def _bundle(
     for round_ in range(config.bundle_rounds):
         chi2 = _chi2(poses, frame_index, track_index, points, info, landmarks)
         # The scale comes from the data; early rounds are wide so that nothing static is lost to a poor start.
-        scale2 = max(float(np.median(chi2)) / 2.366, 0.05) * (
-            9.0 if round_ < 8 else 4.0
-        )  # chi2 median of 3 dof
-        weights = 1.0 / (1.0 + chi2 / scale2) ** 2
+        scale2 = max(chi2_scale(chi2, dof=3), 0.05) * (9.0 if round_ < 8 else 4.0)
+        weights = geman_mcclure(chi2, scale2)
         track_weight = np.bincount(track_index, weights, len(tracks)) / np.maximum(
             np.bincount(track_index, minlength=len(tracks)), 1
         )

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.mesh import sample_surface
+from twin.robust import mad_sigma
 from twin.scene import Mesh
 
 SAMPLES = 40_000  # points on the mesh: some hundred on a bar that has one percent of a front's surface
@@ -100,4 +101,4 @@ def outermost_face(flat: Array, normal: Array) -> Face:
         offset = float(np.median(flat[near] @ normal))
     height = flat @ normal - offset
     near = np.abs(height) < 2 * _LAYER_M
-    return Face(normal, offset, flat[near], float(1.4826 * np.median(np.abs(height[near]))))
+    return Face(normal, offset, flat[near], mad_sigma(height[near]))

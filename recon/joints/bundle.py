@@ -25,6 +25,7 @@ from recon.joints.observations import (
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import moved_axis
+from twin.robust import cauchy_loss
 
 _NEGLIGIBLE = (
     1e-8  # change of chi-square that ends a refinement; far below noise, for the sake of exact input
@@ -57,7 +58,7 @@ def step(model: Model, delta: ArrayLike) -> Model:
 
 def _cost(square: Array, weight: Array, sigma: float) -> float:
     c = CAUCHY * sigma**2
-    return float(0.5 * c * (weight * np.log1p(square / c)).sum())
+    return float(0.5 * c * (weight * cauchy_loss(square, c)).sum())
 
 
 def smoothness(information: Array, state: Array) -> Array:

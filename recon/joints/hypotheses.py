@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from recon.joints.config import JointConfig
 from recon.joints.observations import (
-    CHI3_MEDIAN,
     SIGMA_MIN,
     Kind,
     Observations,
 )
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.robust import LENGTH3_MEDIAN
 
 _WINDOW = 5  # observations in the running median that measures travel (by us)
 _PAIR_ROUNDS = (
@@ -78,7 +78,7 @@ def travel_and_noise(obs: Observations) -> tuple[Array, float]:
     coordinate in metres (median second difference, in which smooth motion cancels)."""
     travel, jerk = _track_statistics(obs.points, obs.weight, _WINDOW)
     known = jerk[np.isfinite(jerk)]
-    sigma = float(np.median(known)) / CHI3_MEDIAN if known.size else 0.0
+    sigma = float(np.median(known)) / LENGTH3_MEDIAN if known.size else 0.0
     return np.asarray(travel), max(sigma, _NOISE_MIN)
 
 

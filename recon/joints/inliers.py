@@ -9,7 +9,6 @@ from scipy.ndimage import median_filter
 
 from recon.joints.config import JointConfig
 from recon.joints.observations import (
-    CHI3_MEDIAN,
     Model,
     Observations,
     median_landmarks,
@@ -18,6 +17,7 @@ from recon.joints.observations import (
     squared_residuals,
 )
 from twin.geometry import Array
+from twin.robust import LENGTH3_MEDIAN
 
 
 def track_support(obs: Observations, model: Model, sigma: float, config: JointConfig) -> Array:
@@ -29,7 +29,7 @@ def track_support(obs: Observations, model: Model, sigma: float, config: JointCo
     square, _, marks = residuals(obs, model, sigma, rounds=2)
     seen = obs.weight > 0
     count = np.maximum(seen.sum(axis=1), 1)
-    tau2 = (config.prune_sigmas * CHI3_MEDIAN * sigma) ** 2
+    tau2 = (config.prune_sigmas * LENGTH3_MEDIAN * sigma) ** 2
     still = squared_residuals(obs.points, obs.weight, median_landmarks(obs.points, obs.weight))
     moving, resting = (
         (np.clip(1.0 - q / tau2, 0.0, 1.0) * seen).sum(axis=1) / count for q in (square, still)
@@ -107,7 +107,7 @@ def creeping(
     z = pull_back(obs.points, weight, model.kind == "revolute", model.axis, model.pivot, model.state)
     slope, information, span = _creep(z, weight, marks, model.state).T
     score = slope * np.sqrt(information) / sigma
-    scale = max(1.0, float(np.median(score[members])) / CHI3_MEDIAN) if members.any() else 1.0
+    scale = max(1.0, float(np.median(score[members])) / LENGTH3_MEDIAN) if members.any() else 1.0
     return np.asarray((score > 4.0 * scale) & (slope * span > config.search_sigma))
 
 
@@ -116,5 +116,5 @@ def follows(obs: Observations, model: Model, sigma: float, config: JointConfig) 
     square, _, marks = residuals(obs, model, sigma)
     middle = np.sqrt(row_medians(square, obs.weight))
     moved = predicted_travel(obs, model, marks) > config.mover_sigmas * sigma
-    near = middle < config.prune_sigmas * CHI3_MEDIAN * sigma
+    near = middle < config.prune_sigmas * LENGTH3_MEDIAN * sigma
     return np.asarray(near & moved & ~creeping(obs, model, sigma, near & moved, config))

@@ -16,13 +16,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from twin.geometry import Array
+from twin.robust import CAUCHY_95, LENGTH3_MEDIAN, cauchy
 
 Kind = Literal["prismatic", "revolute"]
 
-CHI3_MEDIAN = 1.5382  # median of the length of a standard normal 3-vector
-CAUCHY = (
-    3.0 * 2.385**2
-)  # 2.385: 95 % efficiency in one dimension (Holland and Welsch 1977); length^2 adds three
+CAUCHY = 3.0 * CAUCHY_95**2  # length^2 adds three coordinates
 SIGMA_MIN = 1e-5  # m; keeps weights finite on exact data
 
 
@@ -153,7 +151,7 @@ def residuals(
 
 def robust_weight(weight: Array, square: Array, sigma: float) -> Array:
     """Cauchy weights times the given ones."""
-    return np.asarray(weight / (1.0 + square / (CAUCHY * sigma**2)))
+    return cauchy(square, CAUCHY * sigma**2, weight)
 
 
 def noise_sigma(square: Array, weight: Array, unknowns: int) -> float:
@@ -163,4 +161,4 @@ def noise_sigma(square: Array, weight: Array, unknowns: int) -> float:
     if not count:
         return SIGMA_MIN
     spare = max(3 * count - unknowns, 3) / (3 * count)
-    return max(float(np.sqrt(np.median(square[seen]) / spare)) / CHI3_MEDIAN, SIGMA_MIN)
+    return max(float(np.sqrt(np.median(square[seen]) / spare)) / LENGTH3_MEDIAN, SIGMA_MIN)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.robust import geman_mcclure
 from twin.scene import Joint, Revolute
 
 # Chosen by us: a face is at least this many surfels, this flat (m, robust RMS) and this long across the axis (m); normals
@@ -81,7 +82,7 @@ def _line_angle(points: Array, normal_angle: float) -> float | None:
     normal = np.array([np.cos(normal_angle), np.sin(normal_angle)])
     offset = float(np.median(points @ normal))
     for scale in (0.03, 0.03, 0.015, 0.01, 0.006, 0.006, 0.006, 0.006):
-        weight = 1.0 / (1.0 + ((points @ normal - offset) / scale) ** 2) ** 2
+        weight = geman_mcclure(((points @ normal - offset) / scale) ** 2, 1.0)
         centre = (points * weight[:, None]).sum(axis=0) / weight.sum()
         d = points - centre
         _, vectors = np.linalg.eigh((d * weight[:, None]).T @ d)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from recon.refine.observations import Terms
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.robust import chi2_scale, geman_mcclure, mad_sigma
 from twin.scene import Joint, Revolute
 
 # Share of the range by which a part at rest may seem to move in a frame; chosen by us, ten times what good data leave.
@@ -60,8 +61,8 @@ def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:
         total = np.bincount(terms.term, weight * robust, count)
         mean = np.bincount(terms.term, weight * robust * value, count) / np.maximum(total, 1e-12)
         chi2 = ((value - mean[terms.term]) / terms.sigma) ** 2
-        scale2 = max(float(np.median(chi2)) / 0.455, 0.05) * 9.0  # 0.455 is the median of chi2 with one dof
-        robust = 1.0 / (1.0 + chi2 / scale2) ** 2
+        scale2 = max(chi2_scale(chi2, dof=1), 0.05) * 9.0
+        robust = geman_mcclure(chi2, scale2)
     return np.asarray(weight * robust / max(scale2 / 9.0, 1e-12)), np.asarray(mean)
 
 
@@ -72,7 +73,7 @@ def add_priors(
     within a fifth of the range from where they started, so that unseen frames at the ends don't run away."""
     n = len(state)
     second = np.diff(state, 2)
-    noise = 1.4826 * float(np.median(np.abs(second)))
+    noise = mad_sigma(second)
     spread = float(np.quantile(np.abs(second), 0.95)) if n > 2 else 0.0
     sigma = max(noise, spread, 1e-5)
     rows = np.zeros((n - 2, n))

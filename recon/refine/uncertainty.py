@@ -12,6 +12,7 @@ from recon.refine.solver import add_priors, linearise, reduced, robust_weights
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import Joint, JointSigma, Revolute
+from twin.robust import mad_sigma
 
 _BLOCK = 8  # frames whose errors count as one; about half a second, the time scale of head sway
 _DRIFT_SHARES = (0.74, 0.18, 0.08)  # of the cosines, which fall like a random walk's
@@ -58,7 +59,7 @@ def with_uncertainty(
     inlier = weight * terms.sigma**2 > 0.25 * np.median(weight * terms.sigma**2)
     rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0
     second = np.diff(state, 2)
-    noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
+    noise = mad_sigma(second) / np.sqrt(6.0)
     drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", pushed[:, d + 1 :], pushed[:, d + 1 :]))))
     covariance = 0.5 * (covariance + covariance.T)
     sigma = JointSigma.of(covariance, float(np.hypot(noise, drift)))

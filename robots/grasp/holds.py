@@ -18,6 +18,7 @@ from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.mesh import sample_surface
+from twin.robust import mad_sigma
 from twin.scene import ContactPath, Mesh
 
 _SAMPLES = 60_000
@@ -114,8 +115,7 @@ def dominant_plane(points: Array, normals: Array, contact: ContactPath) -> Plane
             normal = flat
         offset = float(np.median(facing[near] @ normal))
     near_heights = facing[np.abs(facing @ normal - offset) < 0.02] @ normal - offset
-    noise = float(1.4826 * np.median(np.abs(near_heights))) if len(near_heights) else 0.0
-    return Plane(normal, offset, noise)
+    return Plane(normal, offset, mad_sigma(near_heights))
 
 
 def _protruding(points: Array, plane: Plane, contact: ContactPath, spec: RobotSpec) -> list[Hold]:

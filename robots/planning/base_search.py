@@ -18,7 +18,6 @@ from robots.reasons import NoRoom, Reason, Reconfigures, Unreachable
 from robots.task import Task
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.mesh import sample_surface
 from twin.scene import Joint, Mesh, Revolute
 
 _WAYPOINTS = 8

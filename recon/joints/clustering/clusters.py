@@ -18,12 +18,13 @@ from recon.joints.clustering.line_arc import track_shapes
 from recon.joints.config import JointConfig
 from recon.joints.hypotheses import travel_and_noise
 from recon.joints.inliers import follows, predicted_travel, row_medians
-from recon.joints.observations import CHI3_MEDIAN, Kind, Model, Observations, residuals
+from recon.joints.observations import Kind, Model, Observations, residuals
 from recon.joints.sign_and_limits import orient
 from recon.joints.type_selection import decide
 from twin import geometry as geo
 from twin.errors import ConfigError, MissingDependencyError
 from twin.packages import to_install
+from twin.robust import LENGTH3_MEDIAN
 from twin.scene import Prismatic, Revolute
 
 
@@ -145,7 +146,7 @@ def _explained(obs: Observations, fit: TrackFit, noise: float, joints: JointConf
     """Tracks that need no joint of their own: they follow, or stay near one that does (a hand on the handle)."""
     sigma = max(fit.scale(noise, joints), joints.search_sigma)
     square, _, _ = residuals(obs, fit.bundle.model, sigma)
-    return np.asarray(np.sqrt(row_medians(square, obs.weight)) < joints.prune_sigmas * CHI3_MEDIAN * sigma)
+    return np.asarray(np.sqrt(row_medians(square, obs.weight)) < joints.prune_sigmas * LENGTH3_MEDIAN * sigma)
 
 
 def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit, joints: JointConfig) -> Cluster:

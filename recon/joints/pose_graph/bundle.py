@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from recon.joints.observations import Kind
 from recon.joints.pose_graph.screws import motion_jacobian, right_inverse, twist_of
-from recon.joints.pose_graph.solver import CHI6_MEDIAN
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import moved_axis
+from twin.robust import CAUCHY_95, cauchy, cauchy_loss, chi2_scale
 
 FLOOR = 1e-6  # m and rad: least noise, so that exact poses stay solvable
 # Noise of a marker or pose tracker, of one coordinate: its shape is assumed, its scale follows the data. One millimetre
 # weighs as much as one degree, which on real logged doors leaves neither the shifts nor the turns to explain the other.
 _NOISE, _NOISE_RAD = 0.002, float(np.radians(2.0))
-_CAUCHY = 6.0 * 2.385**2  # as for points, for six coordinates
+_CAUCHY = 6.0 * CAUCHY_95**2  # as for points, for six coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +97,12 @@ def _errors(T_world_part: Array, kind: Kind, axis: Array, pivot: Array, state: A
 
 
 def _cost(error: Array, sigma: float, sigma_rad: float) -> float:
-    return float(_CAUCHY * np.log1p(chi2(error, sigma, sigma_rad) / _CAUCHY).sum())
+    return float(_CAUCHY * cauchy_loss(chi2(error, sigma, sigma_rad), _CAUCHY).sum())
 
 
 def _noise(error: Array) -> tuple[float, float]:
     """sigma (m) and sigma_rad of one coordinate: the assumed shape, scaled to the median error."""
-    scale = float(np.sqrt(np.median(chi2(error, _NOISE, _NOISE_RAD)) / CHI6_MEDIAN))
+    scale = float(np.sqrt(chi2_scale(chi2(error, _NOISE, _NOISE_RAD), dof=6)))
     return max(_NOISE * scale, FLOOR), max(_NOISE_RAD * scale, FLOOR)
 
 
@@ -124,7 +124,7 @@ def _reduced(
     by_state = carry @ twist_of(kind, axis, pivot)
     jac = np.concatenate([by_joint, right], axis=2)
     scale = np.array([1.0 / sigma] * 3 + [1.0 / sigma_rad] * 3)
-    weight = 1.0 / (1.0 + chi2(error, sigma, sigma_rad) / _CAUCHY)
+    weight = cauchy(chi2(error, sigma, sigma_rad), _CAUCHY)
     jac = jac * (scale[:, None] * np.sqrt(weight)[:, None, None])
     js = by_state * scale * np.sqrt(weight)[:, None]
     r = error * scale * np.sqrt(weight)[:, None]

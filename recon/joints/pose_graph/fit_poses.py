@@ -17,11 +17,11 @@ from recon.joints.type_selection import TypeEvidence, decide, delta_bic, truncat
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array
+from twin.robust import cauchy, mad_sigma
 
 _DEFAULT = JointConfig()
 _LOOPS = 10  # loop closures a frame; more changed neither axis nor states on the measured graphs
 _GRAPH_POSES = 120  # poses that the graph uses; every pose takes part in the refinement (by us, for speed)
-_MAD = 1.4826  # standard deviation over median absolute deviation of a normal variable
 
 
 def fit_motion_poses(
@@ -88,9 +88,9 @@ def _fit(T_world_part: Array, kind: Kind, sigma: float, sigma_rad: float) -> Pos
     for _ in range(2):
         edges = edges_from_poses(poses, pairs, sigma, sigma_rad)
         graph = solve_pose_graph(edges, len(poses), kind, start=graph)
-        error = np.abs(edge_errors(edges, graph))
-        sigma = max(_MAD * float(np.median(error[:, :3])), FLOOR)
-        sigma_rad = max(_MAD * float(np.median(error[:, 3:])), FLOOR)
+        error = edge_errors(edges, graph)
+        sigma = max(mad_sigma(error[:, :3]), FLOOR)
+        sigma_rad = max(mad_sigma(error[:, 3:]), FLOOR)
     assert graph is not None
     xi = twist_of(kind, graph.axis, graph.pivot)
     rest = _robust_mean(poses @ geo.exp_se3(-graph.state[:, None] * xi))
@@ -109,7 +109,7 @@ def _robust_mean(poses: Array) -> Array:
         size = (shift / max(float(np.median(shift)), FLOOR)) ** 2 + (
             turn / max(float(np.median(turn)), FLOOR)
         ) ** 2
-        weight = 1.0 / (1.0 + size / 8.0)
+        weight = cauchy(size, 8.0)
         mean = mean @ geo.exp_se3((weight[:, None] * logs).sum(0) / weight.sum())
     return np.asarray(mean)
 

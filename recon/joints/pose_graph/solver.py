@@ -23,8 +23,8 @@ from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
 from twin.joint import moved_axis
+from twin.robust import cauchy, chi2_scale
 
-CHI6_MEDIAN = 5.348  # median of chi-square with 6 degrees of freedom
 _LENGTH = 0.3  # m, about half a door: how much rotation weighs against translation in the start alone
 
 
@@ -131,7 +131,7 @@ def closed_form_start(edges: PoseEdges, frames: int, kind: Kind, rounds: int = 1
         raise ReconstructionError("the part's poses do not turn", "fit a prismatic joint")
     xi = xi / norm
     distance = (x @ screw) * norm
-    state = _laplacian(edges, distance, 1.0 / (1.0 + (away / (2.0 * middle)) ** 2), frames)
+    state = _laplacian(edges, distance, cauchy((away / (2.0 * middle)) ** 2, 1.0), frames)
     axis = xi[:3] if kind == "prismatic" else xi[3:]
     pivot = np.zeros(3) if kind == "prismatic" else np.cross(axis, xi[:3])
     return PoseGraph(
@@ -248,7 +248,7 @@ def _objective(edges: PoseEdges, cost: Array, mu: float) -> float:
 
 def _scale(cost: Array) -> float:
     """Noise in units of the given one, by the median of f; floored so that exact data stay finite."""
-    return max(float(np.sqrt(np.median(cost) / CHI6_MEDIAN)), 1e-9)
+    return max(float(np.sqrt(chi2_scale(cost, dof=6))), 1e-9)
 
 
 def _system(edges: PoseEdges, graph: PoseGraph, scale: float, mu: float) -> tuple[Array, Array, float]:
