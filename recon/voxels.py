@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from recon.depth import F32
-
-_BITS = 21
-_OFFSET = 1 << (_BITS - 1)
-_STEPS = np.array([(x << (2 * _BITS)) + (y << _BITS) + z for x, y, z in product((-1, 0, 1), repeat=3)])
-
-
-def voxel_keys(points: F32, size: float) -> NDArray[np.int64]:
-    """One integer (n,) for the voxel of edge `size` m that holds each point (n, 3); good to a million voxels a side."""
-    c = np.floor(points / size).astype(np.int64) + _OFFSET
-    return np.asarray((c[:, 0] << (2 * _BITS)) | (c[:, 1] << _BITS) | c[:, 2])
+from twin.voxels import NEIGHBOURS, voxel_centres, voxel_keys, voxel_pieces
 
 
 def mean_evidence(
@@ -33,39 +21,17 @@ def mean_evidence(
     return (total / (n + prior)).astype(np.float32), n
 
 
-def voxel_centres(keys: NDArray[np.int64], size: float) -> F32:
-    """Centres (n, 3) of voxels; the inverse of `voxel_keys`."""
-    mask = (1 << _BITS) - 1
-    c = np.stack([keys >> (2 * _BITS), (keys >> _BITS) & mask, keys & mask], axis=1) - _OFFSET
-    return np.asarray((c + 0.5) * size, dtype=np.float32)
-
-
-def _pieces(keys: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Number of the 26-connected piece of each voxel (n,). keys: sorted unique."""
-    rows, cols = [], []
-    for step in _STEPS[_STEPS > 0]:
-        at = np.searchsorted(keys, keys + step)
-        at[at == len(keys)] = 0
-        hit = np.flatnonzero(keys[at] == keys + step)
-        rows.append(hit)
-        cols.append(at[hit])
-    r, c = np.concatenate(rows), np.concatenate(cols)
-    graph = coo_matrix((np.ones(len(r), np.int8), (r, c)), shape=(len(keys), len(keys)))
-    _, piece = connected_components(graph, directed=False)
-    return np.asarray(piece, dtype=np.intp)
-
-
 def largest_piece(keys: NDArray[np.int64], weight: F32) -> NDArray[np.bool_]:
     """Which voxels belong to the heaviest 26-connected piece. keys: sorted unique (n,); weight: (n,), positive."""
     if not len(keys):
         return np.zeros(0, bool)
-    piece = _pieces(keys)
+    piece = voxel_pieces(keys)
     return np.asarray(piece == np.argmax(np.bincount(piece, weights=weight)))
 
 
 def near_piece(keys: NDArray[np.int64], piece: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which of the voxels (n,) are in a piece (m,) or touch it by a face, an edge or a corner."""
-    return np.isin(keys, np.unique(piece[:, None] + _STEPS))
+    return np.isin(keys, np.unique(piece[:, None] + NEIGHBOURS))
 
 
 def solid_core(clouds: Sequence[F32], size: float, views: int = 3) -> F32:
@@ -80,7 +46,7 @@ def solid_core(clouds: Sequence[F32], size: float, views: int = 3) -> F32:
     keys = keys[n >= views]
     if not len(keys):
         return np.zeros((0, 3), np.float32)
-    piece = _pieces(keys)
+    piece = voxel_pieces(keys)
     return voxel_centres(keys[np.bincount(piece)[piece] > 1], size)
 
 

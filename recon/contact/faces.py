@@ -9,15 +9,12 @@ from scipy.spatial import cKDTree
 
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.handles import CONE, Face, outermost_face
 from twin.mesh import sample_surface
-from twin.robust import mad_sigma
 from twin.scene import Mesh
 
 SAMPLES = 40_000  # points on the mesh: some hundred on a bar that has one percent of a front's surface
-_CONE = np.cos(np.radians(20.0))  # normals of one flat face, noise included
 _LEAST_FACE = 0.04  # of the surface: smaller flat regions are no face
-_FILLED = 0.3  # share of the fullest layer that makes the outermost one a face: doubled fronts, inner walls
-_LAYER_M = 0.005  # thickness of a layer, the voxel of a fused part
 _BESIDE_M = 0.04  # how far beside a face a hand may be that holds something on it
 _BEHIND_M = 0.012  # how far behind a face a hand around its edge may be
 
@@ -30,16 +27,6 @@ class Surface:
     normals: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Face:
-    """A flat face: normal (3,) towards the hand, normal @ x == offset on it, its points (n, 3), spread in m."""
-
-    normal: Array
-    offset: float
-    points: Array
-    noise: float
-
-
 def sample(mesh: Mesh, count: int = SAMPLES) -> Surface:
     """Sample a mesh evenly by area; the same for the same mesh."""
     return Surface(*sample_surface(mesh, count, np.random.default_rng(0)))
@@ -49,7 +36,7 @@ def outer_faces(surface: Surface) -> list[Face]:
     """The outermost flat face to either side of every direction in which much of the surface lies, largest first."""
     found = []
     for direction in _directions(surface.normals):
-        flat = surface.points[np.abs(surface.normals @ direction) > _CONE]
+        flat = surface.points[np.abs(surface.normals @ direction) > CONE]
         found += [outermost_face(flat, direction), outermost_face(flat, -direction)]
     return sorted(found, key=lambda f: -len(f.points))
 
@@ -73,32 +60,11 @@ def _directions(normals: Array) -> list[Array]:
     found: list[Array] = []
     while len(left) >= _LEAST_FACE * len(normals) and len(found) < 6:
         tries = left[rng.choice(len(left), min(100, len(left)), replace=False)]
-        seed = tries[int(np.argmax((np.abs(tries @ left.T) > _CONE).sum(axis=1)))]
-        close = np.abs(left @ seed) > _CONE
+        seed = tries[int(np.argmax((np.abs(tries @ left.T) > CONE).sum(axis=1)))]
+        close = np.abs(left @ seed) > CONE
         if close.sum() < _LEAST_FACE * len(normals):
             break
         signed = left[close] * np.sign(left[close] @ seed)[:, None]
         found.append(geo.unit(signed.mean(axis=0)))
         left = left[~close]
     return found
-
-
-def outermost_face(flat: Array, normal: Array) -> Face:
-    """The outermost well-filled layer of points (n, 3) along a normal, its plane fitted."""
-    height = flat @ normal
-    edges = np.arange(height.min() - _LAYER_M, height.max() + 2 * _LAYER_M, _LAYER_M)
-    filled = np.convolve(np.histogram(height, edges)[0], np.ones(3), mode="same")
-    k = int(np.flatnonzero(filled >= _FILLED * filled.max())[-1])
-    peak = max(range(max(k - 1, 0), k + 1), key=lambda i: filled[i])
-    offset = float(edges[peak] + 0.5 * _LAYER_M)
-    for _ in range(3):
-        near = np.abs(flat @ normal - offset) < 2 * _LAYER_M
-        centre = flat[near].mean(axis=0)
-        _, vectors = np.linalg.eigh(np.cov((flat[near] - centre).T))
-        fitted = vectors[:, 0] * np.sign(vectors[:, 0] @ normal)
-        if fitted @ normal > _CONE:
-            normal = fitted
-        offset = float(np.median(flat[near] @ normal))
-    height = flat @ normal - offset
-    near = np.abs(height) < 2 * _LAYER_M
-    return Face(normal, offset, flat[near], mad_sigma(height[near]))

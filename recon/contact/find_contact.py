@@ -21,11 +21,11 @@ from recon.contact.faces import Surface, sample
 from recon.contact.handles import Handle, around_edge, find_edge, find_handle, unseen_handle
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
-from recon.voxels import voxel_keys
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.geometry import Array
 from twin.scene import HAND_LABEL, ContactPath, Mesh, Trajectory
+from twin.voxels import voxel_keys
 
 _BEYOND_M = 0.15  # a hand farther from the part than this does not hold it
 

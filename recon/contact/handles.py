@@ -8,20 +8,26 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from recon.contact.faces import Face, Surface, faces_before, outermost_face
-from recon.voxels import largest_piece, voxel_keys
+from recon.contact.faces import Surface, faces_before
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.handles import (
+    CELL,
+    STANDS_OFF,
+    Face,
+    frame_of,
+    is_bar,
+    long_side,
+    outermost_face,
+    pieces_of,
+    upright,
+)
 from twin.scene import Joint, Revolute
 
-_STANDS_OFF_M = 0.012  # what stands off less is noise or moulding; about half of a slim bar's clearance
-_TALLEST_M = 0.13  # no handle stands off more; less than a hand reaches around it
 _AROUND_M = 0.12  # a fist is some 10 cm wide
 _HALF_FIST_M = 0.05
 _INTO_FIST_M = 0.02  # a finger's thickness
 _GUESSED_WIDTH_M = 0.02
-_CELL_M = 0.012  # surface points closer than this are one piece
-_ELONGATED = 1.6  # length over width from which a handle is a bar
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +79,10 @@ def find_handle(surface: Surface, touch: Array, joint: Joint) -> Handle | None:
     """
     hand = np.median(touch, axis=0)
     for face in faces_before(surface, hand):
-        height = surface.points @ face.normal - face.offset
-        off = height > max(_STANDS_OFF_M, 3.0 * face.noise)
+        off = face.stands_off(surface.points)
         around = off & (np.linalg.norm(surface.points - hand, axis=1) < _AROUND_M)
         piece = _held_piece(surface.points[around], touch)
-        # What rises farther is the part itself, seen from a narrow face such as a door's edge.
-        if piece is not None and (piece @ face.normal - face.offset).max() < _TALLEST_M:
+        if piece is not None and face.low_enough(piece):
             return _describe(piece, surface.points[off], face, hand, joint)
     return None
 
@@ -87,11 +91,10 @@ def _held_piece(points: Array, touch: Array) -> Array | None:
     """The connected points (n, 3) that the hand touches most."""
     if len(points) < 30:
         return None
-    keys = voxel_keys(points.astype(np.float32), _CELL_M)
-    cells, inverse = np.unique(keys, return_inverse=True)
-    middle = np.stack([np.bincount(inverse, c) / np.bincount(inverse) for c in points.T], axis=1)
-    near = np.exp(-((cKDTree(touch).query(middle)[0] / 0.03) ** 2))  # a finger is some 2 cm thick
-    piece = points[largest_piece(cells, near + 1e-6)[inverse]]
+    pieces = pieces_of(points)
+    near = np.exp(-((cKDTree(touch).query(pieces.middle)[0] / 0.03) ** 2))  # a finger is some 2 cm thick
+    held = int(np.argmax(np.bincount(pieces.piece, near + 1e-6)))
+    piece = points[pieces.of_points == held]
     touching = cKDTree(touch).query(piece)[0].min() < 0.04
     return piece if len(piece) >= 30 and touching else None
 
@@ -103,38 +106,26 @@ def _describe(piece: Array, off: Array, face: Face, hand: Array, joint: Joint) -
     (n, 3) that stand off the face.
     """
     normal = face.normal
-    top = float(np.quantile(piece @ normal - face.offset, 0.97))
-    shape = piece[piece @ normal - face.offset > 0.5 * top]
-    along, length, width = _long_side(shape, normal)
+    shape, top = face.outer_half(piece)
+    along, length, width = long_side(shape, normal)
     away = hand - shape.mean(axis=0)
     away -= (away @ normal) * normal
     if length < _HALF_FIST_M and np.linalg.norm(away) > _HALF_FIST_M:
         # The fist is not about this piece: it is what the hand left to see of a bar that leads to the hand.
         along = geo.unit(away)
-        rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+        rotation = frame_of(along, normal)
         return _section(shape, rotation, float(hand @ along), "bar")
-    if length <= _ELONGATED * width:
-        along = upright(normal, joint)
-        rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+    if not is_bar(length, width):
+        along = upright(normal, _hinge(joint))
+        rotation = frame_of(along, normal)
         return _section(shape, rotation, float(np.mean(np.quantile(shape @ along, [0.02, 0.98]))), "knob")
     side = np.cross(along, normal)
-    aside = np.abs((off - np.median(shape, axis=0)) @ side) < 0.5 * width + 0.5 * _CELL_M
-    height = off @ normal - face.offset
-    shape = off[aside & (height > 0.5 * top) & (height < top + _CELL_M)]
-    along, _, _ = _long_side(shape, normal)
-    rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+    aside = np.abs((off - np.median(shape, axis=0)) @ side) < 0.5 * width + 0.5 * CELL
+    height = face.height(off)
+    shape = off[aside & (height > 0.5 * top) & (height < top + CELL)]
+    along, _, _ = long_side(shape, normal)
+    rotation = frame_of(along, normal)
     return _section(shape, rotation, float(hand @ along), "bar")
-
-
-def _long_side(points: Array, normal: Array) -> tuple[Array, float, float]:
-    """Direction (3,) across the normal in which points (n, 3) reach farthest, their length in it and their width."""
-    flat = points - np.outer(points @ normal, normal)
-    _, vectors = np.linalg.eigh(np.cov(flat.T))
-    along = geo.unit(vectors[:, 2] - normal * (vectors[:, 2] @ normal))
-    length, width = (
-        float(np.ptp(np.quantile(points @ d, [0.02, 0.98]))) for d in (along, np.cross(along, normal))
-    )
-    return along, length, width
 
 
 def _section(shape: Array, rotation: Array, at: float, kind: Literal["bar", "knob"]) -> Handle:
@@ -157,14 +148,8 @@ def _section(shape: Array, rotation: Array, at: float, kind: Literal["bar", "kno
     return Handle(kind, centre, rotation, float(c1 - c0), depth, low - at, high - at, shape)
 
 
-def upright(normal: Array, joint: Joint) -> Array:
-    """Direction (3,) across a normal along which a hand would hold a knob: the hinge's, else nearest to vertical."""
-    options = [joint.axis] if isinstance(joint, Revolute) else []
-    for option in (*options, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])):
-        flat = option - (option @ normal) * normal
-        if np.linalg.norm(flat) > 0.5:
-            return geo.unit(flat)
-    return geo.orthogonal_basis(normal)[:, 0]
+def _hinge(joint: Joint) -> Array | None:
+    return joint.axis if isinstance(joint, Revolute) else None
 
 
 def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
@@ -183,7 +168,7 @@ def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
     inward = around.mean(axis=0) - nearest
     inward -= (inward @ face.normal) * face.normal
     if np.linalg.norm(inward) < 1e-6:
-        inward = upright(face.normal, joint)
+        inward = upright(face.normal, _hinge(joint))
     out = -geo.unit(inward)
     along = np.cross(out, face.normal)
     reach = float(np.quantile(around @ out, 0.99))
@@ -201,7 +186,7 @@ def around_edge(edge: Handle, touch: Array) -> bool:
     """Whether the hand's surface (n, 3) reaches over the edge or lies on the panel, and not clear in front of it."""
     local = (touch - edge.centre) @ edge.rotation
     over = np.mean(local[:, 2] > edge.depth)
-    return bool(over > 0.25 or np.median(local[:, 0]) < 0.5 * edge.width + _STANDS_OFF_M)
+    return bool(over > 0.25 or np.median(local[:, 0]) < 0.5 * edge.width + STANDS_OFF)
 
 
 def unseen_handle(edge: Handle, touch: Array, eye: Array, joint: Joint) -> Handle:
@@ -211,8 +196,8 @@ def unseen_handle(edge: Handle, touch: Array, eye: Array, joint: Joint) -> Handl
     """
     normal = edge.rotation[:, 0]
     hand = np.median(touch, axis=0)
-    along = upright(normal, joint)
-    rotation = np.stack([np.cross(along, normal), along, normal], axis=1)
+    along = upright(normal, _hinge(joint))
+    rotation = frame_of(along, normal)
     centre = hand + _INTO_FIST_M * geo.unit(hand - eye)
     half = _HALF_FIST_M
     return Handle("unseen handle", centre, rotation, _GUESSED_WIDTH_M, 0.0, -half, half, touch)

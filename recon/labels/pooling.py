@@ -14,10 +14,11 @@ from recon.depth import F32, depth_sigma
 from recon.labels.reference_frames import View
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics
-from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core, voxel_keys
+from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Trajectory
+from twin.voxels import voxel_keys
 
 # Chosen by us and the same for every recording.
 _VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0

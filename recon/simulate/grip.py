@@ -12,9 +12,11 @@ from recon.simulate.ray_caster import Caster
 from recon.simulate.surfaces import Surface, merged_mesh
 from twin.errors import InputError, nearest_name
 from twin.geometry import Array, unit
+from twin.handles import STANDS_OFF, is_bar, long_side, upright
+from twin.mesh import sample_surface
+from twin.scene import Mesh
 
 GRID = 48  # rays per side that look at the part from each direction
-PROTRUDES = 0.012  # metres in front of the part's face that make a handle (chosen by us)
 LAYER = 0.016  # metres of the outermost layer that holds the bar, not its posts
 SAMPLES = 6000
 
@@ -42,7 +44,7 @@ def find_grasp(scene: Articulation, handle: str | None, rng: np.random.Generator
     """Find the grip of the scene's part.
 
     The part is looked at from the directions its large faces point to, in the furniture as it stands closed; what
-    lies more than PROTRUDES in front of the face that is seen is the handle. Parts without one are held at the
+    lies more than STANDS_OFF in front of the face that is seen is the handle. Parts without one are held at the
     edge that moves most.
 
     Raises:
@@ -120,20 +122,16 @@ def _handle(scene: Articulation, outward: Array, face: float, rng: np.random.Gen
     part = merged_mesh(list(scene.part))
     points = np.asarray(part.vertices)
     height = points @ outward
-    if height.max() <= face + PROTRUDES:
+    if height.max() <= face + STANDS_OFF:
         return None
     bar = points[height > height.max() - LAYER]
     if len(bar) < 8:  # too few vertices to show the shape
-        samples, _ = trimesh.sample.sample_surface(part, SAMPLES, seed=int(rng.integers(2**31)))
+        samples, _ = sample_surface(Mesh(part.vertices, part.faces), SAMPLES, rng)
         bar = np.concatenate([bar, samples[samples @ outward > height.max() - LAYER]])
-    centre = 0.5 * (bar.min(axis=0) + bar.max(axis=0))
-    flat = (bar - centre) - np.outer((bar - centre) @ outward, outward)
-    _, _, axes = np.linalg.svd(flat, full_matrices=False)
-    along, across = axes[0], unit(np.cross(outward, axes[0]))
-    length, width = float(np.ptp(bar @ along)), float(np.ptp(bar @ across))
-    if length < 1.6 * width:  # a knob: held as a vertical bar where that is possible
-        along = _upright(outward)
-        across = unit(np.cross(outward, along))
+    along, length, width = long_side(bar, outward, outliers=0.0)
+    if not is_bar(length, width):  # a knob: held as a vertical bar where that is possible
+        along = upright(outward)
+    across = unit(np.cross(outward, along))
     shift = float(rng.uniform(-0.12, 0.12)) * max(0.0, length - 0.10)
     point = (_middle(bar, along) + shift) * along + _middle(bar, across) * across
     axis_height = _axis_height(part, point, outward, face, float(height.max()))
@@ -154,12 +152,6 @@ def _axis_height(part: trimesh.Trimesh, foot: Array, outward: Array, face: float
     met = float(caster.first(ray).t[0])
     inner = behind + met if np.isfinite(met) and behind + met < top - 1e-4 else top - LAYER
     return 0.5 * (inner + top)
-
-
-def _upright(outward: Array) -> Array:
-    """The direction across `outward` nearest to up (or to the world's x for a horizontal face)."""
-    base = np.array([0.0, 0.0, 1.0]) if abs(outward[2]) < 0.8 else np.array([1.0, 0.0, 0.0])
-    return unit(base - (base @ outward) * outward)
 
 
 def _edge(scene: Articulation, view: tuple[Array, float]) -> Grasp:
@@ -187,7 +179,7 @@ def _named(scene: Articulation, name: str, view: tuple[Array, float]) -> Grasp:
     geoms: dict[str, Surface] = {s.name: s for s in scene.part}
     outward = view[0]
     if name in scene.sites:
-        along = _upright(outward)
+        along = upright(outward)
         return Grasp(scene.sites[name], along, outward, 0.02, name)
     if name not in geoms:
         there = sorted([*geoms, *scene.sites])

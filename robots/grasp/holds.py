@@ -11,24 +11,20 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.handles import Face, frame_of, is_bar, long_side, outermost_face, split
 from twin.mesh import sample_surface
-from twin.robust import mad_sigma
 from twin.scene import ContactPath, Mesh
 
 _SAMPLES = 60_000
 _NEAR = 0.08  # m; a handle farther from the contact than this is another handle: 3 cm error plus the fist
-_CELL = 0.012  # m; protruding points closer than this belong together, above the voxel of a fused mesh
-_MIN_HEIGHT = 0.010  # m above the plane: twice the 5 mm noise of a fused mesh
-_MAX_HEIGHT = 0.15  # what stands out farther is a wall of the part, such as a drawer's front seen from above
 _PINCH = 0.03  # m of a rim between the fingers and behind them: a fingertip is 2 cm long
 _SIDE = 0.06  # m to either side of a contact within which a rim is looked for
-_ELONGATED = 1.8  # length over width from which a handle is a bar
+_CRUMB = 20  # points; fewer are noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +46,6 @@ class Hold:
     refined: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
-    """normal @ x == offset; noise: robust spread of the surface about it (m)."""
-
-    normal: Array
-    offset: float
-    noise: float
-
-
 def find_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0) -> list[Hold]:
     """Ways to hold a part near a contact, best first. Never empty: the contact itself is the last resort.
 
@@ -70,10 +57,10 @@ def find_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0)
     points, normals = sample_surface(mesh, _SAMPLES, np.random.default_rng(seed))
     holds: list[Hold] = []
     if len(points):
-        plane = dominant_plane(points, normals, contact)
-        holds = _protruding(points, plane, contact, spec)
+        face = dominant_face(points, normals, contact)
+        holds = _protruding(points, face, contact, spec)
         if not holds:
-            holds = _edges(points, plane, contact)
+            holds = _edges(points, face.normal, contact)
         widest = spec.stroke - 0.004
         holds = [h for h in holds if h.thickness <= widest]
     stand_off = 0.02
@@ -83,7 +70,7 @@ def find_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0)
     return holds or [raw]
 
 
-def dominant_plane(points: Array, normals: Array, contact: ContactPath) -> Plane:
+def dominant_face(points: Array, normals: Array, contact: ContactPath) -> Face:
     """The large flat face in front of which the contact lies.
 
     Its normal is the mean of the normals that agree with the contact's outward direction, sharpened twice; its height
@@ -96,81 +83,35 @@ def dominant_plane(points: Array, normals: Array, contact: ContactPath) -> Plane
             break
         normal = geo.unit(normals[close].mean(axis=0))
     facing = points[normals @ normal > 0.75]
-    if len(facing) < 50:
-        facing = points
-    height = facing @ normal
-    edges = np.arange(height.min() - 0.01, height.max() + 0.015, 0.005)
-    filled = np.convolve(np.histogram(height, edges)[0], np.ones(3), mode="same")
-    k = int(np.flatnonzero(filled >= 0.4 * filled.max())[-1])
-    peak = max(range(max(k - 4, 0), k + 1), key=lambda i: filled[i])
-    offset = float(edges[peak] + 0.0025)
-    for _ in range(3):
-        near = np.abs(facing @ normal - offset) < 0.012
-        if np.count_nonzero(near) < 50:
-            break
-        centre = facing[near].mean(axis=0)
-        _, vectors = np.linalg.eigh(np.cov((facing[near] - centre).T))
-        flat = vectors[:, 0] * np.sign(vectors[:, 0] @ normal)
-        if flat @ normal > np.cos(np.deg2rad(10)):
-            normal = flat
-        offset = float(np.median(facing[near] @ normal))
-    near_heights = facing[np.abs(facing @ normal - offset) < 0.02] @ normal - offset
-    return Plane(normal, offset, mad_sigma(near_heights))
+    return outermost_face(facing if len(facing) >= 50 else points, normal, one_sided=len(facing) >= 50)
 
 
-def _protruding(points: Array, plane: Plane, contact: ContactPath, spec: RobotSpec) -> list[Hold]:
-    height = points @ plane.normal - plane.offset
-    floor = max(_MIN_HEIGHT, 3.0 * plane.noise)
-    cluster = _nearest_cluster(points[height > floor], contact.point)
-    if cluster is None or float(np.quantile(cluster @ plane.normal, 0.99)) - plane.offset > _MAX_HEIGHT:
+def protruding(points: Array, face: Face) -> list[Array]:
+    """What stands off a face: connected groups of its points, each (n, 3) and 1 cm across or more."""
+    groups = split(points[face.stands_off(points)])
+    return [g for g in groups if len(g) >= _CRUMB and np.ptp(g, axis=0).max() >= 0.01]
+
+
+def _protruding(points: Array, face: Face, contact: ContactPath, spec: RobotSpec) -> list[Hold]:
+    groups = [
+        (float(cKDTree(g).query(contact.point)[0]), k, g) for k, g in enumerate(protruding(points, face))
+    ]
+    distance, _, nearest = min(groups, default=(np.inf, 0, points), key=lambda row: row[:2])
+    if distance > _NEAR or not face.low_enough(nearest):
         return []
-    basis = _plane_basis(cluster, plane.normal, contact)
-    local = (cluster - contact.point) @ basis  # closing, along, out
-    top = float(np.quantile(local[:, 2], 0.97))
-    base = float(plane.offset - contact.point @ plane.normal)
-    outer = local[local[:, 2] > base + 0.5 * (top - base)]
-    extent = np.quantile(outer[:, :2], 0.98, axis=0) - np.quantile(outer[:, :2], 0.02, axis=0)
-    if extent[1] > _ELONGATED * extent[0] or extent[1] > spec.stroke:
-        return [_bar(local, outer, basis, base, contact)]
-    return _knobs(outer, basis, base, top, contact)
-
-
-def clusters(points: Array) -> list[Array]:
-    """Connected groups of points, each (n, 3) with at least 20 points and 1 cm across."""
-    if len(points) < 20:
-        return []
-    cells = np.floor((points - points.min(axis=0)) / _CELL).astype(int)
-    grid = np.zeros(cells.max(axis=0) + 1, dtype=bool)
-    grid[tuple(cells.T)] = True
-    label, count = ndimage.label(grid, structure=np.ones((3, 3, 3)))
-    group = label[tuple(cells.T)]
-    found = [points[group == g] for g in range(1, count + 1)]
-    return [m for m in found if len(m) >= 20 and np.ptp(m, axis=0).max() >= 0.01]
-
-
-def _nearest_cluster(points: Array, near: Array) -> Array | None:
-    """The connected group of points nearest to `near`, None when it is too far or too small."""
-    best, best_cost = None, np.inf
-    for members in clusters(points):
-        distance = float(cKDTree(members).query(near)[0])
-        if distance < min(_NEAR, best_cost):
-            best, best_cost = members, distance
-    return best
-
-
-def _plane_basis(cluster: Array, normal: Array, contact: ContactPath) -> Array:
-    """Closing direction, along the cluster, out of the plane, as columns."""
-    flat = cluster - cluster.mean(axis=0)
-    flat = flat - np.outer(flat @ normal, normal)
-    _, vectors = np.linalg.eigh(flat.T @ flat)
-    along = geo.unit(vectors[:, 2] - normal * (vectors[:, 2] @ normal))
-    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(flat.T @ flat), 0))
-    told = contact.rotation[:, 1] - normal * (contact.rotation[:, 1] @ normal)
-    if spread[2] < 1.5 * spread[1] and np.linalg.norm(told) > 0.3:
+    outer, top = face.outer_half(nearest)
+    along, length, width = long_side(outer, face.normal)
+    told = contact.rotation[:, 1] - face.normal * (contact.rotation[:, 1] @ face.normal)
+    if not is_bar(length, width) and np.linalg.norm(told) > 0.3:
         along = geo.unit(told)  # no long side of its own: the hand's direction decides
     if along @ contact.rotation[:, 1] < 0:
         along = -along
-    return np.stack([np.cross(along, normal), along, normal], axis=1)
+    basis = frame_of(along, face.normal)
+    base = -float(face.height(contact.point))
+    outer = (outer - contact.point) @ basis  # closing, along, out
+    if is_bar(length, width) or length > spec.stroke:
+        return [_bar((nearest - contact.point) @ basis, outer, basis, base, contact)]
+    return _knobs(outer, basis, base, base + top, contact)
 
 
 def _bar(local: Array, outer: Array, basis: Array, base: float, contact: ContactPath) -> Hold:
@@ -224,15 +165,12 @@ def _knobs(outer: Array, basis: Array, base: float, top: float, contact: Contact
     return sorted(holds, key=lambda h: h.thickness)
 
 
-def _edges(points: Array, plane: Plane, contact: ContactPath) -> list[Hold]:
+def _edges(points: Array, normal: Array, contact: ContactPath) -> list[Hold]:
     """Rims that the fingers can pinch: as the hand held it, then the borders of the dominant face, nearest first."""
-    told = contact.rotation[:, 1] - plane.normal * (contact.rotation[:, 1] @ plane.normal)
-    along = geo.unit(told) if np.linalg.norm(told) > 0.3 else geo.orthogonal_basis(plane.normal)[:, 0]
-    side = np.cross(along, plane.normal)
-    borders = [
-        np.stack([plane.normal, np.cross(out, plane.normal), out], axis=1)
-        for out in (side, -side, along, -along)
-    ]
+    told = contact.rotation[:, 1] - normal * (contact.rotation[:, 1] @ normal)
+    along = geo.unit(told) if np.linalg.norm(told) > 0.3 else geo.orthogonal_basis(normal)[:, 0]
+    side = np.cross(along, normal)
+    borders = [np.stack([normal, np.cross(out, normal), out], axis=1) for out in (side, -side, along, -along)]
     found = [_rim(points, rotation, contact.point) for rotation in (contact.rotation, *borders)]
     holds = [h for h in found[1:] if h is not None]
     holds.sort(key=lambda h: float(np.linalg.norm(h.centre - contact.point)))

@@ -7,19 +7,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robots.grasp.holds import Hold, clusters, dominant_plane, find_holds
+from robots.grasp.holds import Hold, dominant_face, find_holds, protruding
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.contacts import allowed, contact_off, distance_to
 from twin.errors import InputError
 from twin.geometry import Array
+from twin.handles import frame_of
 from twin.mesh import sample_surface
 from twin.scene import ContactPath, Part, Revolute, Twin
 
 _LOG = logging.getLogger(__name__)
 _SAMPLES = 30_000
 _FRONT = 0.05  # share of a slider's surface that must face its way for it to be a drawer's front
-_HEIGHTS = (0.010, 0.15)  # m above the face, as for a handle near a contact
 _ASIDE = 0.06  # m between places on the same handle that are worth trying, a finger and a half (chosen by us)
 _TRIED = 4  # handles or rims of one part
 _THINNEST = 0.003  # m; what protrudes and is thinner is a flake of a fused mesh, no handle
@@ -124,26 +124,24 @@ def outward(twin: Twin, part: Part, points: Array, normals: Array) -> Array:
 def _handles(part: Part, points: Array, normals: Array, out: Array) -> Iterator[ContactPath]:
     """A contact on each thing that protrudes from the face."""
     face = _contact(points.mean(axis=0), _along(part, out), out)
-    plane = dominant_plane(points, normals, face)
-    height = points @ plane.normal - plane.offset
-    low = max(_HEIGHTS[0], 3.0 * plane.noise)
-    groups = clusters(points[(height > low) & (height < _HEIGHTS[1])])
-    middles = sorted((np.median(g, axis=0) for g in groups), key=lambda p: -_leverage(part, points, p))
+    front = dominant_face(points, normals, face)
+    low = [g for g in protruding(points, front) if front.low_enough(g)]
+    middles = sorted((np.median(g, axis=0) for g in low), key=lambda p: -_leverage(part, points, p))
     for middle in middles[:_TRIED]:
-        yield _contact(middle, face.rotation[:, 1], plane.normal)
+        yield _contact(middle, face.rotation[:, 1], front.normal)
 
 
 def _rims(part: Part, points: Array, normals: Array, out: Array) -> Iterator[ContactPath]:
     """A contact on the middle of each border of the face, the one with most leverage first, none at the hinge."""
     along = _along(part, out)
     face = _contact(points.mean(axis=0), along, out)
-    plane = dominant_plane(points, normals, face)
-    flat = points[np.abs(points @ plane.normal - plane.offset) < max(_HEIGHTS[0], 3.0 * plane.noise)]
+    front = dominant_face(points, normals, face)
+    flat = points[np.abs(front.height(points)) < front.skin]
     if len(flat) < 50:
         return
-    along = geo.unit(along - plane.normal * (along @ plane.normal))
+    along = geo.unit(along - front.normal * (along @ front.normal))
     rims = []
-    for way, rim in ((np.cross(along, plane.normal), along), (along, np.cross(plane.normal, along))):
+    for way, rim in ((np.cross(along, front.normal), along), (along, np.cross(front.normal, along))):
         for sign in (1.0, -1.0):
             reach, across = flat @ way * sign, flat @ rim
             middle = np.abs(across - np.median(across)) < 0.03
@@ -193,8 +191,7 @@ def _at_point(twin: Twin, part: Part, point: Array) -> ContactPath:
 
 def _contact(point: Array, along: Array, out: Array) -> ContactPath:
     along = geo.unit(along - out * (along @ out))
-    rotation = np.stack([np.cross(along, out), along, out], axis=1)
-    return ContactPath(point, rotation, 0.02, (), _SOURCE)
+    return ContactPath(point, frame_of(along, out), 0.02, (), _SOURCE)
 
 
 def _text(point: Array) -> str:

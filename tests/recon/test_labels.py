@@ -19,11 +19,12 @@ from recon.labels.reference_frames import View, find_references
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.recording import Recording
-from recon.voxels import in_hull, largest_piece, near_piece, solid_core, voxel_centres, voxel_keys
+from recon.voxels import in_hull, largest_piece, near_piece, solid_core
 from tests.recon.tiny import write_recording
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
 from twin.scene import HAND_LABEL, Motion, Trajectory
+from twin.voxels import voxel_centres, voxel_keys
 
 Scene = tuple[Recording, Truth, tuple[MovingPart, ...]]
 
