@@ -16,8 +16,8 @@ import pytest
 import recon
 import recon.simulate
 from recon import Frame, Intrinsics, Recording, open_recording, pipeline
+from recon.assemble import say_where
 from recon.models.joint_hint import PrecomputedJointHint
-from recon.pipeline import _say_where
 from tests.recon.tiny import FRAMES, HEIGHT, WIDTH, cameras, write_poses, write_recording
 from twin import geometry as geo
 from twin.errors import InputError
@@ -399,9 +399,9 @@ def test_a_recording_in_memory_is_not_taken_for_a_file_of_its_name(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arrays").mkdir()  # what the recording in memory is called
     update_manifest(tmp_path, note="a run")
-    _say_where(made(), tmp_path)
+    say_where(made(), tmp_path)
     assert "recording" not in read_json(tmp_path / MANIFEST)
-    _say_where(open_recording(folder), tmp_path)
+    say_where(open_recording(folder), tmp_path)
     assert (tmp_path / read_json(tmp_path / MANIFEST)["recording"]).resolve() == folder.resolve()
 
 
