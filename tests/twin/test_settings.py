@@ -1,26 +1,47 @@
-"""Configuration: what is written is read back, and what is wrong is named."""
+"""Configuration: what is written is read back, what is wrong is named, and what settings were called before is understood."""
 
 from __future__ import annotations
 
+import math
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
+import numpy as np
 import pytest
 
 from twin.errors import ConfigError
-from twin.runs.settings import as_dict, from_dict, load_config, to_toml
+from twin.runs.setting import Former, Left, Settings, group, setting
+from twin.runs.settings import SettingWarning, as_dict, from_dict, load_config, to_toml
 
 
 @dataclass(frozen=True)
-class Inner:
-    window: int = 5
-    scale: float = 0.5
-    mode: Literal["fast", "exact"] = "fast"
+class Inner(Settings):
+    window: int = setting(5, "that is compared", unit="frames", at_least=1)
+    scale: float = setting(0.5, "of everything", unit="", above=0, below=1e6)
+    mode: Literal["fast", "exact"] = setting("fast", "how")
+
+    FORMERLY: ClassVar[Former] = {"rounds": Left(3), "size": "window"}
+
+
+@dataclass(frozen=True)
+class Span(Settings):
+    """A condition between two fields, a tuple with elements in a range, infinity."""
+
+    low: float = setting(0.0, "one end", unit="m", at_least=0)
+    high: float = setting(1.0, "the other", unit="m", at_least=0, infinite=True)
+    gates: tuple[float, ...] = setting((1.0,), "each round's", unit="m", above=0, least=1)
+    name: str = setting("a", "what it is called")
+    perhaps: int | None = setting(None, "none: as it comes", unit="", at_least=2)
+    inner: Inner = group(Inner, "more")
+
+    FORMERLY: ClassVar[Former] = {"core": "inner", "inner.ends": "gates"}
 
     def __post_init__(self) -> None:
-        if self.window < 1:
-            raise ConfigError(f"inner.window = {self.window} is not allowed", "use 1 or more")
+        super().__post_init__()
+        if self.low > self.high:
+            raise self.refused("low", "not exceed high")
 
 
 @dataclass(frozen=True)
@@ -63,13 +84,13 @@ def test_whole_numbers_are_numbers() -> None:
     ("text", "words"),
     [
         ("[iner]\nwindow = 1", ["unknown key 'iner'", "did you mean 'inner'"]),
-        ("[inner]\nwindw = 1", ["inner: unknown key 'windw'", "did you mean 'window'"]),
+        ("[inner]\nwindw = 1", ["unknown key 'inner.windw'", "did you mean 'inner.window'"]),
         ("zzz = 1", ["unknown key 'zzz'", "known keys: inner"]),
-        ("[inner]\nwindow = 1.5", ["inner: window = 1.5", "whole number"]),
+        ("[inner]\nwindow = 1.5", ["inner.window = 1.5", "whole number"]),
         ("[inner]\nwindow = true", ["whole number"]),
         ("[inner]\nscale = 'x'", ["a number"]),
         ("[inner]\nmode = 'slow'", ["'slow'", "'fast', 'exact'"]),
-        ("[inner]\nwindow = 0", ["inner.window = 0", "1 or more"]),
+        ("[inner]\nwindow = 0", ["c.toml: inner.window = 0 must be at least 1 frame; the default is 5"]),
         ("inner = 3", ["must be a table"]),
         ("size = [1]", ["must hold 2 values, got 1"]),
         ("names = ['a', 2]", ["names[1] = 2", "a text"]),
@@ -90,3 +111,73 @@ def test_errors_name_key_value_and_remedy(text: str, words: list[str], tmp_path:
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.toml does not exist"):
         load_config(Outer, tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "line"),
+    [
+        ({"low": -0.5}, "Span.low = -0.5 must be at least 0 m; the default is 0.0"),
+        ({"low": math.nan}, "Span.low = nan must be at least 0 m; the default is 0.0"),
+        ({"low": math.inf}, "Span.low = inf must be at least 0 m; the default is 0.0"),
+        ({"low": True}, "Span.low = True must be a number; the default is 0.0"),
+        ({"low": np.float32(-1)}, "Span.low = -1.0 must be at least 0 m; the default is 0.0"),
+        ({"low": 10**400}, "Span.low = 1000000000000000000000000000000... must be at least 0 m"),
+        ({"low": 2.0}, "Span.low = 2.0 must not exceed high"),
+        ({"gates": (1.0, 0.0)}, "Span.gates[1] = 0.0 must be above 0 m; the default is (1.0,)"),
+        ({"gates": ()}, "Span.gates must hold at least 1 value, got 0; the default is (1.0,)"),
+        ({"gates": [1.0]}, "Span.gates = [1.0] must be a tuple; the default is (1.0,)"),
+        ({"gates": 1.0}, "Span.gates = 1.0 must be a list; the default is (1.0,)"),
+        ({"name": 3}, "Span.name = 3 must be a text; the default is 'a'"),
+        ({"perhaps": 1}, "Span.perhaps = 1 must be at least 2; the default is None"),
+        ({"perhaps": 2.5}, "Span.perhaps = 2.5 must be a whole number; the default is None"),
+        ({"inner": None}, "Span.inner = None must be a table"),
+    ],
+)
+def test_a_value_out_of_range_is_refused_in_one_line(wrong: dict[str, Any], line: str) -> None:
+    with pytest.raises(ConfigError) as e:
+        Span(**wrong)
+    assert str(e.value).startswith(line.replace("1000000000000000000000000000000...", f"{10**26}..."))
+    assert len(str(e.value)) <= 160
+
+
+def test_values_on_the_bounds_are_taken() -> None:
+    assert Span(0.0, math.inf, (1e-300, 2), perhaps=2).gates == (1e-300, 2)
+    assert Span(low=np.float64(1.0), high=1).low == 1.0
+
+
+def test_the_place_of_a_nested_setting_is_told() -> None:
+    with pytest.raises(
+        ConfigError, match=r"^--set: inner\.scale = 0\.0 must be above 0 and below 1e\+06; the d"
+    ):
+        from_dict(Span, {"inner": {"scale": 0}}, "--set")
+    with pytest.raises(ConfigError, match=r"^f: low = 3.0 must not exceed high$"):
+        from_dict(Span, {"low": 3}, "f")
+
+
+def test_infinity_is_read_as_json_has_it() -> None:
+    assert from_dict(Span, as_dict(Span(high=math.inf))).high == math.inf
+
+
+def test_settings_that_left_or_were_renamed_are_read_with_one_warning(tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text("[core]\nrounds = 9\nsize = 7\nscale = 2.0\nends = [0.5]\n")
+    with pytest.warns(SettingWarning) as told:
+        config = load_config(Span, tmp_path / "c.toml")
+    assert config == Span(gates=(0.5,), inner=Inner(window=7, scale=2.0))
+    assert [str(w.message).partition("c.toml: ")[2] for w in told] == [
+        (
+            "core is called inner now; inner.ends is called gates now; inner.size is called inner.window now; "
+            "no longer settings, and without effect: inner.rounds (always 3)"
+        )
+    ]
+
+
+def test_todays_name_goes_before_an_earlier_one() -> None:
+    with pytest.warns(SettingWarning):
+        config = from_dict(Span, {"core": {"window": 2, "scale": 2}, "inner": {"scale": 3}})
+    assert config.inner == Inner(2, 3.0)
+
+
+def test_nothing_is_warned_of_when_all_is_todays() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert from_dict(Span, as_dict(Span())) == Span()

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from twin.errors import InputError
 from twin.files.text import read_json
 from twin.geometry import Array
 from twin.runs.keys import stage_key
+from twin.runs.setting import Former, Left, Settings, setting
 from twin.runs.settings import load_config
 from twin.runs.stages import Run, StageResult
 from twin.scene import Prismatic
@@ -95,7 +97,7 @@ def test_only_dependants_recompute_and_say_why(tmp_path: Path) -> None:
     assert r["c"].reason == "it reads a, b, which changed"
     r = chain.go(tmp_path, b_version=2, a=Config(Window(5)), c={"k": [1, 2]})
     assert chain.computed == ["c"]
-    assert "k changed from None to [1, 2]" in r["c"].reason
+    assert r["c"].reason == "k, which is [1, 2], is a new setting"
     r = chain.go(tmp_path, b_version=2, a=Config(Window(5)), c={"k": [1, 2]}, input_="y")
     assert chain.computed == ["a", "b", "c"]
     assert r["a"].reason == "the recording changed"
@@ -105,6 +107,46 @@ def test_settings_may_come_in_groups(tmp_path: Path) -> None:
     for size, why in ((3, "not computed yet"), (4, "0.size changed from 3 to 4")):
         with Run(tmp_path, "x") as run:
             assert run.stage("a", 1, (Window(size), Config()), [], lambda: 1).reason == why
+
+
+@dataclass(frozen=True)
+class Before:
+    """What `Today` was in an earlier version."""
+
+    rounds: int = 60
+    size: int = 3
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Today(Settings):
+    window: int = setting(3, "that is compared", unit="px", at_least=1)
+    seed: int = setting(0, "of every draw", unit="", at_least=0)
+
+    FORMERLY: ClassVar[Former] = {"rounds": Left(60), "size": "window"}
+
+
+@pytest.mark.parametrize("group", [lambda c: c, lambda c: (Window(), c)], ids=["alone", "in a group"])
+def test_a_stage_stays_when_only_names_of_its_settings_changed(
+    group: Callable[[object], object], tmp_path: Path
+) -> None:
+    def go(config: object) -> list[StageResult[object]]:
+        with Run(tmp_path, "x") as run:
+            first = run.stage("a", 1, group(config), [], lambda: 1)
+            return [first, run.stage("b", 1, None, [first], lambda: 2)]
+
+    go(Before())
+    assert [r.cached for r in go(Today())] == [True, True]
+    first, second = go(Today(window=4))
+    assert "window, which is 4, is a new setting" in first.reason
+    assert second.reason == "it reads a, which changed"
+
+
+def test_a_stage_is_computed_again_when_a_setting_that_left_had_another_value(tmp_path: Path) -> None:
+    for config in (Before(rounds=5), Today()):
+        with Run(tmp_path, "x") as run:
+            reason = run.stage("a", 1, config, [], lambda: 1).reason
+    assert "rounds, which was 5, is no longer a setting" in reason
 
 
 def test_key_tells_every_part_apart() -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from operator import attrgetter
 from typing import Any
+
+from twin.runs.settings import up_to_date
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def why_changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
         reasons.append(f"the stage's version changed from {old.get('version')} to {new['version']}")
     was, now = _flat(old.get("config")), _flat(new["config"])
     reasons += [
-        f"{field or 'config'} changed from {was.get(field)!r} to {now.get(field)!r}"
+        _what_changed(field, was, now)
         for field in sorted(was.keys() | now.keys())
         if was.get(field) != now.get(field) or (field in was) != (field in now)
     ]
@@ -52,6 +54,28 @@ def why_changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
     if changed:
         reasons.append(f"it reads {', '.join(changed)}, which changed")
     return "; ".join(reasons) or "its stored key does not match"
+
+
+def same_today(old: Mapping[str, Any], new: Mapping[str, Any], config: Any) -> bool:
+    """Whether two sets of key parts differ only in settings that were renamed, or that left with the value they had. `config`
+    is what the new ones were made of."""
+    return {**old, "config": _today(old.get("config"), config)} == new
+
+
+def _today(stored: Any, config: Any) -> Any:
+    if isinstance(config, tuple) and isinstance(stored, list) and len(config) == len(stored):
+        return [_today(s, c) for s, c in zip(stored, config, strict=True)]
+    if is_dataclass(config) and isinstance(stored, Mapping):
+        return up_to_date(type(config), stored, keep_changed=True)[0]
+    return stored
+
+
+def _what_changed(field: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    if field not in now:
+        return f"{field}, which was {was[field]!r}, is no longer a setting"
+    if field not in was:
+        return f"{field}, which is {now[field]!r}, is a new setting"
+    return f"{field or 'config'} changed from {was[field]!r} to {now[field]!r}"
 
 
 def _flat(config: Any, prefix: str = "") -> dict[str, Any]:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import tomllib
 import types
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 from twin.errors import ConfigError, nearest_name
+from twin.runs.setting import Left, SettingError, Settings, check, fits, types_of
 
 T = TypeVar("T")
+_KNOWN = 6  # names in a message, which stays one line
 
 
 def load_config(cls: type[T], path: Path | str) -> T:
@@ -37,19 +42,73 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 
 def from_dict(cls: type[T], data: Mapping[str, Any], where: str = "config") -> T:
-    """Build the dataclass `cls` from plain data. `where` opens the error messages."""
-    hints = get_type_hints(cls)
-    known = {f.name: f for f in fields(cls) if f.init}  # type: ignore[arg-type]
-    for key in data:
-        if key not in known:
-            close = nearest_name(key, list(known))
-            hint = f"did you mean {close!r}?" if close else f"known keys: {', '.join(known) or 'none'}"
-            raise ConfigError(f"{where}: unknown key {key!r}", hint)
-    values = {key: _convert(hints[key], value, f"{where}: {key}") for key, value in data.items()}
-    missing = [n for n, f in known.items() if n not in values and not _has_default(f)]
-    if missing:
-        raise ConfigError(f"{where}: key {missing[0]!r} is missing")
-    return cls(**values)
+    """Build the dataclass `cls` from plain data. `where` opens the error messages.
+
+    Settings that left or were renamed are read, with one warning that names them all.
+    """
+    today, former = up_to_date(cls, data)
+    if former:
+        warnings.warn(f"{where}: {_told(former)}", SettingWarning, stacklevel=2)
+    return _build(cls, today, f"{where}: ")
+
+
+class SettingWarning(UserWarning):
+    """A settings file names what is no longer called so, or no longer a setting."""
+
+
+def up_to_date(
+    cls: type, data: Mapping[str, Any], keep_changed: bool = False
+) -> tuple[dict[str, Any], dict[str, str | Left]]:
+    """Plain data of `cls` by today's names, as `Settings.FORMERLY` tells them, and what became of the names that it had.
+
+    keep_changed: settings that left stay in the data unless their value is the one that they always have now.
+    """
+    out, found = copy.deepcopy(dict(data)), {}
+    for old, now in (cls.FORMERLY if issubclass(cls, Settings) else {}).items():
+        *tables, name = old.split(".")
+        table = _table(out, tables)
+        if table is None or name not in table:
+            continue
+        if isinstance(now, Left):
+            if keep_changed and table[name] != as_dict(now.value):
+                continue
+            del table[name]
+        else:
+            *tables, new = now.split(".")
+            place = _table(out, tables, make=True)
+            value = table.pop(name)
+            if place is not None:  # what is given by today's name goes before
+                given = place.get(new, {} if isinstance(value, dict) else value)
+                place[new] = value | given if isinstance(value, dict) and isinstance(given, dict) else given
+        found[old] = now
+    for name, inner in nested(cls):
+        if isinstance(out.get(name), dict):
+            out[name], more = up_to_date(inner, out[name], keep_changed)
+            found |= {f"{name}.{k}": v if isinstance(v, Left) else f"{name}.{v}" for k, v in more.items()}
+    return out, found
+
+
+def _told(former: Mapping[str, str | Left]) -> str:
+    """One line about settings that a file has by earlier names."""
+    renamed = [f"{old} is called {now} now" for old, now in former.items() if not isinstance(now, Left)]
+    left = [f"{old} (always {now.value!r})" for old, now in former.items() if isinstance(now, Left)]
+    gone = f"no longer settings, and without effect: {', '.join(left)}"
+    return "; ".join([*renamed, *([gone] if left else [])])
+
+
+def nested(cls: type) -> list[tuple[str, type]]:
+    """The fields of a dataclass that hold another one."""
+    return [(n, h) for n, h in types_of(cls).items() if isinstance(h, type) and is_dataclass(h)]
+
+
+def _table(data: dict[str, Any], path: list[str], make: bool = False) -> dict[str, Any] | None:
+    """The table at a path, None where there is none."""
+    for name in path:
+        inner = data.setdefault(name, {}) if make else data.get(name)
+        if not isinstance(inner, dict):
+            return None
+        data = inner
+    return data
 
 
 def as_dict(config: Any) -> Any:
@@ -58,11 +117,14 @@ def as_dict(config: Any) -> Any:
     return _plain(config, "config", for_json=True)
 
 
-def to_toml(config: Any) -> str:
+def to_toml(config: Any, note: Callable[[str], str] | None = None) -> str:
     """TOML text of a dataclass or mapping, from which `from_dict` makes an equal one; settings that are None are left out,
-    as TOML has no null. Raises ConfigError naming the setting that has no plain form; NaN has none."""
+    as TOML has no null. Raises ConfigError naming the setting that has no plain form; NaN has none.
+
+    note: what to say of a setting, given its dotted path, in a comment above it.
+    """
     lines: list[str] = []
-    _write_table(_plain(config, "config"), (), lines)
+    _write_table(_plain(config, "config"), (), lines, note)
     return "\n".join(lines) + "\n"
 
 
@@ -94,15 +156,21 @@ def _plain(value: Any, where: str, for_json: bool = False) -> Any:
     raise ConfigError(f"{where} = {value!r} can't be written: it is a {kind.__module__}.{kind.__qualname__}")
 
 
-def _write_table(table: Mapping[str, Any], path: tuple[str, ...], lines: list[str]) -> None:
-    plain = {k: v for k, v in table.items() if not isinstance(v, dict) and v is not None}
+def _write_table(
+    table: Mapping[str, Any], path: tuple[str, ...], lines: list[str], note: Callable[[str], str] | None
+) -> None:
+    def told(key: str) -> list[str]:
+        return [] if note is None else [f"# {note('.'.join((*path, key)))}"]
+
     if path:
         lines += [""] if lines else []
         lines.append(f"[{'.'.join(map(_toml_key, path))}]")
-    lines += [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in plain.items()]
+    for key, value in table.items():
+        if not isinstance(value, dict) and value is not None:
+            lines += [*told(key), f"{_toml_key(key)} = {_toml_value(value)}"]
     for key, value in table.items():
         if isinstance(value, dict):
-            _write_table(value, (*path, key), lines)
+            _write_table(value, (*path, key), lines, note)
 
 
 def _toml_key(key: str) -> str:
@@ -133,63 +201,46 @@ def _toml_value(value: Any) -> str:
     return _toml_text(value) if isinstance(value, str) else repr(value)
 
 
-def _has_default(f: Any) -> bool:
-    return f.default is not MISSING or f.default_factory is not MISSING
+def _build(cls: type[T], data: Mapping[str, Any], where: str, path: str = "") -> T:
+    """`where` and `path`, with the colon and the dot at their ends, open the messages."""
+    types_ = types_of(cls)
+    for key in data:
+        if key not in types_:
+            close = nearest_name(key, list(types_))
+            known = ", ".join(list(types_)[:_KNOWN]) + (", ..." if len(types_) > _KNOWN else "")
+            hint = f"did you mean {path + close!r}?" if close else f"known keys: {known or 'none'}"
+            raise ConfigError(f"{where}unknown key {path + key!r}", hint)
+    values = {k: _converted(types_[k], v, where, f"{path}{k}") for k, v in data.items()}
+    missing = [
+        f.name
+        for f in fields(cls)  # type: ignore[arg-type]
+        if f.init and f.name not in values and f.default is MISSING and f.default_factory is MISSING
+    ]
+    if missing:
+        raise ConfigError(f"{where}key {path + missing[0]!r} is missing")
+    try:
+        check(cls, values)
+        return cls(**values)
+    except SettingError as e:
+        raise e.under(where + path) from None
 
 
-def _convert(hint: Any, value: Any, where: str) -> Any:
+def _converted(hint: Any, value: Any, where: str, path: str) -> Any:
+    """A value of a file in the type of its field where there is one; whether it fits is left to `check`."""
     origin, args = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
-        return _convert_union(args, value, where)
-    if origin is Literal:
-        if value not in args:
-            raise ConfigError(
-                f"{where} = {value!r} is not allowed", f"use one of {', '.join(map(repr, args))}"
-            )
-        return value
-    if is_dataclass(hint) and isinstance(hint, type):
-        return from_dict(hint, _expect(dict, value, where), where)
-    if origin is tuple:
-        return _convert_tuple(args, _expect(list, value, where), where)
-    if origin in (list, dict, Mapping):
-        return value
-    if hint is Any:
-        return value
-    if hint is Path:
-        return Path(_expect(str, value, where))
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    return _expect(hint, value, where)
-
-
-def _convert_union(args: tuple[Any, ...], value: Any, where: str) -> Any:
-    options = [a for a in args if a is not type(None)]
-    for option in options[:-1]:
-        try:
-            return _convert(option, value, where)
-        except ConfigError:
-            continue  # the next alternative may fit; the last one speaks for all
-    return _convert(options[-1], value, where)
-
-
-def _convert_tuple(args: tuple[Any, ...], value: list[Any], where: str) -> tuple[Any, ...]:
-    if len(args) == 2 and args[1] is Ellipsis:
-        return tuple(_convert(args[0], v, f"{where}[{k}]") for k, v in enumerate(value))
-    if len(args) != len(value):
-        raise ConfigError(f"{where} must hold {len(args)} values, got {len(value)}")
-    return tuple(_convert(a, v, f"{where}[{k}]") for k, (a, v) in enumerate(zip(args, value, strict=True)))
-
-
-def _expect(kind: Any, value: Any, where: str) -> Any:
-    wrong_bool = isinstance(value, bool) and kind is not bool
-    if wrong_bool or not isinstance(value, kind):
-        names = {
-            float: "a number",
-            int: "a whole number",
-            str: "a text",
-            bool: "true or false",
-            dict: "a table",
-        }
-        wanted = names.get(kind, "a list" if kind is list else getattr(kind, "__name__", str(kind)))
-        raise ConfigError(f"{where} = {value!r} must be {wanted}")
+        tried = [_converted(a, value, where, path) for a in args if a is not type(None)]
+        return next((t for t in tried if fits(hint, t)), value)
+    if is_dataclass(hint) and isinstance(hint, type) and isinstance(value, dict):
+        return _build(hint, value, where, f"{path}.")
+    if origin is tuple and isinstance(value, list):
+        of_all = args[:1] * len(value) if args[1:] == (Ellipsis,) else args
+        rest = value[len(of_all) :]
+        items = zip(of_all, value, strict=False)
+        return (*(_converted(a, v, where, f"{path}[{k}]") for k, (a, v) in enumerate(items)), *rest)
+    if hint is Path and isinstance(value, str):
+        return Path(value)
+    if hint is float and (type(value) is int or value in ("inf", "-inf")):  # as JSON has it
+        with suppress(OverflowError):
+            return float(value)
     return value

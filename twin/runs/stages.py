@@ -19,7 +19,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from twin.errors import FuntwinError, InputError
 from twin.files.text import read_json, write_json, write_text
 from twin.runs.codec import Codec, OtherVersionError, TreeCodec
-from twin.runs.keys import stage_key, why_changed
+from twin.runs.keys import same_today, stage_key, why_changed
 from twin.runs.loop import Loop
 from twin.runs.manifest import MANIFEST, update_manifest, versions
 from twin.runs.memory import peak_memory_mb, reset_peak_memory
@@ -119,11 +119,10 @@ class Run:
             "upstream": {u.name: u.key for u in upstream},
             "input": self.fingerprint,
         }
-        key = stage_key(name, parts)
-        found, reason = self._look_up(name, key, parts, codec)
+        found, reason = self._look_up(name, parts, config, codec)
         if found is None:
             self.report(name, 0.0, reason)
-            found = self._compute(name, key, parts, compute, codec, reason)
+            found = self._compute(name, parts, compute, codec, reason)
             self.report(name, 1.0, f"{found.seconds:.1f} s")
         else:
             self.report(name, 1.0, "from the cache")
@@ -171,7 +170,7 @@ class Run:
         self.close()
 
     def _look_up(
-        self, name: str, key: str, parts: Mapping[str, Any], codec: Codec[T]
+        self, name: str, parts: Mapping[str, Any], config: Any, codec: Codec[T]
     ) -> tuple[StageResult[T] | None, str]:
         """The cached result, or None and the reason why it must be computed."""
         if self.folder is None:
@@ -180,8 +179,10 @@ class Run:
         if stored is None:
             return None, "not computed yet"
         record = read_json(stored / RECORD)
-        if record.get("key") != key:
-            return None, why_changed(record.get("parts", {}), parts)
+        key, then = str(record.get("key")), record.get("parts", {})
+        same = key == stage_key(name, then) and same_today(then, parts, config)
+        if not same and key != stage_key(name, parts):
+            return None, why_changed(then, parts)
         try:
             value = codec.load(stored)
             meta = _meta(record)
@@ -196,13 +197,12 @@ class Run:
     def _compute(
         self,
         name: str,
-        key: str,
         parts: Mapping[str, Any],
         compute: Callable[[], T],
         codec: Codec[T],
         reason: str,
     ) -> StageResult[T]:
-        start = time.perf_counter()
+        start, key = time.perf_counter(), stage_key(name, parts)
         reset_peak_memory()
         value, notes = _recording_warnings(compute)
         seconds, peak = time.perf_counter() - start, peak_memory_mb()
