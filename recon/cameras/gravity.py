@@ -10,29 +10,25 @@ import numpy as np
 from recon.depth import depth_normals, mean_depth
 from recon.recording import Recording
 from twin import geometry as geo
-from twin.errors import ConfigError
 from twin.geometry import Array
 from twin.runs.keys import Stage
+from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
 GRAVITY = Stage("gravity", 1, ("gravity",))
 
 
 @dataclass(frozen=True)
-class GravityConfig:
-    """Manhattan fit to surface normals (Straub 2014 in spirit); angles in radians."""
+class GravityConfig(Settings):
+    """Manhattan fit to surface normals (Straub 2014 in spirit); chosen by us."""
 
-    keyframes: int = 10
-    width: int = 160
-    hypotheses: int = 400
-    normal_sigma: float = np.radians(4.0)  # normals of smoothed depth at this width; chosen by us
-    max_depth: float = 5.0
-
-    def __post_init__(self) -> None:
-        if self.keyframes < 1 or self.hypotheses < 1 or not 32 <= self.width <= 1024:
-            raise ConfigError(
-                f"gravity: keyframes, hypotheses >= 1 and width in 32..1024 are needed, got {self}"
-            )
+    keyframes: int = setting(10, "frames whose normals are used, evenly spread", unit="frames", at_least=1)
+    width: int = setting(160, "width to which depth is shrunk first", unit="px", at_least=32, at_most=1024)
+    hypotheses: int = setting(400, "pairs of normals tried as walls and floor", unit="", at_least=1)
+    normal_sigma: float = setting(
+        np.radians(4.0), "noise of normals at this width", unit="rad", above=0, at_most=np.pi / 2
+    )
+    max_depth: float = setting(5.0, "depth beyond is left out", unit="m", above=0, infinite=True)
 
 
 @dataclass(frozen=True)

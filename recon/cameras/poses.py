@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
@@ -20,33 +21,50 @@ from recon.depth import depth_sigma
 from recon.recording import Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
-from twin.errors import ConfigError, InputError, ReconstructionError
+from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array
 from twin.robust import chi2_scale, geman_mcclure
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
+from twin.runs.setting import Former, Left, Settings, setting
 from twin.scene import Trajectory
 
 CAMERAS = Stage("cameras", 1, ("cameras",))
+_BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
+_CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
 
 
 @dataclass(frozen=True)
-class CameraConfig:
-    """Camera poses from tracks. Lengths in metres, lateral noise in pixels."""
+class CameraConfig(Settings):
+    """Camera poses from tracks; chosen by us unless a setting says otherwise."""
 
-    keyframe_every: int = 15  # frames (measured)
-    keyframe_min_inliers: float = 0.5
-    min_correspondences: int = 12  # below it a frame counts as lost; chosen by us
-    ransac_iterations: int = 300
-    inlier_sigma: float = 4.0
-    pixel_sigma: float = 0.6  # px; forward-backward tests leave about this (measured)
-    bundle_rounds: int = 60
-    converged: float = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
-    use_known_poses: bool = False
+    keyframe_every: int = setting(
+        15, "a keyframe serves at most so long (measured)", unit="frames", at_least=1
+    )
+    keyframe_min_inliers: float = setting(
+        0.5, "share of inliers below which a new keyframe is taken", unit="", at_least=0, at_most=1
+    )
+    min_correspondences: int = setting(
+        12, "a frame that shares fewer tracks with its keyframe is lost", unit="tracks", at_least=3
+    )
+    ransac_iterations: int = setting(300, "poses tried for a frame", unit="", at_least=1)
+    inlier_sigma: float = setting(
+        4.0, "standard deviations within which a track agrees with a pose", unit="", above=0
+    )
+    pixel_sigma: float = setting(
+        0.6,
+        "lateral noise of a track; about what the forward-backward test leaves (measured)",
+        unit="px",
+        above=0,
+    )
+    use_known_poses: bool = setting(
+        False, "take the poses that the recording holds instead of estimating them"
+    )
 
-    def __post_init__(self) -> None:
-        if min(self.keyframe_every, self.min_correspondences, self.ransac_iterations, self.bundle_rounds) < 1:
-            raise ConfigError(f"cameras: counts must be positive, got {self}")
+    FORMERLY: ClassVar[Former] = {
+        "bundle_rounds": Left(_BUNDLE_ROUNDS),
+        "converged": Left(_CONVERGED),
+    }
 
 
 def camera_poses(
@@ -180,7 +198,7 @@ def _bundle(
     poses = start.copy()
     weights = np.ones(len(points))
     landmarks = _landmarks(poses, frame_index, track_index, points, info, weights, len(tracks))
-    for round_ in range(config.bundle_rounds):
+    for round_ in range(_BUNDLE_ROUNDS):
         chi2 = _chi2(poses, frame_index, track_index, points, info, landmarks)
         # The scale comes from the data; early rounds are wide so that nothing static is lost to a poor start.
         scale2 = max(chi2_scale(chi2, dof=3), 0.05) * (9.0 if round_ < 8 else 4.0)
@@ -194,7 +212,7 @@ def _bundle(
         step = -np.linalg.solve(h[usable] + 1e-6 * np.eye(6), g[usable][..., None])[..., 0]
         poses[usable] = poses[usable] @ geo.exp_se3(step)
         landmarks = _landmarks(poses, frame_index, track_index, points, info, weights, len(tracks))
-        if round_ > 8 and np.abs(step).max() < config.converged:
+        if round_ > 8 and np.abs(step).max() < _CONVERGED:
             break
     return poses
 

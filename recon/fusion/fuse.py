@@ -18,45 +18,46 @@ from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
-from twin.errors import ConfigError, ReconstructionError
+from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
+from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Mesh, Trajectory
 
 FUSION = Stage("fusion", 2, ("fusion",))
 
 
 @dataclass(frozen=True)
-class FusionConfig:
-    """How meshes are made; all values chosen by us.
+class FusionConfig(Settings):
+    """How meshes are made; chosen by us."""
 
-    part_voxel, static_voxel: m. part_faces, static_faces: face budgets for simulation. max_depth: m, readings beyond
-    it are left out. min_share: connected pieces smaller than this share of the largest one are noise. max_gap: m, pieces of
-    a part farther than this from the rest of it are not its own. static_min_share:
-    the same for the static scene, whose true pieces differ more. smoothing: Taubin rounds. min_views: evidence that a
-    surface needs, in frames seen straight on.
-    """
-
-    part_voxel: float = 0.005
-    static_voxel: float = 0.01
-    part_faces: int = 8_000
-    static_faces: int = 60_000
-    max_depth: float = 5.0
-    min_share: float = 0.05
-    max_gap: float = 0.2
-    static_min_share: float = 0.002
-    smoothing: int = 3
-    min_views: float = 0.25
-
-    def __post_init__(self) -> None:
-        lengths = (self.part_voxel, self.static_voxel, self.max_depth)
-        if (
-            not np.all(np.isfinite(lengths))
-            or min(lengths) <= 0
-            or min(self.part_faces, self.static_faces) < 4
-        ):
-            raise ConfigError(f"voxel sizes, greatest depth and face budgets must be positive, got {self}")
+    part_voxel: float = setting(0.005, "voxel of parts", unit="m", above=0)
+    static_voxel: float = setting(0.01, "voxel of the static scene", unit="m", above=0)
+    part_faces: int = setting(8_000, "most triangles of a part, for simulation", unit="triangles", at_least=4)
+    static_faces: int = setting(60_000, "most triangles of the static scene", unit="triangles", at_least=4)
+    max_depth: float = setting(5.0, "depth beyond is left out", unit="m", above=0)
+    min_share: float = setting(
+        0.05,
+        "connected pieces of a part with a smaller share of the largest one's triangles are noise",
+        unit="",
+        at_least=0,
+        below=1,
+    )
+    max_gap: float = setting(
+        0.2, "pieces of a part farther from the rest of it are not its own", unit="m", above=0, infinite=True
+    )
+    static_min_share: float = setting(
+        0.002,
+        "as min_share, for the static scene, whose true pieces differ more in size",
+        unit="",
+        at_least=0,
+        below=1,
+    )
+    smoothing: int = setting(3, "rounds of Taubin smoothing", unit="rounds", at_least=0)
+    min_views: float = setting(
+        0.25, "evidence that a surface needs, in frames that see it straight on", unit="frames", at_least=0
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,33 +31,31 @@ from recon.labels.reference_frames import (
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
-from twin.errors import ConfigError, ReconstructionError
+from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
+from twin.runs.setting import Settings, setting
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
 LABELS = Stage("labels", 2, ("labels",))
 
 
 @dataclass(frozen=True)
-class LabelConfig:
-    """How frames are labelled; all values chosen by us.
+class LabelConfig(Settings):
+    """How frames are labelled; chosen by us."""
 
-    every: label every n-th frame. working_width: px, width up to which the dense test works. pose_error: m, depth error
-    that camera, joint and state errors may cause together. references: frames at rest taken from each rest phase.
-    witnesses: frames of the whole recording that join as free-space witnesses.
-    """
-
-    every: int = 4
-    working_width: int = 320
-    pose_error: float = 0.003
-    references: int = 6
-    witnesses: int = 8
-
-    def __post_init__(self) -> None:
-        if self.every < 1 or self.working_width < 32 or self.references < 1 or self.witnesses < 0:
-            raise ConfigError(f"label settings must be positive, got {self}")
+    every: int = setting(4, "every so many frames one is labelled", unit="frames", at_least=1)
+    working_width: int = setting(
+        320, "width to which frames are shrunk for the dense test", unit="px", at_least=32
+    )
+    pose_error: float = setting(
+        0.003, "error in depth that camera, joint and state may cause together", unit="m", at_least=0
+    )
+    references: int = setting(6, "frames taken from each time of rest", unit="frames", at_least=1)
+    witnesses: int = setting(
+        8, "frames of the whole recording that join as free-space witnesses", unit="frames", at_least=0
+    )
 
 
 # Log scores, chosen by us and the same for every recording: agreement of two references is worth 1.5, being seen

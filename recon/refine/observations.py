@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -14,35 +15,50 @@ from recon.motion.movers import Movers
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
-from twin.errors import ConfigError
 from twin.geometry import Array
+from twin.runs.setting import Former, Left, Settings, setting
 from twin.scene import Joint, Trajectory
+
+STEPS = 2  # Gauss-Newton steps a round; the next round associates anew
 
 
 @dataclass(frozen=True)
-class RefineConfig:
-    """Lengths in metres. Chosen by us unless the comment says otherwise."""
+class RefineConfig(Settings):
+    """Joints and states from every pixel; chosen by us unless a setting says otherwise."""
 
-    width: int = 320
-    voxel: float = 0.010
-    max_surfels: int = 2500
-    gates: tuple[float, ...] = (0.03, 0.015, 0.015, 0.01, 0.01, 0.01)  # one association round each
-    steps: int = 2  # Gauss-Newton steps a round
-    grazing: float = 0.25  # least cosine between surfel normal and viewing ray
-    min_views: int = 2
-    pixel_sigma: float = 0.6  # px at the recording's width, of a track
-    # Slow errors of the camera poses as they show at the part, one standard deviation in each direction, m and rad: measured
-    # 0.17 mm and 0.014 degrees on the recordings of benchmarks/reconstruct.md.
-    drift: float = 2e-4
-    drift_angle: float = float(np.radians(0.015))
+    width: int = setting(320, "width to which depth is shrunk", unit="px", at_least=64)
+    voxel: float = setting(0.010, "surfels are means over voxels of this side", unit="m", above=0)
+    max_surfels: int = setting(2500, "most surfels of a part", unit="surfels", at_least=1)
+    gates: tuple[float, ...] = setting(
+        (0.03, 0.015, 0.015, 0.01, 0.01, 0.01),
+        "greatest distance of what is taken for the same surface, one round each",
+        unit="m",
+        above=0,
+        least=1,
+    )
+    grazing: float = setting(
+        0.25, "least cosine between a surfel's normal and the ray that sees it", unit="", at_least=0, below=1
+    )
+    min_views: int = setting(2, "fewest frames that see a surfel", unit="frames", at_least=1)
+    pixel_sigma: float = setting(
+        0.6, "lateral noise of a track, in pixels of the recording", unit="px", above=0
+    )
+    drift: float = setting(
+        2e-4,
+        "slow error of the cameras as it shows at the part, one standard deviation in each direction; measured 0.17 mm on the "
+        "recordings of benchmarks/reconstruct.md",
+        unit="m",
+        at_least=0,
+    )
+    drift_angle: float = setting(
+        float(np.radians(0.015)),
+        "the same of its angle; measured 0.014 degrees there",
+        unit="rad",
+        at_least=0,
+        at_most=np.pi,
+    )
 
-    def __post_init__(self) -> None:
-        if self.width < 64 or self.voxel <= 0 or not self.gates or min(self.gates) <= 0 or self.steps < 1:
-            raise ConfigError(f"refine: width >= 64, positive voxel, gates and steps are needed, got {self}")
-        if min(self.drift, self.drift_angle) < 0:
-            raise ConfigError(
-                f"refine: drift must not be negative, got {self.drift} m, {self.drift_angle} rad"
-            )
+    FORMERLY: ClassVar[Former] = {"steps": Left(STEPS)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from recon.parts.moving_part import MovingPart
 from recon.parts.static_spans import REST_MARGIN
 from recon.recording import Recording
 from recon.refine.observations import (
+    STEPS,
     RefineConfig,
     Terms,
     Views,
@@ -126,7 +127,7 @@ def _refine_one(
             surfel_terms(views, surfels, rows, joint, state, gate, config),
             track_terms(views, movers, tracks.members, part, rows, joint, state, focal, config),
         )
-        for _ in range(config.steps):
+        for _ in range(STEPS):
             joint, state = step(joint, state, part.motion.state, rests, terms)
         state = _with_parallel_faces(joint, state, surfels, terms)
     # States are counted from the first frame, whose pose is the part's frame.

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.recording import Intrinsics, Recording
-from twin.errors import ConfigError, SceneError
+from twin.errors import SceneError
 from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
+from twin.runs.setting import Settings, setting
 
 TRACKS = Stage("tracks", 1, ("tracks",))
 
@@ -45,26 +46,45 @@ class Tracks:
 
 
 @dataclass(frozen=True)
-class TrackConfig:
-    """Corner tracking. Lengths in pixels of the tracking image, which is at most `max_width` wide."""
+class TrackConfig(Settings):
+    """Corner tracking; pixels are those of the tracking image."""
 
-    max_width: int = 640  # measured: more pixels cost time and gain no accuracy
-    cell: int = 12  # one corner per cell; plain corner seeding left 3 % of the corners on the moving part
-    reseed_every: int = 10  # frames
-    window: int = 21
-    levels: int = 3
-    max_forward_backward: float = 0.7
-    min_corner_quality: float = (
-        2e-5  # smallest eigenvalue of the gradient matrix, grey levels 0..1; chosen by us
+    max_width: int = setting(
+        640,
+        "greatest width of the tracking image; measured: more pixels cost time and gain no accuracy",
+        unit="px",
+        at_least=64,
     )
-    max_depth: float = 6.0  # metres; noise of structured light and ToF sensors grows with z^2
-    depth_edge: float = 0.03  # relative depth step in 3x3 pixels that makes a depth edge; chosen by us
-
-    def __post_init__(self) -> None:
-        if self.max_width < 64 or self.cell < 3 or self.reseed_every < 1:
-            raise ConfigError(
-                f"tracks: max_width >= 64, cell >= 3 and reseed_every >= 1 are needed, got {self}"
-            )
+    cell: int = setting(
+        12,
+        "side of a cell, which gets one corner; measured: other seeding left 3 % of the corners on the moving part",
+        unit="px",
+        at_least=3,
+    )
+    reseed_every: int = setting(10, "how often empty cells get a corner", unit="frames", at_least=1)
+    window: int = setting(21, "side of the window that is compared", unit="px", at_least=3)
+    levels: int = setting(
+        3, "halvings of the image, for corners that move far", unit="", at_least=0, at_most=10
+    )
+    max_forward_backward: float = setting(
+        0.7, "a corner followed there and back ends no farther from its start", unit="px", above=0
+    )
+    min_corner_quality: float = setting(
+        2e-5,
+        "least eigenvalue of a corner's gradient matrix, grey levels 0 to 1; chosen by us",
+        unit="",
+        at_least=0,
+    )
+    max_depth: float = setting(
+        6.0,
+        "points farther away are left out: noise of structured light and time of flight grows with depth squared",
+        unit="m",
+        above=0,
+        infinite=True,
+    )
+    depth_edge: float = setting(
+        0.03, "relative step in 3 x 3 pixels that makes an edge of depth; chosen by us", unit="", above=0
+    )
 
 
 def track_points(

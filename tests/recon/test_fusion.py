@@ -78,7 +78,7 @@ def test_what_can_not_be_fused_says_so(door: tuple[Recording, Truth, FusedScene]
     late = Trajectory(truth.cameras.frames[5:], truth.cameras.times[5:], truth.cameras.T_world_cam[5:])
     with pytest.raises(ReconstructionError, match="camera pose"):
         fuse(recording, late, nothing, parts)
-    with pytest.raises(ConfigError, match="positive"):
+    with pytest.raises(ConfigError, match=r"part_voxel = 0\.0 must be above 0 m"):
         FusionConfig(part_voxel=0.0)
     seen = fuse(recording, truth.cameras, {0: np.where(truth.labels[0] == 1, 1, 0).astype(np.uint8)}, parts)
     assert seen.parts == {}
