@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.joints.bundle import Bundle, refine
-from recon.joints.config import JointConfig
+from recon.joints.config import MOST_STEPS, JointConfig
 from recon.joints.hypotheses import Hypothesis, pair_hypotheses, travel_and_noise
 from recon.joints.initial_states import states_of
 from recon.joints.inliers import follows, track_support
@@ -108,7 +108,7 @@ def _settle(
     for _ in range(6):
         if members.sum() < config.min_tracks:
             return fit
-        bundle = refine(obs.take(members), model, scale, config.iterations)
+        bundle = refine(obs.take(members), model, scale, MOST_STEPS)
         fit, model = TrackFit(bundle, members), bundle.model
         scale = fit.scale(noise, config)
         again = follows(obs, model, scale, config)

@@ -3,91 +3,101 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
-from twin.errors import ConfigError
+from twin.runs.setting import Former, Left, Settings, setting
+
+MOST_STEPS = 30  # Gauss-Newton steps of one refinement; it stops when a step is negligible
 
 
 @dataclass(frozen=True)
-class JointConfig:
-    """How tracks or poses become a joint.
+class JointConfig(Settings):
+    """How tracks or poses become a joint; chosen by us unless a setting says otherwise."""
 
-    method: what tells the joint of a group of tracks and its states: "bundle", bundle adjustment of the tracks, or "pose_graph",
-        the paper's part-pose graph over relative motions between frames.
-    min_travel: m, a track that moves less is at rest (the paper's eps_s).
-    mover_sigmas: a track must move more than this many noise standard deviations to vote (measured: the type rule
-        holds on every real and synthetic track once those under 5 are dropped).
-    sigma_floor, sigma_floor_rad: m and rad, the least noise the type rule assumes; marker rigs and depth cameras are
-        never better than this once the part flexes (measured on real kitchen tracks).
-    min_delta_bic, min_range, max_radius: a joint is revolute only with this much evidence, over at least this range
-        (rad) and with at most this radius (m). The range limit between 2 and 20 degrees is not chosen by any data we
-        have; the user can name the type.
-    search_sigma: m, least noise while searching; 3 of it are about the paper's eps_f = 0.01 m. The refinement measures
-        the noise itself.
-    far_share: hypotheses come from tracks that travel this share of the farthest (95th percentile): on real recordings
-        half of what moves a little is background that drifts along an edge, and at any moment most of it rests (by us).
-    pair_gaps, pairs, samples: frame distances, number of frame pairs and triples a pair of the motion search (by us).
-    candidates: hypotheses of each type that are refined (by us).
-    search_tracks, search_frames: most tracks and frames on which hypotheses are compared (by us, for speed).
-    prune_sigmas: a track whose median residual exceeds that of pure noise by this factor does not follow the joint.
-    limit_quantile: limits are the quantiles q and 1 - q of the smoothed state, since min and max grow with the noise.
-    min_tracks, min_share, min_observations: fewest tracks of a part, least share of what moves, fewest observations for a frame's state (by us).
-    iterations: most Gauss-Newton steps a refinement takes (by us; it stops when the step is negligible).
-    seed: of the random samples.
-    """
+    method: Literal["bundle", "pose_graph"] = setting(
+        "bundle",
+        "what tells the joint of a group of tracks and its states; bundle: bundle adjustment of the tracks; pose_graph: the "
+        "paper's part-pose graph over relative motions between frames",
+    )
+    min_travel: float = setting(
+        0.01, "a track that moves less is at rest (the paper's eps_s)", unit="m", above=0
+    )
+    mover_sigmas: float = setting(
+        5.0,
+        "a track votes when it moves more than so many standard deviations; measured: the type rule holds on every real and "
+        "synthetic track once those under 5 are dropped",
+        unit="",
+        above=0,
+    )
+    sigma_floor: float = setting(
+        0.005,
+        "least noise that the type rule assumes: neither marker rigs nor depth cameras are better once the part flexes "
+        "(measured on real kitchen tracks)",
+        unit="m",
+        above=0,
+    )
+    sigma_floor_rad: float = setting(
+        float(np.radians(3.0)), "the same of angles", unit="rad", above=0, at_most=np.pi
+    )
+    min_delta_bic: float = setting(
+        20.0, "evidence that a hinge needs over a slide (Bayesian information criterion)", unit="", at_least=0
+    )
+    min_range: float = setting(
+        float(np.radians(3.0)),
+        "least turn of a hinge; between 2 and 20 degrees no data that we have choose it: --joint-hint can name the type",
+        unit="rad",
+        at_least=0,
+        at_most=2 * np.pi,
+    )
+    max_radius: float = setting(3.0, "greatest distance of a hinge from its part", unit="m", above=0)
+    search_sigma: float = setting(
+        0.003,
+        "least noise while searching, three times it about the paper's eps_f = 0.01 m; the refinement measures the noise itself",
+        unit="m",
+        above=0,
+    )
+    far_share: float = setting(
+        0.3,
+        "hypotheses come from tracks that travel this share of the farthest (95th percentile): of what moves a little, half is "
+        "background that drifts along an edge, and most of it rests at any moment",
+        unit="",
+        at_least=0,
+        below=1,
+    )
+    pair_gaps: tuple[int, ...] = setting(
+        (8, 12, 16, 24, 32, 48, 64),
+        "distances in time of the pairs that the search for motions takes",
+        unit="frames",
+        at_least=1,
+        least=1,
+    )
+    pairs: int = setting(48, "pairs of frames of that search", unit="", at_least=1)
+    samples: int = setting(96, "triples of tracks tried for each pair", unit="", at_least=1)
+    candidates: int = setting(3, "hypotheses of each type that are refined", unit="", at_least=1)
+    search_tracks: int = setting(
+        300, "most tracks on which hypotheses are compared, for speed", unit="tracks", at_least=1
+    )
+    search_frames: int = setting(
+        60, "most frames on which hypotheses are compared, for speed", unit="frames", at_least=1
+    )
+    prune_sigmas: float = setting(
+        3.0,
+        "a track whose median residual exceeds that of noise by this factor does not follow the joint",
+        unit="",
+        above=0,
+    )
+    limit_quantile: float = setting(
+        0.02,
+        "limits are this quantile of the smoothed state and its opposite: least and greatest grow with the noise",
+        unit="",
+        at_least=0,
+        below=0.5,
+    )
+    min_tracks: int = setting(4, "fewest tracks of a part; a rigid motion needs 3", unit="tracks", at_least=3)
+    min_share: float = setting(0.05, "least share of what moves", unit="", at_least=0, below=1)
+    min_observations: int = setting(3, "fewest tracks that give a frame its state", unit="tracks", at_least=1)
+    seed: int = setting(0, "of the random samples", unit="", at_least=0)
 
-    method: Literal["bundle", "pose_graph"] = "bundle"
-    min_travel: float = 0.01
-    mover_sigmas: float = 5.0
-    sigma_floor: float = 0.005
-    sigma_floor_rad: float = float(np.radians(3.0))
-    min_delta_bic: float = 20.0
-    min_range: float = float(np.radians(3.0))
-    max_radius: float = 3.0
-    search_sigma: float = 0.003
-    far_share: float = 0.3
-    pair_gaps: tuple[int, ...] = (8, 12, 16, 24, 32, 48, 64)
-    pairs: int = 48
-    samples: int = 96
-    candidates: int = 3
-    search_tracks: int = 300
-    search_frames: int = 60
-    prune_sigmas: float = 3.0
-    limit_quantile: float = 0.02
-    min_tracks: int = 4
-    min_share: float = 0.05
-    min_observations: int = 3
-    iterations: int = 30
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in (
-            "min_travel",
-            "mover_sigmas",
-            "sigma_floor",
-            "sigma_floor_rad",
-            "max_radius",
-            "prune_sigmas",
-            "search_sigma",
-        ):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ConfigError(f"joints: {name} must be positive, got {value!r}")
-        for name in ("pairs", "samples", "candidates", "search_tracks", "search_frames", "iterations"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"joints: {name} must be at least 1, got {getattr(self, name)!r}")
-        if self.min_tracks < 3:
-            raise ConfigError(
-                f"joints: min_tracks must be at least 3, got {self.min_tracks}", "a rigid motion needs 3"
-            )
-        for name in ("min_share", "far_share"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ConfigError(f"joints: {name} must be in 0..1, got {getattr(self, name)!r}")
-        if not 0 <= self.limit_quantile < 0.5:
-            raise ConfigError(f"joints: limit_quantile must be in 0..0.5, got {self.limit_quantile}")
-        if not self.pair_gaps or min(self.pair_gaps) < 1:
-            raise ConfigError(
-                f"joints: pair_gaps must be frame distances of at least 1, got {self.pair_gaps}"
-            )
+    FORMERLY: ClassVar[Former] = {"iterations": Left(MOST_STEPS)}

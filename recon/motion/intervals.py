@@ -10,26 +10,31 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import ConfigError, SceneError
+from twin.errors import SceneError
 from twin.geometry import Array
+from twin.runs.setting import Settings, setting
 
 
 @dataclass(frozen=True)
-class IntervalConfig:
-    """Detection of movement. Lengths in metres, times in frames unless the name says otherwise."""
+class IntervalConfig(Settings):
+    """Detection of movement."""
 
-    min_displacement: float = 0.01  # eps_s of the paper
-    sigmas: float = 5.0  # a mover leaves its place by this many standard deviations of its depth
-    rest_seconds: float = 0.33  # a track that stays this long is at rest; chosen by us
-    rest_share: float = (
-        0.02  # share of the travelled range that still counts as rest; the metric's definition
+    min_displacement: float = setting(
+        0.01, "a track that moves less rests (eps_s of the paper)", unit="m", above=0
     )
-
-    def __post_init__(self) -> None:
-        if self.min_displacement <= 0 or self.sigmas <= 0 or not 0 < self.rest_share < 0.5:
-            raise ConfigError(
-                f"intervals: positive thresholds and rest_share in 0..0.5 are needed, got {self}"
-            )
+    sigmas: float = setting(
+        5.0, "a mover leaves its place by so many standard deviations of its depth", unit="", above=0
+    )
+    rest_seconds: float = setting(
+        0.33, "a track that stays so long is at rest; chosen by us", unit="s", at_least=0
+    )
+    rest_share: float = setting(
+        0.02,
+        "share of the travelled range that still counts as rest; the metric's definition",
+        unit="",
+        above=0,
+        below=0.5,
+    )
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,48 +10,52 @@ import numpy as np
 from recon.joints.clustering.clusters import ClusterConfig
 from recon.motion.intervals import IntervalConfig
 from recon.parts.hand_tracks import HandColorConfig
-from twin.errors import ConfigError
+from twin.runs.setting import Settings, group, setting
 
 
 @dataclass(frozen=True)
-class MotionConfig:
-    """Finding parts among tracks. Chosen by us unless the comment says otherwise.
+class MotionConfig(Settings):
+    """Finding parts among tracks; chosen by us."""
 
-    method: how tracks are told apart that move by different joints: "fits", each joint fitted to all that no earlier one
-    explains, or "clusters", the paper's motion clustering (needs the extra `clustering`).
-    far_share: tracks that travel less than this share of the farthest travelling ones (95th percentile) wait for the
-    last fits. rest_tolerance: m, a track of the part stays within it while the part rests. min_tracks, min_share: a
-    further part needs that many tracks, and that share of the first part's. min_travel: m, its tracks' median path.
-    max_residual: m, RMS that its fit may leave. max_looseness: most times the RMS of the first part, which the same camera
-    sees. max_moving_share: of the frames that see it, those in which it moves.
-    max_axis_sigma: rad, uncertainty of its axis. same_axis, same_pivot: rad and m, two fits nearer than this that move
-    at the same time are two faces of one part.
-    """
-
-    method: Literal["fits", "clusters"] = "fits"
-    far_share: float = 0.3
-    rest_tolerance: float = 0.012
-    max_parts: int = 8
-    min_tracks: int = 15
-    min_share: float = 0.1
-    min_travel: float = 0.04
-    max_residual: float = 0.008
-    max_looseness: float = 2.5
-    max_moving_share: float = 0.8
-    max_axis_sigma: float = float(np.radians(1.4))
-    same_axis: float = float(np.radians(10.0))
-    same_pivot: float = 0.06
-    interval: IntervalConfig = field(default_factory=IntervalConfig)
-    hand: HandColorConfig = field(default_factory=HandColorConfig)
-    clusters: ClusterConfig = field(default_factory=ClusterConfig)
-
-    def __post_init__(self) -> None:
-        if (
-            not 0 < self.far_share < 1
-            or self.rest_tolerance <= 0
-            or self.max_parts < 1
-            or self.min_tracks < 3
-        ):
-            raise ConfigError(
-                f"motion: far_share in 0..1, positive rest_tolerance, max_parts >= 1, min_tracks >= 3 are needed: {self}"
-            )
+    method: Literal["fits", "clusters"] = setting(
+        "fits",
+        "how tracks are told apart that move by different joints; fits: each joint is fitted to all that no earlier one explains; "
+        "clusters: the paper's motion clustering (needs the extra `clustering`)",
+    )
+    far_share: float = setting(
+        0.3,
+        "tracks that travel less than this share of the farthest (95th percentile) wait for the last fits",
+        unit="",
+        above=0,
+        below=1,
+    )
+    rest_tolerance: float = setting(
+        0.012, "a track of the part stays within it while the part rests", unit="m", above=0
+    )
+    max_parts: int = setting(8, "most parts sought", unit="parts", at_least=1)
+    min_tracks: int = setting(15, "fewest tracks of a further part", unit="tracks", at_least=3)
+    min_share: float = setting(
+        0.1, "fewest tracks of a further part, as a share of the first one's", unit="", at_least=0, at_most=1
+    )
+    min_travel: float = setting(0.04, "least median path of its tracks", unit="m", at_least=0)
+    max_residual: float = setting(0.008, "greatest error (RMS) that its fit may leave", unit="m", above=0)
+    max_looseness: float = setting(
+        2.5, "and at most so many times that of the first part, which the same camera sees", unit="", above=0
+    )
+    max_moving_share: float = setting(
+        0.8, "share of the frames that see it in which it may move", unit="", above=0, at_most=1
+    )
+    max_axis_sigma: float = setting(
+        float(np.radians(1.4)), "greatest uncertainty of its axis", unit="rad", above=0, at_most=np.pi
+    )
+    same_axis: float = setting(
+        float(np.radians(10.0)),
+        "fits whose axes differ by less, and which move at the same time, are faces of one part",
+        unit="rad",
+        at_least=0,
+        at_most=np.pi / 2,
+    )
+    same_pivot: float = setting(0.06, "and whose pivots differ by less", unit="m", at_least=0)
+    interval: IntervalConfig = group(IntervalConfig, "what moves, and when")
+    hand: HandColorConfig = group(HandColorConfig, "which tracks lie on the hand")
+    clusters: ClusterConfig = group(ClusterConfig, "the paper's motion clustering, with method = clusters")

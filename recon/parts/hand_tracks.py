@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -20,27 +21,37 @@ from recon.depth import depth_sigma, look_up
 from recon.recording import Intrinsics, Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
-from twin.errors import ConfigError
 from twin.geometry import Array
+from twin.runs.setting import Former, Left, Settings, setting
 from twin.scene import Trajectory
+
+_BINS = 24  # of the colour histogram, per axis
 
 
 @dataclass(frozen=True)
-class HandColorConfig:
-    """Chosen by us unless the comment says otherwise."""
+class HandColorConfig(Settings):
+    """Learning the hand's colours; chosen by us."""
 
-    width: int = 160
-    bins: int = 24  # per colour axis
-    margin: float = 0.03  # metres in front of the reference surface, plus 4 sigma of depth
-    max_frames: int = 12  # frames looked at on each side of the motion
-    min_share: float = 0.003  # of the image; less is noise, not a hand
-    min_odds: float = 0.0  # mean log odds above which a track lies on the hand: more likely than not
+    width: int = setting(160, "width to which frames are shrunk", unit="px", at_least=32)
+    margin: float = setting(
+        0.03,
+        "the hand is so far in front of the surface behind it, beyond 4 standard deviations of depth",
+        unit="m",
+        above=0,
+    )
+    max_frames: int = setting(12, "frames looked at on each side of the motion", unit="frames", at_least=1)
+    min_share: float = setting(
+        0.003, "less of the image than that is noise, not a hand", unit="", at_least=0, below=1
+    )
+    min_odds: float = setting(
+        0.0,
+        "mean log odds above which a track lies on the hand; 0: more likely than not",
+        unit="",
+        at_least=-20,
+        at_most=20,
+    )
 
-    def __post_init__(self) -> None:
-        if self.width < 32 or self.bins < 4 or self.margin <= 0 or self.max_frames < 1:
-            raise ConfigError(
-                f"hand colour: width >= 32, bins >= 4, positive margin and frames are needed, got {self}"
-            )
+    FORMERLY: ClassVar[Former] = {"bins": Left(_BINS)}
 
 
 def hand_tracks(
@@ -62,7 +73,7 @@ def hand_tracks(
         max(1, round(recording.intrinsics.height * config.width / recording.intrinsics.width)),
     )
     camera = recording.intrinsics.scaled(*size)
-    hand, rest_of = np.ones(config.bins**3), np.ones(config.bins**3)
+    hand, rest_of = np.ones(_BINS**3), np.ones(_BINS**3)
     found = 0
     for number, (first, last) in enumerate(rests):
         references = ([first] if number == 0 or len(rests) == 1 else []) + (
@@ -77,13 +88,13 @@ def hand_tracks(
                 if mask is None or mask.mean() < config.min_share:
                     continue
                 found += 1
-                index = _bin(_small_color(recording, int(frame), camera), config.bins)
+                index = _bin(_small_color(recording, int(frame), camera), _BINS)
                 hand += np.bincount(index[mask], minlength=len(hand))
                 rest_of += np.bincount(index[~mask], minlength=len(hand))
     if found == 0:
         return np.zeros(len(tracks), dtype=bool)
-    odds = _smooth_log_odds(hand, rest_of, config.bins)
-    return _mean_odds(recording, tracks, odds, config) > config.min_odds
+    odds = _smooth_log_odds(hand, rest_of, _BINS)
+    return _mean_odds(recording, tracks, odds) > config.min_odds
 
 
 def _smooth_log_odds(hand: Array, rest: Array, bins: int) -> Array:
@@ -142,7 +153,7 @@ def _in_front(
     return np.asarray(opened, dtype=bool)
 
 
-def _mean_odds(recording: Recording, tracks: Tracks, odds: Array, config: HandColorConfig) -> Array:
+def _mean_odds(recording: Recording, tracks: Tracks, odds: Array) -> Array:
     """Mean log odds (K,) over every third frame's 5x5 neighbourhoods of each track."""
     total, count = np.zeros(len(tracks)), np.zeros(len(tracks))
     for frame in range(0, len(recording), 3):
@@ -150,7 +161,7 @@ def _mean_odds(recording: Recording, tracks: Tracks, odds: Array, config: HandCo
         if not len(seen):
             continue
         color = recording.color(frame)
-        score = cv2.blur(odds[_bin(color, config.bins)], (5, 5))
+        score = cv2.blur(odds[_bin(color, _BINS)], (5, 5))
         x, y = np.rint(tracks.pixels[frame, seen]).astype(int).T
         total[seen] += score[np.clip(y, 0, color.shape[0] - 1), np.clip(x, 0, color.shape[1] - 1)]
         count[seen] += 1

@@ -69,4 +69,4 @@ def test_no_hand_in_view_means_no_hand_tracks(door: Path) -> None:
 
 def test_settings_are_checked() -> None:
     with pytest.raises(ConfigError):
-        HandColorConfig(bins=1)
+        HandColorConfig(width=1)

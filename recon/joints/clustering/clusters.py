@@ -22,29 +22,34 @@ from recon.joints.observations import Kind, Model, Observations, residuals
 from recon.joints.sign_and_limits import orient
 from recon.joints.type_selection import decide
 from twin import geometry as geo
-from twin.errors import ConfigError, MissingDependencyError
+from twin.errors import MissingDependencyError
 from twin.packages import to_install
 from twin.robust import LENGTH3_MEDIAN
+from twin.runs.setting import Settings, setting
 from twin.scene import Prismatic, Revolute
 
 
 @dataclass(frozen=True)
-class ClusterConfig:
-    """eps_s, eps_f: m, least travel of a moving track and largest error of its line or arc (the paper's 0.01 each; the
-    noise widens them to 5 and 2.5 standard deviations). min_share, min_size: a part has at least this share of the moving
-    tracks and this many (by us). max_parts: most clusters sought (by us)."""
+class ClusterConfig(Settings):
+    """Density clusters over joints; chosen by us unless a setting says otherwise."""
 
-    eps_s: float = 0.01
-    eps_f: float = 0.01
-    min_share: float = 0.05
-    min_size: int = 6
-    max_parts: int = 8
-
-    def __post_init__(self) -> None:
-        if not (self.eps_s > 0 and self.eps_f > 0 and 0 <= self.min_share < 1):
-            raise ConfigError(f"clusters: needs eps_s > 0, eps_f > 0 and 0 <= min_share < 1, got {self}")
-        if self.min_size < 4 or self.max_parts < 1:
-            raise ConfigError(f"clusters: needs min_size >= 4 and max_parts >= 1, got {self}")
+    eps_s: float = setting(
+        0.01,
+        "least travel of a moving track (the paper's); noise widens it to 5 standard deviations",
+        unit="m",
+        above=0,
+    )
+    eps_f: float = setting(
+        0.01,
+        "greatest error of its line or arc (the paper's); noise widens it to 2.5 standard deviations",
+        unit="m",
+        above=0,
+    )
+    min_share: float = setting(
+        0.05, "a part has at least this share of the moving tracks", unit="", at_least=0, below=1
+    )
+    min_size: int = setting(6, "and this many", unit="tracks", at_least=4)
+    max_parts: int = setting(8, "most clusters sought", unit="parts", at_least=1)
 
 
 _DEFAULT, _JOINTS = ClusterConfig(), JointConfig()

@@ -20,30 +20,31 @@ from recon.joints.observations import Kind
 from recon.joints.pose_graph.edges import PoseEdges
 from recon.joints.pose_graph.screws import motion_jacobian, right_inverse, twist_of
 from twin import geometry as geo
-from twin.errors import ConfigError, ReconstructionError
+from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.joint import moved_axis
 from twin.robust import cauchy, chi2_scale
+from twin.runs.setting import Settings, setting
 
 _LENGTH = 0.3  # m, about half a door: how much rotation weighs against translation in the start alone
+_MOST_STEPS = 30  # of one solution; it stops when the cost stands still
 
 
 @dataclass(frozen=True)
-class PoseGraphConfig:
-    """mu: scale of the confidences in units of the noise variance; 20 puts the prune at 0.3 on the 99 % quantile of a good
-    edge (0.826 mu = 16.8 of chi-square with 6). prune: loop closures below this confidence leave (the paper's 0.3).
-    rounds: of noise rescaling (two were best everywhere). iterations: most steps of one solution (by us)."""
+class PoseGraphConfig(Settings):
+    """The part's pose graph; the noise model differs from the paper's, see the head of this module."""
 
-    mu: float = 20.0
-    prune: float = 0.3
-    rounds: int = 2
-    iterations: int = 30
-
-    def __post_init__(self) -> None:
-        if not (self.mu > 0 and 0 <= self.prune < 1 and self.rounds >= 0 and self.iterations >= 1):
-            raise ConfigError(
-                f"pose graph: needs mu > 0, 0 <= prune < 1, rounds >= 0, iterations >= 1, got {self}"
-            )
+    mu: float = setting(
+        20.0,
+        "scale of the confidences in units of the noise variance; 20 puts the prune at 0.3 on the 99 % quantile of a good edge "
+        "(0.826 mu = 16.8 of chi-square with 6)",
+        unit="",
+        above=0,
+    )
+    prune: float = setting(
+        0.3, "loop closures below this confidence leave (the paper's)", unit="", at_least=0, below=1
+    )
+    rounds: int = setting(2, "rescalings of noise (two: best everywhere)", unit="rounds", at_least=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +275,7 @@ def _minimise(edges: PoseEdges, graph: PoseGraph, scale: float, config: PoseGrap
     """Levenberg-Marquardt with the confidences in closed form."""
     damping = 1e-6
     hessian, gradient, cost = _system(edges, graph, scale, config.mu)
-    for _ in range(config.iterations):
+    for _ in range(_MOST_STEPS):
         delta = -solve_positive(hessian + damping * np.diag(np.diag(hessian)), gradient[:, None])[:, 0]
         trial = _moved(graph, delta)
         trial_cost = _objective(edges, edge_costs(edges, trial) / scale**2, config.mu)
