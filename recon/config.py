@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import ClassVar
 
 from recon.cameras.gravity import GravityConfig
 from recon.cameras.poses import CameraConfig
@@ -14,19 +15,22 @@ from recon.labels.label_frames import LabelConfig
 from recon.parts.config import MotionConfig
 from recon.refine.observations import RefineConfig
 from recon.tracking.tracks import TrackConfig
+from twin.runs.setting import Former, Settings, group
 
 
 @dataclass(frozen=True)
-class ReconConfig:
+class ReconConfig(Settings):
     """Settings by stage; the defaults are meant for every recording."""
 
-    tracks: TrackConfig = field(default_factory=TrackConfig)
-    cameras: CameraConfig = field(default_factory=CameraConfig)
-    gravity: GravityConfig = field(default_factory=GravityConfig)
-    motion: MotionConfig = field(default_factory=MotionConfig)
-    joints: JointConfig = field(default_factory=JointConfig)
-    refine: RefineConfig = field(default_factory=RefineConfig)
-    labels: LabelConfig = field(default_factory=LabelConfig)
-    fusion: FusionConfig = field(default_factory=FusionConfig)
-    closed_end: ClosedEndConfig = field(default_factory=ClosedEndConfig)
-    contact: ContactConfig = field(default_factory=ContactConfig)
+    tracks: TrackConfig = group(TrackConfig, "corners followed through the recording")
+    cameras: CameraConfig = group(CameraConfig, "camera poses")
+    gravity: GravityConfig = group(GravityConfig, "which way is up")
+    motion: MotionConfig = group(MotionConfig, "which parts move, when and how")
+    joints: JointConfig = group(JointConfig, "how tracks or poses become a joint")
+    refine: RefineConfig = group(RefineConfig, "joints and states refined with every pixel")
+    labels: LabelConfig = group(LabelConfig, "what each pixel shows")
+    fusion: FusionConfig = group(FusionConfig, "meshes of the static scene and the parts")
+    closed_end: ClosedEndConfig = group(ClosedEndConfig, "which end of a part's travel is the closed one")
+    contact: ContactConfig = group(ContactConfig, "where the hand held a part")
+
+    FORMERLY: ClassVar[Former] = {"motion.joint": "joints"}

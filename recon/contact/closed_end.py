@@ -19,31 +19,34 @@ from recon.depth import look_up
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
-from twin.errors import ConfigError
 from twin.geometry import Array
+from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
 _EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the thickness of a fridge door
 
 
 @dataclass(frozen=True)
-class ClosedEndConfig:
-    """Deciding which end is closed; chosen by us.
+class ClosedEndConfig(Settings):
+    """Deciding which end is closed; chosen by us."""
 
-    gap: m, a rim closer than this to the static surface is flush with it: a panel's thickness and a joint gap. deep: m, what
-    lies that far behind the part is a cavity, not the neighbour that a sliding door covers. margin: difference of shares
-    that decides. frames: frames looked at for each end. quantile: of the smoothed state, an end of the travel.
-    """
-
-    gap: float = 0.03
-    deep: float = 0.08
-    margin: float = 0.2
-    frames: int = 8
-    quantile: float = 0.02
-
-    def __post_init__(self) -> None:
-        if min(self.gap, self.deep, self.margin) <= 0 or self.frames < 1 or not 0 <= self.quantile < 0.5:
-            raise ConfigError(f"closed-end settings must be positive, quantile below 0.5, got {self}")
+    gap: float = setting(
+        0.03,
+        "a rim closer than this to the static surface is flush with it: a panel's thickness and a joint gap",
+        unit="m",
+        above=0,
+    )
+    deep: float = setting(
+        0.08,
+        "what lies so far behind the part is a cavity, not the neighbour that a sliding door covers",
+        unit="m",
+        above=0,
+    )
+    margin: float = setting(0.2, "difference of shares that decides", unit="", above=0, at_most=1)
+    frames: int = setting(8, "frames looked at for each end", unit="frames", at_least=1)
+    quantile: float = setting(
+        0.02, "of the smoothed state: an end of the travel", unit="", at_least=0, below=0.5
+    )
 
 
 @dataclass(frozen=True)

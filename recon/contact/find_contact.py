@@ -22,8 +22,8 @@ from recon.contact.handles import Handle, around_edge, find_edge, find_handle, u
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
-from twin.errors import ConfigError
 from twin.geometry import Array
+from twin.runs.setting import Settings, setting
 from twin.scene import HAND_LABEL, ContactPath, Mesh, Trajectory
 from twin.voxels import voxel_keys
 
@@ -31,30 +31,30 @@ _BEYOND_M = 0.15  # a hand farther from the part than this does not hold it
 
 
 @dataclass(frozen=True)
-class ContactConfig:
-    """Finding the contact; lengths in metres, chosen by us.
+class ContactConfig(Settings):
+    """Finding the contact; chosen by us."""
 
-    source: "geometry" needs no model, "keypoints" asks a hand detector (extra `hands`). width: hand pixels are taken from a
-    grid of about that many columns. hold_frames: the hand holds the part a little before it moves and after. near: a hand
-    whose surface comes that close to the part holds it. finger: the surface of the fingers is that much farther from what
-    they hold than its nearest point is. breadth: of a fist with its thumb, adults have some 9 to 10.5 cm. min_points: hand pixels that count as seen.
-    """
-
-    source: Literal["geometry", "keypoints"] = "geometry"
-    width: int = 320
-    hold_frames: int = 2
-    near: float = 0.05
-    finger: float = 0.025
-    breadth: float = 0.10
-    min_points: int = 6
-
-    def __post_init__(self) -> None:
-        if self.source not in ("geometry", "keypoints"):
-            raise ConfigError(f"contact source {self.source!r} is unknown", 'use "geometry" or "keypoints"')
-        if self.width < 32 or self.hold_frames < 0 or self.min_points < 1:
-            raise ConfigError(f"contact needs width >= 32, hold_frames >= 0 and min_points >= 1, got {self}")
-        if not (0 < self.near < 0.2 and 0 < self.finger < 0.1 and 0 <= self.breadth < 0.3):
-            raise ConfigError(f"contact distances must be positive and hand-sized, got {self}")
+    source: Literal["geometry", "keypoints"] = setting(
+        "geometry", '"geometry" needs no model, "keypoints" asks a hand detector (extra `hands`)'
+    )
+    width: int = setting(320, "hand pixels come from a grid of about so many columns", unit="px", at_least=32)
+    hold_frames: int = setting(
+        2, "the hand holds the part so long before it moves and after", unit="frames", at_least=0
+    )
+    near: float = setting(
+        0.05, "a hand whose surface comes so close to the part holds it", unit="m", above=0, below=0.2
+    )
+    finger: float = setting(
+        0.025,
+        "how much farther from what they hold the fingers' surface may be than its nearest point",
+        unit="m",
+        above=0,
+        below=0.1,
+    )
+    breadth: float = setting(
+        0.10, "of a fist with its thumb; adults have some 9 to 10.5 cm", unit="m", at_least=0, below=0.3
+    )
+    min_points: int = setting(6, "fewest hand pixels that count as seen", unit="px", at_least=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.recording import Recording
-from twin.errors import ConfigError, MissingDependencyError
+from twin.errors import MissingDependencyError
 from twin.geometry import Array
 from twin.packages import to_install
+from twin.runs.setting import Settings, setting
 from twin.scene import HAND_LABEL
 
 KEYPOINTS = (
@@ -32,15 +33,11 @@ _REACH_M = 0.12  # a fingertip lies no farther than that in depth from the hand'
 
 
 @dataclass(frozen=True)
-class HandConfig:
-    """Hand detection. max_hands: per picture. min_confidence: of the detector, 0..1; both chosen by us."""
+class HandConfig(Settings):
+    """Hand detection; chosen by us."""
 
-    max_hands: int = 2
-    min_confidence: float = 0.5
-
-    def __post_init__(self) -> None:
-        if self.max_hands < 1 or not 0 < self.min_confidence < 1:
-            raise ConfigError(f"hands: max_hands >= 1 and min_confidence in 0..1 are needed, got {self}")
+    max_hands: int = setting(2, "most hands in a picture", unit="hands", at_least=1)
+    min_confidence: float = setting(0.5, "least confidence of the detector", unit="", above=0, below=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -298,7 +298,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     (tmp_path / "full" / "x").write_text("")
     with pytest.raises(InputError, match="not an empty folder"):
         simulate(cabinet, "drawer_top", tmp_path / "full", SMALL)
-    with pytest.raises(ConfigError, match=r"simulate\.width = 4000"):
+    with pytest.raises(ConfigError, match=r"width = 4000 must be from 32 to 1920 px"):
         SimulateConfig(width=4000)
     assert not (tmp_path / "a").exists()
 
