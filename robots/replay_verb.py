@@ -16,6 +16,7 @@ from twin.files.paths import require_writable
 from twin.files.text import read_json
 from twin.report.sections import Table
 from twin.runs.manifest import MANIFEST
+from twin.runs.settings import from_dict
 from twin.runs.stages import Progress
 from twin.scene import Part, Twin
 from twin.storage import load
@@ -98,7 +99,7 @@ def replay_step(
         )
     tasks = {part.id: task_of(part, goal, start) for part in parts}
     robots.resolve(robot)
-    config = robots.ReplayConfig(**(settings or {}))
+    config = from_dict(robots.ReplayConfig, settings or {}, "replay")
     require_writable(run_folder(run) / "replay")
     # what follows imports MuJoCo: every wrong answer that can be told without it was told before
     from robots.floor import floor_of

@@ -71,7 +71,7 @@ def told_early(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
         ("replay RUN --part dor", "no part 'dor'; did you mean 'door'?"),
         ("replay RUN --part door --goal ajar", "goal 'ajar' of part 'door'"),
         ("replay RUN --goal 1.5", "goal '1.5' of part 'door'"),
-        ("replay RUN --control soft", "control must be one of position, impedance"),
+        ("replay RUN --control soft", "control = 'soft' must be one of 'position', 'impedance'"),
         ("trajectory RUN --robot frnka --format csv -o OUT", "no robot 'frnka'"),
         ("trajectory RUN --part dor --format csv -o OUT", "no part 'dor'"),
         ("physics set RUN --part dor --mass 2", "no part 'dor'"),

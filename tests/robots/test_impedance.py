@@ -141,7 +141,7 @@ def test_where_the_twin_is_wrong_the_compliant_hand_presses_less(planned):
 
 
 def test_another_control_is_refused_by_name():
-    with pytest.raises(ConfigError, match="position, impedance, got 'soft'"):
+    with pytest.raises(ConfigError, match="'soft' must be one of 'position', 'impedance'"):
         ReplayConfig(control="soft")
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from twin.collision.solid import pieces_of
 from twin.collision.splitting import decompose, merge
 from twin.files.paths import AnyPath
 from twin.geometry import Array
+from twin.runs.setting import Settings, group, setting
 from twin.scene import Collision, Mesh, Twin
 
 _SPECK = 3e-4  # m^2: less surface than on a knob of 1 cm is a shred of a scan
@@ -32,37 +33,45 @@ _SPLITS = 3  # bodies of one part that CoACD may split, the largest: each takes 
 
 
 @dataclass(frozen=True)
-class CollisionConfig:
-    """How shapes are made; lengths in metres. All defaults chosen by us.
+class CollisionConfig(Settings):
+    """How collision shapes are made; every default was chosen by us."""
 
-    part_faces, static_faces: meshes are decimated to this many triangles first. tolerance: hulls of a part keep within it
-    of the surface (a finger needs the gap behind a handle, which is 20-40 mm). thickness: least thickness of a shape.
-    near: around everything the parts reach, the static scene is covered finely (near_tolerance), beyond it coarsely.
-    clearance: between a part and what it moves past. step: the opening is sampled so that no point moves further.
-    """
-
-    part_faces: int = 6000
-    static_faces: int = 16000
-    tolerance: float = 0.007
-    thickness: float = 0.006
-    part_pieces: int = 32
-    near: float = 0.25
-    near_tolerance: float = 0.015
-    near_pieces: int = 64
-    far_tolerance: float = 0.06
-    far_pieces: int = 48
-    clearance: float = 0.002
-    step: float = 0.02
-    part_boards: BoardSearch = field(default_factory=BoardSearch)
-    near_boards: BoardSearch = field(
-        default_factory=lambda: BoardSearch(
-            deepest=0.045, thickness=0.006, cell=0.01, smallest=0.004, noise=0.004, most=120
-        )
+    part_faces: int = setting(
+        6000, "a part's mesh is decimated to so many triangles first", unit="triangles", at_least=4
     )
-    far_boards: BoardSearch = field(
-        default_factory=lambda: BoardSearch(
+    static_faces: int = setting(
+        16000, "the static scene's mesh is decimated to so many triangles first", unit="triangles", at_least=4
+    )
+    tolerance: float = setting(
+        0.007,
+        "hulls of a part keep within it of the surface: a finger needs the gap behind a handle, which is 20 to 40 mm",
+        unit="m",
+        above=0,
+    )
+    thickness: float = setting(0.006, "least thickness of a shape", unit="m", above=0)
+    part_pieces: int = setting(32, "most shapes of a part", unit="shapes", at_least=1)
+    near: float = setting(
+        0.25,
+        "so far around everything the parts reach, the static scene is covered finely",
+        unit="m",
+        at_least=0,
+    )
+    near_tolerance: float = setting(0.015, "as tolerance, for the static scene there", unit="m", above=0)
+    near_pieces: int = setting(64, "most hulls there", unit="hulls", at_least=1)
+    far_tolerance: float = setting(0.06, "as tolerance, for the static scene beyond", unit="m", above=0)
+    far_pieces: int = setting(48, "most hulls beyond", unit="hulls", at_least=1)
+    clearance: float = setting(0.002, "between a part and what it moves past", unit="m", at_least=0)
+    step: float = setting(0.02, "the opening is sampled so that no point moves further", unit="m", above=0)
+    part_boards: BoardSearch = group(BoardSearch, "boards of parts")
+    near_boards: BoardSearch = group(
+        lambda: BoardSearch(deepest=0.045, thickness=0.006, cell=0.01, smallest=0.004, noise=0.004, most=120),
+        "boards of the static scene near the parts",
+    )
+    far_boards: BoardSearch = group(
+        lambda: BoardSearch(
             deepest=0.06, thickness=0.01, cell=0.04, fill=0.85, smallest=0.08, noise=0.01, most=80
-        )
+        ),
+        "boards of the static scene beyond",
     )
 
 
