@@ -28,6 +28,7 @@ PACKAGES = ("twin", "recon", "robots")
 GUIDE = (
     "concepts",
     "recordings",
+    "settings",
     "method",
     "metrics",
     "twin_format",

@@ -25,6 +25,7 @@ from twin.cli import main as cli
 from twin.errors import ConfigError
 from twin.files.assets import asset
 from twin.report import page as report_page
+from twin.runs.settings import to_toml
 from twin.storage import save
 
 ROOT = Path(__file__).parents[1]
@@ -46,6 +47,7 @@ ONLY_PARSED = {
     "make test": ITSELF,
     "make wheel": ITSELF,
     "pip install ./dist/funtwin-*.whl": ITSELF,
+    "python .ci/settings_page.py": "writes docs/settings.md; tests/test_settings_law.py compares",
     "python benchmarks/reconstruct.py RUNS RECORDING...": MINUTES,
     "twin check RUN --engines all": ENGINES,
     "twin check RUN --engines validators": ENGINES,
@@ -148,7 +150,7 @@ def test_every_setting_and_verb_that_a_document_names_exists(page: str) -> None:
 
 
 def test_a_setting_that_does_not_exist_is_found() -> None:
-    with pytest.raises(ConfigError, match="unknown key 'window'"):
+    with pytest.raises(ConfigError, match=r"unknown key 'labels\.window'"):
         given.settings(CONFIGS["reconstruct"], None, ["labels.window=5"])
 
 
@@ -193,6 +195,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     twin = cabinet_twin()
     named = [replace(p, name={"drawer": "NAME", "door": "door_2"}[p.name]) for p in twin.parts]
     save(replace(twin, parts=tuple(named)), place / "RUN" / "twin")
+    (place / "RUN" / "config.toml").write_text(to_toml(ReconConfig()), encoding="utf-8")
     assert cli.run(["export", str(place / "RUN"), "--json"]) == 0
     scene = asset("scenes/base_cabinet.xml").read_text(encoding="utf-8")
     (place / "assets").symlink_to(asset("scenes").parent)

@@ -1,13 +1,18 @@
-"""Law: every settings object, written as TOML and read back, is equal; what can't be written is refused by name."""
+"""Laws of the settings: each says its meaning, unit and range; what lies outside of the range is refused in one line; every
+settings object, written as TOML and read back, is equal; docs/settings.md tells them as they are."""
 
 from __future__ import annotations
 
+import math
+import re
 import tomllib
 import types
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 import pytest
@@ -15,16 +20,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recon.config import ReconConfig
+from recon.contact.hand_keypoints import HandConfig
+from recon.joints.pose_graph.solver import PoseGraphConfig
 from recon.readers import open_recording
-from recon.simulate.config import SimulateConfig
-from robots.config import PlanConfig, ReplayConfig
+from robots.config import PlanConfig
 from tests.recon import tiny
-from twin.collision import CollisionConfig
+from twin.cli.table import SETTINGS, named
 from twin.errors import ConfigError
 from twin.runs.keys import stage_key
+from twin.runs.setting import Left, Settings, rule_of, types_of
 from twin.runs.settings import as_dict, from_dict, load_config, to_toml
+from twin.runs.settings_list import listed
 
-ROOTS = (ReconConfig, SimulateConfig, PlanConfig, ReplayConfig, CollisionConfig)
+REPOSITORY = Path(__file__).parents[1]
+LINE = 160  # characters of a refusal
+# those that the command line knows, and those of functions that take their own
+ROOTS = (*map(named, SETTINGS.values()), HandConfig, PoseGraphConfig)
 # TOML holds 64-bit integers; every character but halves of surrogate pairs, which are no text
 INTEGERS = st.integers(-(2**63), 2**63 - 1) | st.integers(-3, 100)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"])) | st.text(
@@ -36,13 +47,131 @@ FLOATS = st.floats(allow_nan=False) | st.floats(0, 1) | st.floats(1, 100)
 def reachable(cls: type) -> Iterator[type]:
     """The class and the settings classes that it holds."""
     yield cls
-    for hint in get_type_hints(cls).values():
+    for hint in types_of(cls).values():
         for inner in (hint, *get_args(hint)):
             if isinstance(inner, type) and is_dataclass(inner):
                 yield from reachable(inner)
 
 
 CLASSES = list(dict.fromkeys(c for root in ROOTS for c in reachable(root)))
+
+
+FIELDS = [(c, f.name) for c in CLASSES for f in fields(c) if not is_dataclass(types_of(c)[f.name])]
+
+
+def numeric(hint: Any) -> type | None:
+    """int or float where a field holds numbers, alone, in a tuple, or beside None."""
+    return next((t for t in (hint, *get_args(hint)) if t in (int, float)), None)
+
+
+def variants(cls: type, name: str, number: Any) -> Iterator[Any]:
+    """The field's value with the number in each of its places."""
+    if get_origin(types_of(cls)[name]) is not tuple:
+        yield number
+    else:
+        now = getattr(cls(), name)
+        yield from ((*now[:k], number, *now[k + 1 :]) for k in range(len(now)))
+
+
+def beside(cls: type, name: str) -> Iterator[tuple[Any, bool]]:
+    """Numbers at and next to each bound of a field, and whether they are allowed."""
+    rule, whole = rule_of(cls.__dataclass_fields__[name]), numeric(types_of(cls)[name]) is int  # type: ignore[attr-defined]
+    for bound, inside, excluded in (
+        (rule.above, 1, True),
+        (rule.at_least, 1, False),
+        (rule.below, -1, True),
+        (rule.at_most, -1, False),
+    ):
+        if bound is not None:
+            step = (
+                (lambda d, b=bound: b + d) if whole else (lambda d, b=bound: math.nextafter(b, d * math.inf))
+            )
+            yield from ((step(inside), True), (bound, not excluded), (step(-inside), False))
+
+
+@pytest.mark.parametrize(("cls", "name"), FIELDS, ids=lambda x: x if isinstance(x, str) else x.__name__)
+def test_every_setting_says_meaning_unit_and_range(cls: type, name: str) -> None:
+    rule = rule_of(cls.__dataclass_fields__[name])  # type: ignore[attr-defined]
+    assert len(rule.meaning) > 5
+    assert "\n" not in rule.meaning
+    if numeric(types_of(cls)[name]):
+        assert rule.bounds, "a number needs a range"
+        assert rule.above is not None or rule.at_least is not None, "the range needs a lower end"
+        assert rule.unit is not None, 'a number needs a unit, "" where it has none'
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
+def test_every_class_and_group_says_what_it_is(cls: type) -> None:
+    assert issubclass(cls, Settings)
+    assert not str(cls.__doc__).startswith((f"{cls.__name__}(", "None")), "one that dataclass made up"
+    groups = [f for f in fields(cls) if is_dataclass(types_of(cls)[f.name])]
+    assert [f.name for f in groups if not rule_of(f).meaning] == []
+
+
+def test_no_class_of_settings_is_left_out() -> None:
+    found = set()
+    for package in ("recon", "robots", "twin"):
+        for path in (REPOSITORY / package).rglob("*.py"):
+            found |= set(
+                re.findall(r"^class (\w+)\(Settings\)|^class (\w+Config)\b", path.read_text(), re.MULTILINE)
+            )
+    assert {a or b for a, b in found} == {c.__name__ for c in CLASSES}
+
+
+@pytest.mark.parametrize(("cls", "name"), FIELDS, ids=lambda x: x if isinstance(x, str) else x.__name__)
+def test_a_number_beside_its_range_is_refused_in_one_line(cls: type, name: str) -> None:
+    hint = types_of(cls)[name]
+    if not numeric(hint):
+        return
+    rule = rule_of(cls.__dataclass_fields__[name])  # type: ignore[attr-defined]
+    cases = [*beside(cls, name), (math.nan, False), (True, False), ("1", False)]
+    cases += [] if rule.infinite else [(math.inf, False), (-math.inf, False)]
+    for number, allowed in cases:
+        for value in variants(cls, name, number):
+            if allowed:
+                assert getattr(cls(**{name: value}), name) == value
+                continue
+            with pytest.raises(ConfigError, match=rf"^{cls.__name__}\.{name}(\[\d\])? = ") as e:
+                cls(**{name: value})
+            assert len(str(e.value)) <= LINE
+            assert "\n" not in str(e.value)
+
+
+@pytest.mark.parametrize("what", SETTINGS)
+def test_a_refusal_names_the_setting_as_its_user_does(what: str) -> None:
+    cls = named(SETTINGS[what])
+    for s in listed(cls()):
+        data: dict[str, Any] = {}
+        *tables, name = s.path.split(".")
+        inner = data
+        for table in tables:
+            inner = inner.setdefault(table, {})
+        inner[name] = [{}]  # what no setting takes
+        with pytest.raises(ConfigError, match=rf"^--set: {re.escape(s.path)}(\[0\])?(\b|\s)") as e:
+            from_dict(cls, data, "--set")
+        assert len(str(e.value)) <= LINE
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
+def test_what_a_setting_was_called_leads_to_one_of_today(cls: type) -> None:
+    """A file of that time is read, with one warning, and gives the same settings."""
+    for old, now in cls.FORMERLY.items():  # type: ignore[attr-defined]
+        assert old not in {s.path for s in listed(cls())}
+        data: dict[str, Any] = {}
+        inner = data
+        for table in old.split(".")[:-1]:
+            inner = inner.setdefault(table, {})
+        value = now.value if isinstance(now, Left) else reduce(getitem, now.split("."), as_dict(cls()))
+        inner[old.split(".")[-1]] = value
+        with pytest.warns(UserWarning, match=re.escape(old)):
+            assert from_dict(cls, data) == cls()
+
+
+def test_the_page_of_settings_is_up_to_date() -> None:
+    script: dict[str, Any] = {"__name__": "page", "__file__": str(REPOSITORY / ".ci/settings_page.py")}
+    exec((REPOSITORY / ".ci/settings_page.py").read_text(), script)  # noqa: S102
+    page = (REPOSITORY / "docs/settings.md").read_text()
+    assert page == script["page"](), "run: python .ci/settings_page.py"
 
 
 def values(hint: Any) -> st.SearchStrategy[Any]:
@@ -80,7 +209,7 @@ def plain(value: Any) -> Any:
 def configs(draw: st.DrawFn, cls: type) -> Any:
     """Any object of the class: its defaults, with each field changed to what the class takes there."""
     config = in_python = cls()
-    for name, hint in get_type_hints(cls).items():
+    for name, hint in types_of(cls).items():
         value = draw(values(hint))
         try:
             # In Python's numbers too, as a file holds them: numpy rounds -1e-308 to float32's -0 before it compares.
@@ -94,12 +223,12 @@ def configs(draw: st.DrawFn, cls: type) -> Any:
     return config
 
 
-def test_a_bound_that_only_float32_would_meet_is_not_drawn() -> None:
-    """numpy's 0 in 32 bits equals -1e-308, Python's doesn't: such an object can be made, its file can't be read."""
-    bounds = (np.float32(0), -1.1125369292536007e-308)
-    PlanConfig(pedestal=bounds)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match="pedestal"):
-        PlanConfig(pedestal=plain(bounds))
+def test_bounds_are_compared_in_pythons_numbers() -> None:
+    """numpy's 0 in 32 bits equals 1e-308, Python's doesn't: else such an object could be made, and its file not be read."""
+    bounds = (1.1125369292536007e-308, np.float32(0))
+    for one in (bounds, plain(bounds)):
+        with pytest.raises(ConfigError, match="pedestal"):
+            PlanConfig(pedestal=one)  # type: ignore[arg-type]
 
 
 def read_back(config: Any) -> Any:
@@ -147,7 +276,7 @@ def test_the_defaults_are_plain_numbers_in_the_file(cls: type) -> None:
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
 def test_none_is_only_written_where_it_is_the_default(cls: type) -> None:
     """TOML has no null: a setting that is None is left out, so None must be what it then becomes."""
-    hints, default = get_type_hints(cls), cls()
+    hints, default = types_of(cls), cls()
     may_be_none = [f.name for f in fields(cls) if type(None) in get_args(hints[f.name])]
     assert [n for n in may_be_none if getattr(default, n) is not None] == []
 

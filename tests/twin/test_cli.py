@@ -30,6 +30,7 @@ ARGUMENTS: dict[str, list[str]] = {
     "replay": ["run"],
     "trajectory": ["run", "--format", "csv", "-o", "out"],
     "evaluate": ["run", "--truth", "truth"],
+    "config": [],
     "doctor": [],
     "physics": ["show", "run"],
 }
@@ -210,7 +211,12 @@ def test_progress_bars_follow_the_stages(
 
 
 def test_every_function_that_is_named_by_text_exists() -> None:
-    for name in (*(home for home, _ in table.VERBS.values()), *table.CHAIN.values(), table.OPEN_RECORDING):
+    for name in (
+        *(home for home, _ in table.VERBS.values()),
+        *table.CHAIN.values(),
+        *table.SETTINGS.values(),
+        table.OPEN_RECORDING,
+    ):
         assert callable(table.named(name)), name
 
 

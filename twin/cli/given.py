@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -29,6 +29,20 @@ def told(path: Path | None, assignments: Sequence[str]) -> tuple[dict[str, Any],
             raise ConfigError(f"--set {text!r} is not KEY=VALUE", "write for example --set seed=3")
         _assign(data, key.strip().split("."), value.strip())
     return data, where
+
+
+def sources(path: Path | None, assignments: Sequence[str]) -> dict[str, str]:
+    """What gives each setting that is given, by its dotted path."""
+    found = {} if path is None else dict.fromkeys(_paths(read_toml(path)), str(path))
+    return found | {text.partition("=")[0].strip(): "--set" for text in assignments}
+
+
+def _paths(data: Mapping[str, Any], path: str = "") -> Iterator[str]:
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            yield from _paths(value, f"{path}{key}.")
+        else:
+            yield path + key
 
 
 def texts(option: str, assignments: Sequence[str]) -> dict[str, str]:

@@ -186,6 +186,23 @@ def _evaluate(parser: ArgumentParser) -> None:
     )
 
 
+def _config(parser: ArgumentParser) -> None:
+    from twin.cli.table import SETTINGS
+
+    add = parser.add_argument
+    add("run", metavar="RUN", type=Path, nargs="?", help="show what this run was made with")
+    add(
+        "--of",
+        dest="what",
+        choices=tuple(SETTINGS),
+        default="reconstruct",
+        help="whose settings [reconstruct]",
+    )
+    _settings(parser)
+    add("--changed", action="store_true", help="only settings that differ from their defaults")
+    add("--toml", action="store_true", help="as a file for --config, meanings as comments")
+
+
 def _physics(parser: ArgumentParser) -> None:
     from twin.cli.physics_options import add_options
 
@@ -246,6 +263,7 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "replay": _replay,
     "trajectory": _trajectory,
     "evaluate": _evaluate,
+    "config": _config,
     "physics": _physics,
     "robots": _robots,
     "engines": _engines,

@@ -23,6 +23,7 @@ VERBS = {
     "replay": ("robots.replay_verb:replay", "let a robot open or close the twin's parts in simulation"),
     "trajectory": ("robots.trajectory_verb:trajectory", "export a planned trajectory in robots' own formats"),
     "evaluate": ("recon.verbs:evaluate", "compare a run with the truth"),
+    "config": ("twin.cli.config_verb:config", "list the settings with unit, range and meaning"),
     "physics": (
         "twin.cli.physics_verbs:physics",
         "show, set or estimate what parts weigh and how they resist",
@@ -41,10 +42,17 @@ VERBS = {
 CHAIN = {
     "resolve": "robots:resolve",
     "open_recording": "recon.readers:open_recording",
-    "settings": "recon.config:ReconConfig",
     "reconstruct": "recon.verbs:reconstruct_step",
     "evaluate": "recon.verbs:evaluate_step",
     "replay": "robots.replay_verb:replay_step",
+}
+# Classes of settings, by what they are for: of a verb, of `robots.plan` and `robots.replay`, of `twin.collision.with_collision`.
+SETTINGS = {
+    "reconstruct": "recon.config:ReconConfig",
+    "simulate": "recon.simulate.config:SimulateConfig",
+    "plan": "robots.config:PlanConfig",
+    "replay": "robots.config:ReplayConfig",
+    "collision": "twin.collision:CollisionConfig",
 }
 # Frames for a robot's film and for a question about a part: whoever asks does not know how recordings are read.
 OPEN_RECORDING = "recon.readers:open_recording"

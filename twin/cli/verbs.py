@@ -10,7 +10,7 @@ from typing import Any
 from twin.cli import given
 from twin.cli.console import Console, Outcome
 from twin.cli.step import Step, page, page_note, require_run, run_folder
-from twin.cli.table import CHAIN, named
+from twin.cli.table import CHAIN, SETTINGS, named
 from twin.errors import InputError
 from twin.files.assets import asset
 from twin.report.sections import Table
@@ -30,7 +30,7 @@ def demo(
     truth = recording / "truth"
     opened = named(CHAIN["open_recording"])(recording)
     with console.progress() as progress, page(out):
-        settings = given.settings(named(CHAIN["settings"]), config, set)
+        settings = given.settings(named(SETTINGS["reconstruct"]), config, set)
         done: list[Step] = [named(CHAIN["reconstruct"])(progress, opened, out, settings)]
         with claimed(out):
             if truth.is_dir():
