@@ -18,11 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("twin", "recon", "robots")
 FUNCTION, FILE, EQUAL = 60, 300, 10
 LARGER = {
-    "recon/labels/label_frames.py": 313,
     "robots/replay_verb.py:replay_step": 75,
-    "twin/collision/solid.py": 317,
-    "twin/exporters/__init__.py:export": 69,
-    "twin/scene.py": 313,
 }
 
 

@@ -32,7 +32,8 @@ from twin.collision.closed_pieces import closed_piece_shapes, coacd_pieces, outw
 from twin.collision.convex import triangles_of
 from twin.collision.fit import Fit, fit_of
 from twin.collision.main_axes import outline_axes
-from twin.collision.solid import Solid, pieces_of
+from twin.collision.pieces import pieces_of
+from twin.collision.solid import Solid
 from twin.errors import FuntwinError
 from twin.exporters import FORMATS, export
 from twin.scene import Box, Collision, Mesh, Part, Twin

@@ -91,6 +91,13 @@ def log_se3(pose: ArrayLike) -> Array:
     return np.concatenate([v, w], axis=-1)
 
 
+def is_rotation(r: Array, tolerance: float = 1e-6) -> bool:
+    """Whether matrices (..., 3, 3) are right-handed and orthonormal, each product of columns to within a tolerance."""
+    return bool(
+        np.allclose(np.swapaxes(r, -1, -2) @ r, np.eye(3), atol=tolerance) and np.all(np.linalg.det(r) > 0)
+    )
+
+
 def make_pose(rotation: ArrayLike | None = None, translation: ArrayLike | None = None) -> Array:
     """Build a pose (4, 4) from a rotation (3, 3) and a translation (3,); either may be left out."""
     out = np.eye(4)

@@ -6,6 +6,8 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
+from twin.errors import SceneError
+
 _LEGAL = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 # "world" is the root frame of URDF and MJCF: a part of that name would collide with it.
 _RESERVED = frozenset({"world"})
@@ -14,6 +16,12 @@ _RESERVED = frozenset({"world"})
 def is_legal_name(name: str) -> bool:
     """True when `name` is `[A-Za-z][A-Za-z0-9_]*` and not reserved."""
     return bool(_LEGAL.match(name)) and name.lower() not in _RESERVED
+
+
+def require_legal(name: str) -> None:
+    """Raises SceneError for a name that is not legal, with one that is."""
+    if not is_legal_name(name):
+        raise SceneError(f"name {name!r} is not legal in URDF, MJCF and USD", f"use {legal_name(name)!r}")
 
 
 def legal_name(text: str, taken: Iterable[str] = ()) -> str:

@@ -20,7 +20,7 @@ from twin.joint import Joint as Joint
 from twin.joint import JointSigma as JointSigma
 from twin.joint import Prismatic as Prismatic
 from twin.joint import Revolute as Revolute
-from twin.names import is_legal_name, legal_name
+from twin.names import require_legal
 from twin.quantities import ORIGINS as ORIGINS
 from twin.quantities import Described as Described
 from twin.quantities import Inertial as Inertial
@@ -85,8 +85,7 @@ class Box(Described):
         _set(self, "size", _frozen(self.size, (3,), "box size"))
         if np.any(self.size <= 0):
             raise SceneError(f"box size must be positive, got {self.size.tolist()}")
-        r = self.T_world_box[:3, :3]
-        if not np.allclose(r.T @ r, np.eye(3), atol=1e-6) or np.linalg.det(r) < 0:
+        if not geo.is_rotation(self.T_world_box[:3, :3]):
             raise SceneError("a box needs a pose with right-handed axes of length 1")
 
     @property
@@ -140,10 +139,7 @@ class ContactPath(Described):
     def __post_init__(self) -> None:
         _set(self, "point", _frozen(self.point, (3,), "contact point"))
         _set(self, "rotation", _frozen(self.rotation, (3, 3), "contact rotation"))
-        if (
-            not np.allclose(self.rotation.T @ self.rotation, np.eye(3), atol=1e-6)
-            or np.linalg.det(self.rotation) < 0
-        ):
+        if not geo.is_rotation(self.rotation):
             raise SceneError("contact rotation must be a right-handed rotation matrix")
         if not (np.isfinite(self.width) and self.width >= 0):
             raise SceneError(f"contact width must be finite and not negative, got {self.width}")
@@ -161,7 +157,7 @@ class StaticPart(Described):
     collision: tuple[Collision, ...] = ()
 
     def __post_init__(self) -> None:
-        _require_legal(self.name)
+        require_legal(self.name)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -187,7 +183,7 @@ class Part(Described):
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _require_legal(self.name)
+        require_legal(self.name)
         if not FIRST_PART_ID <= self.id < HAND_LABEL:
             raise SceneError(f"part id must be in {FIRST_PART_ID}..{HAND_LABEL - 1}, got {self.id}")
         if type(self.joint) not in (Prismatic, Revolute):
@@ -218,8 +214,7 @@ class Trajectory(Described):
             raise SceneError("a camera trajectory must not be empty")
         if np.any(np.diff(self.frames) <= 0) or np.any(np.diff(self.times) <= 0):
             raise SceneError("camera frames and times must strictly increase")
-        r = self.T_world_cam[:, :3, :3]
-        if not np.allclose(r @ np.swapaxes(r, 1, 2), np.eye(3), atol=1e-6):
+        if not geo.is_rotation(self.T_world_cam[:, :3, :3]):
             raise SceneError("camera poses must be rigid")
 
     def pose(self, frame: int) -> Array | None:
@@ -260,7 +255,7 @@ class Twin(Described):
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _require_legal(self.name)
+        require_legal(self.name)
         names = [self.static.name, *(p.name for p in self.parts)]
         if len({n.lower() for n in names}) != len(names):
             raise SceneError(f"part names must be unique whatever their case, got {names}")
@@ -302,8 +297,3 @@ class Twin(Described):
         part = self.part(key)
         pose = part.joint.pose(states.get(part.id, 0.0))
         return pose if part.parent is None else self.part_pose(part.parent, states) @ pose
-
-
-def _require_legal(name: str) -> None:
-    if not is_legal_name(name):
-        raise SceneError(f"name {name!r} is not legal in URDF, MJCF and USD", f"use {legal_name(name)!r}")

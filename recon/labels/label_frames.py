@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.depth import F32
-from recon.labels.crf import agree, geodesic, upsample_labels
+from recon.labels.crf import agree, upsample_labels
 from recon.labels.pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
 from recon.labels.reference_frames import (
     COLOR_SIGMAS,
@@ -28,6 +28,7 @@ from recon.labels.reference_frames import (
     relative_moves,
     view,
 )
+from recon.labels.spreading import spread_along_surfaces
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
@@ -64,7 +65,6 @@ _SUPPORT, _VIOLATION = 1.5, 4.0
 _PRIOR_PART, _HAND = -0.5, -0.7
 _BOX_MARGIN_M = 0.1
 _MOVED_SHARE = 0.15
-_SURFACE_GAIN, _REACH_PX = 3.0, 60.0
 _MIN_HAND = 0.001
 _HAND_AT_END = 0.003  # share of the picture, as for references
 
@@ -117,7 +117,7 @@ def label_frames(
     enclosed = enclosed_by_parts(views, scores, stays, cameras, parts, camera)
     pool_voxels(views, scores, cameras, parts, camera)
     for seen, score, sure, held in zip(views, scores, stays, enclosed, strict=True):
-        _spread_along_surfaces(score, sure, held, seen, COLOR_SIGMAS * refs.color_sigma)
+        spread_along_surfaces(score, sure, held, seen, COLOR_SIGMAS * refs.color_sigma)
     pool_voxels(views, scores, cameras, parts, camera)
     for score in scores:
         score[1:-1] += _PRIOR_PART
@@ -258,46 +258,6 @@ def _final(
     if not (depth > 0).any():
         labels[:] = UNKNOWN_LABEL
     return labels
-
-
-def _filled(depth: F32) -> F32:
-    """Depth with unknown pixels taking the nearest known one, so that a gap along a depth edge is no bridge over it."""
-    if not (depth > 0).any():
-        return depth
-    _, nearest = cv2.distanceTransformWithLabels(
-        (depth <= 0).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    known = depth > 0
-    value = np.zeros(int(nearest.max()) + 1, np.float32)
-    value[nearest[known]] = depth[known]
-    return value[nearest]
-
-
-def _spread_along_surfaces(
-    score: F32, sure: NDArray[np.bool_], enclosed: NDArray[np.bool_], seen: View, scale: float
-) -> None:
-    """Where nothing tells part from static scene, what a part encloses is its own; else what is nearer along the surface.
-
-    A drawer's bottom slides along itself and looks the same whether it moves or not; but its sides, which it adjoins
-    without a depth edge, do move. Static surface is only sure where it stays or where the part can't be: support alone
-    proves nothing, for what slides along itself supports both.
-    """
-    depth = _filled(seen.depth)
-    for k in range(1, len(score) - 1):
-        lead = score[k] - score[0]
-        top = score.max(axis=0)
-        possible = (score[0] > -SURE) & (score[k] > -SURE) & (np.maximum(score[0], score[k]) >= top)
-        held = enclosed[0, k - 1] & possible & ~sure[0]
-        open_question = enclosed[1, k - 1] & ~sure[k] & ~held & possible & (lead < SURE)
-        if not (held | open_question).any():
-            continue
-        moving = held | ((lead > SURE) & (score[k] == top) & sure[0])
-        resting = ~held & (lead < -SURE) & (score[0] == top) & (sure[k] | (score[k] < -SURE))
-        to_part = geodesic(moving, seen.color, depth, scale, 3)
-        to_static = geodesic(resting, seen.color, depth, scale, 3)
-        nearer = (to_static - to_part) / (to_static + to_part + 1.0) * np.exp(-to_part / _REACH_PX)
-        score[k][open_question] += _SURFACE_GAIN * nearer[open_question]
-        score[k][held] += _SURFACE_GAIN
 
 
 def _drop_crumbs(belief: F32) -> None:

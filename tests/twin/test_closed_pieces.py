@@ -23,7 +23,8 @@ from twin.collision import closed_pieces, make_part, part_shapes, with_collision
 from twin.collision.closed_pieces import coacd_pieces, concave_share, enclosed, outward
 from twin.collision.convex import box_of, hull_of
 from twin.collision.fit import fit_of
-from twin.collision.solid import Solid, pieces_of
+from twin.collision.pieces import pieces_of
+from twin.collision.solid import Solid
 from twin.exporters.shape_report import collision_reports
 from twin.scene import Box, Mesh
 

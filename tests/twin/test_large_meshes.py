@@ -28,7 +28,8 @@ from twin.collision import CollisionConfig, part_shapes, static_shapes
 from twin.collision.convex import hull_of
 from twin.collision.decimation import decimated
 from twin.collision.fit import fit_of
-from twin.collision.solid import Solid, pieces_of
+from twin.collision.pieces import pieces_of
+from twin.collision.solid import Solid
 from twin.collision.union import united
 from twin.exporters import export
 from twin.exporters.obj import corner_normals

@@ -8,7 +8,8 @@ import pytest
 from benchmarks.scenes.boards import Board, boards_mesh, world_from_cabinet
 from twin import geometry as geo
 from twin.collision.fit import fit_of
-from twin.collision.solid import Solid, pieces_of
+from twin.collision.pieces import pieces_of
+from twin.collision.solid import Solid
 from twin.geometry import Array
 from twin.scene import Box, Mesh
 

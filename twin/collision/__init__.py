@@ -21,7 +21,7 @@ from twin.collision.closed_pieces import closed_piece_shapes
 from twin.collision.convex import cut, thick_hull, triangles_of
 from twin.collision.decimation import decimated, decimated_body, joined
 from twin.collision.main_axes import main_axes, outline_axes
-from twin.collision.solid import pieces_of
+from twin.collision.pieces import pieces_of
 from twin.collision.splitting import decompose, merge
 from twin.files.paths import AnyPath
 from twin.geometry import Array

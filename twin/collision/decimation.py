@@ -14,7 +14,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.collision.closed_pieces import enclosed
 from twin.collision.convex import Hull, hull_of
-from twin.collision.solid import pieces_of
+from twin.collision.pieces import pieces_of
 from twin.mesh import compact, edges
 from twin.mesh import decimated as quadric
 from twin.scene import Mesh

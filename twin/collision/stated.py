@@ -10,7 +10,8 @@ from twin import geometry as geo
 from twin.collision.clearance import carried, model_of, sweep_states
 from twin.collision.convex import Hull, hull_of, triangles_of
 from twin.collision.decimation import decimated
-from twin.collision.solid import Solid, pieces_of, spread
+from twin.collision.pieces import pieces_of
+from twin.collision.solid import Solid, spread
 from twin.errors import SceneError
 from twin.geometry import Array
 from twin.mesh import used_vertices

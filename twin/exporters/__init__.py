@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.exporters.asset import AssetInfo
 from twin.exporters.notes import readme
 from twin.exporters.package import check_package, write_package
-from twin.exporters.tree import build_tree, require_ranges
+from twin.exporters.tree import Tree, build_tree, require_ranges
 from twin.files.atomic import staging
 from twin.files.own_files import hashes, refuse_edited, replace_own
 from twin.files.paths import AnyPath
@@ -77,22 +77,14 @@ def export(
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
     if package:
         check_package(package)
-    from twin.collision.stated import meetings, owners_of
+    from twin.collision.stated import owners_of
 
     made = {owner.name for owner in owners_of(twin) if not owner.collision}
     asset = AssetInfo() if asset is None else asset
     ready = complete(twin, cache_dir)
     tree = build_tree(ready)
     files: dict[str, Path] = {}
-    warnings: list[str] = [
-        f"all: {k.name} has no collision shapes, so nothing can touch it"
-        for k in tree.links
-        if not k.collision
-    ]
-    warnings += [f"all: {w}" for w in (*overlaps(ready), *meetings(ready, made))]
-    warnings += [f"all: {off.problem}; {off.remedy}" for off in contacts_off(twin)]
-    if not tree.moving:
-        warnings.append("all: the twin has no moving part, so nothing in its files opens")
+    warnings = _warnings(twin, ready, tree, made)
     try:
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
@@ -103,16 +95,34 @@ def export(
                 warnings += lost
             if package and "urdf" in files:
                 write_package(staged["urdf"], files["urdf"].name, package, asset)
-            if not overwrite:
-                for fmt, here in staged.items():
-                    refuse_edited(folder / fmt, hashes(here))
-            for fmt, here in staged.items():
-                replace_own(here, folder / fmt, overwrite)
+            _put(staged, folder, overwrite)
     except OSError as e:
         raise InputError(
             f"{folder} can't be written: {e.strerror or e}", "check space and permissions"
         ) from e
     return Exported(files, tuple(warnings))
+
+
+def _warnings(twin: Twin, ready: Twin, tree: Tree, made: Set[str]) -> list[str]:
+    """What of a completed twin (`ready`) is not as one would wish; made: names of what got its shapes just now."""
+    from twin.collision.stated import meetings
+
+    bare = [k.name for k in tree.links if not k.collision]
+    found = [f"{name} has no collision shapes, so nothing can touch it" for name in bare]
+    found += [*overlaps(ready), *meetings(ready, made)]
+    found += [f"{off.problem}; {off.remedy}" for off in contacts_off(twin)]
+    if not tree.moving:
+        found.append("the twin has no moving part, so nothing in its files opens")
+    return [f"all: {text}" for text in found]
+
+
+def _put(staged: Mapping[str, Path], folder: Path, overwrite: bool) -> None:
+    """Exchange the folder of every format, none unless all may be."""
+    if not overwrite:
+        for fmt, here in staged.items():
+            refuse_edited(folder / fmt, hashes(here))
+    for fmt, here in staged.items():
+        replace_own(here, folder / fmt, overwrite)
 
 
 def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:

@@ -70,7 +70,7 @@ def _checked(poses: ArrayLike, frames: ArrayLike | None) -> tuple[Array, NDArray
     if len(t) < 4:
         raise ReconstructionError(f"{len(t)} finite poses are too few for a joint", "give at least 4")
     r = t[:, :3, :3]
-    if not np.allclose(r @ np.swapaxes(r, 1, 2), np.eye(3), atol=1e-4):
+    if not geo.is_rotation(r, 1e-4):
         raise InputError(
             "poses must be rigid: a rotation is not orthonormal", "check the quaternions' order and length"
         )

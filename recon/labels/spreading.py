@@ -1,0 +1,59 @@
+"""Belief spread along surfaces from where part and static scene are told apart to where they look the same."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.depth import F32
+from recon.labels.crf import geodesic
+from recon.labels.pooling import SURE
+from recon.labels.reference_frames import (
+    View,
+)
+
+_SURFACE_GAIN = 3.0
+
+
+_REACH_PX = 60.0
+
+
+def _filled(depth: F32) -> F32:
+    """Depth with unknown pixels taking the nearest known one, so that a gap along a depth edge is no bridge over it."""
+    if not (depth > 0).any():
+        return depth
+    _, nearest = cv2.distanceTransformWithLabels(
+        (depth <= 0).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    known = depth > 0
+    value = np.zeros(int(nearest.max()) + 1, np.float32)
+    value[nearest[known]] = depth[known]
+    return value[nearest]
+
+
+def spread_along_surfaces(
+    score: F32, sure: NDArray[np.bool_], enclosed: NDArray[np.bool_], seen: View, scale: float
+) -> None:
+    """Where nothing tells part from static scene, what a part encloses is its own; else what is nearer along the surface.
+
+    A drawer's bottom slides along itself and looks the same whether it moves or not; but its sides, which it adjoins
+    without a depth edge, do move. Static surface is only sure where it stays or where the part can't be: support alone
+    proves nothing, for what slides along itself supports both.
+    """
+    depth = _filled(seen.depth)
+    for k in range(1, len(score) - 1):
+        lead = score[k] - score[0]
+        top = score.max(axis=0)
+        possible = (score[0] > -SURE) & (score[k] > -SURE) & (np.maximum(score[0], score[k]) >= top)
+        held = enclosed[0, k - 1] & possible & ~sure[0]
+        open_question = enclosed[1, k - 1] & ~sure[k] & ~held & possible & (lead < SURE)
+        if not (held | open_question).any():
+            continue
+        moving = held | ((lead > SURE) & (score[k] == top) & sure[0])
+        resting = ~held & (lead < -SURE) & (score[0] == top) & (sure[k] | (score[k] < -SURE))
+        to_part = geodesic(moving, seen.color, depth, scale, 3)
+        to_static = geodesic(resting, seen.color, depth, scale, 3)
+        nearer = (to_static - to_part) / (to_static + to_part + 1.0) * np.exp(-to_part / _REACH_PX)
+        score[k][open_question] += _SURFACE_GAIN * nearer[open_question]
+        score[k][held] += _SURFACE_GAIN
