@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from twin import geometry as geo
 from twin.exporters.asset import AssetInfo
-from twin.exporters.obj import TexturedFiles, write_hull, write_textured
+from twin.exporters.obj import hull, textured
 from twin.exporters.tree import Link, Tree, front, numbers
 from twin.geometry import Array
 from twin.names import scene_file, unused
+from twin.physics import simulation
 from twin.scene import Mesh
 
 _ASIDE = 25.0  # deg: the scene's first view is not straight from the front
@@ -23,31 +27,64 @@ _LAMP = 0.15
 _MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
 
 
-def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]:
-    """Write `<name>.xml`, its scene (scene.xml) and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
-    everything a tree holds)."""
-    assets = folder / "assets"
-    assets.mkdir(parents=True, exist_ok=True)
-    root = ET.Element("mujoco", model=tree.name)
+@dataclass(frozen=True)
+class Document:
+    """A model as MJCF in memory: its XML, and the content of each file that it names, which lie in assets/ beside it."""
+
+    xml: str
+    assets: Mapping[str, bytes]
+
+    def spec(self) -> Any:
+        """A fresh mujoco.MjSpec of it, to be edited or attached to. Raises ValueError where MuJoCo can't read it."""
+        import mujoco
+
+        return mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))
+
+
+def document(tree: Tree, visual: bool = True) -> Document:
+    """The model of a twin, which `write` writes and a replay runs. visual: with what is drawn, which nothing touches."""
+    root, files = ET.Element("mujoco", model=tree.name), dict[str, bytes]()
     ET.SubElement(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
+    ET.SubElement(
+        root, "option", timestep=numbers(simulation.TIMESTEP), integrator=simulation.INTEGRATOR,
+        cone=simulation.CONE, impratio=numbers(simulation.IMPRATIO), gravity=numbers([0, 0, -simulation.GRAVITY]),
+    )  # fmt: skip
     _defaults(root, tree)
     asset = ET.SubElement(root, "asset")
     body = ET.SubElement(
         ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=_main_class(tree)
     )
-    _fill(body, tree.root, tree, asset, assets)
+    if not visual:
+        nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+        tree = replace(tree, links=tuple(replace(k, visual=nothing) for k in tree.links))
+    _fill(body, tree.root, tree, asset, files)
     _excludes(root, tree)
     _keyframes(root, tree)
+    return Document(_text(root), files)
+
+
+def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]:
+    """Write `<name>.xml`, its scene (scene.xml) and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
+    everything a tree holds)."""
+    assets = folder / "assets"
+    assets.mkdir(parents=True, exist_ok=True)
+    model = document(tree)
+    for name, content in model.assets.items():
+        (assets / name).write_bytes(content)
     path = folder / f"{tree.name}.xml"
-    write_xml(root, path)
+    path.write_text(model.xml, encoding="utf-8", newline="\n")
     write_xml(_scene(tree), folder / scene_file(tree.name))
     return path, []
 
 
 def write_xml(root: ET.Element, path: Path) -> None:
     """Write indented XML, the same bytes every time."""
+    path.write_text(_text(root), encoding="utf-8", newline="\n")
+
+
+def _text(root: ET.Element) -> str:
     ET.indent(root, "  ")
-    path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8", newline="\n")
+    return ET.tostring(root, encoding="unicode") + "\n"
 
 
 def _main_class(tree: Tree) -> str:
@@ -67,7 +104,7 @@ def _defaults(root: ET.Element, tree: Tree) -> None:
     ET.SubElement(site, "site", type="sphere", size="0.008", group="4", rgba="0.1 0.8 0.2 1")
 
 
-def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: Path) -> None:
+def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, files: dict[str, bytes]) -> None:
     """Write inertial, joint, geoms and children of a link into its body."""
     i, j = link.inertia, link.joint
     full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
@@ -79,8 +116,8 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: P
             armature=numbers(j.armature),
         )  # fmt: skip
     if len(link.visual.faces):
-        _visual(body, link, _main_class(tree), asset, folder)
-    _collision(body, link, _main_class(tree), asset, folder)
+        _visual(body, link, _main_class(tree), asset, files)
+    _collision(body, link, _main_class(tree), asset, files)
     if link.grasp is not None:
         ET.SubElement(
             body, "site", {"class": f"{_main_class(tree)}_grasp"}, name=f"{link.name}_grasp",
@@ -88,31 +125,32 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, folder: P
         )  # fmt: skip
     for child in tree.children(link.name):
         inner = ET.SubElement(body, "body", name=child.name, pos=numbers(child.offset))
-        _fill(inner, child, tree, asset, folder)
+        _fill(inner, child, tree, asset, files)
 
 
-def _visual(body: ET.Element, link: Link, kind: str, asset: ET.Element, folder: Path) -> None:
-    files: TexturedFiles = write_textured(link.visual, folder, f"{link.name}_visual")
+def _visual(body: ET.Element, link: Link, kind: str, asset: ET.Element, files: dict[str, bytes]) -> None:
+    drawn = textured(link.visual, f"{link.name}_visual")
+    files.update(drawn.files)
     material = {"name": f"{link.name}_material", "specular": "0.2", "shininess": "0.2"}
-    if files.png:
-        ET.SubElement(asset, "texture", name=f"{link.name}_texture", type="2d", file=files.png)
+    if drawn.png:
+        ET.SubElement(asset, "texture", name=f"{link.name}_texture", type="2d", file=drawn.png)
         material["texture"] = f"{link.name}_texture"
     else:
-        material["rgba"] = numbers([*files.color, 1.0])
+        material["rgba"] = numbers([*drawn.color, 1.0])
     ET.SubElement(asset, "material", material)
-    ET.SubElement(asset, "mesh", name=f"{link.name}_visual", file=files.obj, inertia="shell")
+    ET.SubElement(asset, "mesh", name=f"{link.name}_visual", file=drawn.obj, inertia="shell")
     ET.SubElement(
         body, "geom", {"class": f"{kind}_visual"}, name=f"{link.name}_visual", mesh=f"{link.name}_visual",
         material=f"{link.name}_material",
     )  # fmt: skip
 
 
-def _collision(body: ET.Element, link: Link, kind: str, asset: ET.Element, folder: Path) -> None:
-    friction = numbers([link.friction, 0.005, 0.0001])
+def _collision(body: ET.Element, link: Link, kind: str, asset: ET.Element, files: dict[str, bytes]) -> None:
+    friction = numbers([link.friction, simulation.TORSIONAL, simulation.ROLLING])
     for k, piece in enumerate(link.collision):
         name = f"{link.name}_collision_{k}"
         if isinstance(piece, Mesh):
-            write_hull(piece, folder / f"{name}.obj")
+            files[f"{name}.obj"] = hull(piece)
             ET.SubElement(asset, "mesh", name=name, file=f"{name}.obj")
             ET.SubElement(
                 body, "geom", {"class": f"{kind}_collision"}, name=name, type="mesh", mesh=name, friction=friction
@@ -158,7 +196,6 @@ def _scene(tree: Tree) -> ET.Element:
     )  # a camera 1.5 extents away sees all
     root = ET.Element("mujoco", model=f"{tree.name}_scene")
     ET.SubElement(root, "include", file=f"{tree.name}.xml")
-    ET.SubElement(root, "option", integrator="implicitfast")
     ET.SubElement(
         root, "statistic", center=numbers(np.round(center, 4)), extent=numbers(round(max(extent, 0.1), 4))
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -23,26 +23,26 @@ _GREY = (180, 180, 180)
 
 
 @dataclass(frozen=True)
-class TexturedFiles:
-    """File names of a written mesh and its mean colour (r, g, b) in 0..1."""
+class Textured:
+    """A mesh as files: name -> content; which is its .obj, which its texture, and its mean colour (r, g, b) in 0..1."""
 
+    files: Mapping[str, bytes]
     obj: str
     png: str | None
     color: tuple[float, float, float]
 
 
-def write_hull(mesh: Mesh, path: Path) -> None:
-    """Write bare geometry: vertices to 1e-9 m and faces."""
-    lines = _rows("v {:.9f} {:.9f} {:.9f}", mesh.vertices + 0.0) + _rows("f {} {} {}", mesh.faces + 1)
-    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
+def hull(mesh: Mesh) -> bytes:
+    """An .obj of bare geometry: vertices to 1e-9 m and faces."""
+    return _text(_rows("v {:.9f} {:.9f} {:.9f}", mesh.vertices + 0.0) + _rows("f {} {} {}", mesh.faces + 1))
 
 
-def write_textured(mesh: Mesh, folder: Path, name: str) -> TexturedFiles:
-    """Write name.obj, name.mtl and, when the mesh has colours, name.png into `folder`."""
+def textured(mesh: Mesh, name: str) -> Textured:
+    """The mesh as name.obj, name.mtl and, when it has colours, name.png."""
     dressed = dress(mesh)
     baked, normals, normal_index = dressed.baked, dressed.normals, dressed.corners
     faces = mesh.faces[baked.order]
-    png = write_image(baked.image, folder / f"{name}.png") if baked.image is not None else None
+    png = None if baked.image is None else f"{name}.png"
     lines = [f"mtllib {name}.mtl", f"usemtl {name}"]
     lines += _rows("v {:.7f} {:.7f} {:.7f}", mesh.vertices + 0.0)
     lines += _rows("vt {:.6f} {:.6f}", baked.uv)
@@ -54,13 +54,18 @@ def write_textured(mesh: Mesh, folder: Path, name: str) -> TexturedFiles:
         lines += _rows("f {}/{}/{} {}/{}/{} {}/{}/{}", corners)
     else:
         lines += _rows("f {}//{} {}//{} {}//{}", np.stack([vertex, normal], axis=2).reshape(len(faces), 6))
-    (folder / f"{name}.obj").write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
     color = mean_color(mesh)
     kd = (1.0, 1.0, 1.0) if png else color
     mtl = [f"newmtl {name}", "Ka 0 0 0", "Kd {:.4f} {:.4f} {:.4f}".format(*kd), "Ks 0.1 0.1 0.1", "Ns 20"]
     mtl += [f"map_Kd {png}"] if png else []
-    (folder / f"{name}.mtl").write_text("\n".join(mtl) + "\n", encoding="ascii", newline="\n")
-    return TexturedFiles(f"{name}.obj", png, color)
+    files = {f"{name}.obj": _text(lines), f"{name}.mtl": _text(mtl)}
+    if png and baked.image is not None:
+        files[png] = encoded(baked.image)
+    return Textured(files, f"{name}.obj", png, color)
+
+
+def _text(lines: list[str]) -> bytes:
+    return ("\n".join(lines) + "\n").encode("ascii")
 
 
 @dataclass(frozen=True)
@@ -104,15 +109,14 @@ def bake(mesh: Mesh) -> Baked:
     return Baked(order, uv, image[::-1])
 
 
-def write_image(image: NDArray[np.uint8], path: Path) -> str:
-    """Write an RGB image as PNG and return its file name."""
+def encoded(image: NDArray[np.uint8]) -> bytes:
+    """An RGB image as PNG."""
     import cv2
 
     ok, data = cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))
     if not ok:
-        raise OSError(f"texture {path} can't be encoded")
-    path.write_bytes(data.tobytes())
-    return path.name
+        raise OSError(f"an image of {image.shape} can't be encoded")
+    return data.tobytes()
 
 
 def _rows(template: str, values: NDArray[Any]) -> list[str]:

@@ -16,7 +16,7 @@ from twin import geometry as geo
 from twin.errors import SceneError
 from twin.exporters.visual import drawn
 from twin.geometry import Array
-from twin.physics import armature, static_friction
+from twin.physics import armature, inertial_of, physics_of, static_friction
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 
 # URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand does.
@@ -164,12 +164,13 @@ def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
     return total, com, tensor + max(_ROUNDING * float(np.trace(tensor)), _LEAST) * np.eye(3)
 
 
+def joint_name(part: Part) -> str:
+    """What a part's joint is called in every format."""
+    return f"{part.name}_joint"
+
+
 def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
-    if part.inertial is None or part.physics is None:
-        raise SceneError(
-            f"part {part.name!r} has no mass or friction", "call twin.physics.with_physics first"
-        )
-    joint = part.joint
+    joint, inertial, physics = part.joint, inertial_of(part), physics_of(part)
     to_link = geo.make_pose(translation=-origin)
     contact = part.contact
     return Link(
@@ -178,20 +179,20 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
         offset=offset,
         visual=drawn(part.mesh.transformed(to_link)),
         collision=tuple(_moved(c, to_link) for c in part.collision),
-        friction=part.physics.friction.value,
+        friction=physics.friction.value,
         joint=TreeJoint(
-            name=f"{part.name}_joint",
+            name=joint_name(part),
             kind=joint.kind,
             axis=geo.unit(joint.axis),
             lower=float(joint.lower),
             upper=float(joint.upper),
-            damping=part.physics.damping.value,
-            frictionloss=part.physics.frictionloss.value,
-            armature=armature(joint, part.inertial),
+            damping=physics.damping.value,
+            frictionloss=physics.frictionloss.value,
+            armature=armature(joint, inertial),
         ),
-        mass=part.inertial.mass.value,
-        com=part.inertial.com - origin,
-        inertia=part.inertial.inertia,
+        mass=inertial.mass.value,
+        com=inertial.com - origin,
+        inertia=inertial.inertia,
         grasp=None if contact is None else geo.make_pose(contact.rotation, contact.point - origin),
         grasp_width=0.0 if contact is None else contact.width,
     )

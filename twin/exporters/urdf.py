@@ -11,7 +11,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.exporters.asset import AssetInfo
 from twin.exporters.mjcf import write_xml
-from twin.exporters.obj import write_hull, write_textured
+from twin.exporters.obj import hull, textured
 from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array
 from twin.names import unused
@@ -77,7 +77,9 @@ def _link(root: ET.Element, link: Link, folder: Path, links: Sequence[str]) -> N
         iyy=numbers(i[1, 1]), iyz=numbers(i[1, 2]), izz=numbers(i[2, 2]),
     )  # fmt: skip
     if len(link.visual.faces):
-        files = write_textured(link.visual, folder, f"{link.name}_visual")
+        files = textured(link.visual, f"{link.name}_visual")
+        for file, content in files.files.items():
+            (folder / file).write_bytes(content)
         visual = ET.SubElement(element, "visual", name=unused(f"{link.name}_visual", links))
         _origin(visual, np.eye(4))
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"{MESHES}{files.obj}")
@@ -89,7 +91,7 @@ def _link(root: ET.Element, link: Link, folder: Path, links: Sequence[str]) -> N
         name = f"{link.name}_collision_{k}"
         collision = ET.SubElement(element, "collision", name=unused(name, links))
         if isinstance(piece, Mesh):
-            write_hull(piece, folder / f"{name}.obj")
+            (folder / f"{name}.obj").write_bytes(hull(piece))
             _origin(collision, np.eye(4))
             ET.SubElement(ET.SubElement(collision, "geometry"), "mesh", filename=f"{MESHES}{name}.obj")
         else:

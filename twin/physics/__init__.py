@@ -7,13 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.errors import SceneError
 from twin.physics.joints import armature as armature
 from twin.physics.joints import inertia_about as inertia_about
 from twin.physics.joints import resistance
 from twin.physics.materials import Material as Material
 from twin.physics.materials import MaterialTable as MaterialTable
 from twin.physics.materials import read_materials as read_materials
+from twin.physics.parts import inertial_of as inertial_of
+from twin.physics.parts import physics_of as physics_of
+from twin.physics.parts import weight_load as weight_load
 from twin.physics.surface_mass import shell_inertial as shell_inertial
 from twin.scene import Inertial, Part, PartPhysics, Twin
 
@@ -62,9 +64,7 @@ def joint_and_contact(
 
     chosen_by: who named the material, kept in the density's source. Raises SceneError for a part without a mass.
     """
-    if part.inertial is None:
-        raise SceneError(f"part {part.name!r} has no mass", "call twin.physics.with_physics")
-    resists = resistance(part.joint, part.inertial, table.joints[part.joint.kind])
+    resists = resistance(part.joint, inertial_of(part), table.joints[part.joint.kind])
     word, _, detail = material.density.source.partition(": ")
     name = f"{material.name}, {chosen_by}" if chosen_by else material.name
     density = replace(material.density, source=f"{word}: {name}: {detail}")

@@ -11,12 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from twin.physics.materials import JointLaw
+from twin.physics.simulation import ARMATURE_SHARE, GRAVITY
 from twin.quantities import Inertial, Quantity
 from twin.scene import Joint, Revolute
-
-GRAVITY = 9.81  # m/s^2, as in MuJoCo
-# Inertia that simulators add to a joint; chosen by us: too little to be felt, and never nothing.
-ARMATURE_SHARE = 0.01
 
 
 def inertia_about(joint: Joint, inertial: Inertial) -> float:

@@ -12,8 +12,8 @@ What is asked of every part, one part at a time while the others stay where the 
 - demonstration: a servo no stronger than a hand takes it along the recorded states, and it passes the recorded poses within
   the error that the reconstruction states of itself.
 
-The files are simulated with the time step and the integrator they ask for: ours ask for none, so it is MuJoCo's default, 2 ms
-and semi-implicit Euler, which is what whoever loads them gets.
+The files are simulated with the time step and the integrator they ask for, which is what whoever loads them gets: MJCF those of
+twin/physics/simulation.py; URDF and USD ask for none, so it is MuJoCo's default, 2 ms and semi-implicit Euler.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
-from twin.exporters.obj import dress, mean_color, write_image
+from twin.exporters.obj import dress, encoded, mean_color
 from twin.exporters.tree import Link, Tree
 from twin.exporters.usd.layers import link_path, material_path, new_layer, scope_path
 
@@ -40,7 +40,8 @@ def _look(stage: Usd.Stage, path: str, link: Link, payload: Path, textures: Path
     if image is None:
         return
     textures.mkdir(exist_ok=True)
-    file = textures / write_image(image, textures / f"{link.name}.png")
+    file = textures / f"{link.name}.png"
+    file.write_bytes(encoded(image))
     reader = UsdShade.Shader.Define(stage, f"{path}/coordinates")
     reader.CreateIdAttr("UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from twin import geometry as geo
-from twin.exporters.obj import write_image
+from twin.exporters.obj import encoded
 from twin.exporters.tree import Tree, front
 from twin.exporters.usd.layers import world_origins
 from twin.report.meshes import draw_meshes, look_at
@@ -31,4 +31,4 @@ def write_thumbnail(tree: Tree, path: Path) -> None:
     ahead = front(tree)
     side = np.cross([0.0, 0.0, 1.0], ahead)
     eye = target + _AWAY * reach * geo.unit(ahead + _LEFT * side + [0.0, 0.0, _UP])
-    write_image(draw_meshes(meshes, look_at(eye, target, shown, _SIZE, _SIZE)), path)
+    path.write_bytes(encoded(draw_meshes(meshes, look_at(eye, target, shown, _SIZE, _SIZE))))
