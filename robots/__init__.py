@@ -1,5 +1,6 @@
 """Robots: plan and replay, headless, what the person in the recording did.
 
+twin = robots.completed(twin)  # shapes, masses and friction, once for what follows
 trajectory = robots.plan(twin, "door")
 report = robots.replay(twin, trajectory, Path("out"))
 """
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from robots.model.catalog import names as names
     from robots.model.catalog import resolve as resolve
     from robots.planning.plan import plan as plan
+    from robots.scene.world import completed as completed
     from robots.simulation.replay import replay as replay
     from robots.simulation.report import ReplayReport as ReplayReport
     from robots.trajectory import RobotTrajectory as RobotTrajectory
@@ -29,6 +31,7 @@ _HOME = {
     "PlanConfig": "config",
     "ReplayConfig": "config",
     "Demonstration": "demonstration",
+    "completed": "scene.world",
     "plan": "planning.plan",
     "replay": "simulation.replay",
     "ReplayReport": "simulation.report",
@@ -44,6 +47,7 @@ __all__ = [
     "ReplayReport",
     "RobotTrajectory",
     "TrialReport",
+    "completed",
     "names",
     "plan",
     "replay",

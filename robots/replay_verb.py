@@ -114,21 +114,12 @@ def replay_step(
         warnings += [f"{o.problem}: its shape decides where to hold it; give --contact X,Y,Z" for o in off]
     ground = floor_of(twin, floor)
     warnings += [ground.warning] if ground.warning else []
+    twin = _completed(progress, twin, run_folder(run), parts[0], robot, contact)
     rows, reports, tables = [], {}, []
     for part in parts:
         row, report, note, trajectory = _replay_part(
-            progress,
-            twin,
-            part,
-            robot,
-            run_folder(run),
-            config,
-            tasks[part.id],
-            contact,
-            ground,
-            demonstration,
-            missed,
-        )
+            progress, twin, part, robot, run_folder(run), config, tasks[part.id], contact, ground, demonstration, missed
+        )  # fmt: skip
         rows.append([part.name, *row])
         reports[part.name] = report
         notes += note
@@ -151,6 +142,35 @@ def parts_to_move(twin: Twin, names: Sequence[str], run: Path) -> list[Part]:
     if not parts:
         raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
     return parts
+
+
+def _completed(
+    progress: Progress,
+    twin: Twin,
+    run: Path,
+    part: Part,
+    robot: str,
+    contact: tuple[float, ...] | None,
+) -> Twin:
+    """The twin with all that a simulation needs, for every plan, replay and trial; shapes are those that `twin export` keeps.
+
+    A robot that can't be read and a contact off its part are told before shapes are made.
+    """
+    import robots
+    from robots.grasp.where_to_hold import holds_of
+    from robots.model.mjcf import compiled
+    from robots.scene.world import is_complete
+
+    if is_complete(twin):
+        return twin
+    spec = robots.resolve(robot)
+    compiled(spec)
+    if contact is not None:
+        holds_of(twin, part, spec, geo.as_float(contact), 0)
+    progress("collision", 0.0, "convex pieces")
+    twin = robots.completed(twin, run / "stages" / "collision")
+    progress("collision", 1.0, f"{sum(len(p.collision) for p in twin.parts)} pieces on moving parts")
+    return twin
 
 
 def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, list[str], list[str]]:

@@ -12,16 +12,8 @@ import mujoco
 import numpy as np
 
 from robots.model.spec import RobotSpec
-from robots.part_physics import (
-    frictionloss,
-    inertia,
-    inertial_of,
-    joint_damping,
-    mass_and_com,
-    weight_load,
-)
 from twin.geometry import Array
-from twin.physics import inertia_about
+from twin.physics import inertia_about, inertial_of, physics_of, weight_load
 from twin.quantities import Inertial, Quantity
 from twin.scene import Part, Twin
 
@@ -81,11 +73,11 @@ def with_payload(twin: Twin, part: Part) -> Part:
     if len(carried) == 1:
         return part
     bodies = [p for p in twin.parts if p.id in carried]
-    masses = np.array([mass_and_com(p)[0] for p in bodies])
-    centres = np.array([mass_and_com(p)[1] for p in bodies])
+    masses = np.array([inertial_of(p).mass.value for p in bodies])
+    centres = np.array([inertial_of(p).com for p in bodies])
     total, centre = float(masses.sum()), masses @ centres / masses.sum()
     arms = centres - centre
-    tensor = sum(inertia(p) for p in bodies) + sum(
+    tensor = sum(inertial_of(p).inertia for p in bodies) + sum(
         m * (a @ a * np.eye(3) - np.outer(a, a)) for m, a in zip(masses, arms, strict=True)
     )
     mass = Quantity(total, "geometry: with its payload", (total, total))
@@ -94,8 +86,8 @@ def with_payload(twin: Twin, part: Part) -> Part:
 
 def part_load(part: Part) -> PartLoad:
     """What a part's physics say about the force it takes to move it, without its payload (see `with_payload`)."""
-    resists = inertia_about(part.joint, inertial_of(part))
-    return PartLoad(part, resists, joint_damping(part), frictionloss(part))
+    resists, own = inertia_about(part.joint, inertial_of(part)), physics_of(part)
+    return PartLoad(part, resists, own.damping.value, own.frictionloss.value)
 
 
 class ArmDynamics:

@@ -94,7 +94,7 @@ class ClearanceCheck:
             g1, g2 = (int(g) for g in d.contact.geom[k])
             if not self._allowed(g1, g2) and d.contact.dist[k] < least:
                 least = float(d.contact.dist[k])
-                names = " and ".join(m.body(m.geom_bodyid[g]).name.removeprefix("robot_") for g in (g1, g2))
+                names = f"{w.body_of(g1)} and {w.body_of(g2)}"
         return least, names
 
     def _allowed(self, g1: int, g2: int) -> bool:

@@ -12,7 +12,6 @@ from robots.grasp.tool_path import Grasp, backed_off
 from robots.model.dynamics import with_payload
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
-from robots.part_physics import frictionloss, weight_load
 from robots.planning.base_search import Base
 from robots.planning.ik import PathSolver
 from robots.planning.timing import Effort, Leg, Samples, timed
@@ -21,6 +20,7 @@ from robots.task import Task, unit
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.physics import physics_of, weight_load
 from twin.scene import Part, Twin
 
 _WAYPOINTS = 41
@@ -152,7 +152,7 @@ def moves_alone(part: Part, state: float) -> bool:
 
     A lid falls shut, an oven's door falls open; at the ends of the range the stops hold against one of the two.
     """
-    load, friction = weight_load(part, state), 0.8 * frictionloss(part)
+    load, friction = weight_load(part, state), 0.8 * physics_of(part).frictionloss.value
     least = 1e-3 * (part.joint.upper - part.joint.lower)
     shuts = load > friction and state > part.joint.lower + least
     opens = -load > friction and state < part.joint.upper - least

@@ -24,7 +24,7 @@ from robots.planning.ik import PathSolver
 from robots.planning.joint_path import refined
 from robots.planning.timing import Effort
 from robots.reasons import reason_of
-from robots.scene.world import with_collision
+from robots.scene.world import completed
 from robots.simulation.faults import SLIP_LIMIT
 from robots.simulation.replay import replay
 from robots.task import Goal, Task, task_of
@@ -57,7 +57,7 @@ def plan(
     """Plan how a robot opens or closes a part the way the person held it.
 
     Args:
-        twin: with collision geometry; it is made when missing.
+        twin: what it lacks of shapes, masses and friction is made; who goes on to replay gives a `completed` one.
         part: id or name.
         robot: bundled name or robot file.
         contact: instead of the part's own: a ContactPath, or a point (3,) in m on the part, world frame at state 0. A
@@ -84,7 +84,7 @@ def plan(
     task = task_of(target, goal, start)
     ground = floor_of(twin, floor)
     holds = holds_of(twin, target, spec, contact, config.seed)
-    twin = with_collision(twin)
+    twin = completed(twin)
     target = twin.part(part)
     try:
         return _planned(twin, target, spec, task, holds, config, _ROUNDS, robot, ground)

@@ -1,14 +1,13 @@
-"""The MuJoCo scene of a replay: a twin's collision geometry, its joints, and a robot on its pedestal.
+"""The MuJoCo scene of a replay: the twin's exported MJCF, with a robot on its pedestal attached to it.
 
-Collision groups: robot 1, parts 2, static 4. The robot meets everything, itself included; parts and static scene don't
-meet each other, because their reconstructed surfaces touch at the seams.
+What a part weighs, how it resists, its shapes, the time step and the solver are the export's, so that the check of the exported asset
+holds for the replay. This file adds the robot, and says who meets whom.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
@@ -16,22 +15,24 @@ from numpy.typing import NDArray
 
 from robots.model.mjcf import robot_model
 from robots.model.spec import RobotSpec
-from robots.part_physics import frictionloss, inertial_of, joint_damping, part_friction
-from robots.scene.paint import painted
 from twin import geometry as geo
 from twin.errors import PlanningError
+from twin.exporters import complete
+from twin.exporters.mjcf import document
+from twin.exporters.tree import build_tree, joint_name
+from twin.files.paths import AnyPath
 from twin.geometry import Array
-from twin.physics import armature, static_friction, with_physics
-from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
+from twin.physics import with_physics
+from twin.scene import Twin
 
 AnyArray = NDArray[Any]
+# Bits of MuJoCo's contact masks. The robot meets everything, itself included. Parts and static scene do not meet each other: their
+# reconstructed surfaces touch at the seams, and there a contact would brake what the hand moves.
 ROBOT, PART, STATIC = 1, 2, 4
-PREFIX = "robot_"
-_MOUNT = "robot_mount"
-PEDESTAL = "robot_pedestal"
-TIMESTEP = 0.002  # s; 4 ms still works, 2 ms leaves room for stiff contacts
-
-_MADE: WeakKeyDictionary[Twin, Twin] = WeakKeyDictionary()
+# Twins' names hold no slash, so none of theirs is ever one of these.
+PREFIX = "robot/"
+PEDESTAL = "stand/pedestal"
+_HIDDEN = 5  # geom group that the film leaves out; the robot's own shapes are in the export's group of collision shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,10 @@ class World:
         self.model.body_pos[self.mount] = T_world_base[:3, 3]
         self.model.body_quat[self.mount] = geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
 
+    def body_of(self, geom: int) -> str:
+        """Name of a geom's body, as the twin or the robot's own model has it."""
+        return str(self.model.body(self.model.geom_bodyid[geom]).name).rpartition("/")[2]
+
     def set_stiffness(self, share: float) -> None:
         """Scale the arm's servos: stiffness by `share`, damping by its square root, so that the damping ratio stays."""
         self.model.actuator_gainprm[self.arm_ctrl, 0] *= share
@@ -70,22 +75,25 @@ class World:
         self.model.actuator_biasprm[self.arm_ctrl, 2] *= np.sqrt(share)
 
 
-def with_collision(twin: Twin) -> Twin:
-    """The twin with collision geometry for its static part and every part, masses and friction; made when missing.
+def completed(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
+    """The twin with collision shapes for its static part and every part, masses and friction: itself where it has them all.
 
-    Remembered as long as the twin lives, so that a plan and its replay make it once and get the same.
+    Who plans and replays makes it once and passes it on. cache_dir: where shapes are kept between runs.
     """
-    shaped = bool(twin.static.collision) and all(p.collision for p in twin.parts)
-    if shaped and all(p.inertial is not None and p.physics is not None for p in twin.parts):
+    if is_complete(twin):
         return twin
-    if twin not in _MADE:
-        if shaped:  # a stated shape may be anything; masses need no more than the surface
-            _MADE[twin] = with_physics(twin)
-        else:
-            from twin.exporters import complete
+    if not _is_shaped(twin):
+        return complete(twin, cache_dir)
+    return with_physics(twin)  # a stated shape may be anything; masses need no more than the surface
 
-            _MADE[twin] = complete(twin)
-    return _MADE[twin]
+
+def is_complete(twin: Twin) -> bool:
+    """Whether the twin has all that `completed` gives."""
+    return _is_shaped(twin) and all(p.inertial is not None and p.physics is not None for p in twin.parts)
+
+
+def _is_shaped(twin: Twin) -> bool:
+    return bool(twin.static.collision) and all(p.collision for p in twin.parts)
 
 
 def build_world(
@@ -94,39 +102,40 @@ def build_world(
     """Compile the scene.
 
     Args:
-        twin: its static part and parts need collision geometry, its parts mass and friction (see `with_collision`).
+        twin: its static part and parts need collision shapes, its parts mass and friction (see `completed`).
         T_world_base: base pose (4, 4).
         pedestal: height in metres of the column under the base (0: none).
-        visual: add the coloured meshes that a video shows.
+        visual: with what is drawn, for a video.
 
     Raises:
-        PlanningError: a part has no collision geometry, or MuJoCo refuses the scene.
+        SceneError: a part that can't be exported. PlanningError: a part has no collision shapes, or MuJoCo refuses the scene.
     """
-    scene = mujoco.MjSpec()
-    scene.modelname = twin.name
-    scene.compiler.degree = False
-    scene.option.timestep = TIMESTEP
-    scene.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    scene.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    scene.option.impratio = 10.0
-    scene.visual.headlight.ambient = [0.45, 0.45, 0.45]
-    scene.visual.headlight.diffuse = [0.5, 0.5, 0.5]
-    if visual:
-        _add_sky(scene)
-    _add_static(scene, twin, visual)
-    bodies: dict[int, mujoco.MjsBody] = {}
-    for part in _parents_first(twin):
-        parent = scene.worldbody if part.parent is None else bodies[part.parent]
-        bodies[part.id] = _add_part(scene, parent, part, visual)
-    _add_robot(scene, spec, T_world_base, pedestal)
+    bare = [p.name for p in twin.parts if not p.collision]
+    if bare:
+        raise PlanningError(f"part {bare[0]!r} has no collision geometry", "call robots.completed first")
     try:
+        scene = document(build_tree(twin, visual)).spec()
+        _set_masks(scene, twin.static.name)
+        if visual:
+            _light(scene)
+        _add_robot(scene, spec, T_world_base, pedestal)
         model = scene.compile()
     except ValueError as e:
         raise PlanningError(f"MuJoCo refuses the scene of twin {twin.name!r}: {e}", "run `twin check`") from e
     return _index(model, twin, spec)
 
 
-def _add_sky(scene: mujoco.MjSpec) -> None:
+def _set_masks(scene: mujoco.MjSpec, static: str) -> None:
+    for geom in scene.geoms:
+        if geom.contype:
+            geom.contype, geom.conaffinity = STATIC if geom.parent.name == static else PART, ROBOT
+            geom.group = _HIDDEN
+
+
+def _light(scene: mujoco.MjSpec) -> None:
+    """Sky and light of a video."""
+    scene.visual.headlight.ambient = [0.45, 0.45, 0.45]
+    scene.visual.headlight.diffuse = [0.5, 0.5, 0.5]
     scene.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -138,105 +147,9 @@ def _add_sky(scene: mujoco.MjSpec) -> None:
     )
 
 
-def _parents_first(twin: Twin) -> list[Part]:
-    ordered: list[Part] = []
-    while len(ordered) < len(twin.parts):
-        done = {p.id for p in ordered}
-        ordered += [p for p in twin.parts if p.id not in done and (p.parent is None or p.parent in done)]
-    return ordered
-
-
-def _add_static(scene: mujoco.MjSpec, twin: Twin, visual: bool) -> None:
-    body, friction = scene.worldbody.add_body(name=f"static_{twin.static.name}"), static_friction(twin)
-    for k, shape in enumerate(twin.static.collision):
-        _add_shape(scene, body, shape, f"static_{k}", STATIC, friction)
-    if visual:
-        _add_paint(scene, body, twin.static.mesh, "static", 24, 40_000)
-
-
-def _add_part(scene: mujoco.MjSpec, parent: mujoco.MjsBody, part: Part, visual: bool) -> mujoco.MjsBody:
-    if not part.collision:
-        raise PlanningError(
-            f"part {part.name!r} has no collision geometry", "make it with twin.collision.with_collision"
-        )
-    body = parent.add_body(name=f"part_{part.id}")
-    joint, own = part.joint, inertial_of(part)
-    kind = mujoco.mjtJoint.mjJNT_HINGE if isinstance(joint, Revolute) else mujoco.mjtJoint.mjJNT_SLIDE
-    body.add_joint(
-        name=f"part_{part.id}",
-        type=kind,
-        axis=joint.axis,
-        pos=joint.pivot if isinstance(joint, Revolute) else [0, 0, 0],
-        limited=True,
-        range=[joint.lower, joint.upper],
-        damping=joint_damping(part),
-        frictionloss=frictionloss(part),
-        armature=armature(joint, own),
-    )
-    t = own.inertia
-    body.explicitinertial = True
-    body.mass, body.ipos = own.mass.value, own.com
-    body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
-    for k, shape in enumerate(part.collision):
-        _add_shape(scene, body, shape, f"part_{part.id}_{k}", PART, part_friction(part))
-    if visual:
-        _add_paint(scene, body, part.mesh, f"part_{part.id}", 12, 20_000)
-    return body
-
-
-def _add_shape(
-    scene: mujoco.MjSpec, body: mujoco.MjsBody, shape: Collision, name: str, group: int, friction: float
-) -> None:
-    common = {
-        "name": name,
-        "contype": group,
-        "conaffinity": ROBOT,
-        "group": 5,
-        "mass": 0.0,
-        "friction": [friction, 0.005, 0.0001],
-    }
-    if isinstance(shape, Box):
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=shape.size / 2,
-            pos=shape.T_world_box[:3, 3],
-            quat=geo.quat_wxyz_from_matrix(shape.T_world_box[:3, :3]),
-            **common,
-        )
-        return
-    scene.add_mesh(
-        name=name,
-        uservert=shape.vertices.ravel(),
-        userface=shape.faces.ravel(),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
-    )
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **common)
-
-
-def _add_paint(
-    scene: mujoco.MjSpec, body: mujoco.MjsBody, mesh: Mesh, name: str, colours: int, faces: int
-) -> None:
-    for k, (piece, rgb) in enumerate(painted(mesh, colours, faces)):
-        scene.add_mesh(
-            name=f"{name}_paint_{k}",
-            uservert=piece.vertices.ravel(),
-            userface=piece.faces.ravel(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=f"{name}_paint_{k}",
-            contype=0,
-            conaffinity=0,
-            group=2,
-            mass=0.0,
-            rgba=[*rgb, 1.0],
-        )
-
-
 def _add_robot(scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedestal: float) -> None:
     mount = scene.worldbody.add_body(
-        name=_MOUNT, pos=T_world_base[:3, 3], quat=geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
+        name=PEDESTAL, pos=T_world_base[:3, 3], quat=geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
     )
     if pedestal > 0.02:
         mount.add_geom(
@@ -265,9 +178,9 @@ def _index(model: mujoco.MjModel, twin: Twin, spec: RobotSpec) -> World:
     def dof(name: str) -> int:
         return int(model.jnt_dofadr[model.joint(name).id])
 
-    part_of_body = {model.body(f"part_{p.id}").id: p.id for p in twin.parts}
+    part_of_body = {model.body(p.name).id: p.id for p in twin.parts}
     fingers = {model.body(PREFIX + b).id for b in spec.finger_bodies}
-    robot_root = model.body(_MOUNT).id
+    robot_root = model.body(PEDESTAL).id
     owner, geom_part = np.zeros(model.ngeom, dtype=int), np.zeros(model.ngeom, dtype=int)
     for g in range(model.ngeom):
         body = int(model.geom_bodyid[g])
@@ -277,8 +190,8 @@ def _index(model: mujoco.MjModel, twin: Twin, spec: RobotSpec) -> World:
     return World(
         model=model,
         spec=spec,
-        part_qpos={p.id: qpos(f"part_{p.id}") for p in twin.parts},
-        part_dof={p.id: dof(f"part_{p.id}") for p in twin.parts},
+        part_qpos={p.id: qpos(joint_name(p)) for p in twin.parts},
+        part_dof={p.id: dof(joint_name(p)) for p in twin.parts},
         arm_qpos=np.array([qpos(j) for j in arm]),
         arm_dof=np.array([dof(j) for j in arm]),
         arm_ctrl=np.array([model.actuator(PREFIX + a).id for a in spec.arm_actuators]),

@@ -25,7 +25,6 @@ from twin.geometry import Array
 
 SLIP_LIMIT = 0.010  # m
 DEPTH_LIMIT = 0.002  # m of the robot's overlap with the static scene
-STATIC = "static_"  # how the body of the static scene is named in the replay
 
 
 @dataclass(frozen=True)
@@ -97,22 +96,17 @@ def _way(record: Record, task: Task) -> list[Fault]:
 
 def _pressed(record: Record) -> tuple[str, str] | None:
     """The two bodies that touched most often though they should not."""
-    pairs = [(a, b) for _, a, b, _ in record.contacts]
+    pairs = [c.bodies for c in record.contacts]
     return max(dict.fromkeys(pairs), key=pairs.count) if pairs else None
 
 
 def _scene(record: Record) -> list[Fault]:
-    deep = [
-        c
-        for c in record.contacts
-        if c[3] > DEPTH_LIMIT and (c[1].startswith(STATIC) or c[2].startswith(STATIC))
-    ]
+    deep = [c for c in record.contacts if c.static and c.depth > DEPTH_LIMIT]
     if not deep:
         return []
-    time, a, b, depth = max(deep, key=lambda c: c[3])
-    body = b if a.startswith(STATIC) else a
-    phase = int(record.phase[int(np.argmin(np.abs(record.times - time)))])
-    return [Fault(phase, IntoScene(body, depth, time))]
+    worst = max(deep, key=lambda c: c.depth)
+    phase = int(record.phase[int(np.argmin(np.abs(record.times - worst.time)))])
+    return [Fault(phase, IntoScene(worst.bodies[0], worst.depth, worst.time))]
 
 
 def _slips(record: Record, slip: Array) -> list[Fault]:

@@ -7,11 +7,22 @@ from dataclasses import dataclass
 from twin.geometry import Array
 
 
+@dataclass(frozen=True)
+class Contact:
+    """The robot touches what it should not: time (s), its body and the other one, how deep (m), and whether that is the scene's
+    static part."""
+
+    time: float
+    bodies: tuple[str, str]
+    depth: float
+    static: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """What the simulation did, n samples. times (n,) s; phase (n,) index into PHASES, -1 while settling; state and
     speed (n,) of the part; q (n, j); torque (n, j) N m, gravity compensation included; tool (n, 4, 4); grip (n,) N;
-    touching (n,) fingers that touch the part; contacts: (time, name, name, depth m) that should not be."""
+    touching (n,) fingers that touch the part; contacts that should not be."""
 
     times: Array
     phase: Array
@@ -22,4 +33,4 @@ class Record:
     tool: Array
     grip: Array
     touching: Array
-    contacts: tuple[tuple[float, str, str, float], ...]
+    contacts: tuple[Contact, ...]

@@ -18,9 +18,9 @@ from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
 from robots.model.spec import RobotSpec
-from robots.scene.world import PART, ROBOT, World, build_world, with_collision
+from robots.scene.world import PART, ROBOT, STATIC, World, build_world, completed
 from robots.simulation.impedance import EVERY, Impedance
-from robots.simulation.record import Record
+from robots.simulation.record import Contact, Record
 from robots.simulation.report import ReplayReport, measure
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
@@ -71,7 +71,7 @@ def replay(
             f"the trajectory moves {trajectory.joint_names}, robot {spec.name!r} has {spec.arm_joints}",
             "replay it with the robot it was planned for",
         )
-    twin = with_collision(twin)
+    twin = completed(twin)
     started = time.perf_counter()
     world = build_world(
         twin, spec, trajectory.T_world_base, trajectory.pedestal, visual=video and out is not None
@@ -172,7 +172,7 @@ class _Recorder:
     def __init__(self, world: World, part: int, spec: RobotSpec) -> None:
         self._w, self._part, self._spec = world, part, spec
         self._rows: list[tuple[float, int, float, float, Array, Array, Array, float, int]] = []
-        self._contacts: list[tuple[float, str, str, float]] = []
+        self._contacts: list[Contact] = []
 
     def take(self, data: mujoco.MjData, phase: int) -> None:
         """Add the present state."""
@@ -207,8 +207,9 @@ class _Recorder:
             if w.finger[f] and w.owner[other] == PART and w.geom_part[other] == self._part:
                 fingers.add(int(m.geom_bodyid[f]))
                 continue
-            names = sorted(m.body(m.geom_bodyid[g]).name.removeprefix("robot_") for g in (g1, g2))
-            self._contacts.append((float(data.time), names[0], names[1], -float(data.contact.dist[k])))
+            own, other = sorted((g1, g2), key=lambda g: (w.owner[g] != ROBOT, g))
+            names, depth = (w.body_of(own), w.body_of(other)), -float(data.contact.dist[k])
+            self._contacts.append(Contact(float(data.time), names, depth, bool(w.owner[other] == STATIC)))
         return len(fingers)
 
     def done(self) -> Record:

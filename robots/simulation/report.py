@@ -184,8 +184,8 @@ def _tracking(record: Record, trajectory: RobotTrajectory) -> Array:
 
 def _unintended(record: Record) -> tuple[UnintendedContact, ...]:
     pairs: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    for time, a, b, depth in record.contacts:
-        pairs.setdefault((a, b), []).append((time, depth))
+    for c in record.contacts:
+        pairs.setdefault(c.bodies, []).append((c.time, c.depth))
     rows = [
         UnintendedContact(pair, len(hits), 1000 * max(d for _, d in hits), hits[0][0])
         for pair, hits in pairs.items()
@@ -203,7 +203,7 @@ def _rows(
     faults: Sequence[Fault],
 ) -> tuple[PhaseRow, ...]:
     rows = []
-    hits = np.array([c[0] for c in record.contacts])
+    hits = np.array([c.time for c in record.contacts])
     for k, name in enumerate(PHASES):
         at = np.flatnonzero(record.phase == k)
         if len(at) == 0:

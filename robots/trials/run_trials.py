@@ -13,7 +13,7 @@ import numpy as np
 
 from robots.config import ReplayConfig
 from robots.model.catalog import resolve
-from robots.scene.world import build_world, with_collision
+from robots.scene.world import build_world, completed
 from robots.trajectory import RobotTrajectory
 from robots.trials.batch import Tell, replay_all
 from robots.trials.perturbation import ErrorSizes, closes_itself, draw, path_error, spread_of
@@ -57,7 +57,7 @@ def run_trials(
     """
     check_request(trials, seed)
     config = config or ReplayConfig()
-    twin = with_collision(twin)
+    twin = completed(twin)
     part = twin.part(trajectory.part_id)
     world = build_world(
         twin, resolve(robot or trajectory.robot), trajectory.T_world_base, trajectory.pedestal

@@ -7,7 +7,7 @@ import pytest
 
 from robots.model.catalog import resolve
 from robots.simulation.faults import find_faults
-from robots.simulation.record import Record
+from robots.simulation.record import Contact, Record
 from robots.task import Task
 from robots.trajectory import PHASES
 
@@ -75,9 +75,9 @@ def test_a_joint_at_its_limit_is_named_where_it_was(franka, at):
 
 
 def test_only_what_goes_deeper_than_2_mm_into_the_static_scene_counts(franka):
-    grazed = (2.5, "link5", "static_wall", 0.0019)
-    deep = (3.5, "link5", "static_wall", 0.0031)
-    other = (3.5, "link5", "part_2", 0.0100)
+    grazed = Contact(2.5, ("link5", "wall"), 0.0019, static=True)
+    deep = Contact(3.5, ("link5", "wall"), 0.0031, static=True)
+    other = Contact(3.5, ("link5", "static_door"), 0.0100, static=False)
     assert faults(franka, contacts=(grazed, other)) == []
     (fault,) = faults(franka, contacts=(grazed, deep, other))
     assert PHASES[fault.phase] == "hold"

@@ -13,12 +13,11 @@ from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.model.catalog import resolve
 from robots.model.dynamics import part_load, with_payload
-from robots.part_physics import frictionloss
 from robots.planning.joint_path import moves_alone
-from robots.scene.world import build_world, with_collision
+from robots.scene.world import build_world, completed
 from robots.simulation.replay import simulate
 from twin import geometry as geo
-from twin.physics import with_physics
+from twin.physics import physics_of, with_physics
 from twin.scene import Prismatic, Twin
 
 FAST = PlanConfig(candidates=150, finalists=2)
@@ -59,7 +58,7 @@ def test_the_load_is_what_the_scene_resists_with(case):
     for part in twin.parts:
         load, dof = part_load(with_payload(twin, part)), world.part_dof[part.id]
         states = np.linspace(0.0, part.joint.upper, 4)
-        still = load.still(states, 1.0) - frictionloss(part)
+        still = load.still(states, 1.0) - physics_of(part).frictionloss.value
         for state, force in zip(states, still, strict=True):
             data.qpos[:] = model.qpos0
             data.qpos[world.part_qpos[part.id]] = state
@@ -110,7 +109,7 @@ def test_a_nested_part_is_opened_and_closed_while_the_other_rests(part, goal):
     trajectory = robots.plan(twin, part, goal=goal, config=FAST)
     report = robots.replay(twin, trajectory, video=False)
     assert report.ok, report.reason
-    world = build_world(with_collision(twin), resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
+    world = build_world(completed(twin), resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
     _, frames = simulate(world, trajectory, robots.ReplayConfig())
     (other,) = (p for p in twin.parts if p.name != part)
     strayed = np.abs(frames[:, world.part_qpos[other.id]]).max()

@@ -14,13 +14,14 @@ import robots
 from benchmarks.scenes import furniture
 from benchmarks.scenes.boards import Board, boards_inertial, boards_mesh, cabinet_twin, opening_motion
 from robots import resolve
-from robots.scene.world import build_world, with_collision
+from robots.scene.world import build_world, completed
 from twin import geometry as geo
 from twin.exporters import export
 from twin.exporters.tree import build_tree
 from twin.physics import read_materials, with_physics
 from twin.physics.edit import given, set_physics
-from twin.physics.joints import GRAVITY, armature, inertia_about, resistance
+from twin.physics.joints import armature, inertia_about, resistance
+from twin.physics.simulation import GRAVITY
 from twin.quantities import Inertial, Quantity
 from twin.scene import ContactPath, Part, Prismatic, Revolute, StaticPart, Twin
 from twin.verification.behaviour import behave
@@ -75,7 +76,7 @@ def bare(twin: Twin) -> Twin:
 
 
 def test_exports_and_replays_take_joints_from_one_table_and_stated_numbers_stay() -> None:
-    ready = with_collision(bare(furniture.door()))
+    ready = completed(bare(furniture.door()))
     (part,) = ready.parts
     assert part.inertial is not None
     law = read_materials().joints["revolute"]
@@ -87,7 +88,7 @@ def test_exports_and_replays_take_joints_from_one_table_and_stated_numbers_stay(
     assert replayed == pytest.approx([link.joint.damping, link.joint.frictionloss, link.joint.armature])
     assert link.joint.armature == pytest.approx(armatures(ready)[0])
     assert (
-        float(world.model.geom_friction[world.model.geom("static_0").id, 0])
+        float(world.model.geom_friction[world.model.geom("cabinet_collision_0").id, 0])
         == build_tree(ready).root.friction
     )
     stated = cabinet_twin()

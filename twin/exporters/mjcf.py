@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -41,8 +41,8 @@ class Document:
         return mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))
 
 
-def document(tree: Tree, visual: bool = True) -> Document:
-    """The model of a twin, which `write` writes and a replay runs. visual: with what is drawn, which nothing touches."""
+def document(tree: Tree) -> Document:
+    """The model of a twin, which `write` writes and a replay runs."""
     root, files = ET.Element("mujoco", model=tree.name), dict[str, bytes]()
     ET.SubElement(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
     ET.SubElement(
@@ -54,9 +54,6 @@ def document(tree: Tree, visual: bool = True) -> Document:
     body = ET.SubElement(
         ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=_main_class(tree)
     )
-    if not visual:
-        nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-        tree = replace(tree, links=tuple(replace(k, visual=nothing) for k in tree.links))
     _fill(body, tree.root, tree, asset, files)
     _excludes(root, tree)
     _keyframes(root, tree)

@@ -22,12 +22,10 @@ from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
 # URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand does.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
-_ROUNDING, _LEAST = (
-    1e-9,
-    1e-9,
-)  # of a tensor's trace, and kg m^2: far above double precision, far below any scene; chosen by us
-_ROUNDING = 1e-9  # m or rad, of limits that were computed
+# Far above double precision and far below any scene, chosen by us: m or rad of limits, share of a tensor's trace; kg m^2.
+_ROUNDING, _LEAST = 1e-9, 1e-9
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
+_NOTHING = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,15 +85,18 @@ class Tree:
         return [k for k in self.links if k.joint is not None]
 
 
-def build_tree(twin: Twin) -> Tree:
-    """Turn a twin into links. Raises SceneError when a part lacks what simulation needs."""
+def build_tree(twin: Twin, visual: bool = True) -> Tree:
+    """Turn a twin into links. Raises SceneError when a part lacks what simulation needs.
+
+    visual: with what is drawn, which nothing touches and whose making takes a third of the time; else links show nothing.
+    """
     require_ranges(twin)
     mass, com, inertia = _static_mass(twin)
     root = Link(
         name=twin.static.name,
         parent=None,
         offset=np.zeros(3),
-        visual=drawn(twin.static.mesh),
+        visual=drawn(twin.static.mesh) if visual else _NOTHING,
         collision=twin.static.collision,
         friction=static_friction(twin),
         mass=mass,
@@ -108,7 +109,7 @@ def build_tree(twin: Twin) -> Tree:
         for part in twin.parts:
             if part.parent == parent_id:
                 origin = link_origin(part)
-                links.append(_link(part, parent_name, origin, origin - parent_origin))
+                links.append(_link(part, parent_name, origin, origin - parent_origin, visual))
                 add(part.id, part.name, origin)
 
     add(None, root.name, np.zeros(3))
@@ -169,7 +170,7 @@ def joint_name(part: Part) -> str:
     return f"{part.name}_joint"
 
 
-def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
+def _link(part: Part, parent: str, origin: Array, offset: Array, visual: bool) -> Link:
     joint, inertial, physics = part.joint, inertial_of(part), physics_of(part)
     to_link = geo.make_pose(translation=-origin)
     contact = part.contact
@@ -177,7 +178,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array) -> Link:
         name=part.name,
         parent=parent,
         offset=offset,
-        visual=drawn(part.mesh.transformed(to_link)),
+        visual=drawn(part.mesh.transformed(to_link)) if visual else _NOTHING,
         collision=tuple(_moved(c, to_link) for c in part.collision),
         friction=physics.friction.value,
         joint=TreeJoint(
