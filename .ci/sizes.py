@@ -1,7 +1,5 @@
 """What `make lint` says of size and repetition: functions of at most 60 lines, files of at most 300, and no ten equal lines in two
 places. Imports, comments, docstrings and blank lines do not count as equal ones.
-
-What is larger today stands below with its size, and may only shrink: who splits it deletes its line.
 """
 
 from __future__ import annotations
@@ -17,9 +15,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("twin", "recon", "robots")
 FUNCTION, FILE, EQUAL = 60, 300, 10
-LARGER = {
-    "robots/replay_verb.py:replay_step": 75,
-}
 
 
 def sources(*folders: str) -> Iterator[Path]:
@@ -78,15 +73,11 @@ def repeated() -> list[str]:
 
 
 def main() -> int:
-    faults = []
-    for name, lines, limit in sizes():
-        allowed = LARGER.get(name, limit)
-        if lines > allowed:
-            faults.append(f"{name} has {lines} lines, at most {allowed} are allowed")
-        elif name in LARGER and lines <= limit:
-            faults.append(f"{name} is no longer too large: delete its line in .ci/sizes.py")
-    known = {name for name, _, _ in sizes()}
-    faults += [f"{name} stands in .ci/sizes.py and does not exist" for name in LARGER if name not in known]
+    faults = [
+        f"{name} has {lines} lines, at most {most} are allowed"
+        for name, lines, most in sizes()
+        if lines > most
+    ]
     faults += repeated()
     print("\n".join(faults) or "sizes and repetition: nothing to tell")
     return bool(faults)

@@ -92,11 +92,7 @@ def replay_step(
     started = time.perf_counter()
     twin = load(run)
     parts = parts_to_move(twin, names, run)
-    if contact is not None and len(parts) > 1:
-        raise InputError(
-            f"--contact is a point on one part, and {len(parts)} are to be moved",
-            f"add --part with one of: {', '.join(p.name for p in parts)}",
-        )
+    _require_one_part(contact, parts)
     tasks = {part.id: task_of(part, goal, start) for part in parts}
     robots.resolve(robot)
     config = from_dict(robots.ReplayConfig, settings or {}, "replay")
@@ -104,14 +100,11 @@ def replay_step(
     # what follows imports MuJoCo: every wrong answer that can be told without it was told before
     from robots.floor import floor_of
     from robots.grasp.where_to_hold import NothingToHold
-    from twin.contacts import contacts_off
 
     # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([NothingToHold] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
-    if contact is None:
-        off = [o for o in contacts_off(twin) if o.part in {p.name for p in parts}]
-        warnings += [f"{o.problem}: its shape decides where to hold it; give --contact X,Y,Z" for o in off]
+    warnings += _of_contacts(twin, parts) if contact is None else []
     ground = floor_of(twin, floor)
     warnings += [ground.warning] if ground.warning else []
     twin = _completed(progress, twin, run_folder(run), parts[0], robot, contact)
@@ -129,11 +122,26 @@ def replay_step(
             )
             tables.append(table)
             notes += assumed
-    ok = all(r["ok"] for r in reports.values())
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
     tables = [Table(f"replay with {robot}", _COLUMNS, rows), *tables]
-    outcome = Outcome({"parts": reports}, tables, notes, warnings, ok)
+    outcome = Outcome({"parts": reports}, tables, notes, warnings, all(r["ok"] for r in reports.values()))
     return Step("replay", outcome, summary, started).kept(run_folder(run))
+
+
+def _require_one_part(contact: tuple[float, ...] | None, parts: Sequence[Part]) -> None:
+    if contact is not None and len(parts) > 1:
+        raise InputError(
+            f"--contact is a point on one part, and {len(parts)} are to be moved",
+            f"add --part with one of: {', '.join(p.name for p in parts)}",
+        )
+
+
+def _of_contacts(twin: Twin, parts: Sequence[Part]) -> list[str]:
+    """Warnings about contacts that are off their parts."""
+    from twin.contacts import contacts_off
+
+    off = [o for o in contacts_off(twin) if o.part in {p.name for p in parts}]
+    return [f"{o.problem}: its shape decides where to hold it; give --contact X,Y,Z" for o in off]
 
 
 def parts_to_move(twin: Twin, names: Sequence[str], run: Path) -> list[Part]:

@@ -14,7 +14,7 @@ from recon.joints.fit_tracks import fit_motion
 from recon.joints.group_fits import on_course, widened
 from recon.motion.movers import Movers
 from recon.parts.config import MotionConfig
-from recon.parts.find_parts import FoundParts, find_parts
+from recon.parts.find_parts import find_parts
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.tracking.tracks import Tracks, track_points
@@ -23,21 +23,27 @@ from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.scene import Revolute, Trajectory
 
-FRAMES, FITS = 120, MotionConfig()
+FRAMES = 120
+Tracked = tuple[Recording, Tracks, Trajectory]
 
 
-def _found(folder: Path, config: MotionConfig = FITS) -> tuple[Recording, FoundParts, np.ndarray]:
+def _tracked(folder: Path) -> Tracked:
     recording = open_recording(folder)
     tracks = track_points(recording)
     cameras = estimate_cameras(tracks, recording.times, recording.intrinsics.fx)
-    T_world_start = tiny.cameras(FRAMES)[0]
-    return recording, find_parts(recording, tracks, cameras.transformed(T_world_start), config), T_world_start
+    return recording, tracks, cameras.transformed(tiny.cameras(FRAMES)[0])
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> Tracked:
+    """A door is opened, then a drawer."""
+    folder = tmp_path_factory.mktemp("motion") / "two"
+    return _tracked(tiny.write_recording(folder, ("door", "drawer"), frames=FRAMES, scale=5, pattern=47.0))
 
 
 @pytest.mark.parametrize("method", ["fits", "clusters"])
-def test_two_parts_that_move_one_after_the_other(tmp_path: Path, method: Literal["fits", "clusters"]) -> None:
-    folder = tiny.write_recording(tmp_path / "two", ("door", "drawer"), frames=FRAMES, scale=5, pattern=47.0)
-    _, found, _ = _found(folder, MotionConfig(method=method))
+def test_two_parts_that_move_one_after_the_other(two: Tracked, method: Literal["fits", "clusters"]) -> None:
+    found = find_parts(*two, MotionConfig(method=method))
     assert {p.part.joint.kind for p in found.parts} == {"revolute", "prismatic"}
     assert len(found.parts) == 2
     for part in found.parts:
@@ -56,8 +62,9 @@ def test_nothing_moves(tmp_path: Path) -> None:
     folder = tiny.write_recording(
         tmp_path / "still", ("drawer",), frames=FRAMES, scale=2, pattern=47.0, still=True
     )
+    recorded = _tracked(folder)
     with pytest.raises(ReconstructionError, match="moves"):
-        _found(folder)
+        find_parts(*recorded)
 
 
 def test_what_travels_far_does_not_outvote_a_part_that_travels_little(tmp_path: Path) -> None:

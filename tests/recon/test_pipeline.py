@@ -31,14 +31,18 @@ def test_a_run_without_hints_has_the_keys_it_had(hints: tuple[TypeHint, ...]) ->
     class Stop(Exception): ...
 
     class Recorder:
+        def loop(self, _: str) -> None: ...
+
         def stage(self, name: str, _: int, settings: object, *_more: object) -> None:
             seen[name] = settings
             if name == "motion":
                 raise Stop
 
     with pytest.raises(Stop):
-        _run(Recorder(), None, config, hints)  # type: ignore[arg-type]
-    assert seen["motion"] == ((config.motion, hints) if hints else config.motion)
+        _run(Recorder(), None, config, hints, None)  # type: ignore[arg-type]
+    assert seen["motion"] == (
+        ((config.motion, config.joints), hints) if hints else (config.motion, config.joints)
+    )
 
 
 def test_a_weighed_mass_outlives_another_reconstruction(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -151,8 +150,8 @@ class Opened:
     def __len__(self) -> int:
         return 30
 
-    def frame(self, index: int) -> Any:
-        return SimpleNamespace(color=index)
+    def color(self, index: int) -> int:
+        return index
 
 
 @pytest.fixture
