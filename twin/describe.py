@@ -2,59 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import singledispatch
+from collections.abc import Callable, Sequence
 from html import escape
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from twin.quantities import Described, Inertial, PartPhysics, Quantity
-from twin.scene import (
-    Box,
-    ContactPath,
-    Joint,
-    Mesh,
-    Motion,
-    Part,
-    Recorded,
-    Revolute,
-    StaticPart,
-    Trajectory,
-    Twin,
-)
+if TYPE_CHECKING:  # the types show themselves by what stands here, so they stand above it
+    from twin.joint import Joint, Revolute
+    from twin.quantities import Inertial, PartPhysics, Quantity
+    from twin.scene import Box, ContactPath, Mesh, Motion, Part, Recorded, StaticPart, Trajectory, Twin
 
 _MOST = 6  # parts that a line or provenance names; a table has them all
 _COLUMNS = ("part", "on", "joint", "range", "± 1 σ", "mass", "faces")
 
 
-@singledispatch
-def line(thing: Described) -> str:
+def line(thing: object) -> str:
     """The type and what matters of its value, in one line."""
-    return f"<{type(thing).__name__}>"
+    told = next((_LINES[c.__name__] for c in type(thing).__mro__ if c.__name__ in _LINES), None)
+    return f"<{type(thing).__name__}>" if told is None else told(thing)
 
 
-@line.register
-def _(mesh: Mesh) -> str:
+def _mesh(mesh: Mesh) -> str:
     size = f", {_lengths(np.ptp(mesh.vertices, axis=0))} m" if len(mesh.vertices) else ""
     colors = ", coloured" if mesh.colors is not None else ""
     return f"<Mesh: {len(mesh.faces)} faces, {len(mesh.vertices)} vertices{size}{colors}>"
 
 
-@line.register
-def _(box: Box) -> str:
+def _box(box: Box) -> str:
     return f"<Box: {_lengths(box.size)} m at {_vector(box.T_world_box[:3, 3])} m>"
 
 
-@line.register
-def _(joint: Joint) -> str:
+def _joint(joint: Joint) -> str:
     sigma = sigma_text(joint)
-    place = f" through {_vector(joint.pivot)} m" if isinstance(joint, Revolute) else ""
+    place = f" through {_vector(cast('Revolute', joint).pivot)} m" if joint.kind == "revolute" else ""
     told = f"{range_text(joint)}, axis {_vector(joint.axis)}{place}{f', {sigma}' if sigma else ''}"
     return f"<{type(joint).__name__}: {told}>"
 
 
-@line.register
-def _(motion: Motion) -> str:
+def _motion(motion: Motion) -> str:
     if not len(motion.frames):
         return "<Motion: none measured>"
     spans = f", {len(motion.intervals)} interactions" if motion.intervals else ""
@@ -62,58 +48,69 @@ def _(motion: Motion) -> str:
     return f"<Motion: {len(motion.frames)} frames, state {moved}{spans}, residual {1000 * motion.residual:.2g} mm>"
 
 
-@line.register
-def _(contact: ContactPath) -> str:
+def _contact(contact: ContactPath) -> str:
     where = f"at {_vector(contact.point)} m, {1000 * contact.width:.0f} mm wide"
     return f"<ContactPath: {where}, in {len(contact.frames)} frames; {contact.source!r}>"
 
 
-@line.register
-def _(static: StaticPart) -> str:
+def _static(static: StaticPart) -> str:
     return f"<StaticPart {static.name!r}: {len(static.mesh.faces)} faces, {len(static.collision)} shapes>"
 
 
-@line.register
-def _(part: Part) -> str:
+def _part(part: Part) -> str:
     return f"<Part {part.id} {part.name!r}: {_part_text(part)}>"
 
 
-@line.register
-def _(cameras: Trajectory) -> str:
+def _trajectory(cameras: Trajectory) -> str:
     seconds = f"{cameras.times[0]:.2f} to {cameras.times[-1]:.2f} s"
     return f"<Trajectory: {len(cameras.frames)} camera poses, {seconds}>"
 
 
-@line.register
-def _(recorded: Recorded) -> str:
+def _recorded(recorded: Recorded) -> str:
     return f"<Recorded: {recorded.source!r}, {recorded.frames} frames, {recorded.fingerprint[:8]}>"
 
 
-@line.register
-def _(inertial: Inertial) -> str:
+def _inertial(inertial: Inertial) -> str:
     return f"<Inertial: {_number(inertial.mass)} kg at {_vector(inertial.com)} m; {inertial.mass.source}>"
 
 
-@line.register
-def _(physics: PartPhysics) -> str:
+def _physics(physics: PartPhysics) -> str:
     told = ", ".join(f"{name} {_number(quantity)}" for name, quantity in vars(physics).items())
     return f"<PartPhysics: {told}>"
 
 
-@line.register
-def _(twin: Twin) -> str:
+def _twin(twin: Twin) -> str:
     named = [f"{p.name}: {joint_text(p.joint)}" for p in twin.parts[:_MOST]]
     more = [f"and {len(twin.parts) - _MOST} more"] if len(twin.parts) > _MOST else []
     parts = "; ".join([*named, *more]) or "no moving part"
     return f"<Twin {twin.name!r}: {twin.static.name} ({len(twin.static.mesh.faces)} faces); {parts}>"
 
 
+# By the names of the types, whose subclasses tell the same.
+_LINES: dict[str, Callable[[Any], str]] = {
+    "Mesh": _mesh,
+    "Box": _box,
+    "Joint": _joint,
+    "Motion": _motion,
+    "ContactPath": _contact,
+    "StaticPart": _static,
+    "Part": _part,
+    "Trajectory": _trajectory,
+    "Recorded": _recorded,
+    "Inertial": _inertial,
+    "PartPhysics": _physics,
+    "Twin": _twin,
+}
+
+
 def html(thing: Twin | Part) -> str:
     """A table of the part, or of the twin's parts, complete in itself; every text of the user's is escaped."""
-    if isinstance(thing, Part):
+    if type(thing).__name__ == "Part":
+        part = cast("Part", thing)
         return _table(
-            f"part {thing.name}", [_row(thing, "static" if thing.parent is None else f"part {thing.parent}")]
+            f"part {part.name}", [_row(part, "static" if part.parent is None else f"part {part.parent}")]
         )
+    thing = cast("Twin", thing)
     parents = {p.id: p.name for p in thing.parts}
     rows = [_row(p, thing.static.name if p.parent is None else parents[p.parent]) for p in thing.parts]
     title = f"twin {thing.name}: {thing.static.name}, {len(thing.static.mesh.faces):,} faces"

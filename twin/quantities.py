@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.describe import line
 from twin.errors import SceneError
 from twin.geometry import Array
 
@@ -24,8 +25,6 @@ class Described:
     """A scene type that shows itself in one short line, see twin.describe."""
 
     def __repr__(self) -> str:
-        from twin.describe import line
-
         return line(self)
 
 

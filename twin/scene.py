@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
+from twin.describe import html
 from twin.errors import SceneError, nearest_name
 from twin.geometry import Array
 from twin.joint import Joint as Joint
@@ -192,8 +193,6 @@ class Part(Described):
             )
 
     def _repr_html_(self) -> str:
-        from twin.describe import html
-
         return html(self)
 
 
@@ -266,8 +265,6 @@ class Twin(Described):
             self._check_ancestors(p)
 
     def _repr_html_(self) -> str:
-        from twin.describe import html
-
         return html(self)
 
     def _check_ancestors(self, part: Part) -> None:
