@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robots.trials.report import TrialReport, TrialRow
-from robots.trials.run_trials import binned
-from robots.trials.statistics import Estimate
+from robots.trials.statistics import Estimate, binned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,10 +6,7 @@ The robot plans once, on the twin. Each trial replays that trajectory in a scene
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 from robots.config import ReplayConfig
 from robots.model.catalog import resolve
@@ -18,7 +15,6 @@ from robots.trajectory import RobotTrajectory
 from robots.trials.batch import Tell, replay_all
 from robots.trials.perturbation import ErrorSizes, closes_itself, draw, path_error, spread_of
 from robots.trials.report import GRID, LADDER, Trial, TrialReport, TrialRow
-from robots.trials.statistics import Estimate, wilson
 from twin.errors import InputError
 from twin.files.atomic import write_file
 from twin.files.paths import AnyPath
@@ -115,12 +111,3 @@ def _write(report: TrialReport, out: Path) -> None:
         write_file(out / "trials.png", picture)
     except OSError as e:
         raise InputError(f"{out} can't be written ({e.strerror})", "choose another output folder") from e
-
-
-def binned(errors: Sequence[float], successes: Sequence[bool], bins: int) -> list[tuple[float, Estimate]]:
-    """Success over error: trials sorted by error in equally full bins; (mean error, rate with interval) of each."""
-    order = np.argsort(np.asarray(errors), kind="stable")
-    groups = [g for g in np.array_split(order, bins) if len(g)]
-    return [
-        (float(np.mean([errors[k] for k in g])), wilson(sum(successes[k] for k in g), len(g))) for g in groups
-    ]

@@ -52,3 +52,12 @@ def mean(values: Sequence[float], confidence: float = CONFIDENCE) -> Estimate:
         return Estimate(middle, middle, middle)
     half = float(t.ppf((1 + confidence) / 2, n - 1) * np.std(values, ddof=1) / np.sqrt(n))
     return Estimate(middle, middle - half, middle + half)
+
+
+def binned(errors: Sequence[float], successes: Sequence[bool], bins: int) -> list[tuple[float, Estimate]]:
+    """Success over error: trials sorted by error in equally full bins; (mean error, rate with interval) of each."""
+    order = np.argsort(np.asarray(errors), kind="stable")
+    groups = [g for g in np.array_split(order, bins) if len(g)]
+    return [
+        (float(np.mean([errors[k] for k in g])), wilson(sum(successes[k] for k in g), len(g))) for g in groups
+    ]

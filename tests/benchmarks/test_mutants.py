@@ -275,7 +275,7 @@ def test_a_copy_is_as_it_was_after_a_fault(tiny: Path, tmp_path: Path) -> None:
     shutil.rmtree(copy.folder)
 
 
-def test_the_list_names_what_the_issue_found_and_every_module() -> None:
+def test_the_list_holds_the_named_faults_and_every_module() -> None:
     faults = read_faults()
     assert missing([f for f in faults if f.name], ROOT) == []
     for path in (p for room in ROOMS for p in modules(ROOT, room)):

@@ -14,8 +14,9 @@ from recon.depth import depth_sigma
 from recon.evaluation.truth import Truth, load_truth
 from recon.labels.crf import agree, geodesic, upsample_labels
 from recon.labels.evidence import compare, median_depth
-from recon.labels.label_frames import LabelConfig, _spread_along_surfaces, _warn_of_ends, label_frames
+from recon.labels.label_frames import LabelConfig, _warn_of_ends, label_frames
 from recon.labels.reference_frames import View, find_references
+from recon.labels.spreading import spread_along_surfaces
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.recording import Recording
@@ -209,7 +210,7 @@ def test_what_slides_along_itself_is_static_unless_the_part_encloses_it(enclosed
     held[1] = True
     held[0, 0, 5:15, :8] = enclosed
     depth = np.where(np.arange(30) < 15, 1.0, 2.0).astype(np.float32) * np.ones(shape, np.float32)
-    _spread_along_surfaces(score, sure, held, View(0, depth, np.zeros((*shape, 3), np.float32)), 5.0)
+    spread_along_surfaces(score, sure, held, View(0, depth, np.zeros((*shape, 3), np.float32)), 5.0)
     part = score.argmax(axis=0) == 1
     assert part[:, :12].all() == enclosed
     assert part.any() == enclosed

@@ -12,11 +12,11 @@ import numpy as np
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
 from twin.importers.joints import at_rest, closed_at, joint_of, range_of
+from twin.importers.shapes import joined
 from twin.importers.source import (
     Closed,
     Source,
     SourceBody,
-    joined,
     moved,
     surface_of,
 )

@@ -19,6 +19,7 @@ from twin.scene import Mesh
 _SECTIONS = 32
 _SUBDIVISIONS = 3
 _CONCAVE = 0.02  # share of its hull that a mesh may leave empty and still be taken for convex (chosen by us)
+_GREY = 180  # of what has no colour, beside what has
 
 
 def box(size: ArrayLike) -> Mesh:
@@ -99,7 +100,6 @@ def mesh_file(path: Path, scale: Array, owner: str) -> tuple[Mesh, bool]:
         raise InputError(f"{owner}: the mesh {path} can't be read: {reason}", "check the mesh file") from e
     if not pieces:
         raise InputError(f"{owner}: the mesh {path} has no faces", "check the mesh file")
-    from twin.importers.source import joined
 
     made = joined(
         [
@@ -142,3 +142,18 @@ def _colors_of(piece: Any) -> NDArray[np.uint8] | None:
 
 def _plain(made: Any) -> Mesh:
     return Mesh(np.asarray(made.vertices, np.float64), np.asarray(made.faces, np.int32))
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh of several; grey where only others have colours."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    faces = np.concatenate([m.faces + s for m, s in zip(meshes, starts[:-1], strict=True)])
+    colors = None
+    if any(m.colors is not None for m in meshes):
+        grey = [np.full((len(m.vertices), 3), _GREY, np.uint8) for m in meshes]
+        colors = np.concatenate(
+            [g if m.colors is None else m.colors for m, g in zip(meshes, grey, strict=True)]
+        )
+    return Mesh(np.concatenate([m.vertices for m in meshes]), faces, colors)

@@ -13,7 +13,6 @@ from twin.geometry import Array
 from twin.scene import Box, Collision, Mesh
 
 Closed = float | str  # a coordinate of the file's joint, "lower" or "upper"
-_GREY = 180  # of what has no colour, beside what has
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,21 +69,6 @@ class Source:
     name: str
     bodies: tuple[SourceBody, ...]
     notes: tuple[str, ...] = ()
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of several; grey where only others have colours."""
-    if not meshes:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    faces = np.concatenate([m.faces + s for m, s in zip(meshes, starts[:-1], strict=True)])
-    colors = None
-    if any(m.colors is not None for m in meshes):
-        grey = [np.full((len(m.vertices), 3), _GREY, np.uint8) for m in meshes]
-        colors = np.concatenate(
-            [g if m.colors is None else m.colors for m, g in zip(meshes, grey, strict=True)]
-        )
-    return Mesh(np.concatenate([m.vertices for m in meshes]), faces, colors)
 
 
 def joined_mass(masses: Sequence[SourceMass]) -> SourceMass | None:
