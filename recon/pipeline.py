@@ -17,6 +17,7 @@ from recon.cameras.poses import CAMERAS, camera_poses
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
 from recon.fusion.fuse import FUSION, fuse
+from recon.joints.clustering.clusters import require_hdbscan
 from recon.joints.type_selection import TypeHint
 from recon.labels.label_frames import LABELS, label_frames
 from recon.models.joint_hint import JointHint
@@ -55,10 +56,13 @@ def reconstruct(
         progress: told about every stage; without it a bar appears on a terminal.
         hint: says which joint types to expect; asked once, before anything else. Clear motion overrules it.
 
-    Raises InputError, ConfigError, ReconstructionError: in one line what is wrong and what to try. Stages that were done stay in `out`.
+    Raises InputError, ConfigError, ReconstructionError, MissingDependencyError: in one line what is wrong and what to try. Stages that
+    were done stay in `out`.
     """
     config = config or ReconConfig()
-    materials = read_materials()  # before anything that takes minutes
+    materials = read_materials()  # this and what follows before anything that takes minutes
+    if config.motion.method == "clusters":
+        require_hdbscan()
     out = None if out is None else Path(out)
     if not isinstance(recording, Recording):
         recording = open_recording(recording)

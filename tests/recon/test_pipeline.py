@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +13,11 @@ from benchmarks.scenes.boards import cabinet_twin
 from recon import pipeline
 from recon.config import ReconConfig
 from recon.joints.type_selection import TypeHint
+from recon.parts.config import MotionConfig
 from recon.pipeline import _run, reconstruct
 from recon.readers import open_recording
 from tests.recon import tiny
-from twin.errors import InputError
+from twin.errors import InputError, MissingDependencyError
 from twin.files.text import read_json
 from twin.physics.edit import given, set_physics
 from twin.runs.manifest import MANIFEST
@@ -43,6 +45,17 @@ def test_a_run_without_hints_has_the_keys_it_had(hints: tuple[TypeHint, ...]) ->
     assert seen["motion"] == (
         ((config.motion, config.joints), hints) if hints else (config.motion, config.joints)
     )
+
+
+def test_a_missing_extra_is_told_before_the_recording_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
+    config = ReconConfig(motion=MotionConfig(method="clusters"))
+    with pytest.raises(MissingDependencyError, match="scikit-learn"):
+        reconstruct(tmp_path / "none", config)
+    with pytest.raises(InputError, match="none"):
+        reconstruct(tmp_path / "none", ReconConfig())
 
 
 def test_a_weighed_mass_outlives_another_reconstruction(

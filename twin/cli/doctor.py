@@ -32,7 +32,7 @@ PYTHON = ((3, 11), (3, 13))
 EXTRAS = {
     "simulate": "recordings of the Franka Kitchen scenes",
     "hands": "contact from hand keypoints instead of label geometry",
-    "clustering": "clusters of tracks, by `recon.joints.clustering` alone",
+    "clustering": "motion clustering as in the paper, asked only by `--set motion.method=clusters`",
     "lerobot": "trajectories as LeRobot datasets",
     "record3d": "Record3D .r3d files",
     "vlm": "masses estimated by a vision-language model, asked only by `twin physics estimate`",

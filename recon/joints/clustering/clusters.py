@@ -116,7 +116,7 @@ def _seeds(
     fitted = np.flatnonzero(shapes.error < max(config.eps_f, 2.5 * noise))
     if len(fitted) < least:
         return []
-    labels = _hdbscan()(min_cluster_size=least, allow_single_cluster=True, copy=True).fit_predict(
+    labels = require_hdbscan()(min_cluster_size=least, allow_single_cluster=True, copy=True).fit_predict(
         shapes.screw[fitted]
     )
     out: list[NDArray[np.bool_]] = []
@@ -164,7 +164,8 @@ def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit, joints: 
     return Cluster(full, model.kind, joint, score)
 
 
-def _hdbscan() -> Any:
+def require_hdbscan() -> Any:
+    """The density clustering. Raises MissingDependencyError without scikit-learn."""
     try:
         from sklearn.cluster import HDBSCAN
     except ImportError as e:
