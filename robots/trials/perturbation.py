@@ -163,9 +163,15 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
     model = copy.copy(world.model)
     dof, own = world.part_dof[part.id], inertial_of(part)
     body, joint = model.dof_bodyid[dof], model.dof_jntid[dof]
-    model.jnt_axis[joint] = drawn.joint.axis
-    if isinstance(drawn.joint, Revolute) and isinstance(part.joint, Revolute):
-        model.jnt_pos[joint] += drawn.joint.pivot - part.joint.pivot
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    to_body = data.xmat[body].reshape(3, 3).T
+    model.jnt_axis[joint] = to_body @ drawn.joint.axis
+    if isinstance(drawn.joint, Revolute):
+        # Not by the difference of the pivots: the exported joint may lie anywhere on the twin's axis, and a tilt moves far points.
+        anchor = data.xanchor[joint]
+        drawn_anchor = geo.nearest_point_on_line(anchor, drawn.joint.pivot, drawn.joint.axis)
+        model.jnt_pos[joint] += to_body @ (drawn_anchor - anchor)
     model.body_mass[body] = drawn.mass
     model.body_inertia[body] *= drawn.mass / own.mass.value
     model.dof_damping[dof] = drawn.damping
@@ -176,8 +182,8 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
     model.geom_friction[geoms | world.finger, 0] *= drawn.friction / physics_of(part).friction.value
     if np.any(drawn.contact):
         # Shapes and centre of mass together: MuJoCo's bounding volumes are relative to the latter.
-        model.geom_pos[geoms] += drawn.contact
-        model.body_ipos[body] += drawn.contact
+        model.geom_pos[geoms] += to_body @ drawn.contact
+        model.body_ipos[body] += to_body @ drawn.contact
         model.geom_sameframe[geoms] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     mujoco.mj_setConst(model, mujoco.MjData(model))

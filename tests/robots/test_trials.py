@@ -159,8 +159,11 @@ def test_no_error_is_the_nominal_replay_exactly(drawer):
     assert [r.to_json() for r in there] == [r.to_json() for r in here]
 
 
-def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged):
-    """Changing the compiled scene equals compiling the changed part."""
+@pytest.mark.parametrize("along", [0.0, 0.6, -3.0])
+def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged, along):
+    """Changing the compiled scene equals compiling the changed part, wherever on its axis (m) the twin has the pivot."""
+    joint = hinged.joint
+    hinged = replace(hinged, joint=joint.with_pivot(joint.pivot + along * joint.axis))
     twin = replace(furniture.door("left"), parts=(hinged,))
     drawn = draw(hinged, spread_of(hinged), _FULL, 1, 4)
     real = replace(
