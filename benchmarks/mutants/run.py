@@ -59,7 +59,7 @@ def judged(root: Path, fault: Fault, outcome: str, by: str, names: Sequence[str]
     those of the test files `names` alone where others were not asked."""
     tests = [by.split("::")[0]] if outcome == NOTICED and "::" in by else []
     if outcome != NOTICED:
-        left_out = set(testmap.test_files(root)) - set(names) if names else set()
+        left_out = set(testmap.files_with_tests(root)) - set(names) if names else set()
         files = (n for n in tree_files(root) if n.startswith("tests/") and n.endswith(".py"))
         tests = [n for n in files if n not in left_out]
     digest = hashlib.sha256()
@@ -97,7 +97,7 @@ class Runner:
         with self.results.open("a", encoding="utf-8") as f:
             f.write("\n")  # a line that was cut short must not spoil the next
         with self._copies() as copies:
-            maps = self._maps(copies, sorted(only or testmap.test_files(self.root)))
+            maps = self._maps(copies, sorted(only or testmap.files_with_tests(self.root)))
             sources = Sources(copies[0].tree, PACKAGES)
 
             def judge(copy: Copy, fault: Fault) -> None:
@@ -206,14 +206,14 @@ def chosen(
     room = fault.file.rpartition("/")[0].replace("/", ".")
     rows = []
     for name, found in maps.items():
-        tests = found.tests_on(spots)
+        tests = found.running(spots)
         if tests and found.seconds:
             near = room in (root / name).read_text(encoding="utf-8")
             cost = sum(map(found.cost, tests))
             rows.append((first.split("::")[0] != name, not near, cost, name))
     rows.sort()
     files = [row[-1] for row in rows]
-    order = [t for n in files for t in sorted(maps[n].tests_on(spots) - {""}, key=maps[n].cost)]
+    order = [t for n in files for t in sorted(maps[n].running(spots) - {""}, key=maps[n].cost)]
     return files, sorted(order, key=lambda t: t != first)
 
 

@@ -35,12 +35,12 @@ class FileMap:
         """Usual seconds of a test; 0 for one that did not pass."""
         return self.seconds.get(test, 0.0)
 
-    def tests_on(self, spots: Iterable[tuple[str, int]]) -> set[str]:
+    def running(self, spots: Iterable[tuple[str, int]]) -> set[str]:
         """Tests that run one of the lines (file, number)."""
         return {t for file, line in spots for t in self.lines.get(file, {}).get(line, [])}
 
 
-def test_files(root: Path) -> list[str]:
+def files_with_tests(root: Path) -> list[str]:
     """Names of the files that hold tests."""
     return [
         n
@@ -56,7 +56,7 @@ def fingerprint(root: Path, name: str) -> str:
         for n in tree_files(root)
         if n.endswith(".py") and n.split("/")[0] in (*PACKAGES, "tests", "benchmarks")
     ]
-    others = {*test_files(root)} - {name}
+    others = {*files_with_tests(root)} - {name}
     digest = hashlib.sha256()
     for n in sources:
         if n not in others and not n.startswith("benchmarks/mutants/"):
