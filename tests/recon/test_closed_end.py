@@ -11,15 +11,18 @@ import pytest
 from recon.contact.closed_end import (
     ClosedEnd,
     ClosedEndConfig,
+    _front,
     find_closed_end,
     rebase,
     rebase_mesh,
     travel_ends,
 )
+from recon.contact.faces import sample
 from recon.evaluation.truth import load_truth
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from tests.recon.cabinets import TRAVEL, Clip, Kind, make_clip
+from tests.recon.tiny import box
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute, Trajectory
@@ -59,6 +62,33 @@ def test_a_door_that_never_closes_is_counted_from_its_most_closed_state() -> Non
     )
     assert found.opening_sign == 1
     assert found.state == pytest.approx(float(m.state[keep].min()), abs=0.03)
+
+
+def test_frames_in_which_the_part_is_half_way_tell_nothing_of_the_cavity() -> None:
+    """There the part still covers most of it. A wall is put into their pictures, right behind the part's closed pose."""
+    clip = make_clip("slide")
+    share = clip.opening / clip.opening.max()
+    between = (share > 0.05) & (share < 0.75)
+    assert between.sum() > 3
+
+    def walled(i: int) -> np.ndarray:
+        depth = clip.recording.depth(i)
+        return np.minimum(depth, 1.06).astype(np.float32) if between[i] else depth
+
+    clean, told = closed_of(clip), replace(clip, recording=replace(clip.recording, read_depth=walled))
+    assert clean.source.startswith("covers a cavity")
+    assert closed_of(told) == clean
+
+
+@pytest.mark.parametrize("side", [-3.0, 3.0])
+def test_the_front_is_the_large_face_also_for_a_camera_far_aside(side: float) -> None:
+    """A thick hinged part; its flanks face the camera, and lie farther from it along their normals."""
+    joint = Revolute(np.array([0.0, 0.0, 1.0]), pivot=np.array([-0.35, 0.0, 1.0]))
+    part = MovingPart(2, joint, Motion(np.arange(3), np.arange(3) / 15.0, np.zeros(3)))
+    eyes = np.array([[side, -0.6, 1.2]])
+    face = _front(sample(box((0.0, 0.0, 1.0), (0.7, 0.3, 0.8))), part, eyes)
+    np.testing.assert_allclose(face.normal, [0.0, -1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(face.rim[:, 1], -0.15, atol=2e-3)
 
 
 def test_less_uncovered_space_decides_when_nothing_is_flush_or_deep() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from benchmarks.scenes.tracks import TrackScene, minimum_jerk, moved_points, together, track_scene
 from recon.joints.clustering.clusters import Cluster, ClusterConfig, cluster_tracks
@@ -65,6 +66,37 @@ def test_nothing_moves_nothing_is_found() -> None:
     scene = track_scene("door", "none", travel=0.0)
     assert cluster_tracks(scene.points, scene.visible) == []
     assert cluster_tracks(np.zeros((10, 0, 3)), np.zeros((10, 0), dtype=bool)) == []
+
+
+def test_a_part_has_a_share_of_what_moves() -> None:
+    """A drawer with ten tracks beside a door with 290: fewer than one in twenty."""
+    door, drawer = (
+        track_scene("door", "none", seed=3, tracks=290),
+        track_scene("drawer", "none", seed=7, tracks=10),
+    )
+    points, seen = together(door, drawer)
+    assert [c.kind for c in cluster_tracks(points, seen)] == ["revolute"]
+    kinds = [c.kind for c in cluster_tracks(points, seen, config=ClusterConfig(min_share=0.01))]
+    assert kinds == ["revolute", "prismatic"]
+
+
+def test_arcs_are_those_of_least_squares() -> None:
+    """Short noisy arcs, where an algebraic circle is far too small, against scipy's geometric ones."""
+    rng = np.random.default_rng(5)
+    hinge = Revolute(axis=np.array([0.0, 0, 1]), pivot=np.zeros(3))
+    rest = np.array([0.5, 0.0, 0.0]) + rng.uniform(-0.1, 0.1, (20, 3))
+    points = moved_points(hinge, 0.7 * minimum_jerk(40), rest)
+    points[..., :2] += rng.normal(0, 0.004, points[..., :2].shape)
+    found = track_shapes(Observations.of(points, np.ones((40, 20), dtype=bool)), 0.001)
+    assert found.arc.all()
+    for k in range(20):
+        xy = points[:, k, :2]
+
+        def off(circle: Array, xy: Array = xy) -> Array:
+            return np.asarray(np.hypot(*(xy - circle[:2]).T) - circle[2])
+
+        best = least_squares(off, [0.0, 0.0, float(np.linalg.norm(rest[k, :2]))])
+        assert found.error[k] == pytest.approx(np.sqrt(np.mean(best.fun**2)), rel=1e-3)
 
 
 def test_scores_fall() -> None:

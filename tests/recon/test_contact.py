@@ -11,7 +11,7 @@ import pytest
 
 from recon.contact import hand_keypoints as hands
 from recon.contact.faces import sample
-from recon.contact.find_contact import ContactConfig, find_contact
+from recon.contact.find_contact import ContactConfig, HandPoints, _close, find_contact
 from recon.contact.handles import find_edge, find_handle
 from recon.evaluation.truth import load_truth
 from recon.parts.moving_part import MovingPart
@@ -152,6 +152,15 @@ def test_noise_and_moulding_are_no_handle() -> None:
     assert find_handle(noisy, touch, joint) is None
     edge = find_edge(noisy, touch, joint)
     assert edge.centre[0] == pytest.approx(0.29, abs=0.01)
+
+
+def test_how_near_a_hand_is_counts_in_each_frame_by_itself() -> None:
+    """Frame 3 touches with ten points, the other ten are the palm; frame 4 hovers 2 cm off; frame 5 is elsewhere."""
+    distance = np.repeat([0.0, 0.04, 0.02, 0.2], 10)
+    hand = HandPoints(np.zeros((40, 3)), np.repeat([3, 3, 4, 5], 10), distance)
+    kept = _close(hand, distance, DEFAULT)
+    assert kept.frame.tolist() == [3] * 10 + [4] * 10
+    assert kept.distance.tolist() == [0.0] * 10 + [0.02] * 10
 
 
 def keypoints_at(clip: Clip, at: np.ndarray, frames: list[int]) -> hands.HandKeypoints:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -94,6 +95,21 @@ def test_a_surface_behind_the_hand_is_no_keypoint(monkeypatch: pytest.MonkeyPatc
     lost = [FINGERTIPS[1], FINGERTIPS[2]]
     assert np.isnan(points[lost]).all()
     assert np.isfinite(np.delete(points, lost, axis=0)).all()
+
+
+@pytest.mark.parametrize(("beyond", "kept"), [(0.09, True), (-0.09, True), (0.16, False), (-0.16, False)])
+def test_a_fingertip_may_be_a_hands_length_from_its_middle_in_depth(
+    monkeypatch: pytest.MonkeyPatch, beyond: float, kept: bool
+) -> None:
+    pixels = np.tile(SPOT, (KEYPOINTS, 1))
+    pixels[FINGERTIPS[1]] += [40, 0]
+    depth = np.full((120, 160), 0.8, np.float32)
+    depth[:, 130:] += beyond
+    monkeypatch.setattr(hands, "_detector", lambda _: SpotDetector(20))
+    monkeypatch.setattr(hands, "_detect", lambda *_: [(pixels, 1.0)])
+    recording = replace(spot_recording(), read_depth=lambda _: depth)
+    points = detect_hands(recording, [0]).points_cam[0]
+    assert np.isfinite(points[FINGERTIPS[1]]).all() == kept
 
 
 def test_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

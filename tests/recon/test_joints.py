@@ -21,7 +21,7 @@ from benchmarks.scenes.tracks import (
 )
 from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
-from recon.joints.hypotheses import travel_and_noise
+from recon.joints.hypotheses import joints_of_motion, travel_and_noise
 from recon.joints.observations import Observations
 from recon.joints.type_selection import TypeEvidence, decide
 from tests.laws import EXACT, EXACT_DEG, axis_error_deg, pivot_error, random_joint, random_pose, state_error
@@ -196,6 +196,42 @@ def test_tracks_that_share_no_joint_are_refused() -> None:
     points = rng.uniform(-1, 1, (200, 3)) + 0.3 * share[:, :, None] * ways
     with pytest.raises(ReconstructionError, match="no slide or hinge"):
         fit_motion(points, np.ones((40, 200), dtype=bool))
+
+
+def test_a_joint_that_carries_too_small_a_share_of_what_moves_is_refused() -> None:
+    """Seventy tracks of a drawer, and thirty that each move on their own."""
+    drawer = track_scene("drawer", "none", seed=3, tracks=70, noise=0.001)
+    rng = np.random.default_rng(2)
+    share = np.stack([minimum_jerk(40, f, f + 6) for f in rng.integers(2, 30, 30)], axis=1)
+    others = drawer.rest_points[0] + rng.uniform(-1, 1, (30, 3))
+    others = others + 0.25 * share[:, :, None] * geo.unit(rng.normal(size=(30, 3)))
+    points = np.concatenate([moved_points(drawer.joint, drawer.state, drawer.rest_points), others], axis=1)
+    seen = np.ones(points.shape[:2], dtype=bool)
+    found = fit_motion(points, seen)
+    assert found.track_inliers[:70].all()
+    assert axis_error_deg(found.joint, drawer.joint) < 1.0
+    with pytest.raises(ReconstructionError, match="carries 80 of them together"):
+        fit_motion(points, seen, config=JointConfig(min_share=0.8))
+
+
+@pytest.mark.parametrize("part", ["door", "drawer"])
+def test_all_of_what_is_only_noisy_agrees(part: str) -> None:
+    """Less than 1 in 10 000 of normal errors in three coordinates is beyond 5.2 standard deviations of one."""
+    scene = track_scene(part, "none", seed=2)  # type: ignore[arg-type]
+    assert fit(scene).inliers > 0.995
+
+
+@pytest.mark.parametrize(("angle", "kinds"), [(5e-4, ["prismatic"]), (2e-3, ["prismatic", "revolute"])])
+def test_a_rigid_motion_speaks_for_a_hinge_when_it_turns_by_a_milliradian(
+    angle: float, kinds: list[str]
+) -> None:
+    hinge = Revolute(geo.unit(np.array([0.2, -0.1, 1.0])), pivot=np.array([0.3, 0.1, 0.5]))
+    before = hinge.pivot + np.random.default_rng(0).uniform(-0.4, 0.4, (20, 3)) + [0.5, 0.0, 0.0]
+    found = joints_of_motion(hinge.pose(angle), before, geo.transform(hinge.pose(angle), before))
+    assert [h.kind for h in found] == kinds
+    for h in (h for h in found if h.kind == "revolute"):
+        assert geo.line_angle(h.axis, hinge.axis) < 1e-6
+        assert geo.line_distance(h.pivot, h.axis, hinge.pivot, hinge.axis) < 1e-6
 
 
 def test_frames_with_few_tracks_do_not_jump() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.tracks import track_scene
-from recon.joints.bundle import refine, smoothness, step
+from recon.joints.bundle import correlation_factor, refine, smoothness, step
 from recon.joints.cholesky import solve_positive
 from recon.joints.normal_equations import normal_equations
 from recon.joints.observations import Kind, Model, Observations, noise_sigma, pull_back, weighted_means
@@ -64,6 +64,33 @@ def test_smoothness_only_speaks_where_data_are_silent() -> None:
     prior = smoothness(weak, state)
     assert prior[10, 10] > 1e3
     assert np.abs(prior[20:, 20:]).max() < 1e-3
+
+
+def test_smoothness_is_as_strong_as_well_observed_frames_are_smooth() -> None:
+    """Twice the root mean square of their second differences is what the prior allows; where an unseen frame's state happens
+    to be says nothing."""
+    state, information = np.sin(np.linspace(0, 3, 30)), np.full(30, 1e12)
+    information[10] = 0.0
+    second = np.delete(np.diff(state, 2), [8, 9, 10])
+    expected = 6.0 / (
+        4.0 * np.mean(second**2)
+    )  # weights 1, -2, 1 of the three differences that hold frame 10
+    for wild in (0.0, 5.0):
+        prior = smoothness(information, state + wild * (np.arange(30) == 10))
+        assert prior[10, 10] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6])
+def test_repeated_errors_count_once(rho: float) -> None:
+    """First-order autoregressive errors, whose sum has (1 + rho) / (1 - rho) times the variance of independent ones."""
+    rng = np.random.default_rng(4)
+    noise = rng.normal(0, 0.003, (80, 200, 3))
+    for t in range(1, len(noise)):
+        noise[t] = rho * noise[t - 1] + np.sqrt(1 - rho**2) * noise[t]
+    still = Model("prismatic", np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(80))
+    obs = Observations.of(rng.uniform(-1, 1, (1, 200, 3)) + noise, np.ones((80, 200), dtype=bool))
+    factor = correlation_factor(obs, np.zeros((200, 80)), obs.weight, still)
+    assert factor == pytest.approx((1 + rho) / (1 - rho), rel=0.1)
 
 
 def test_refine_recovers_from_a_poor_start() -> None:

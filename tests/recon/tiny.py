@@ -181,11 +181,13 @@ def _write_frame(
     seen = np.isfinite(depth)
     labels = np.where(seen, np.array([*label_of, 0])[np.where(seen, ids, len(label_of))], 0).astype(np.uint8)
     points = origin + directions * np.where(seen, depth, 0.0)[..., None]
-    for k, (_, _, T) in enumerate(bodies):  # the pattern moves with its body
-        points[ids == k] = geo.transform(geo.invert_pose(T), points[ids == k])
-    cell = np.floor(points * pattern + 0.37).astype(np.int64)  # no face lies on a border of the pattern
-    checks = ((cell @ [73856093, 19349663, 83492791]) % 101)[..., None]
-    color = (np.array([40, 90, 150])[labels % 3][..., None] + checks + np.zeros(3)).astype(np.uint8)
+    for k, (label, _, T) in enumerate(bodies):  # the pattern moves with its body
+        if label != STATIC_LABEL:
+            points[ids == k] = geo.transform(geo.invert_pose(T), points[ids == k])
+    cx, cy, cz = np.moveaxis(np.floor(points * pattern + 0.37).astype(np.int64), -1, 0)  # no face on a border
+    checks = (cx * 73856093 + cy * 19349663 + cz * 83492791) % 101
+    grey = np.array([40, 90, 150])[labels % 3] + checks
+    color = np.repeat(grey.astype(np.uint8)[..., None], 3, -1)
     millimetres = np.where(seen, np.rint(depth * 1000), 0).astype(np.uint16)
     name = f"{index:06d}"
     cv2.imwrite(str(folder / "color" / f"{name}.jpg"), color)
