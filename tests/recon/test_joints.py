@@ -322,6 +322,15 @@ def test_exact_poses_give_the_exact_joint(kind: str) -> None:
         assert pivot_error(found.joint, joint) < EXACT
 
 
+@pytest.mark.parametrize("shift", [0.0, 4.0], ids=["near the origin", "far from it"])
+def test_the_radius_of_a_hinge_is_the_parts_distance_from_it(shift: float) -> None:
+    hinge = Revolute(np.array([0.0, 0.0, 1.0]), pivot=np.array([shift, -shift, 0.5]))
+    rest = geo.make_pose(translation=hinge.pivot + [0.3, 0.4, 0.2])
+    found = fit_motion_poses(hinge.poses(1.2 * minimum_jerk(40)) @ rest)
+    assert found.joint.kind == "revolute"
+    assert found.evidence.radius == pytest.approx(0.5, abs=1e-6)
+
+
 @pytest.mark.parametrize("kind", ["prismatic", "revolute"])
 def test_noisy_poses_with_wild_ones(kind: str) -> None:
     rng = np.random.default_rng(12)

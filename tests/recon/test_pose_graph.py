@@ -12,6 +12,7 @@ from benchmarks.scenes.tracks import minimum_jerk, moved_points, part_poses
 from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import fit_motion
 from recon.joints.observations import Kind, Model, Observations
+from recon.joints.pose_graph.bundle import _covariance, refine_poses
 from recon.joints.pose_graph.edges import PoseEdges, edges_from_poses, edges_from_tracks, graph_pairs
 from recon.joints.pose_graph.fit_tracks import pose_graph_of_tracks
 from recon.joints.pose_graph.solver import (
@@ -208,6 +209,60 @@ def test_edges_from_tracks(kind: Kind) -> None:
     graph = solve_pose_graph(edges_from_tracks(noisy, visible, graph_pairs(25, 6), 0.003), 25, kind)
     assert np.degrees(line_error(graph, joint)[0]) < 0.6
     assert 0.5 < graph.scale < 2.0  # the information of the correspondences has the right size
+
+
+def test_an_edge_knows_as_much_as_its_correspondences() -> None:
+    """Nearly all of those that are only noisy count: n / (2 sigma^2) for each shift."""
+    rng = np.random.default_rng(8)
+    joint = random_joint(rng, "prismatic")
+    points = moved_points(joint, np.linspace(0, 0.2, 10), rng.uniform(-0.4, 0.4, (100, 3)))
+    points = points + rng.normal(0, 0.003, points.shape)
+    edges = edges_from_tracks(points, np.ones((10, 100), dtype=bool), graph_pairs(10, 6), 0.003)
+    shifts = np.trace(edges.information[:, :3, :3], axis1=1, axis2=2) / 3.0 * 2.0 * 0.003**2
+    assert len(edges) == len(graph_pairs(10, 6))
+    assert 95 < shifts.mean() <= 100
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.6])
+def test_errors_that_repeat_from_pose_to_pose_widen_the_covariance(rho: float) -> None:
+    """The same errors in their own order and shuffled: (1 + rho) / (1 - rho) times the variance."""
+    rng = np.random.default_rng(9)
+    joint, n = random_joint(rng, "revolute"), 1500
+    assert isinstance(joint, Revolute)
+    error = rng.normal(size=(n, 6))
+    for t in range(1, n):
+        error[t] = rho * error[t - 1] + np.sqrt(1 - rho**2) * error[t]
+    error *= np.array([0.002] * 3 + [0.01] * 3)
+    state, rest = np.linspace(0, 1.2, n), geo.make_pose(translation=joint.pivot + [0.3, 0.1, 0.2])
+    of_joint = [
+        np.trace(_covariance("revolute", joint.axis, joint.pivot, state, rest, e, 0.002, 0.01)[:4, :4])
+        for e in (error, rng.permutation(error))
+    ]
+    assert of_joint[0] / of_joint[1] == pytest.approx((1 + rho) / (1 - rho), rel=0.1)
+
+
+def test_poses_are_refined_until_nothing_changes() -> None:
+    """From starts a fraction of the noise away, so near that the noise itself has settled, to one solution."""
+    rng = np.random.default_rng(10)
+    joint, state = random_joint(rng, "revolute"), 1.2 * minimum_jerk(60)
+    assert isinstance(joint, Revolute)
+    rest = geo.make_pose(translation=joint.pivot + [0.3, 0.1, 0.2])
+    poses = joint.poses(state) @ rest @ geo.exp_se3(rng.normal(0, 0.003, (60, 6)))
+    best = refine_poses(poses, "revolute", joint.axis, joint.pivot, state, rest, iterations=200)
+    for tilt in (-0.003, 0.002):
+        axis = geo.exp_so3(tilt * geo.orthogonal_basis(best.axis)[:, 0]) @ best.axis
+        again = refine_poses(poses, "revolute", axis, best.pivot, best.state, best.T_world_rest)
+        assert geo.line_angle(again.axis, best.axis) < 1e-5
+
+
+def test_the_noise_of_tracks_counts_what_the_graph_fitted() -> None:
+    """Six frames: a sixth of the observations goes into the landmarks."""
+    rng = np.random.default_rng(13)
+    joint, state = random_joint(rng, "prismatic"), np.linspace(0, 0.3, 6)
+    points = moved_points(joint, state, rng.uniform(-0.4, 0.4, (800, 3))) + rng.normal(0, 0.003, (6, 800, 3))
+    obs = Observations.of(points, np.ones((6, 800), dtype=bool))
+    bundle = pose_graph_of_tracks(obs, Model("prismatic", joint.axis, np.zeros(3), state), 0.003)
+    assert bundle.sigma == pytest.approx(0.003, rel=0.03)
 
 
 def test_errors_teach() -> None:
