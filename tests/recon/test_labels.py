@@ -247,6 +247,27 @@ def test_neighbours_settle_an_open_pixel_but_not_across_a_colour_edge() -> None:
     assert np.array_equal(full, np.where(large[..., 0] > 0, 255, 1))
 
 
+def test_colour_counts_in_units_of_its_scale() -> None:
+    """Twice the contrast at twice the scale, equal labels; the same contrast at a tenth of the scale, other ones."""
+    rng = np.random.default_rng(0)
+    scores = rng.normal(size=(2, 12, 16)).astype(np.float32)
+    color = rng.normal(0, 4.0, (12, 16, 3)).astype(np.float32)
+    full = np.repeat(np.repeat(color, 2, axis=0), 2, axis=1)
+    depth, large = np.ones((12, 16), np.float32), np.ones((24, 32), np.float32)
+    seeds, ids = np.zeros(depth.shape, bool), np.array([1, 2], np.uint8)
+    seeds[0, 0] = True
+
+    def results(contrast: float, scale: float) -> list[np.ndarray]:
+        belief = agree(scores, contrast * color, depth, scale, 3, 4, 3.0)
+        of_full = upsample_labels(belief, contrast * color, depth, contrast * full, large, 2, scale, ids)
+        return [belief, of_full, geodesic(seeds, contrast * color, depth, scale, 2)]
+
+    plain, doubled, strict = results(1.0, 5.0), results(2.0, 10.0), results(1.0, 0.5)
+    for a, b, c in zip(plain, doubled, strict, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-5)
+        assert np.abs(a.astype(float) - c).max() > 0.1
+
+
 def test_a_hand_at_either_end_is_named() -> None:
     without, with_hand = np.ones((40, 50), np.uint8), np.ones((40, 50), np.uint8)
     with_hand[:5, :4] = HAND_LABEL

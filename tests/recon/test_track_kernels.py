@@ -19,6 +19,7 @@ from recon.joints.observations import (
     squared_residuals,
     weighted_means,
 )
+from recon.joints.sign_and_limits import orient
 from tests.laws import random_joint
 from twin.scene import Revolute
 
@@ -93,3 +94,16 @@ def test_tracks_that_creep_as_all_do_follow_and_what_rests_has_no_say() -> None:
     found = follows(Observations.of(points, seen), model, 1e-3, JointConfig())
     assert found[:40].mean() > 0.9
     assert not found[40:].any()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_does_not_end_the_first_rest(seed: int) -> None:
+    """The zero is the mean over the rest, so the states' sigma says how many frames it had: at least twelve of fifteen."""
+    sigma = 0.001
+    state = 0.3 * minimum_jerk(60, 15, 45) + np.random.default_rng(seed).normal(0, sigma, 60)
+    covariance = np.diag(np.r_[[1e-6, 1e-6], np.full(60, sigma**2)])
+    model = Model("prismatic", np.array([0.0, 0.0, 1.0]), np.zeros(3), state)
+    found = orient(model, covariance, np.arange(60), 0.02)
+    rest = 1.0 / (found.state_sigma[-1] ** 2 / sigma**2 - 1.0)
+    assert 12 <= rest < 25
+    assert abs(found.state[:15].mean()) < sigma
