@@ -14,7 +14,7 @@ from recon.depth import depth_sigma
 from recon.evaluation.truth import Truth, load_truth
 from recon.labels.crf import agree, geodesic, upsample_labels
 from recon.labels.evidence import compare, median_depth
-from recon.labels.label_frames import LabelConfig, _warn_of_ends, label_frames
+from recon.labels.label_frames import LabelConfig, _score, _warn_of_ends, label_frames
 from recon.labels.reference_frames import View, find_references
 from recon.labels.spreading import spread_along_surfaces
 from recon.parts.moving_part import MovingPart
@@ -245,6 +245,17 @@ def test_neighbours_settle_an_open_pixel_but_not_across_a_colour_edge() -> None:
     ids = np.array([1, 255], np.uint8)
     full = upsample_labels(belief, color, depth, large, np.ones((24, 24), np.float32), 2, 5.0, ids)
     assert np.array_equal(full, np.where(large[..., 0] > 0, 255, 1))
+
+
+def test_what_is_seen_at_its_place_at_other_states_weighs_against_being_seen_through() -> None:
+    evidence = np.zeros((4, 1, 5), np.float32)
+    evidence[0, 0] = [0, 2, 0, 0, 2]  # support
+    evidence[1, 0] = [0, 0, 2, 2, 2]  # violation
+    evidence[2:, 0, 3] = 1.0  # at lower and at higher states
+    nothing, supported, violated, but_seen, both = _score(evidence)[0]
+    assert nothing == 0.0
+    assert violated < but_seen < 0.0 < supported
+    assert violated < both < supported
 
 
 def test_colour_counts_in_units_of_its_scale() -> None:
