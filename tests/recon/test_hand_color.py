@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recon.parts.hand_tracks import HandColorConfig, hand_tracks
+from recon.parts.hand_tracks import HandColorConfig, _smooth_log_odds, hand_tracks
 from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny
@@ -65,6 +65,23 @@ def test_no_hand_in_view_means_no_hand_tracks(door: Path) -> None:
     cameras = Trajectory(np.arange(FRAMES), recording.times, tiny.cameras(FRAMES))
     tracks = _tracks(door)
     assert not hand_tracks(recording, cameras, tracks, [(0, 4)], HandColorConfig(width=tiny.WIDTH)).any()
+
+
+def test_colours_are_blurred_by_one_bin() -> None:
+    """A single colour of the hand speaks half as much for the next colour on one axis, and a quarter for that on two."""
+    hand, rest = np.zeros((8, 8, 8)), np.ones((8, 8, 8))
+    hand[3, 4, 2] = 1.0
+    odds = np.exp(_smooth_log_odds(hand.ravel(), rest.ravel(), 8)).reshape(8, 8, 8)
+    nothing = odds[7, 7, 7]
+    speaks = (odds - nothing) / (odds[3, 4, 2] - nothing)
+    for at, share in (
+        ((3, 4, 3), 0.5),
+        ((2, 4, 2), 0.5),
+        ((2, 5, 2), 0.25),
+        ((2, 5, 1), 0.125),
+        ((3, 4, 4), 0.0),
+    ):
+        assert speaks[at] == pytest.approx(share, abs=1e-9)
 
 
 def test_settings_are_checked() -> None:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import together, track_scene
 from recon.cameras.poses import estimate_cameras
 from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import fit_motion
 from recon.joints.group_fits import on_course, widened
 from recon.motion.movers import Movers
 from recon.parts.config import MotionConfig
-from recon.parts.find_parts import find_parts
+from recon.parts.find_parts import _moving_part, _Search, find_parts
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.tracking.tracks import Tracks, track_points
@@ -92,6 +94,30 @@ def test_what_travels_far_does_not_outvote_a_part_that_travels_little(tmp_path: 
     assert not part.members[60:].any()
     assert np.degrees(geo.line_angle(part.part.joint.axis, joint.axis)) < 0.5
     assert part.part.motion.state[-1] == pytest.approx(1.0, abs=0.01)
+
+
+def test_tracks_once_seen_on_the_hand_stay_there() -> None:
+    """The colours that are learnt around the second part's motion add to those of the first's."""
+    door = track_scene("door", "none", seed=1, tracks=80)
+    drawer = track_scene("drawer", "none", seed=6, tracks=80)
+    points, seen = together(door, drawer)
+    every = np.ones(160, bool)
+    on_hand = iter([np.arange(160) == 3, np.arange(160) == 120, np.zeros(160, bool)])
+    to_part = partial(
+        _moving_part, np.arange(len(points)), np.arange(len(points)) / 15.0, MotionConfig().interval
+    )
+    search = _Search(
+        Movers(points, seen, every, every),
+        lambda _: next(on_hand),
+        to_part,
+        MotionConfig(),
+        JointConfig(),
+        (),
+    )
+    assert search.take(every)
+    search.take(every)
+    assert np.flatnonzero(search.hand).tolist() == [3, 120]
+    assert not search.free[[3, 120]].any()
 
 
 def test_settings_are_checked() -> None:

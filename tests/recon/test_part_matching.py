@@ -142,6 +142,21 @@ def test_the_same_joint_at_another_time_is_another_part() -> None:
     assert found(known, movers_of(known), known) == 0
 
 
+@pytest.mark.parametrize("later", [True, False], ids=["after", "before"])
+def test_the_same_joint_right_before_or_after_is_the_same_part(later: bool) -> None:
+    """Twice the margin of rest lies between two motions at most; what moves a frame later is another part."""
+    known = fit_of(DOOR, minimum_jerk(FRAMES, 20, 50))
+    ((first, last),) = [(i.first, i.last) for i in moving_spans(known, CONFIG)]
+    drifting = movers_of(known)
+    noise = np.random.default_rng(1).normal(0, 0.1, drifting.points_world.shape)
+    drifting = replace(drifting, points_world=drifting.points_world + noise)
+    for gap, same in ((2 * REST_MARGIN, 0), (2 * REST_MARGIN + 1, None)):
+        start = 20 + last + gap - first
+        other = fit_of(DOOR, minimum_jerk(FRAMES, start, start + 30))
+        earlier_fit, later_fit = (known, other) if later else (other, known)
+        assert found(later_fit, drifting, earlier_fit) == same
+
+
 def test_rest_spans_keep_away_from_the_motion() -> None:
     fit = fit_of()
     ((first, last),) = [(i.first, i.last) for i in moving_spans(fit, CONFIG)]
@@ -165,6 +180,12 @@ def test_rest_is_known_only_where_the_state_is() -> None:
         whole, frames=whole.frames[short], state=whole.state[short], state_sigma=whole.state_sigma[short]
     )
     assert len(known_rest_spans(cut, FRAMES, CONFIG)) == 1, "too few known frames of rest at the end"
+    none = slice(0, moving_spans(whole, CONFIG)[0].last)
+    cut = replace(
+        whole, frames=whole.frames[none], state=whole.state[none], state_sigma=whole.state_sigma[none]
+    )
+    assert len(rest_spans(cut, FRAMES, CONFIG)) == 2
+    assert len(known_rest_spans(cut, FRAMES, CONFIG)) == 1, "no known frame of rest at the end"
 
 
 def test_what_moves_while_the_part_rests_is_restless() -> None:

@@ -8,8 +8,8 @@ import pytest
 from benchmarks.scenes.tracks import minimum_jerk, moved_points
 from recon.joints.config import JointConfig
 from recon.joints.hypotheses import Hypothesis
-from recon.joints.inliers import follows, predicted_travel
 from recon.joints.initial_states import states_of
+from recon.joints.inliers import follows, predicted_travel
 from recon.joints.observations import (
     Kind,
     Model,
