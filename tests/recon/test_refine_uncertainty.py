@@ -92,3 +92,18 @@ def test_sigma_grows_with_the_noise(name: str) -> None:
     small, large = (refined(name, 3, noise, 0.0)[1].sigma for noise in (0.001, 0.010))
     assert large.axis / small.axis == pytest.approx(10, rel=0.2)
     assert refined(name, 3, 0.0, 0.0)[1].sigma.axis < 1e-5
+
+
+def test_the_residual_is_that_of_what_agrees() -> None:
+    """One observation in twenty is wild; the others leave the noise along their normals."""
+    rng = np.random.default_rng(5)
+    joint, state = JOINTS["drawer"], JOINTS["drawer"].upper * STATE
+    terms = observed(joint, state, rng, 0.004, 0.0)
+    wild = np.where((np.arange(len(terms.q)) % 20 == 0)[:, None], rng.normal(0, 0.3, terms.q.shape), 0.0)
+    config = RefineConfig(drift=0.0, drift_angle=0.0)
+    clean, spoilt = (
+        with_uncertainty(joint, state, state, np.zeros(FRAMES, bool), t, config).residual
+        for t in (terms, replace(terms, q=terms.q + wild))
+    )
+    assert clean == pytest.approx(0.004, rel=0.15)
+    assert spoilt == pytest.approx(clean, rel=0.15)
