@@ -41,6 +41,16 @@ def draw(
     return named + sorted((f for f in stand if not f.name), key=lambda f: f.file), gone
 
 
+def sample(
+    known: Sequence[Fault], count: int, seed: int, root: Path = ROOT, rooms: Iterable[str] = ROOMS
+) -> list[Fault]:
+    """`count` faults drawn with another seed and spread over the rooms by hashes, none of them among the known."""
+    others, _ = draw((), root, seed, rooms)
+    keys = {f.key for f in known}
+    lots = {f.key: hashlib.sha256(f"{seed}\n{f.key}".encode()).hexdigest() for f in others}
+    return sorted((f for f in others if f.key not in keys), key=lambda f: lots[f.key])[:count]
+
+
 def modules(root: Path, room: str) -> list[Path]:
     """Modules of a room. Raises FileNotFoundError when there are none."""
     found = sorted((root / room).rglob("*.py"))

@@ -75,11 +75,18 @@ def stands(root: Path, fault: Fault, result: Result | None, names: Sequence[str]
 
 
 class Runner:
-    """Runs in `workers` copies of the tree at `root`; what it finds goes to `out` (mutants.jsonl, mutants_map/) at once."""
+    """Runs in `workers` copies of the tree at `root`; what it finds goes to `out` (`results`, mutants_map/) at once."""
 
-    def __init__(self, root: Path, out: Path, workers: int = 2, tell: Callable[[str], None] = print) -> None:
+    def __init__(
+        self,
+        root: Path,
+        out: Path,
+        workers: int = 2,
+        tell: Callable[[str], None] = print,
+        results: str = "mutants.jsonl",
+    ) -> None:
         self.root, self.out, self.workers, self.tell = root, out, workers, tell
-        self.results = out / "mutants.jsonl"
+        self.results = out / results
         self._lock = threading.Lock()
 
     def run(self, faults: Sequence[Fault], only: Sequence[str] | None = None) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.mutants.copies import Copy
-from benchmarks.mutants.draw import ROOMS, draw, missing, modules, wanted
+from benchmarks.mutants.draw import ROOMS, draw, missing, modules, sample, wanted
 from benchmarks.mutants.faults import ROOT, Fault, Gone, read_faults, write_faults
 from benchmarks.mutants.page import page
 from benchmarks.mutants.rules import CONDITION, CONSTANT, SIGN, TERM, candidates
@@ -162,6 +162,17 @@ def test_equal_sources_give_an_equal_list_and_moved_lines_keep_their_faults(
     assert first[1] in again
     with pytest.raises(Gone, match="draw again"):
         first[0].plant(path.read_text())
+
+
+def test_a_rate_rests_on_faults_beside_the_list(tiny: Path) -> None:
+    rooms = ("recon/room",)
+    known, _ = draw([], tiny, rooms=rooms)
+    every = [sample(known, 9, seed, tiny, rooms) for seed in range(8)]
+    assert every == [sample(known, 9, seed, tiny, rooms) for seed in range(8)]
+    assert not any(f in known for faults in every for f in faults)
+    assert len({f.key for faults in every for f in faults}) > 2
+    assert max(len(faults) for faults in every) == 2, "a module has as many as on the list"
+    assert [len(sample(known, 1, seed, tiny, rooms)) for seed in range(8)] == [min(1, len(f)) for f in every]
 
 
 def test_a_named_fault_is_never_thrown_away(tiny: Path) -> None:
