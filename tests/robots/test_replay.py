@@ -125,6 +125,15 @@ def test_the_pedestal_stands_on_the_ground_and_clear(door):
         assert np.linalg.norm(nearest - base[:2]) > 0.12
 
 
+def test_the_base_may_stand_on_a_pedestal_for_a_part_that_is_high_up(drawer):
+    """Rejected places tell of the search: they use the whole range of pedestals that the settings allow."""
+    _, trajectory = drawer
+    heights = np.array([r.pedestal for r in trajectory.rejected])
+    low, high = FAST.pedestal
+    assert np.all((low - 1e-9 <= heights) & (heights <= high + 1e-9))
+    assert np.ptp(heights) > 0.2
+
+
 def test_a_partial_goal_is_reached_and_no_more(drawer):
     twin, _ = drawer
     trajectory = robots.plan(twin, 2, goal=0.15, config=FAST)

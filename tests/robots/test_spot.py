@@ -17,9 +17,9 @@ from robots.grasp.holds import find_holds
 from robots.grasp.tool_path import make_grasps
 from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
-from robots.planning.base_search import Base
+from robots.planning.base_search import Base, _starts
 from robots.planning.clearance import ClearanceCheck
-from robots.scene.world import build_world
+from robots.scene.world import ROBOT, build_world
 from robots.task import Task
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from tests.robots.spot_table import ARM, HAND, INERTIALS, TOOL_AXES
@@ -247,6 +247,44 @@ def test_the_claw_comes_with_room_for_both_jaws_and_closes_on_the_handle(spot):
     assert spec.beside(thickness) == pytest.approx(spec.fixed_jaw - thickness / 2)
     assert 0.006 < spec.room(thickness) < (spec.stroke - thickness) / 2 + 1e-9
     assert spec.room(spec.stroke) == 0.0
+
+
+def test_feet_stand_on_the_floor(drawer):
+    twin, trajectory = drawer
+    assert trajectory.pedestal == 0.0
+    assert trajectory.T_world_base[2, 3] == pytest.approx(find_floor(twin).height, abs=1e-6)
+    assert not any(r.pedestal for r in trajectory.rejected)
+
+
+@pytest.mark.parametrize("robot", ["spot", "franka"])
+def test_inverse_kinematics_starts_turned_towards_the_target(robot):
+    """A target turned about the shoulder's vertical axis turns that joint alone; a mobile base stays where it was put."""
+    spec = resolve(robot)
+    chain = read_chain(mujoco.MjModel.from_xml_path(str(spec.model)), spec)
+    shoulder, turn = (3 if spec.planar else 0), 0.3
+    mount = geo.make_pose(translation=chain.fixed[: shoulder + 1, :3, 3].sum(axis=0))
+    target = geo.make_pose(Rotation.from_euler("y", 80, degrees=True).as_matrix(), [0.8, 0.05, 0.6])
+    T = mount @ geo.make_pose(geo.exp_so3([0.0, 0.0, turn])) @ geo.invert_pose(mount)
+    before, after = (np.concatenate(_starts(t[None], chain, spec)) for t in (target, T @ target))
+    assert len(before) >= 3
+    before[:, shoulder] += turn
+    np.testing.assert_allclose(before, after, atol=1e-9)
+
+
+def test_only_fingers_may_be_near_and_only_to_the_part_they_hold(spot):
+    twin = furniture.door("left")
+    check = ClearanceCheck(twin, twin.parts[0], spot[0], Task(0.0, 1.0), (), FAST)
+    world = check._world
+    finger, part = int(np.flatnonzero(world.finger)[0]), int(np.flatnonzero(world.geom_part == 2)[0])
+    static = int(np.flatnonzero((world.geom_part == 0) & (world.owner != ROBOT))[0])
+    arm = int(np.flatnonzero((world.owner == ROBOT) & ~world.finger)[0])
+    for a, b, allowed in (
+        (finger, part, True),
+        (finger, static, False),
+        (arm, part, False),
+        (part, static, False),
+    ):
+        assert check._allowed(a, b) == check._allowed(b, a) == allowed
 
 
 def test_a_jaw_that_would_meet_something_half_way_is_seen(spot):
