@@ -20,7 +20,10 @@ from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.film import video
 from robots.floor import find_floor
+from robots.planning.base_search import Base
 from robots.planning.joint_path import moves_alone
+from robots.planning.plan import _reported
+from robots.reasons import NoRoom
 from robots.scene.world import build_world
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
 from twin import geometry as geo
@@ -132,6 +135,15 @@ def test_the_base_may_stand_on_a_pedestal_for_a_part_that_is_high_up(drawer):
     low, high = FAST.pedestal
     assert np.all((low - 1e-9 <= heights) & (heights <= high + 1e-9))
     assert np.ptp(heights) > 0.2
+
+
+def test_a_place_without_room_is_told_with_the_worst_score(drawer):
+    _, trajectory = drawer
+    base = Base(trajectory.T_world_base, 0.0, 0, trajectory.q[:0], np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf)
+    told = _reported(replace(base, reason=NoRoom()))
+    assert np.isfinite(told.score), "the file of a trajectory holds it"
+    assert told.score < min(r.score for r in trajectory.rejected)
+    assert told.reason == NoRoom().text
 
 
 def test_a_partial_goal_is_reached_and_no_more(drawer):
