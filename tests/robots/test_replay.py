@@ -22,7 +22,7 @@ from robots.film import video
 from robots.floor import find_floor
 from robots.planning.base_search import Base
 from robots.planning.joint_path import moves_alone
-from robots.planning.plan import _reported
+from robots.planning.plan import _reported, _unlike
 from robots.reasons import NoRoom
 from robots.scene.world import build_world
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
@@ -144,6 +144,16 @@ def test_a_place_without_room_is_told_with_the_worst_score(drawer):
     assert np.isfinite(told.score), "the file of a trajectory holds it"
     assert told.score < min(r.score for r in trajectory.rejected)
     assert told.reason == NoRoom().text
+
+
+def test_bases_that_are_refined_differ_in_place_or_grasp():
+    def base(x: float, grasp: int) -> Base:
+        pose = geo.make_pose(translation=[x, -2.0, 0.3])
+        return Base(pose, 0.0, grasp, np.zeros((0, 7)), 0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
+
+    best_first = [base(1.0, 0), base(1.05, 0), base(1.05, 1), base(1.2, 0), base(1.25, 0), base(1.5, 0)]
+    assert _unlike(best_first, 9) == [best_first[k] for k in (0, 2, 3, 5)]
+    assert _unlike(best_first, 2) == [best_first[k] for k in (0, 2)]
 
 
 def test_a_partial_goal_is_reached_and_no_more(drawer):
