@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import mujoco
@@ -20,9 +21,10 @@ from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.film import video
 from robots.floor import find_floor
+from robots.planning import plan as planning
 from robots.planning.base_search import Base
 from robots.planning.joint_path import moves_alone
-from robots.planning.plan import _reported, _unlike
+from robots.planning.plan import _best, _reported, _unlike
 from robots.reasons import NoRoom
 from robots.scene.world import build_world
 from tests.robots.replays import check_open_hand_gets_no_hold, check_opened
@@ -154,6 +156,31 @@ def test_bases_that_are_refined_differ_in_place_or_grasp():
     best_first = [base(1.0, 0), base(1.05, 0), base(1.05, 1), base(1.2, 0), base(1.25, 0), base(1.5, 0)]
     assert _unlike(best_first, 9) == [best_first[k] for k in (0, 2, 3, 5)]
     assert _unlike(best_first, 2) == [best_first[k] for k in (0, 2)]
+
+
+def test_the_hand_has_time_to_close_and_to_open(door):
+    """A finger of Franka's hand travels its 40 mm in 0.7 s, and holds what it holds for half a second."""
+    _, trajectory = door
+    phases = np.array(trajectory.phases)
+    seconds = {p: float(np.ptp(trajectory.times[phases == p])) for p in set(trajectory.phases)}
+    assert seconds["close"] >= 0.7
+    assert seconds["open"] >= 0.7
+    assert seconds["hold"] >= 0.45
+
+
+def test_a_rehearsal_is_passed_by_success_not_by_little_slip(drawer, monkeypatch: pytest.MonkeyPatch):
+    """The best by score slips least, but fails; the second succeeds; the third would too."""
+    twin, trajectory = drawer
+    candidates = [replace(trajectory, score=s) for s in (3.0, 2.0, 1.0)]
+    reports = {3.0: (False, 0.1), 2.0: (True, 0.4), 1.0: (True, 0.2)}
+
+    def rehearsed(_twin, candidate, **_options):
+        ok, slip = reports[candidate.score]
+        return SimpleNamespace(ok=ok, slip_mm=slip, reason="" if ok else "fails", reached=1.0)
+
+    monkeypatch.setattr(planning, "replay", rehearsed)
+    assert _best(twin, candidates, True, "franka") is candidates[1]
+    assert _best(twin, candidates[::-1], False, "franka") is candidates[0]
 
 
 def test_a_partial_goal_is_reached_and_no_more(drawer):

@@ -77,6 +77,7 @@ def test_a_file_that_cant_be_loaded_counts_in_the_headline_and_the_exit_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     twin = cabinet_twin()
+    twin = replace(twin, parts=(twin.part("door"),))
     files = export(twin, tmp_path / "export", ["urdf", "mjcf"])
     mesh = tmp_path / "export" / "urdf" / "meshes" / "door_visual.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
