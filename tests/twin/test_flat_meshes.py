@@ -17,9 +17,7 @@ from twin.exporters.visual import SHEET, drawn
 from twin.geometry import Array
 from twin.scene import Mesh, Twin
 from twin.storage import save
-from twin.verification import check, check_many, tables
-from twin.verification.behaviour import behave
-from twin.verification.behaviour_tables import summary
+from twin.verification import check_many
 
 SQUARE = np.array([[0, 0, 0], [0.4, 0, 0], [0.4, 0, 0.3], [0, 0, 0.3]], float)
 TWO = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
@@ -78,15 +76,13 @@ def test_a_file_that_cant_be_loaded_counts_in_the_headline_and_the_exit_code(
 ) -> None:
     twin = cabinet_twin()
     twin = replace(twin, parts=(twin.part("door"),))
-    files = export(twin, tmp_path / "export", ["urdf", "mjcf"])
+    export(twin, tmp_path / "export", ["urdf"])
     mesh = tmp_path / "export" / "urdf" / "meshes" / "door_visual.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
-    report = check(twin, files)
-    told = tables.summary(report)
-    assert told.endswith("can't be loaded: urdf in mujoco")
-    agree, of = map(int, re.findall(r"(\d+) of (\d+)", told)[0])
-    assert agree < of
-    assert "can't be simulated: urdf" in summary(behave(twin, files))
     save(twin, tmp_path / "twin")
     assert cli.run(["check", str(tmp_path), "--format", "urdf"]) == 2
-    assert "can't be loaded: urdf in mujoco" in capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
+    assert "can't be loaded: urdf in mujoco" in told
+    agree, of = map(int, re.findall(r"(\d+) of (\d+)", told)[0])
+    assert agree < of
+    assert "can't be simulated: urdf" in told
