@@ -25,6 +25,12 @@ def random_joint(rng: np.random.Generator, kind: str, upper: float = 1.0) -> Pri
     return Revolute(axis=axis, upper=upper, pivot=rng.uniform(-1, 1, 3))
 
 
+def part_points(rng: np.random.Generator, joint: Prismatic | Revolute, count: int) -> Array:
+    """Points (count, 3) of a part at state 0, within 0.4 m of its pivot, or of the origin."""
+    origin = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
+    return np.asarray(origin + rng.uniform(-0.4, 0.4, (count, 3)))
+
+
 def axis_error_deg(a: Prismatic | Revolute, b: Prismatic | Revolute) -> float:
     """Angle in degrees, 0..90, between two joint axes as lines."""
     return float(np.degrees(geo.line_angle(a.axis, b.axis)))

@@ -211,7 +211,6 @@ FAULTS = {
 COMPILED = Fault("recon/room/mod.py", CONSTANT, "FAR = 8.0", "FAR = 2.4")
 
 
-@pytest.mark.slow
 def test_the_runner_tells_noticed_from_surviving_and_goes_on_where_it_was(tiny: Path, tmp_path: Path) -> None:
     pytest.importorskip("coverage")
     (tiny / "recon/room/mod.py").write_text(INTERPRETED)

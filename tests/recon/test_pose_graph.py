@@ -24,7 +24,7 @@ from recon.joints.pose_graph.solver import (
     error_jacobians,
     solve_pose_graph,
 )
-from tests.laws import EXACT, random_joint
+from tests.laws import EXACT, part_points, random_joint
 from twin import geometry as geo
 from twin.errors import ConfigError, InputError, ReconstructionError
 from twin.scene import Prismatic, Revolute
@@ -198,8 +198,7 @@ def test_edges_from_tracks(kind: Kind) -> None:
     rng = np.random.default_rng(7)
     joint = random_joint(rng, kind)
     state = (0.3 if kind == "prismatic" else 1.0) * minimum_jerk(25)
-    origin = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
-    rest = origin + rng.uniform(-0.4, 0.4, (40, 3))
+    rest = part_points(rng, joint, 40)
     visible = rng.random((25, 40)) < 0.8
     exact = edges_from_tracks(moved_points(joint, state, rest), visible, graph_pairs(25, 6), 0.003)
     graph = solve_pose_graph(exact, 25, kind)
@@ -294,8 +293,7 @@ def test_the_joint_of_tracks_by_the_pose_graph(kind: Kind) -> None:
     rng = np.random.default_rng(11)
     joint = random_joint(rng, kind)
     state = (0.3 if kind == "prismatic" else 1.0) * minimum_jerk(30)
-    origin = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
-    rest = origin + rng.uniform(-0.4, 0.4, (40, 3))
+    rest = part_points(rng, joint, 40)
     points, config = moved_points(joint, state, rest), JointConfig(method="pose_graph")
     exact = fit_motion(points, config=config)
     assert geo.line_angle(exact.joint.axis, joint.axis) < 1e-6

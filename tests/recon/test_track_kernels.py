@@ -20,7 +20,7 @@ from recon.joints.observations import (
     weighted_means,
 )
 from recon.joints.sign_and_limits import orient
-from tests.laws import random_joint
+from tests.laws import part_points, random_joint
 from twin.scene import Revolute
 
 KINDS: tuple[Kind, Kind] = ("prismatic", "revolute")
@@ -32,11 +32,11 @@ def test_states_are_carried_across_a_frame_in_which_nothing_is_seen(kind: Kind) 
     rng = np.random.default_rng(3)
     joint = random_joint(rng, kind)
     state = (0.3 if kind == "prismatic" else 1.2) * minimum_jerk(40)
-    origin = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
-    points = moved_points(joint, state, origin + rng.uniform(-0.4, 0.4, (30, 3)))
+    pivot = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
+    points = moved_points(joint, state, part_points(rng, joint, 30))
     seen = np.ones((40, 30), dtype=bool)
     seen[20:, :13], seen[:20, 13:26], seen[20] = False, False, False
-    found = states_of(Observations.of(points, seen), Hypothesis(kind, joint.axis, origin), 0.003)
+    found = states_of(Observations.of(points, seen), Hypothesis(kind, joint.axis, pivot), 0.003)
     known = np.delete(np.arange(40), 20)
     np.testing.assert_allclose((found - found[0])[known], (state - state[0])[known], atol=1e-9)
 

@@ -166,7 +166,7 @@ def test_the_exported_shapes_keep_apart_in_the_engine_in_between_too(shaped: Twi
         joint = model.joint(f"{part.name}_joint")
         own = solid[model.geom_bodyid[solid] == model.body(part.name).id]
         others = np.setdiff1d(solid, own)
-        for state in np.linspace(part.joint.lower, part.joint.upper, 7):
+        for state in np.linspace(part.joint.lower, part.joint.upper, 13):
             data.qpos[:] = 0.0
             data.qpos[joint.qposadr[0]] = state
             mujoco.mj_kinematics(model, data)

@@ -17,7 +17,9 @@ from twin.exporters.visual import SHEET, drawn
 from twin.geometry import Array
 from twin.scene import Mesh, Twin
 from twin.storage import save
-from twin.verification import check_many
+from twin.verification import check, check_many, tables
+from twin.verification.behaviour import behave
+from twin.verification.behaviour_tables import summary
 
 SQUARE = np.array([[0, 0, 0], [0.4, 0, 0], [0.4, 0, 0.3], [0, 0, 0.3]], float)
 TWO = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
@@ -75,14 +77,15 @@ def test_a_file_that_cant_be_loaded_counts_in_the_headline_and_the_exit_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     twin = cabinet_twin()
-    twin = replace(twin, parts=(twin.part("door"),))
-    export(twin, tmp_path / "export", ["urdf"])
+    files = export(twin, tmp_path / "export")
     mesh = tmp_path / "export" / "urdf" / "meshes" / "door_visual.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
-    save(twin, tmp_path / "twin")
-    assert cli.run(["check", str(tmp_path), "--format", "urdf"]) == 2
-    told = " ".join(capsys.readouterr().out.split())
-    assert "can't be loaded: urdf in mujoco" in told
+    report = check(twin, files)
+    told = tables.summary(report)
+    assert told.endswith("can't be loaded: urdf in mujoco")
     agree, of = map(int, re.findall(r"(\d+) of (\d+)", told)[0])
     assert agree < of
-    assert "can't be simulated: urdf" in told
+    assert "can't be simulated: urdf" in summary(behave(twin, files))
+    save(twin, tmp_path / "twin")
+    assert cli.run(["check", str(tmp_path), "--format", "urdf"]) == 2
+    assert "can't be loaded: urdf in mujoco" in capsys.readouterr().out

@@ -127,7 +127,7 @@ def test_a_pivot_moves_along_its_axis_with_the_uncertainty_of_sampled_axes() -> 
     moved = joint.with_pivot([0.5, 0.2, 1.9])
     assert np.allclose(moved.pivot, [0.1, 0.2, 1.9])
     assert np.allclose(moved.pose(0.7), joint.pose(0.7))
-    sampled = [joint.plus(d) for d in rng.multivariate_normal(np.zeros(4), root.T @ root, size=2500)]
+    sampled = [joint.plus(d) for d in rng.multivariate_normal(np.zeros(4), root.T @ root, size=5000)]
     axes, pivots = np.array([s.axis for s in sampled]), np.array([s.pivot for s in sampled])
     # where each sampled axis meets the plane through the moved pivot
     t = (moved.pivot[2] - pivots[:, 2]) / axes[:, 2]
@@ -153,7 +153,7 @@ def test_sigma_is_one_standard_deviation_per_direction(kind: str) -> None:
     joint = joint_of(kind, rng)
     sizes = np.array([0.02, 0.02, 0.004, 0.004])[: 2 if kind == "prismatic" else 4]
     sigma = JointSigma.of(np.diag(sizes**2), 0.03)
-    drawn = [joint.plus(sizes * rng.normal(size=len(sizes))) for _ in range(1500)]
+    drawn = [joint.plus(sizes * rng.normal(size=len(sizes))) for _ in range(4000)]
     off = np.array([d.minus(joint) for d in drawn])
     assert sigma.axis == pytest.approx(0.02)
     assert np.allclose(off[:, :2].std(axis=0), sigma.axis, rtol=0.05)
