@@ -15,6 +15,7 @@ from twin import geometry as geo
 from twin import report
 from twin.errors import InputError
 from twin.report import frames, meshes, page, plots, sections
+from twin.report.drawn import drawn_once
 from twin.runs.stages import Run
 from twin.scene import HAND_LABEL, Recorded, Trajectory, Twin
 from twin.storage import save
@@ -103,7 +104,8 @@ def test_page_tells_what_the_run_holds(finished: Path, twin: Twin) -> None:
 def test_results_of_an_earlier_twin_are_marked(
     finished: Path, twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": ""})
+    plain = {"opening": [], "dollhouse": "", "plots": {str(p.id): "" for p in twin.parts}}
+    monkeypatch.setattr(page, "_pictures", lambda _: plain)
     section = sections.load_section(finished, "check")
     assert section is not None
     report.save_section(tmp_path, section)
@@ -134,6 +136,37 @@ def test_a_twin_without_parts_or_surfaces_has_a_page(tmp_path: Path) -> None:
     nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
     save(Twin("bare", StaticPart("static", nothing), ()), tmp_path / "twin")
     assert "bare" in _rendered(tmp_path)
+
+
+def test_pictures_are_drawn_again_when_what_they_show_changes_and_only_then(
+    twin: Twin, tmp_path: Path
+) -> None:
+    drawn: list[Twin] = []
+
+    def draw(shown: Twin) -> dict[str, list[int]]:
+        drawn.append(shown)
+        return {"opening": [len(drawn)]}
+
+    def times_drawn(shown: Twin) -> list[int]:
+        return list(drawn_once(tmp_path, shown, draw)["opening"])
+
+    part = twin.parts[0]
+    opened = dataclasses.replace(part.joint, upper=part.joint.upper + 0.01)
+    moved = part.mesh.transformed(geo.make_pose(translation=np.array([0.0, 0.0, 1e-9])))
+    assert times_drawn(twin) == times_drawn(dataclasses.replace(twin, name="other")) == [1]
+    assert times_drawn(dataclasses.replace(twin, static=dataclasses.replace(twin.static, collision=()))) == [
+        1
+    ]
+    for k, changed in enumerate(
+        (dataclasses.replace(part, joint=opened), dataclasses.replace(part, mesh=moved)), 2
+    ):
+        assert times_drawn(dataclasses.replace(twin, parts=(changed,))) == [k]
+    assert times_drawn(twin) == times_drawn(twin) == [4]
+    kept = tmp_path / "report" / "pictures.json"
+    kept.write_text(re.sub(r"\b4\b", "9", kept.read_text()))
+    assert times_drawn(twin) == [5]
+    kept.write_text("[]")
+    assert times_drawn(twin) == [6]
 
 
 def test_a_folder_that_is_none_is_refused(tmp_path: Path) -> None:

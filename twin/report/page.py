@@ -13,6 +13,7 @@ from twin.errors import InputError
 from twin.files.paths import AnyPath
 from twin.files.text import read_json, write_text
 from twin.physics.text import described
+from twin.report.drawn import drawn_once
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
@@ -39,6 +40,8 @@ def render(run: AnyPath) -> Path:
     manifest = read_json(run / MANIFEST)
     twin = load(run) if (run / "twin" / "twin.json").is_file() else None
     key = twin_key(run)
+    require_own_page(run)
+    pictures = drawn_once(run, twin, _pictures) if twin else {}
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
     context = {
         "name": twin.name if twin else run.resolve().name,
@@ -46,8 +49,8 @@ def render(run: AnyPath) -> Path:
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
         "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
-        "parts": [_part(p) for p in twin.parts] if twin else [],
-        **(_pictures(twin) if twin else {}),
+        "parts": [_part(p, pictures["plots"][str(p.id)]) for p in twin.parts] if twin else [],
+        **pictures,
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
         "replays": [_replay(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
         "stages": _stages(manifest),
@@ -56,7 +59,6 @@ def render(run: AnyPath) -> Path:
         "marks": MARKS,
     }
     path = run / PAGE
-    require_own_page(run)
     write_text(path, _template().render(context))
     return path
 
@@ -100,18 +102,23 @@ def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _pictures(twin: Twin) -> dict[str, Any]:
-    """The twin from closed to open, and the scene with the camera path."""
+    """The twin from closed to open, the scene with the camera path, and each part's states by its id."""
     from twin.report.meshes import dollhouse, opening
 
+    plots = {str(p.id): _plot(p) for p in twin.parts}
     if not len(twin.static.mesh.faces) and not any(len(p.mesh.faces) for p in twin.parts):
-        return {"opening": [], "dollhouse": ""}
+        return {"opening": [], "dollhouse": "", "plots": plots}
     steps = STEPS if twin.parts else 1
-    return {"opening": [_jpeg(i) for i in opening(twin, steps)], "dollhouse": _jpeg(dollhouse(twin))}
+    closed_to_open = [_jpeg(i) for i in opening(twin, steps)]
+    return {"opening": closed_to_open, "dollhouse": _jpeg(dollhouse(twin)), "plots": plots}
 
 
-def _part(part: Part) -> dict[str, Any]:
+def _plot(part: Part) -> str:
+    return _uri(state_plot(part).encode(), "image/svg+xml") if len(part.motion.frames) else ""
+
+
+def _part(part: Part, plot: str) -> dict[str, Any]:
     color = "#{:02x}{:02x}{:02x}".format(*part_color(part))
-    plot = _uri(state_plot(part).encode(), "image/svg+xml") if len(part.motion.frames) else ""
     return {
         "name": part.name,
         "kind": part.joint.kind,

@@ -1,0 +1,73 @@
+"""Pictures that were drawn before: kept beside the page, and drawn again only when what they show has changed.
+
+Every verb writes the page anew; its pictures of the twin take seconds and seldom change.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.files.text import read_json, write_json
+from twin.scene import Mesh, Part, Twin
+
+Pictures = dict[str, Any]
+_DRAWING = 1  # raised when the same twin gives other pictures
+_FILE = "pictures.json"
+
+
+def drawn_once(run: Path, twin: Twin, draw: Callable[[Twin], Pictures]) -> Pictures:
+    """`draw(twin)`, JSON types, or what it returned the last time in this run if that shows the same twin.
+
+    Raises OSError when the run can't be written.
+    """
+    path, key = run / "report" / _FILE, _key(twin)
+    kept = read_json(path)
+    if kept.get("key") == key and kept.get("sum") == _sum(kept.get("pictures")):
+        return dict(kept["pictures"])
+    pictures = draw(twin)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_json(path, {"key": key, "sum": _sum(pictures), "pictures": pictures})
+    return pictures
+
+
+def _sum(pictures: object) -> str:
+    """Tells pictures that were kept from a file that is garbled or edited."""
+    return hashlib.sha256(json.dumps(pictures, sort_keys=True).encode()).hexdigest()
+
+
+def _key(twin: Twin) -> str:
+    """SHA-256 of all that the pictures show."""
+    digest = hashlib.sha256(f"{_DRAWING}".encode())
+    for item in _shows(twin):
+        if isinstance(item, np.ndarray):
+            digest.update(f"{item.dtype}{item.shape}".encode() + np.ascontiguousarray(item).tobytes())
+        else:
+            digest.update(repr(item).encode())
+    return digest.hexdigest()
+
+
+def _shows(twin: Twin) -> Iterator[object]:
+    yield from _surface(twin.static.mesh)
+    if twin.cameras is not None:
+        yield twin.cameras.T_world_cam
+    for part in twin.parts:
+        yield from _surface(part.mesh)
+        yield from _motion(part)
+
+
+def _surface(mesh: Mesh) -> Iterator[object]:
+    yield from (mesh.vertices, mesh.faces, mesh.colors)
+
+
+def _motion(part: Part) -> Iterator[object]:
+    joint, motion = part.joint, part.motion
+    yield from (part.id, part.parent, joint.kind, joint.axis, getattr(joint, "pivot", None))
+    yield from (float(joint.lower), float(joint.upper), motion.intervals)
+    yield from (motion.frames, motion.times, motion.state)
+    yield None if part.contact is None else part.contact.frames
