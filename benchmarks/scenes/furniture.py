@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
+from recon.simulate.random.boards import bar, box, shell
 from twin import geometry as geo
 from twin.physics import with_physics
 from twin.quantities import Inertial, Quantity
 from twin.scene import (
-    Box,
     ContactPath,
     Joint,
     Mesh,
@@ -33,44 +33,10 @@ _FACES = np.array(
 )  # fmt: skip
 
 
-def box(centre, size):
-    """Axis-parallel box."""
-    return Box(geo.make_pose(translation=np.asarray(centre, float)), np.asarray(size, float))
-
-
 def mesh_of(boxes):
     vertices = np.concatenate([geo.transform(b.T_world_box, _CUBE * b.size) for b in boxes])
     faces = np.concatenate([_FACES + 8 * k for k in range(len(boxes))])
     return Mesh(vertices, faces)
-
-
-def shell(width, depth, height, centre, board=0.018):
-    """Open cabinet: the front, at y = centre.y - depth / 2, is missing."""
-    x, y, z = centre
-    return [
-        box([x - width / 2, y, z], [board, depth, height]),
-        box([x + width / 2, y, z], [board, depth, height]),
-        box([x, y, z - height / 2], [width, depth, board]),
-        box([x, y, z + height / 2], [width, depth, board]),
-        box([x, y + depth / 2, z], [width, board, height]),
-    ]
-
-
-def bar(centre, length, vertical, thickness=0.014, stand_off=0.035):
-    """Bar handle in front (-y) of `centre`, on two posts."""
-    c = np.asarray(centre, float)
-    along = np.array([0, 0, 1.0]) if vertical else np.array([1.0, 0, 0])
-    size = np.where(along > 0, length, thickness)
-    out = np.array([0, -1.0, 0])
-    middle = c + out * (stand_off + thickness / 2)
-    posts = [
-        box(
-            c + out * stand_off / 2 + s * along * (length / 2 - 0.01),
-            np.where(out != 0, stand_off, 0.012),
-        )
-        for s in (-1, 1)
-    ]
-    return [box(middle, size), *posts], middle
 
 
 def contact_at(point, along, out, width, *, error=0.0, seed=0):

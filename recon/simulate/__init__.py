@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from recon.simulate.config import SimulateConfig
     from recon.simulate.kitchen import kitchen_scene
+    from recon.simulate.random.scene import simulate_random
     from recon.simulate.simulator import simulate
 
-__all__ = ["SimulateConfig", "kitchen_scene", "simulate"]
+__all__ = ["SimulateConfig", "kitchen_scene", "simulate", "simulate_random"]
 
 _LAZY = {
     "SimulateConfig": "recon.simulate.config",
     "kitchen_scene": "recon.simulate.kitchen",
     "simulate": "recon.simulate.simulator",
+    "simulate_random": "recon.simulate.random.scene",
 }
 
 

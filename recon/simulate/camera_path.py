@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,12 +10,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from recon.simulate.acts import Act
 from recon.simulate.config import SimulateConfig
 from recon.simulate.grip import Grasp
 from recon.simulate.mjcf import Articulation
 from recon.simulate.ray_caster import Caster
 from recon.simulate.surfaces import Surface, merged_mesh
-from recon.simulate.timeline import Timeline, minimum_jerk
+from recon.simulate.timeline import minimum_jerk
 from twin.geometry import Array, exp_so3, make_pose, point_line_distance, transform, unit
 
 EYE_HEIGHT = 1.6
@@ -35,28 +37,23 @@ class Surroundings:
 
 
 def camera_path(
-    scene: Articulation,
+    acts: Sequence[Act],
     still: tuple[Surface, ...],
     bounds: tuple[Array, Array],
-    grasp: Grasp,
-    timeline: Timeline,
-    states: Array,
     config: SimulateConfig,
     rng: np.random.Generator,
 ) -> Array:
-    """Poses T_world_camera (frames, 4, 4), OpenCV axes, with a free line of sight to the grip."""
-    around = _surroundings(scene, still, bounds, float(states.max()))
-    main = _viewpoint(scene, around, grasp, config, rng)
-    moved = transform(scene.pose(float(states.max())), grasp.point[None])[0] - grasp.point
-    centres = _walk(main, around, grasp.point, moved, timeline, config, rng)
-    part = merged_mesh(list(scene.part))
-    middle = 0.5 * np.asarray(part.bounds[0] + part.bounds[1])
-    held = np.stack([transform(scene.pose(float(s)), np.stack([grasp.point, middle])) for s in states])
-    target = gaussian_filter1d(0.6 * held[:, 0] + 0.4 * held[:, 1], 0.35 * config.fps, axis=0, mode="nearest")
-    wobble = np.radians(config.sway) * _sway(timeline.frames, config.fps, 0.8, 0.07, rng)
-    n = timeline.frames
+    """Poses T_world_camera (frames, 4, 4), OpenCV axes, with a free line of sight to the grip of each act while it lasts."""
+    places = []
+    for act in acts:
+        around = _surroundings(act, still, bounds)
+        places.append((_viewpoint(act.scene, around, act.grasp, config, rng), around))
+    centres = _walk(acts, places, config, rng)
+    target = _targets(acts, config)
+    wobble = np.radians(config.sway) * _sway(len(centres), config.fps, 0.8, 0.07, rng)
+    n = len(centres)
     first_look = np.radians(rng.uniform(4.0, 9.0)) * rng.choice([-1.0, 1.0])
-    ease = 1.0 - minimum_jerk(np.arange(n) / max(1, timeline.grasp))
+    ease = 1.0 - minimum_jerk(np.arange(n) / max(1, acts[0].line.grasp))
     out = np.empty((n, 4, 4))
     for i in range(n):
         look = _look_at(centres[i], target[i])
@@ -65,15 +62,30 @@ def camera_path(
     return out
 
 
-def _surroundings(
-    scene: Articulation, still: tuple[Surface, ...], bounds: tuple[Array, Array], opening: float
-) -> Surroundings:
+def _targets(acts: Sequence[Act], config: SimulateConfig) -> Array:
+    """What is looked at (frames, 3): between the grip and the middle of the part that is handled, or is handled next."""
+    looked = []
+    for act in acts:
+        part = merged_mesh(list(act.scene.part))
+        middle = 0.5 * np.asarray(part.bounds[0] + part.bounds[1])
+        ends = np.stack([act.grasp.point, middle])
+        held = np.stack([transform(act.scene.pose(float(s)), ends) for s in act.states])
+        looked.append(0.6 * held[:, 0] + 0.4 * held[:, 1])
+    target = looked[0]
+    for before, act, place in zip(acts, acts[1:], looked[1:], strict=False):
+        turned = (before.line.end + act.line.enter) // 2
+        target = np.concatenate([target[:turned], place[turned:]])
+    smoothed: Array = gaussian_filter1d(target, 0.35 * config.fps, axis=0, mode="nearest")
+    return smoothed
+
+
+def _surroundings(act: Act, still: tuple[Surface, ...], bounds: tuple[Array, Array]) -> Surroundings:
     static = _caster([(s.vertices, s.faces) for s in still])
-    states = np.linspace(0.0, opening, STATES)
+    states = np.linspace(float(act.states.min()), float(act.states.max()), STATES)
     moving = []
     for s in states:
-        pose = scene.pose(float(s))
-        moving.append(_caster([(transform(pose, p.vertices), p.faces) for p in scene.part]))
+        pose = act.scene.pose(s)
+        moving.append(_caster([(transform(pose, p.vertices), p.faces) for p in act.scene.part]))
     return Surroundings(static, tuple(moving), states, *bounds)
 
 
@@ -97,7 +109,7 @@ def _viewpoint(
     rise = config.height_above_grip
     if rise is None:
         rise = float(np.clip(EYE_HEIGHT + around.low[2] - grasp.point[2], -0.12, 0.55))
-    travel = around.states[-1] * float(grasp.outward @ scene.axis) if scene.kind == "prismatic" else 0.0
+    travel = float(around.states[-1] * (grasp.outward @ scene.axis)) if scene.kind == "prismatic" else 0.0
     base = grasp.point + max(0.0, travel) * 0.35 * facing  # a person stands clear of a drawer
     best, choice = -np.inf, base + distance * facing
     for turn in (0.0, 10.0, -10.0, 20.0, -20.0, 32.0, -32.0, 45.0, -45.0):
@@ -153,46 +165,49 @@ def _sight(scene: Articulation, around: Surroundings, grasp: Grasp, eye: Array) 
 
 
 def _walk(
-    main: Array,
-    around: Surroundings,
-    grip: Array,
-    moved: Array,
-    timeline: Timeline,
+    acts: Sequence[Act],
+    places: Sequence[tuple[Array, Surroundings]],
     config: SimulateConfig,
     rng: np.random.Generator,
 ) -> Array:
-    """Camera centres (frames, 3): an approach of some 30 cm, a drift along with the part, half a step back.
+    """Camera centres (frames, 3): an approach of some 30 cm, a drift along with each part, half a step back.
 
     The person gives way by FOLLOW of the distance that the grip comes nearer, or follows when it goes away.
     """
-    away = unit((main - grip) * [1.0, 1.0, 0.0])
-    side = np.cross([0.0, 0.0, 1.0], away) * float(rng.choice([-1.0, 1.0]))
-    start = (
-        main
-        + rng.uniform(0.18, 0.30) * away
-        + rng.uniform(0.10, 0.24) * side
-        + [0, 0, rng.uniform(-0.07, 0.05)]
-    )
-    give_way = FOLLOW * float(moved @ away) * away
-    drift = (
-        main
-        + give_way
-        + rng.uniform(0.03, 0.09) * away
-        + rng.uniform(-0.09, 0.09) * side
-        + [0, 0, rng.uniform(-0.03, 0.04)]
-    )
-    end = drift + rng.uniform(0.05, 0.14) * away + rng.uniform(-0.08, 0.08) * side
+    frames = acts[0].line.frames
+    marks: list[float] = []
+    points: list[Array] = []
+    for act, (main, _) in zip(acts, places, strict=True):
+        away = unit((main - act.grasp.point) * [1.0, 1.0, 0.0])
+        side = np.cross([0.0, 0.0, 1.0], away) * float(rng.choice([-1.0, 1.0]))
+        if not marks:
+            start = (
+                main
+                + rng.uniform(0.18, 0.30) * away
+                + rng.uniform(0.10, 0.24) * side
+                + [0, 0, rng.uniform(-0.07, 0.05)]
+            )
+            marks += [0.0, 0.55 * act.line.grasp]
+            points += [start, 0.3 * start + 0.7 * main]
+        marks += [1.2 * act.line.grasp if len(points) == 2 else float(act.line.grasp), float(act.line.end)]
+        drift = (
+            main
+            + FOLLOW * float(act.led @ away) * away
+            + rng.uniform(0.03, 0.09) * away
+            + rng.uniform(-0.09, 0.09) * side
+            + [0, 0, rng.uniform(-0.03, 0.04)]
+        )
+        points += [main, drift]
+    marks.append(float(frames + 2))
+    points.append(drift + rng.uniform(0.05, 0.14) * away + rng.uniform(-0.08, 0.08) * side)
+    around = places[0][1]
     low, high = around.low + 0.15, around.high - 0.12
-    marks = [
-        0.0,
-        0.55 * timeline.grasp,
-        1.2 * timeline.grasp,
-        float(timeline.end),
-        float(timeline.frames + 2),
-    ]
-    points = np.stack([start, 0.3 * start + 0.7 * main, main, drift, end])
-    path = CubicSpline(marks, np.clip(points, low, high), bc_type="clamped")(np.arange(timeline.frames))
-    return path + 0.01 * config.sway * _sway(timeline.frames, config.fps, 1.3, 0.06, rng)
+    path = CubicSpline(marks, np.clip(np.stack(points), low, high), bc_type="clamped")(np.arange(frames))
+    path = path + 0.01 * config.sway * _sway(frames, config.fps, 1.3, 0.06, rng)
+    if config.sidestep:
+        there = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(frames) / frames)
+        path = np.clip(path + config.sidestep * there[:, None] * side, low, high)
+    return np.asarray(path)
 
 
 def _sway(frames: int, fps: float, slow: float, tremor: float, rng: np.random.Generator) -> Array:

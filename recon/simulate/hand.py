@@ -6,7 +6,7 @@ y the direction in which the hand approaches, x = y cross z (where the palm lies
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -94,13 +94,14 @@ def cone_distance(
     return np.linalg.norm(points - start - t[:, None] * axis, axis=1) - (r0 + (r1 - r0) * t)
 
 
-def hand_shape(closure: float, material: Material, spacing: float = 0.003) -> HandShape:
+def hand_shape(closure: float, material: Material, spacing: float = 0.003, left: bool = False) -> HandShape:
     """Mesh of the hand by marching cubes over the smooth union of its cones.
 
     Args:
         closure: 0 open .. 1 closed.
         material: skin.
         spacing: grid step in metres.
+        left: the right hand mirrored at x = 0.
     """
     points = skeleton(closure)
     cones = _cones(points)
@@ -126,7 +127,17 @@ def hand_shape(closure: float, material: Material, spacing: float = 0.003) -> Ha
         material,
         corner_normals=_outward(vertices, faces, corner),
     )
-    return HandShape(surface, points)
+    return mirrored(HandShape(surface, points)) if left else HandShape(surface, points)
+
+
+def mirrored(hand: HandShape) -> HandShape:
+    """The other hand in its own grip frame, whose x axis points away from the palm then."""
+    flip, surface = np.array([-1.0, 1.0, 1.0]), hand.surface
+    normals = None if surface.corner_normals is None else surface.corner_normals[:, ::-1] * flip
+    turned = replace(
+        surface, vertices=surface.vertices * flip, faces=surface.faces[:, ::-1], corner_normals=normals
+    )
+    return HandShape(turned, hand.keypoints * flip)
 
 
 def _outward(vertices: NDArray[np.float32], faces: NDArray[np.int64], corner: Array) -> Array:
@@ -135,8 +146,11 @@ def _outward(vertices: NDArray[np.float32], faces: NDArray[np.int64], corner: Ar
     return corner * np.where(sign == 0.0, 1.0, sign)[..., None]
 
 
-def arm(skin: Material, cloth: Material) -> tuple[Surface, Surface]:
-    """Wrist and sleeve in the arm's frame: origin at the wrist, y towards the elbow, z up across the arm."""
+def arm(skin: Material, cloth: Material, bare: bool = False) -> tuple[Surface, ...]:
+    """Wrist and sleeve in the arm's frame: origin at the wrist, y towards the elbow, z up across the arm.
+
+    bare: the sleeve ends at the elbow.
+    """
     wrist = trimesh.creation.capsule(radius=0.0265, height=0.075, count=[12, 28])
     turn = trimesh.transformations.rotation_matrix(-np.pi / 2.0, [1.0, 0.0, 0.0])
     wrist.apply_translation(-wrist.bounds.mean(axis=0))
@@ -145,17 +159,32 @@ def arm(skin: Material, cloth: Material) -> tuple[Surface, Surface]:
     wrist.apply_scale([1.0, 1.0, 0.92])
     forearm = Surface("forearm", np.asarray(wrist.vertices), np.asarray(wrist.faces, dtype=np.int64), skin)
     elbow, shoulder = np.array([0.0, FOREARM, 0.0]), np.array([0.0, FOREARM + 1.5, 0.0])  # ends out of view
+    lower = (np.array([0.0, 0.05, 0.0]), elbow, 0.034, 0.045)
+    upper = (elbow, shoulder, 0.045, 0.056)
+    if bare:
+        return (
+            forearm,
+            _tube("bare_forearm", [(lower[0], elbow, 0.027, 0.041)], 0.0, skin),
+            _tube("sleeve", [upper], 0.03, cloth),
+        )
+    return forearm, _tube("sleeve", [lower, upper], 0.03, cloth)
+
+
+def _tube(
+    name: str, pieces: list[tuple[Array, Array, float, float]], folds_height: float, material: Material
+) -> Surface:
+    """Open tube through cones (start, end, start radius, end radius) about the y axis, with folds of a relative height."""
     sides, folds = 28, 36
     phi = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
     circle = np.stack([np.cos(phi), np.zeros(sides), np.sin(phi)], axis=1)
     rings = []
-    for a, b, r0, r1 in ((np.array([0.0, 0.05, 0.0]), elbow, 0.034, 0.045), (elbow, shoulder, 0.045, 0.056)):
+    for a, b, r0, r1 in pieces:
         for t in np.linspace(0.0, 1.0, folds):
-            fold = 1.0 + 0.03 * np.sin(31.0 * t + 2.0 * np.sin(phi + 5.0 * t))
+            fold = 1.0 + folds_height * np.sin(31.0 * t + 2.0 * np.sin(phi + 5.0 * t))
             rings.append(a + t * (b - a) + ((r0 + (r1 - r0) * t) * fold)[:, None] * circle)
     i = np.tile(np.arange(sides), len(rings) - 1)
     j, k = (i + 1) % sides, np.repeat(np.arange(len(rings) - 1) * sides, sides)
     faces = np.concatenate(
         [np.stack([k + i, k + j, k + sides + j], 1), np.stack([k + i, k + sides + j, k + sides + i], 1)]
     )
-    return forearm, Surface("sleeve", np.concatenate(rings), faces.astype(np.int64), cloth)
+    return Surface(name, np.concatenate(rings), faces.astype(np.int64), material)

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
-import trimesh
-from numpy.typing import NDArray
 
+from recon.simulate.geoms import geom_mesh
 from recon.simulate.joints import JOINT_TYPES, find_joint, load_model
 from recon.simulate.surfaces import Surface
 from recon.simulate.textures import Material, material_for
 from twin.errors import InputError
 from twin.geometry import Array, exp_so3, invert_pose, make_pose
 
-PLANE_HALF_SIZE = 4.0  # metres; MuJoCo planes are infinite, a recording needs the part around the camera
 VISUAL_GROUPS = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
 DEFAULT_HINGE, DEFAULT_SLIDE, OPENING_SHARE = 1.2, 0.3, 0.8  # chosen by us
 
@@ -74,18 +73,33 @@ def load_articulation(
         InputError: when the file can't be loaded, or has no such hinge or slide joint (the message names those
             that exist), or the joint moves nothing that can be seen.
     """
-    model = load_model(scene)
-    index = find_joint(model, joint)
+    return articulations(load_model(scene), str(scene), (joint,), exclude, contrast, rng)[0]
+
+
+def articulations(
+    model: mujoco.MjModel,
+    scene: str,
+    joints: Sequence[str],
+    exclude: tuple[str, ...],
+    contrast: float,
+    rng: np.random.Generator,
+) -> tuple[Articulation, ...]:
+    """The parts of `joints` of one scene, which all share what stands still beside them. Raises InputError as `load_articulation`.
+
+    The closed end of each is taken with the others closed; a part doesn't carry another one.
+    """
+    found = [find_joint(model, joint) for joint in joints]
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    kind = JOINT_TYPES[int(model.jnt_type[index])]
-    closed, sign, span = _closed_end(model, index, kind)
-    data.qpos[model.jnt_qposadr[index]] = closed
+    ends = []
+    for index in found:
+        ends.append(_closed_end(model, index, JOINT_TYPES[int(model.jnt_type[index])]))
+        data.qpos[model.jnt_qposadr[index]] = ends[-1][0]
     mujoco.mj_forward(model, data)
     dropped = _subtrees(model, [b for b in range(1, model.nbody) if _matches(model.body(b).name, exclude)])
-    moving = _subtrees(model, [int(model.jnt_bodyid[index])]) - dropped
+    moving = [_subtrees(model, [int(model.jnt_bodyid[index])]) - dropped for index in found]
     static: list[Surface] = []
-    part: list[Surface] = []
+    parts: list[list[Surface]] = [[] for _ in joints]
     infinite = False
     materials: dict[tuple[str, str], Material] = {}
     for geom in range(model.ngeom):
@@ -94,15 +108,36 @@ def load_articulation(
             continue
         infinite |= int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
         surface = _surface(model, data, geom, materials, contrast, rng)
-        (part if body in moving else static).append(surface)
-    if not part:
-        raise InputError(f"joint {joint!r} of {scene} moves no visible geometry", "choose another joint")
-    finite = [s.vertices for s in static + part if not s.name.startswith("plane:")]
-    corners = np.concatenate(finite)
-    mass, com, inertia = _mass(model, data, moving)
+        owner = next((part for part, bodies in zip(parts, moving, strict=True) if body in bodies), static)
+        owner.append(surface)
+    for joint, part in zip(joints, parts, strict=True):
+        if not part:
+            raise InputError(f"joint {joint!r} of {scene} moves no visible geometry", "choose another joint")
+    every = [s for part in (static, *parts) for s in part]
+    corners = np.concatenate([s.vertices for s in every if not s.name.startswith("plane:")])
+    return tuple(
+        _articulation(model, data, k, joint, end, bodies, static, part, corners, infinite)
+        for k, joint, end, bodies, part in zip(found, joints, ends, moving, parts, strict=True)
+    )
+
+
+def _articulation(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    index: int,
+    joint: str,
+    end: tuple[float, float, float],
+    bodies: set[int],
+    static: Sequence[Surface],
+    part: Sequence[Surface],
+    corners: Array,
+    infinite: bool,
+) -> Articulation:
+    mass, com, inertia = _mass(model, data, bodies)
+    _, sign, span = end
     return Articulation(
         name=joint,
-        kind=kind,
+        kind=JOINT_TYPES[int(model.jnt_type[index])],
         axis=sign * data.xaxis[index].copy(),
         pivot=data.xanchor[index].copy(),
         span=span,
@@ -117,9 +152,16 @@ def load_articulation(
         sites={
             model.site(i).name: data.site_xpos[i].copy()
             for i in range(model.nsite)
-            if int(model.site_bodyid[i]) in moving
+            if int(model.site_bodyid[i]) in bodies
         },
     )
+
+
+def travel(model: mujoco.MjModel, joint: str) -> tuple[str, float]:
+    """Kind of a joint, "revolute" or "prismatic", and its travel from the closed end, rad or m. Raises InputError when it isn't there."""
+    index = find_joint(model, joint)
+    kind = JOINT_TYPES[int(model.jnt_type[index])]
+    return kind, _closed_end(model, index, kind)[2]
 
 
 def _closed_end(model: mujoco.MjModel, index: int, kind: str) -> tuple[float, float, float]:
@@ -201,45 +243,6 @@ def _geom_material(
     if key not in materials:
         materials[key] = material_for(name, np.asarray(rgba[:3], dtype=np.float64), contrast, rng)
     return materials[key]
-
-
-def geom_mesh(model: mujoco.MjModel, geom: int) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (V, 3) and faces (F, 3) of a geom in its own frame.
-
-    Raises InputError for kinds that have no surface mesh here (height fields, signed distance functions).
-    """
-    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
-    size = np.asarray(model.geom_size[geom], dtype=np.float64)
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        return _model_mesh(model, int(model.geom_dataid[geom]))
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        mesh = trimesh.creation.box(extents=2.0 * size)
-    elif kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        mesh = trimesh.creation.icosphere(subdivisions=3, radius=size[0])
-    elif kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        mesh = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
-        mesh.apply_scale(size)
-    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        mesh = trimesh.creation.cylinder(radius=size[0], height=2.0 * size[1], sections=24)
-    elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        mesh = trimesh.creation.capsule(radius=size[0], height=2.0 * size[1], count=[16, 24])
-    elif kind == mujoco.mjtGeom.mjGEOM_PLANE:
-        half = np.where(size[:2] > 0.0, np.minimum(size[:2], PLANE_HALF_SIZE), PLANE_HALF_SIZE)
-        corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [half[0], half[1], 0.0]
-        return corners.astype(np.float64), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int64)
-    else:
-        raise InputError(
-            f"geom {model.geom(geom).name or geom} is of kind {kind.name}, which can't be rendered",
-            "use primitive or mesh geoms, or leave its body out with `exclude`",
-        )
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-
-
-def _model_mesh(model: mujoco.MjModel, mesh: int) -> tuple[Array, NDArray[np.int64]]:
-    v0, nv = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    f0, nf = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    vertices = np.asarray(model.mesh_vert[v0 : v0 + nv], dtype=np.float64)
-    return vertices, np.asarray(model.mesh_face[f0 : f0 + nf], dtype=np.int64)
 
 
 def _mass(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> tuple[float, Array, Array]:

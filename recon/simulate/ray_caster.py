@@ -14,12 +14,15 @@ NO_HIT = np.uint32(0xFFFFFFFF)
 
 
 class FirstHits(NamedTuple):
-    """First hits of n rays: parameter along the ray (inf for none), mesh id (NO_HIT), face index, (u, v)."""
+    """First hits of n rays: parameter along the ray (inf for none), mesh id (NO_HIT), face index, (u, v), unit
+    normal of the face as its corners turn.
+    """
 
     t: NDArray[np.float32]
     mesh: NDArray[np.uint32]
     face: NDArray[np.uint32]
     uv: NDArray[np.float32]
+    flat: NDArray[np.float32]
 
 
 class Caster:
@@ -35,7 +38,7 @@ class Caster:
     def first(self, rays: NDArray[Any]) -> FirstHits:
         """First hits of rays (n, 6)."""
         found = self._scene.cast_rays(_tensor(rays, np.float32))
-        keys = ("t_hit", "geometry_ids", "primitive_ids", "primitive_uvs")
+        keys = ("t_hit", "geometry_ids", "primitive_ids", "primitive_uvs", "primitive_normals")
         return FirstHits(*(found[k].numpy() for k in keys))
 
     def blocked(self, rays: NDArray[Any], far: float = 1.0) -> NDArray[np.bool_]:

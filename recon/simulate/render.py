@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.simulate import shading
+from recon.simulate.bodies import Body as Body  # callers know it from here
+from recon.simulate.bodies import BodyCache
+from recon.simulate.lighting import LightRays, Seen, received
+from recon.simulate.painters import SIZE
 from recon.simulate.ray_caster import NO_HIT, Caster
-from recon.simulate.surfaces import Surface
-from recon.simulate.textures import SIZE, mipmaps
 from twin.geometry import Array, invert_pose
 
-AMBIENT_REACH = 0.6  # metres; chosen by us: corners of cupboards darken, whole rooms do not
 F32 = NDArray[np.float32]
 
 
@@ -52,27 +53,23 @@ class Lights:
 
 
 @dataclass(frozen=True)
-class Body:
-    """Surfaces that move together; `label` is the value they get in the label image."""
-
-    surfaces: tuple[Surface, ...]
-    label: int
-
-
-@dataclass(frozen=True)
 class Hits:
-    """What rays met: depth along z (inf for nothing), body index (-1), global face index, barycentric (u, v)."""
+    """What rays met: depth along z (inf for nothing), body index (-1), global face index, barycentric (u, v) and
+    the `flat` normal (n, 3) of the face.
+    """
 
     depth: F32
     body: NDArray[np.int32]
     face: NDArray[np.int64]
     uv: F32
+    flat: F32
 
 
 @dataclass(frozen=True)
 class View:
     """One rendered frame: linear `colour` (H, W, 3), exact `depth` (H, W) m (0 for nothing), `labels` (H, W),
-    `normals` (H, W, 3) in the world, `gloss` and `tone` (H, W): shininess and brightness of what is seen.
+    `normals` (H, W, 3) in the world, `gloss` and `tone` (H, W): shininess and brightness of what is seen
+    (0 for nothing), `body` (H, W): index of the body that is seen, -1 for nothing.
     """
 
     colour: F32
@@ -81,161 +78,127 @@ class View:
     normals: F32
     gloss: F32
     tone: F32
+    body: NDArray[np.int32]
 
 
 class Renderer:
-    """Renders bodies at poses. Textures and corner normals are prepared once per body."""
+    """Renders bodies at poses. Textures and corner normals are prepared once per body.
+
+    Args of the constructor:
+        camera: where pixels look.
+        lights: lamps and ambient.
+        samples: sub-pixel samples on each side.
+        light_samples: shadow rays for each lamp and place.
+        ambient_samples: ambient rays for each place.
+        light_pitch: pixels between those places. 2 was chosen by us: smoothing along surfaces spans 15 pixels anyway.
+    """
 
     def __init__(
-        self, camera: Camera, lights: Lights, samples: int, light_samples: int, ambient_samples: int
+        self,
+        camera: Camera,
+        lights: Lights,
+        samples: int,
+        light_samples: int,
+        ambient_samples: int,
+        light_pitch: int = 2,
     ):
         self.camera = camera
         self.lights = lights
         steps = (np.arange(samples) + 0.5) / samples - 0.5
         self._offsets = np.array([(x, y) for y in steps for x in steps], dtype=np.float32)
-        self._light_samples, self._ambient_samples = light_samples, ambient_samples
-        self._atlas: list[F32] = []
-        self._atlas_size = 0
-        self._images: dict[int, NDArray[np.int64]] = {}
-        self._prepared: dict[int, _Prepared] = {}
+        self._light_rays = LightRays(light_samples, ambient_samples, light_pitch)
+        self._cache = BodyCache()
 
     def render(
         self, bodies: list[Body], poses: list[Array], T_world_camera: Array, rng: np.random.Generator
     ) -> View:
-        """Render `bodies` at `poses` T_world_body from a camera at `T_world_camera` (OpenCV axes)."""
-        frame = _Frame(self, bodies, poses)
-        height, width = self.camera.height, self.camera.width
+        """Render `bodies` at `poses` T_world_body from a camera at `T_world_camera` (OpenCV axes).
+
+        The light needs every second pixel only, and sub-pixel samples are cast only where a pixel touches more than
+        one face; inside a face they are where their rays meet its plane. What is thinner than a pixel and passes
+        between the centres of nine that all see one face is not in the picture.
+        """
+        frame = _Frame(self._cache, bodies, poses)
+        shape = (self.camera.height, self.camera.width)
         pose = T_world_camera.astype(np.float32)
-        cx, cy = self.camera.centre
-        centre_only = np.zeros((1, 2), np.float32)
-        centre_rays = shading.primary_rays(height, width, self.camera.focal, cx, cy, centre_only, pose)
-        centre_rays = centre_rays.reshape(-1, 6)
-        centre = frame.cast(centre_rays)
-        normals = shading.pixel_normals(
-            centre_rays, centre.body, centre.face, centre.uv, frame.corners, frame.poses
-        )
+        rays = self._rays(np.arange(shape[0] * shape[1]), np.zeros((1, 2), np.float32), pose)[:, 0]
+        centre = frame.cast(rays)
+        normals = shading.pixel_normals(rays, centre.body, centre.face, centre.uv, frame.corners, frame.poses)
         depth = np.where(np.isfinite(centre.depth), centre.depth, 0.0).astype(np.float32)
-        light = self._light(frame, centre_rays, depth, normals, centre.body, rng)
-        rays = shading.primary_rays(height, width, self.camera.focal, cx, cy, self._offsets, pose)
-        hits = frame.cast(rays.reshape(-1, 6))
-        shape = rays.shape[:3]
-        colour = shading.shade(
-            rays,
-            hits.depth.reshape(shape),
-            hits.body.reshape(shape),
-            hits.face.reshape(shape),
-            hits.uv.reshape(*shape, 2),
-            frame.corners,
-            frame.face_surface,
-            frame.poses,
-            frame.textures,
-            frame.tile,
-            frame.gloss,
-            frame.starts,
-            frame.atlas,
-            SIZE,
-            self.lights.shapes,
-            self.lights.powers,
-            self.lights.sky,
-            light,
-            depth.reshape(height, width),
-            centre.body.reshape(height, width),
-            1.0 / self.camera.focal / math.sqrt(len(self._offsets)),
-        )
-        surface = np.where(centre.body >= 0, frame.face_surface[centre.face], 0)
+        seen = Seen(rays, depth.reshape(shape), normals.reshape(*shape, 3), centre.body.reshape(shape))
+        light = received(seen, self.lights.shapes, self._light_rays, frame.free, rng)
+        colour = self._colour(frame, seen, centre, light, pose)
+        hit, surface = centre.body >= 0, frame.face_surface[centre.face]
         labels = np.array([*(b.label for b in bodies), 0], dtype=np.uint8)[centre.body]
         return View(
             colour,
-            depth.reshape(height, width),
-            labels.reshape(height, width),
-            normals.reshape(height, width, 3),
-            frame.gloss[surface].reshape(height, width),
-            frame.tone[surface].reshape(height, width),
+            seen.depth,
+            labels.reshape(shape),
+            seen.normals,
+            np.where(hit, frame.gloss[surface], np.float32(0.0)).reshape(shape),
+            np.where(hit, frame.tone[surface], np.float32(0.0)).reshape(shape),
+            seen.body,
         )
 
-    def _light(
-        self,
-        frame: _Frame,
-        rays: F32,
-        depth: F32,
-        normals: F32,
-        body: NDArray[np.int32],
-        rng: np.random.Generator,
-    ) -> F32:
-        """Visibility of each light and ambient openness (H, W, L + 1), smoothed along surfaces."""
-        n, lights = len(rays), self.lights.shapes
-        out = np.zeros((n, len(lights) + 1), np.float32)
-        for j, shape in enumerate(lights):
-            for _ in range(self._light_samples):
-                random = rng.random((n, 2), dtype=np.float32)
-                out[:, j] += frame.free(shading.light_rays(rays, depth, normals, shape, random))
-            out[:, j] /= self._light_samples
-        for _ in range(self._ambient_samples):
-            random = rng.random((n, 2), dtype=np.float32)
-            out[:, -1] += frame.free(shading.ambient_rays(rays, depth, normals, AMBIENT_REACH, random))
-        out[:, -1] /= self._ambient_samples
-        height, width = self.camera.height, self.camera.width
-        light = out.reshape(height, width, -1)
-        for step in (1, 2, 4):
-            light = shading.smooth_light(
-                light,
-                depth.reshape(height, width),
-                normals.reshape(height, width, 3),
-                body.reshape(height, width),
-                step,
-            )
-        return light
-
-    def prepared(self, body: Body) -> _Prepared:
-        """Arrays of a body, made on first use. Bodies are known by identity: reuse them between frames."""
-        if id(body) not in self._prepared:
-            self._prepared[id(body)] = _Prepared(body, [self._starts(s) for s in body.surfaces])
-        return self._prepared[id(body)]
-
-    def atlas(self) -> F32:
-        """All texture images and their mip levels in one flat array."""
-        if len(self._atlas) > 1:
-            self._atlas = [np.concatenate(self._atlas)]
-        return self._atlas[0]
-
-    def _starts(self, surface: Surface) -> NDArray[np.int64]:
-        key = id(surface.material.image)
-        if key not in self._images:
-            starts = []
-            for level in mipmaps(surface.material.image):
-                starts.append(self._atlas_size)
-                self._atlas.append(np.ascontiguousarray(level, dtype=np.float32).reshape(-1))
-                self._atlas_size += level.size
-            self._images[key] = np.array(starts, dtype=np.int64)
-        return self._images[key]
-
-
-class _Prepared:
-    """Concatenated arrays of one body."""
-
-    def __init__(self, body: Body, starts: list[NDArray[np.int64]]):
-        self.body = body  # kept so that its id stays its own
-        counts = [len(s.vertices) for s in body.surfaces]
-        base = np.concatenate([[0], np.cumsum(counts)[:-1]])
-        self.vertices = np.concatenate([s.vertices for s in body.surfaces]).astype(np.float32)
-        self.faces = np.concatenate([s.faces + b for s, b in zip(body.surfaces, base, strict=True)]).astype(
-            np.uint32
+    def _rays(self, pixels: NDArray[np.int64], offsets: F32, pose: F32) -> F32:
+        """Rays (m, n, 6) through `pixels` (m,) plus `offsets` (n, 2)."""
+        rays: F32 = shading.primary_rays(
+            pixels, self.camera.width, self.camera.focal, *self.camera.centre, offsets, pose
         )
-        self.corners = np.concatenate([s.with_normals() for s in body.surfaces]).astype(np.float32)
-        self.surface = np.repeat(np.arange(len(body.surfaces)), [len(s.faces) for s in body.surfaces])
-        self.to_texture = np.stack([s.T_texture_object for s in body.surfaces])
-        self.tile = np.array([s.material.tile for s in body.surfaces], np.float32)
-        self.gloss = np.array([s.material.gloss for s in body.surfaces], np.float32)
-        self.tone = np.array([float(s.material.image.mean()) for s in body.surfaces], np.float32)
-        self.starts = np.stack(starts)
+        return rays
+
+    def _colour(self, frame: _Frame, seen: Seen, centre: Hits, light: F32, pose: F32) -> F32:
+        """Linear colour (H, W, 3)."""
+        shape, n = seen.depth.shape, len(self._offsets)
+        out = np.zeros((shape[0] * shape[1], 3), np.float32)
+        surfaces = (
+            *(frame.face_surface, frame.textures, frame.tile, frame.gloss, frame.starts),
+            *(frame.texels, SIZE),
+        )
+        lamps = (self.lights.shapes, self.lights.powers, self.lights.sky)
+        pixel_size = 1.0 / self.camera.focal / math.sqrt(n)
+        apart = np.zeros(shape, bool) if n == 1 else shading.crossed(seen.body, centre.face.reshape(shape))
+        inside = np.flatnonzero(~apart.reshape(-1) & (centre.body >= 0))
+        shading.shade_insides(
+            inside,
+            seen.rays,
+            (seen.depth.reshape(-1), centre.face, centre.flat),
+            seen.normals.reshape(-1, 3),
+            light.reshape(len(out), -1),
+            surfaces,
+            (self._offsets @ pose[:3, :2].T / np.float32(self.camera.focal)).astype(np.float32),
+            pixel_size,
+            lamps,
+            out,
+        )
+        edge = np.flatnonzero(apart)
+        rays = self._rays(edge, self._offsets, pose)
+        hits = frame.cast(rays.reshape(-1, 6))
+        shading.shade_samples(
+            edge,
+            rays,
+            (
+                hits.depth.reshape(-1, n),
+                hits.body.reshape(-1, n),
+                hits.face.reshape(-1, n),
+                hits.uv.reshape(-1, n, 2),
+            ),
+            (frame.corners, frame.poses),
+            (seen.depth, seen.body, light),
+            surfaces,
+            pixel_size,
+            lamps,
+            out,
+        )
+        return out.reshape(*shape, 3)
 
 
 class _Frame:
     """The bodies of one frame in the world: an Embree scene and the tables that the kernels read."""
 
-    def __init__(self, renderer: Renderer, bodies: list[Body], poses: list[Array]):
-        parts = [renderer.prepared(b) for b in bodies]
-        self.atlas = renderer.atlas()
+    def __init__(self, cache: BodyCache, bodies: list[Body], poses: list[Array]):
+        parts = cache.prepared(bodies)
+        self.texels = cache.texels
         self._caster = Caster()
         self._face_base = np.concatenate([[0], np.cumsum([len(p.faces) for p in parts])[:-1]]).astype(
             np.int64
@@ -262,7 +225,7 @@ class _Frame:
         body = np.where(hit, found.mesh, 0).astype(np.int32)
         face = np.where(hit, found.face + self._face_base[body], 0).astype(np.int64)
         body[~hit] = -1
-        return Hits(found.t, body, face, found.uv)
+        return Hits(found.t, body, face, found.uv, found.flat)
 
     def free(self, segments: F32) -> F32:
         """1 where a segment start + (0, 1] * vector (n, 6) meets nothing, else 0."""

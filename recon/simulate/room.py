@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from recon.simulate.mjcf import Articulation
@@ -15,9 +17,14 @@ WALL = 0.05
 
 
 def build_room(
-    scene: Articulation, outward: Array, clutter: int, contrast: float, rng: np.random.Generator
+    scene: Articulation,
+    outward: Array,
+    clutter: int,
+    contrast: float,
+    rng: np.random.Generator,
+    others: Sequence[Articulation] = (),
 ) -> tuple[tuple[Surface, ...], Array, Array]:
-    """Surfaces of a room about the furniture, with its inner corners (3,), (3,).
+    """Surfaces of a room about the furniture, with its inner corners (3,), (3,). others: parts that move as well.
 
     The wall behind the furniture touches it, on the side away from where the part faces (`outward`, flattened).
     """
@@ -40,7 +47,8 @@ def build_room(
     high[2] = max(floor + CEILING, float(scene.upper[2]) + ABOVE)
     surfaces = _shell(low, high, scene.has_floor, contrast, rng)
     surfaces += _pictures(scene, low, high, axis, sign, contrast, rng)
-    surfaces += _clutter(scene, surfaces, low, high, axis, sign, clutter, contrast, rng)
+    ways = [way for part in (scene, *others) for way in _way(part)]
+    surfaces += _clutter(scene, surfaces, ways, low, high, axis, sign, clutter, contrast, rng)
     return tuple(surfaces), low, high
 
 
@@ -117,6 +125,7 @@ def _pictures(
 def _clutter(
     scene: Articulation,
     shell: list[Surface],
+    ways: list[Array],
     low: Array,
     high: Array,
     axis: int,
@@ -130,9 +139,7 @@ def _clutter(
     other = 1 - axis
     front = scene.upper[axis] if sign > 0 else scene.lower[axis]
     tops = _free_tops(scene)
-    occupied = [s.vertices for s in [*scene.static, *shell]]
-    for state in np.linspace(0.0, scene.span, 7):  # the way of the part stays clear
-        occupied += [transform(scene.pose(float(state)), s.vertices) for s in scene.part]
+    occupied = [*(s.vertices for s in [*scene.static, *shell]), *ways]
     for k in range(count):
         material = make_material("poster" if k % 3 else str(rng.choice(["speckle", "wood"])), contrast, rng)
         on_top = k % 2 == 0 and len(tops) > 0
@@ -154,6 +161,12 @@ def _clutter(
         texture = make_pose(turn.T, -turn.T @ position + rng.uniform(-1.0, 1.0, 3))
         out.append(Surface("clutter", vertices, faces, material, texture))
     return out
+
+
+def _way(part: Articulation) -> list[Array]:
+    """The vertices (V, 3) of a part on its way, which stays clear."""
+    states = np.linspace(0.0, part.span, 7)
+    return [transform(part.pose(float(s)), surface.vertices) for s in states for surface in part.part]
 
 
 def _free_tops(scene: Articulation) -> Array:

@@ -10,30 +10,59 @@ import numba
 import numpy as np
 
 FloatArray = Any  # numba sees the concrete types
+Triple = tuple[float, float, float]
+Surfaces = tuple[
+    Any, ...
+]  # face -> surface, then of surfaces: T_texture_world, tile, gloss, mip levels; atlas, SIZE
+Lamps = tuple[FloatArray, FloatArray, FloatArray]  # shapes, powers, sky: see `Lights`
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
 def primary_rays(
-    height: int, width: int, focal: float, cx: float, cy: float, offsets: FloatArray, pose: FloatArray
+    pixels: FloatArray,
+    width: int,
+    focal: float,
+    cx: float,
+    cy: float,
+    offsets: FloatArray,
+    pose: FloatArray,
 ) -> FloatArray:
-    """Rays (height, width, n, 6) through pixel centres plus `offsets` (n, 2); their parameter is depth along z."""
+    """Rays (m, n, 6) through the centres of `pixels` (m,), counted along rows of `width`, plus `offsets` (n, 2);
+    their parameter is depth along z.
+    """
     n = offsets.shape[0]
-    out = np.empty((height, width, n, 6), np.float32)
-    for v in numba.prange(height):
-        for u in range(width):
-            for k in range(n):
-                x = (u + offsets[k, 0] - cx) / focal
-                y = (v + offsets[k, 1] - cy) / focal
-                for a in range(3):
-                    out[v, u, k, a] = pose[a, 3]
-                    out[v, u, k, 3 + a] = pose[a, 0] * x + pose[a, 1] * y + pose[a, 2]
+    out = np.empty((len(pixels), n, 6), np.float32)
+    for i in numba.prange(len(pixels)):
+        v, u = pixels[i] // width, pixels[i] % width
+        for k in range(n):
+            x = (u + offsets[k, 0] - cx) / focal
+            y = (v + offsets[k, 1] - cy) / focal
+            for a in range(3):
+                out[i, k, a] = pose[a, 3]
+                out[i, k, 3 + a] = pose[a, 0] * x + pose[a, 1] * y + pose[a, 2]
     return out
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
+def crossed(body: FloatArray, face: FloatArray) -> FloatArray:
+    """Pixels (H, W) whose samples may meet another face than their centres: those beside another one or the rim."""
+    height, width = body.shape
+    out = np.ones((height, width), np.bool_)
+    for v in numba.prange(1, height - 1):
+        row = np.int64(v)
+        for u in range(1, width - 1):
+            one = True
+            for y in range(row - 1, row + 2):
+                for x in range(u - 1, u + 2):
+                    one = one and body[y, x] == body[row, u] and face[y, x] == face[row, u]
+            out[row, u] = not one
+    return out
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def _normal(
-    face: int, u: float, v: float, corners: FloatArray, pose: FloatArray, direction: FloatArray
-) -> tuple[float, float, float]:
+    face: int, u: float, v: float, corners: FloatArray, pose: FloatArray, direction: Triple
+) -> Triple:
     """Interpolated world normal of a hit, turned towards the viewer."""
     w = 1.0 - u - v
     x = w * corners[face, 0, 0] + u * corners[face, 1, 0] + v * corners[face, 2, 0]
@@ -48,7 +77,7 @@ def _normal(
     return a / length, b / length, c / length
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
 def pixel_normals(
     rays: FloatArray,
     geometry: FloatArray,
@@ -62,125 +91,56 @@ def pixel_normals(
     for i in numba.prange(rays.shape[0]):
         if geometry[i] >= 0:
             pose = poses[geometry[i]]
-            a, b, c = _normal(face[i], uv[i, 0], uv[i, 1], corners, pose, rays[i, 3:6])
-            out[i, 0], out[i, 1], out[i, 2] = a, b, c
+            d = (rays[i, 3], rays[i, 4], rays[i, 5])
+            out[i, 0], out[i, 1], out[i, 2] = _normal(face[i], uv[i, 0], uv[i, 1], corners, pose, d)
     return out
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
-def light_rays(
-    rays: FloatArray, depth: FloatArray, normals: FloatArray, light: FloatArray, random: FloatArray
-) -> FloatArray:
-    """Rays (n, 6) from hits to random points of a rectangular light (centre, half edge, half edge: (3, 3))."""
-    out = np.zeros((rays.shape[0], 6), np.float32)
-    for i in numba.prange(rays.shape[0]):
-        a, b = 2.0 * random[i, 0] - 1.0, 2.0 * random[i, 1] - 1.0
-        for k in range(3):
-            start = rays[i, k] + depth[i] * rays[i, 3 + k] + 1e-3 * normals[i, k]
-            out[i, k] = start
-            out[i, 3 + k] = light[0, k] + a * light[1, k] + b * light[2, k] - start
-    return out
-
-
-@numba.njit(cache=True, parallel=True, fastmath=True)
-def ambient_rays(
-    rays: FloatArray, depth: FloatArray, normals: FloatArray, reach: float, random: FloatArray
-) -> FloatArray:
-    """Rays (n, 6) of length `reach` from hits in cosine-distributed directions about the normals."""
-    out = np.zeros((rays.shape[0], 6), np.float32)
-    for i in numba.prange(rays.shape[0]):
-        z = 2.0 * random[i, 0] - 1.0
-        r = math.sqrt(max(0.0, 1.0 - z * z))
-        phi = 2.0 * math.pi * random[i, 1]
-        d = (r * math.cos(phi), r * math.sin(phi), z)
-        x, y, w = normals[i, 0] + d[0], normals[i, 1] + d[1], normals[i, 2] + d[2]
-        length = math.sqrt(x * x + y * y + w * w) + 1e-6
-        for k in range(3):
-            out[i, k] = rays[i, k] + depth[i] * rays[i, 3 + k] + 1e-3 * normals[i, k]
-        out[i, 3], out[i, 4], out[i, 5] = reach * x / length, reach * y / length, reach * w / length
-    return out
-
-
-@numba.njit(cache=True, parallel=True, fastmath=True)
-def smooth_light(
-    light: FloatArray, depth: FloatArray, normals: FloatArray, geometry: FloatArray, step: int
-) -> FloatArray:
-    """One edge-keeping pass over visibility (height, width, channels): neighbours `step` pixels apart that lie
-    on the same object, face the same way and have a like depth.
-    """
-    height, width, channels = light.shape
-    out = np.empty_like(light)
-    for v in numba.prange(height):
-        for u in range(width):
-            total = 0.0
-            for c in range(channels):
-                out[v, u, c] = 0.0
-            for dv in range(-2, 3):
-                for du in range(-2, 3):
-                    y, x = np.int64(v) + dv * step, np.int64(u) + du * step
-                    if y < 0 or x < 0 or y >= height or x >= width or geometry[y, x] != geometry[v, u]:
-                        continue
-                    turn = 0.0
-                    for k in range(3):
-                        turn += normals[y, x, k] * normals[v, u, k]
-                    if turn < 0.9 or abs(depth[y, x] - depth[v, u]) > 0.02 * depth[v, u] * step:
-                        continue
-                    weight = (3.0 - abs(dv)) * (3.0 - abs(du))
-                    total += weight
-                    for c in range(channels):
-                        out[v, u, c] += weight * light[y, x, c]
-            for c in range(channels):
-                out[v, u, c] = out[v, u, c] / total if total > 0.0 else light[v, u, c]
-    return out
-
-
-@numba.njit(cache=True, fastmath=True)
-def _texel(atlas: FloatArray, start: int, size: int, u: float, v: float, out: FloatArray) -> None:
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _texel(atlas: FloatArray, start: int, size: int, u: float, v: float) -> Triple:
+    """Bilinear texel at (u, v) tiles of the image at `start`; `size` is a power of two."""
     x, y = u * size - 0.5, v * size - 0.5
-    x0, y0 = math.floor(x), math.floor(y)
-    fx, fy = x - x0, y - y0
-    x1, y1 = (x0 + 1) % size, (y0 + 1) % size
-    x0, y0 = x0 % size, y0 % size
+    left, top = math.floor(x), math.floor(y)
+    fx, fy = x - left, y - top
+    x0, y0 = int(left) & (size - 1), int(top) & (size - 1)
+    x1, y1 = (x0 + 1) & (size - 1), (y0 + 1) & (size - 1)
     a, b = start + 3 * (y0 * size + x0), start + 3 * (y0 * size + x1)
     c, d = start + 3 * (y1 * size + x0), start + 3 * (y1 * size + x1)
-    for k in range(3):
-        top = (1.0 - fx) * atlas[a + k] + fx * atlas[b + k]
-        bottom = (1.0 - fx) * atlas[c + k] + fx * atlas[d + k]
-        out[k] = (1.0 - fy) * top + fy * bottom
+    wa, wb, wc, wd = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy
+    return (
+        wa * atlas[a] + wb * atlas[b] + wc * atlas[c] + wd * atlas[d],
+        wa * atlas[a + 1] + wb * atlas[b + 1] + wc * atlas[c + 1] + wd * atlas[d + 1],
+        wa * atlas[a + 2] + wb * atlas[b + 2] + wc * atlas[c + 2] + wd * atlas[d + 2],
+    )
 
 
-@numba.njit(cache=True, fastmath=True)
-def _albedo(
-    point: FloatArray,
-    normal: FloatArray,
-    to_texture: FloatArray,
-    tile: float,
-    footprint: float,
-    atlas: FloatArray,
-    starts: FloatArray,
-    size: int,
-    out: FloatArray,
-) -> None:
-    """Triplanar lookup: the plane that faces the surface most, mip level by the pixel's footprint in metres."""
-    m = to_texture
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _plane(m: FloatArray, normal: Triple) -> tuple[int, int]:
+    """Triplanar lookup: the texture axes (u, v) of the plane that faces the surface most; `m` (3, 4) to texture."""
     a = abs(m[0, 0] * normal[0] + m[0, 1] * normal[1] + m[0, 2] * normal[2])
     b = abs(m[1, 0] * normal[0] + m[1, 1] * normal[1] + m[1, 2] * normal[2])
     c = abs(m[2, 0] * normal[0] + m[2, 1] * normal[1] + m[2, 2] * normal[2])
-    x = m[0, 0] * point[0] + m[0, 1] * point[1] + m[0, 2] * point[2] + m[0, 3]
-    y = m[1, 0] * point[0] + m[1, 1] * point[1] + m[1, 2] * point[2] + m[1, 3]
-    z = m[2, 0] * point[0] + m[2, 1] * point[1] + m[2, 2] * point[2] + m[2, 3]
     if c >= a and c >= b:
-        u, v = x, y
-    elif b >= a:
-        u, v = x, z
-    else:
-        u, v = y, z
-    level = int(max(0.0, math.log2(max(footprint / tile * size, 1e-6)) + 0.3))
-    level = min(level, starts.shape[0] - 1)
-    _texel(atlas, starts[level], size >> level, u / tile, v / tile, out)
+        return 0, 1
+    return (0, 2) if b >= a else (1, 2)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _level(d: Triple, normal: Triple, depth: float, scale: float, levels: int) -> int:
+    """Mip level of what one sample along `d` covers at `depth`; `scale` is the texels of level 0 a sample at depth 1."""
+    length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    facing = abs(d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]) / length
+    texels = depth * scale / math.sqrt(max(facing, 0.08))
+    return min(int(max(0.0, math.log2(max(texels, 1e-6)) + 0.3)), levels - 1)
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _along(m: FloatArray, axis: int, point: Triple) -> float:
+    """Texture coordinate of a point along one of the texture's axes, in metres."""
+    return m[axis, 0] * point[0] + m[axis, 1] * point[1] + m[axis, 2] * point[2] + m[axis, 3]
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def _same_surface(
     pixel_depth: FloatArray, pixel_body: FloatArray, v: int, u: int, depth: float, body: int
 ) -> tuple[int, int]:
@@ -197,103 +157,116 @@ def _same_surface(
     return row, column
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def _lit(
-    point: FloatArray,
-    normal: FloatArray,
-    direction: FloatArray,
-    albedo: FloatArray,
-    gloss: float,
-    light: FloatArray,
-    lights: FloatArray,
-    powers: FloatArray,
-    sky: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Add the light that leaves a point to `out` (3,): ambient, lamps with distance fall-off, a weak highlight."""
-    up = 0.78 + 0.22 * normal[2]
-    length = math.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
+    point: Triple, normal: Triple, d: Triple, albedo: Triple, gloss: float, light: FloatArray, lamps: Lamps
+) -> Triple:
+    """The light that leaves a point against the ray `d`: ambient, lamps with distance fall-off, a weak highlight."""
+    shapes, powers, sky = lamps
+    ambient = (0.78 + 0.22 * normal[2]) * (0.12 + 0.88 * light[len(shapes)])  # light bounces into corners
+    r, g, b = sky[0] * ambient, sky[1] * ambient, sky[2] * ambient
+    length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     shine = 0.0
-    for k in range(3):
-        out[k] += (
-            albedo[k] * sky[k] * up * (0.12 + 0.88 * light[lights.shape[0]])
-        )  # light bounces into corners
-    for j in range(lights.shape[0]):
-        lx = lights[j, 0, 0] - point[0]
-        ly = lights[j, 0, 1] - point[1]
-        lz = lights[j, 0, 2] - point[2]
+    for j in range(len(shapes)):
+        if light[j] <= 0.0:
+            continue
+        lx, ly, lz = shapes[j, 0, 0] - point[0], shapes[j, 0, 1] - point[1], shapes[j, 0, 2] - point[2]
         far = math.sqrt(lx * lx + ly * ly + lz * lz) + 1e-6
         received = light[j] * math.sqrt(max(0.0, lz / far)) / (0.6 + far * far)  # lamps shine downwards
-        cosine = max(0.0, (lx * normal[0] + ly * normal[1] + lz * normal[2]) / far)
-        for k in range(3):
-            out[k] += albedo[k] * powers[j, k] * received * cosine
-        hx = lx / far - direction[0] / length
-        hy = ly / far - direction[1] / length
-        hz = lz / far - direction[2] / length
+        direct = received * max(0.0, (lx * normal[0] + ly * normal[1] + lz * normal[2]) / far)
+        r, g, b = r + powers[j, 0] * direct, g + powers[j, 1] * direct, b + powers[j, 2] * direct
+        hx, hy, hz = lx / far - d[0] / length, ly / far - d[1] / length, lz / far - d[2] / length
         half = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-6
         spec = max(0.0, (hx * normal[0] + hy * normal[1] + hz * normal[2]) / half)
         shine += 0.12 * gloss * received * spec**40 * powers[j, 1]
-    for k in range(3):
-        out[k] += shine
+    return albedo[0] * r + shine, albedo[1] * g + shine, albedo[2] * b + shine
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
-def shade(
+@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+def shade_insides(
+    pixels: FloatArray,
     rays: FloatArray,
-    hit_depth: FloatArray,
-    body: FloatArray,
-    face: FloatArray,
-    uv: FloatArray,
-    corners: FloatArray,
-    face_surface: FloatArray,
-    poses: FloatArray,
-    texture_poses: FloatArray,
-    tiles: FloatArray,
-    glosses: FloatArray,
-    starts: FloatArray,
-    atlas: FloatArray,
-    size: int,
-    lights: FloatArray,
-    powers: FloatArray,
-    sky: FloatArray,
+    hits: tuple[FloatArray, FloatArray, FloatArray],
+    normals: FloatArray,
     light: FloatArray,
-    pixel_depth: FloatArray,
-    pixel_body: FloatArray,
+    surfaces: Surfaces,
+    steps: FloatArray,
     pixel_size: float,
-) -> FloatArray:
-    """Linear colour (height, width, 3), the mean of the samples rays (height, width, n, 6).
+    lamps: Lamps,
+    out: FloatArray,
+) -> None:
+    """Write linear colour `out` (H W, 3) of `pixels` (m,) that lie inside one face: the texture is sampled where the
+    rays plus `steps` (n, 3) meet the plane of the face, the light is that of the centre.
 
-    `light` (height, width, lights + 1) holds the visibility of each light, then ambient openness, at pixel
-    centres; each sample takes it from the neighbouring centre that lies on the same body at the nearest depth.
+    `hits` are depth, face and normal of the face; `light` (H W, lamps + 1) is the visibility of each lamp, then
+    ambient openness.
     """
-    height, width, n, _ = rays.shape
-    out = np.zeros((height, width, 3), np.float32)
-    for v in numba.prange(height):
-        point = np.empty(3, np.float32)
-        normal = np.empty(3, np.float32)
-        albedo = np.empty(3, np.float32)
-        for u in range(width):
-            for s in range(n):
-                b = body[v, u, s]
-                row: Any = np.int64(v)  # the loop index is unsigned, which makes differences floats
-                column: Any = np.int64(u)
-                if b < 0:
-                    continue
-                z = hit_depth[v, u, s]
-                d = rays[v, u, s, 3:6]
-                for k in range(3):
-                    point[k] = rays[v, u, s, k] + z * d[k]
-                f = face[v, u, s]
-                normal[0], normal[1], normal[2] = _normal(
-                    f, uv[v, u, s, 0], uv[v, u, s, 1], corners, poses[b], d
-                )
-                i = face_surface[f]
-                length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-                facing = abs(d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]) / length
-                footprint = z * pixel_size / math.sqrt(max(facing, 0.08))
-                _albedo(point, normal, texture_poses[i], tiles[i], footprint, atlas, starts[i], size, albedo)
-                y, x = _same_surface(pixel_depth, pixel_body, row, column, z, b)
-                _lit(point, normal, d, albedo, glosses[i], light[y, x], lights, powers, sky, out[v, u])
-            for k in range(3):
-                out[v, u, k] /= n
-    return out
+    depth, face, flat = hits
+    face_surface, textures, tiles, glosses, starts, atlas, size = surfaces
+    n = len(steps)
+    for i in numba.prange(len(pixels)):
+        p = pixels[i]
+        j, far = face_surface[face[p]], depth[p]
+        m, tile = textures[j], tiles[j]
+        x, y, z = rays[p, 0], rays[p, 1], rays[p, 2]
+        d = (rays[p, 3], rays[p, 4], rays[p, 5])
+        normal = (normals[p, 0], normals[p, 1], normals[p, 2])
+        first, second = _plane(m, normal)
+        level = _level(d, normal, far, pixel_size / tile * size, starts.shape[1])
+        straight = flat[p, 0] * d[0] + flat[p, 1] * d[1] + flat[p, 2] * d[2]
+        r, g, b = 0.0, 0.0, 0.0
+        for s in range(n):
+            across = flat[p, 0] * steps[s, 0] + flat[p, 1] * steps[s, 1] + flat[p, 2] * steps[s, 2]
+            t = far * straight / (straight + across)
+            point = (x + t * (d[0] + steps[s, 0]), y + t * (d[1] + steps[s, 1]), z + t * (d[2] + steps[s, 2]))
+            u, v = _along(m, first, point) / tile, _along(m, second, point) / tile
+            texel = _texel(atlas, starts[j, level], size >> level, u, v)
+            r, g, b = r + texel[0], g + texel[1], b + texel[2]
+        point = (x + far * d[0], y + far * d[1], z + far * d[2])
+        colour = _lit(point, normal, d, (r / n, g / n, b / n), glosses[j], light[p], lamps)
+        out[p, 0], out[p, 1], out[p, 2] = colour
+
+
+@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+def shade_samples(
+    pixels: FloatArray,
+    rays: FloatArray,
+    hits: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    shapes: tuple[FloatArray, FloatArray],
+    centres: tuple[FloatArray, FloatArray, FloatArray],
+    surfaces: Surfaces,
+    pixel_size: float,
+    lamps: Lamps,
+    out: FloatArray,
+) -> None:
+    """Write linear colour `out` (H W, 3) of `pixels` (m,), the mean of the samples `rays` (m, n, 6).
+
+    `hits` are depth, body, face, (u, v) of the samples, `shapes` corner normals and poses; `centres` are depth, body
+    (H, W) and light (H, W, lamps + 1) at pixel centres: each sample takes its light from the neighbouring centre that
+    lies on the same body at the nearest depth.
+    """
+    depth, body, face, uv = hits
+    corners, poses = shapes
+    pixel_depth, pixel_body, light = centres
+    face_surface, textures, tiles, glosses, starts, atlas, size = surfaces
+    n, width = rays.shape[1], pixel_depth.shape[1]
+    for i in numba.prange(len(pixels)):
+        p = pixels[i]
+        r, g, b = 0.0, 0.0, 0.0
+        for s in range(n):
+            k, f, far = body[i, s], face[i, s], depth[i, s]
+            if k < 0:
+                continue
+            d = (rays[i, s, 3], rays[i, s, 4], rays[i, s, 5])
+            point = (rays[i, s, 0] + far * d[0], rays[i, s, 1] + far * d[1], rays[i, s, 2] + far * d[2])
+            normal = _normal(f, uv[i, s, 0], uv[i, s, 1], corners, poses[k], d)
+            j = face_surface[f]
+            m, tile = textures[j], tiles[j]
+            first, second = _plane(m, normal)
+            level = _level(d, normal, far, pixel_size / tile * size, starts.shape[1])
+            u, v = _along(m, first, point) / tile, _along(m, second, point) / tile
+            albedo = _texel(atlas, starts[j, level], size >> level, u, v)
+            y, x = _same_surface(pixel_depth, pixel_body, p // width, p % width, far, k)
+            colour = _lit(point, normal, d, albedo, glosses[j], light[y, x], lamps)
+            r, g, b = r + colour[0], g + colour[1], b + colour[2]
+        out[p, 0], out[p, 1], out[p, 2] = r / n, g / n, b / n

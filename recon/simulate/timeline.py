@@ -1,7 +1,8 @@
-"""When things happen: the phases of one interaction in frames, and the part's state over time."""
+"""When things happen: what the person does one after the other, the phases in frames, and the part's state over time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,15 +14,49 @@ from twin.geometry import Array
 
 
 @dataclass(frozen=True)
+class Leg:
+    """The part goes to state `to`, rad or m, within `seconds` by minimum jerk; where it is there already, that is a pause."""
+
+    to: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One interaction: rest, the hand comes and takes hold of the part of `joint`, leads it from `start` through `legs`, lets go and
+    leaves. reaches: whether a hand comes at all.
+    """
+
+    joint: str
+    start: float
+    legs: tuple[Leg, ...]
+    wait_s: float
+    reach_s: float
+    hold_s: float
+    leave_s: float
+    reaches: bool = True
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Seconds of each phase in their order."""
+        legs = (leg.seconds for leg in self.legs)
+        return (self.wait_s, self.reach_s, self.hold_s, *legs, self.hold_s, self.leave_s)
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """State before the first and after each leg."""
+        return (self.start, *(leg.to for leg in self.legs))
+
+
+@dataclass(frozen=True)
 class Timeline:
-    """Frame indices: `enter` first frame with the hand, `grasp` first closed, `start` last at rest, `end` first at
-    rest again, `release` last closed, `gone` first without the hand; `frames` in all.
+    """Frame indices of one interaction: `enter` first frame with the hand, `grasp` first closed, `turns` last at rest, then the ends
+    of the legs, `release` last closed, `gone` first without the hand; `frames` of the whole recording.
     """
 
     enter: int
     grasp: int
-    start: int
-    end: int
+    turns: tuple[int, ...]
     release: int
     gone: int
     frames: int
@@ -29,35 +64,67 @@ class Timeline:
     @staticmethod
     def of(config: SimulateConfig) -> Timeline:
         """The phases of a configuration. Raises ConfigError when a phase has no frame."""
-        lengths = np.array(
-            [
-                config.rest_before_s,
-                config.reach_s,
-                config.hold_s,
-                config.move_s / config.speed,
-                config.hold_s,
-                config.leave_s,
-                config.rest_after_s,
-            ]
-        )
-        frames = config.frames if config.frames is not None else round(float(lengths.sum()) * config.fps)
-        marks = np.round(np.cumsum(lengths) / lengths.sum() * frames).astype(int)
-        if np.any(np.diff(np.concatenate([[0], marks])) < 1):
-            raise ConfigError(
-                f"{frames} frames are too few for the seven phases of a recording",
-                "raise simulate.frames or fps",
-            )
-        enter, grasp, start, end, release, gone = (int(m) for m in marks[:6])
-        return Timeline(enter, grasp, start, end, release, gone, frames)
+        return timelines((opening_episode("", 0.0, config),), config.rest_after_s, config)[0]
 
-    def states(self, opening: float) -> Array:
-        """State (frames,) of the part: 0, a minimum-jerk rise between `start` and `end`, then `opening`."""
-        t = (np.arange(self.frames) - self.start) / (self.end - self.start)
-        return opening * minimum_jerk(t)
+    @property
+    def start(self) -> int:
+        """The last frame before the part is moved."""
+        return self.turns[0]
+
+    @property
+    def end(self) -> int:
+        """The first frame in which the part is at rest again."""
+        return self.turns[-1]
+
+    def states(self, levels: Sequence[float]) -> Array:
+        """State (frames,) of the part, which goes through `levels`, one for each of `turns`, in minimum jerks."""
+        out = np.full(self.frames, float(levels[0]))
+        for k in range(len(levels) - 1):
+            t = (np.arange(self.frames) - self.turns[k]) / (self.turns[k + 1] - self.turns[k])
+            out = out + (levels[k + 1] - levels[k]) * minimum_jerk(t)
+        return out
+
+    def segments(self, levels: Sequence[float]) -> list[tuple[int, int]]:
+        """Frames (last at rest, first at rest again) of each leg that moves the part; legs without a pause between are one."""
+        out: list[tuple[int, int]] = []
+        for k in range(len(levels) - 1):
+            if levels[k + 1] != levels[k]:
+                first, last = self.turns[k], self.turns[k + 1]
+                turned = k > 0 and (levels[k + 1] - levels[k]) * (levels[k] - levels[k - 1]) < 0
+                if out and out[-1][1] == first and not turned:
+                    first, _ = out.pop()
+                out.append((first, last))
+        return out
 
     def in_contact(self) -> list[bool]:
         """Whether the hand holds the part, per frame."""
         return [self.grasp <= i <= self.release for i in range(self.frames)]
+
+
+def opening_episode(joint: str, opening: float, config: SimulateConfig) -> Episode:
+    """A part that stands closed is opened by `opening`, with the durations of a configuration."""
+    legs = (Leg(opening, config.move_s / config.speed),)
+    return Episode(joint, 0.0, legs, config.rest_before_s, config.reach_s, config.hold_s, config.leave_s)
+
+
+def timelines(
+    episodes: Sequence[Episode], rest_after_s: float, config: SimulateConfig
+) -> tuple[Timeline, ...]:
+    """The phases of interactions one after the other. Raises ConfigError when a phase has no frame."""
+    lengths = np.array([*(s for e in episodes for s in e.lengths), rest_after_s])
+    frames = config.frames if config.frames is not None else round(float(lengths.sum()) * config.fps)
+    marks = np.round(np.cumsum(lengths) / lengths.sum() * frames).astype(int)
+    if np.any(np.diff(np.concatenate([[0], marks])) < 1):
+        raise ConfigError(
+            f"{frames} frames are too few for the {len(lengths)} phases of a recording",
+            "raise simulate.frames or fps",
+        )
+    out, first = [], 0
+    for episode in episodes:
+        m = [int(v) for v in marks[first : first + len(episode.lengths)]]
+        first += len(m)
+        out.append(Timeline(m[0], m[1], tuple(m[2:-2]), m[-2], m[-1], frames))
+    return tuple(out)
 
 
 def minimum_jerk(t: ArrayLike) -> Array:

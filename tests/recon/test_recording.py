@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import recon
 import recon.simulate
 from recon import Frame, Intrinsics, Recording, open_recording, pipeline
 from recon.assemble import say_where
 from recon.models.joint_hint import PrecomputedJointHint
+from recon.recording.kept import kept
 from tests.recon.tiny import FRAMES, HEIGHT, WIDTH, cameras, write_poses, write_recording
 from twin import geometry as geo
 from twin.errors import InputError
@@ -423,3 +425,37 @@ def test_arrays_make_the_twin_that_their_folder_makes(tmp_path: Path) -> None:
     assert one.recorded.source == disk.name
     assert (tmp_path / "run" / "twin" / "twin.json").is_file()
     assert list((tmp_path / "run" / "report").iterdir())  # key frames
+
+
+def test_depth_is_decoded_once_and_only_as_much_kept_as_fits() -> None:
+    reads: list[int] = []
+
+    def read_depth(k: int) -> NDArray[np.float32]:
+        reads.append(k)
+        return np.full((4, 5), k + 1 / 3, np.float32)  # 80 bytes, no whole millimetres
+
+    camera = Intrinsics(5, 4, 5.0, 5.0, 2.0, 2.0)
+    color = np.zeros((4, 5, 3), np.uint8)
+    recording = kept(Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 3 * 80)
+    for _ in range(2):
+        for k, frame in enumerate(recording):
+            assert (frame.depth == np.float32(k + 1 / 3)).all()
+            frame.depth[:] = 99.0  # what one reader does to its frame, the next doesn't see
+    assert [reads.count(k) for k in range(10)] == [1, 1, 1] + [2] * 7
+
+
+def test_depth_in_millimetres_takes_half_the_room_and_loses_nothing() -> None:
+    rng, reads = np.random.default_rng(0), []
+    depth = rng.integers(0, 2**16, (10, 4, 5)).astype(np.float32) / np.float32(1000)
+
+    def read_depth(k: int) -> NDArray[np.float32]:
+        reads.append(k)
+        return depth[k].copy()
+
+    camera = Intrinsics(5, 4, 5.0, 5.0, 2.0, 2.0)
+    color = np.zeros((4, 5, 3), np.uint8)
+    recording = kept(Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 10 * 40)
+    for _ in range(2):
+        for k in range(10):
+            assert np.array_equal(recording.depth(k), depth[k])
+    assert reads == list(range(10))

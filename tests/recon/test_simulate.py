@@ -18,11 +18,14 @@ from recon.simulate import SimulateConfig, simulate
 from recon.simulate.hand import PHALANGES, hand_shape, skeleton
 from recon.simulate.kitchen import kitchen_scene
 from recon.simulate.mjcf import load_articulation
+from recon.simulate.painters import SIZE
 from recon.simulate.ray_caster import Caster
 from recon.simulate.record import new_recording
-from recon.simulate.sensor import depth_image
-from recon.simulate.simulator import Stage
-from recon.simulate.textures import PAINTERS, SIZE, make_material, mipmaps
+from recon.simulate.sensors.depth_camera import DepthCamera
+from recon.simulate.sensors.frame import Frame
+from recon.simulate.simulator import opening
+from recon.simulate.stage import Stage
+from recon.simulate.textures import PAINTERS, make_material, mipmaps
 from recon.simulate.timeline import Timeline, minimum_jerk
 from twin.errors import ConfigError, InputError, MissingDependencyError
 from twin.geometry import Array, invert_pose, matrix_from_quat_wxyz, rotation_angle, transform
@@ -50,7 +53,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @cache
 def stage_of(scene: str, joint: str) -> Stage:
     """A stage at full length; only looked at, so tests may share it."""
-    return Stage(SCENES / scene, joint, replace(SMALL, frames=None))
+    return opening(SCENES / scene, joint, replace(SMALL, frames=None))
 
 
 def read_truth(folder: Path) -> dict[str, object]:
@@ -176,17 +179,17 @@ def test_the_grip_is_on_the_bar(scene: str, joint: str, kind: str) -> None:
     stage = stage_of(scene, joint)
     bar = next(
         s
-        for s in stage.scene.part
+        for s in stage.parts[0].part
         if s.name == f"{joint.replace('_hinged', '')}_handle" or "handle" in s.name
     )
     centre = 0.5 * (bar.vertices.min(axis=0) + bar.vertices.max(axis=0))
-    along = stage.grasp.bar
-    offset = stage.grasp.point - centre
-    assert stage.grasp.source == "handle"
+    along = stage.acts[0].grasp.bar
+    offset = stage.acts[0].grasp.point - centre
+    assert stage.acts[0].grasp.source == "handle"
     assert np.linalg.norm(offset - (offset @ along) * along) < 0.002
     assert abs(offset @ along) < 0.5 * np.ptp(bar.vertices @ along)
     assert np.ptp(bar.vertices @ along) == pytest.approx(np.ptp(bar.vertices, axis=0).max(), rel=0.01)
-    assert stage.grasp.width == pytest.approx(0.012, abs=0.001)
+    assert stage.acts[0].grasp.width == pytest.approx(0.012, abs=0.001)
 
 
 @pytest.mark.parametrize(("scene", "joint", "kind"), CASES)
@@ -197,8 +200,10 @@ def test_the_camera_moves_like_a_head_and_sees_the_part(scene: str, joint: str, 
     assert 0.001 < steps.mean() < 0.02
     assert steps.max() < 0.04
     assert np.degrees(turns).max() < 3.0
-    for i in (stage.timeline.start, stage.timeline.end):
-        point = transform(stage.scene.pose(float(stage.states[i])), stage.grasp.point[None])
+    for i in (stage.acts[0].line.start, stage.acts[0].line.end):
+        point = transform(
+            stage.parts[0].pose(float(stage.acts[0].states[i])), stage.acts[0].grasp.point[None]
+        )
         local = transform(invert_pose(stage.cameras[i]), point)
         pixel = stage.camera.project(local)[0]
         assert 0.0 < pixel[0] < 160.0
@@ -235,18 +240,21 @@ def test_the_hand_holds_the_part_and_turns_less_than_the_door(recording: Path) -
 
 def test_equal_seeds_give_equal_frames_and_others_do_not() -> None:
     config = replace(SMALL, width=64, height=48)
-    first, again = (Stage(SCENES / "chest.xml", "lid", config).render(12) for _ in range(2))
+    first, again = (opening(SCENES / "chest.xml", "lid", config).render(12) for _ in range(2))
     np.testing.assert_array_equal(first.colour, again.colour)
     np.testing.assert_array_equal(first.labels, again.labels)
-    other = Stage(SCENES / "chest.xml", "lid", replace(config, seed=4)).render(12)
+    other = opening(SCENES / "chest.xml", "lid", replace(config, seed=4)).render(12)
     assert not np.array_equal(first.depth, other.depth)
 
 
 def test_depth_noise_grows_with_distance_and_leaves_most_pixels() -> None:
-    stage = Stage(SCENES / "base_cabinet.xml", "drawer_middle", SMALL)
+    stage = opening(SCENES / "base_cabinet.xml", "drawer_middle", SMALL)
     view, rays = stage.render(0), stage.view_directions(0)
-    exact = depth_image(view, rays, 0.0, np.random.default_rng(0)).astype(float)
-    depth = depth_image(view, rays, 1.0, np.random.default_rng(0)).astype(float)
+    frame = Frame(view, rays, np.zeros((120, 160, 3), np.uint8), 0, np.random.default_rng(0))
+    exact, depth = (
+        DepthCamera("structured_light", stage.camera, scale, 0).image(frame).astype(float)
+        for scale in (0.0, 1.0)
+    )
     np.testing.assert_array_equal(exact, np.round(1000.0 * view.depth.astype(float)))
     assert np.all(exact > 0)
     known = depth > 0
@@ -261,11 +269,11 @@ def test_any_size_and_a_joint_of_the_kitchen() -> None:
         scene = kitchen_scene()
     except MissingDependencyError as error:
         pytest.skip(str(error))
-    stage = Stage(scene, "microwave", replace(SMALL, width=96, height=54))
-    assert stage.scene.kind == "revolute"
-    np.testing.assert_allclose(stage.scene.axis, [0.0, 0.0, -1.0], atol=1e-9)
+    stage = opening(scene, "microwave", replace(SMALL, width=96, height=54))
+    assert stage.parts[0].kind == "revolute"
+    np.testing.assert_allclose(stage.parts[0].axis, [0.0, 0.0, -1.0], atol=1e-9)
     assert not any("panda" in s.name for s in stage.still)
-    view = stage.render(stage.timeline.start)
+    view = stage.render(stage.acts[0].line.start)
     assert view.depth.shape == (54, 96)
     assert np.mean(view.labels == 2) > 0.01
 

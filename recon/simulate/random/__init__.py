@@ -1,0 +1,1 @@
+"""Random recordings: furniture, people, rooms and cameras that are drawn from a seed."""
