@@ -11,15 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.contact.finish_parts import FinishedPart
+from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
+from recon.verdict.judge import Judged
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.names import legal_name
 from twin.physics import keep_known
 from twin.runs.manifest import MANIFEST, update_manifest
 from twin.runs.stages import Run
-from twin.scene import Mesh, Part, Recorded, StaticPart, Trajectory, Twin
+from twin.scene import UNKNOWN_LABEL, Mesh, Part, Recorded, Revolute, StaticPart, Trajectory, Twin
 from twin.storage import aside_name, digest, keep_aside, load, save
+from twin.verdict import Verdict, of_twin, verdict_document
 
 
 def assemble(
@@ -29,37 +32,70 @@ def assemble(
     parts: Sequence[FinishedPart],
     labels: Mapping[int, NDArray[np.uint8]],
     provenance: Mapping[str, Any],
+    judged: Judged,
+    moved: Sequence[MovingPart],
 ) -> Twin:
-    """The twin, without mass or collision geometry yet (`twin.physics`, `twin.collision` add them)."""
+    """The twin, without mass or collision geometry yet (`twin.physics`, `twin.collision` add them).
+
+    moved: all parts that were found. Those that are refused are no parts of it: their pixels count as unknown, and verdict and
+    provenance tell of them. They are told by the id that they would have, under the names that they would have.
+    """
     name = legal_name(recording.name)
     taken = [name, "static"]
-    finished = []
-    for part in parts:
-        kind = "drawer" if part.moving.joint.kind == "prismatic" else "door"
-        part_name = legal_name(f"{kind}_{part.moving.id}", taken)
-        taken.append(part_name)
-        finished.append(
-            Part(
-                id=part.moving.id,
-                name=part_name,
-                mesh=part.mesh,
-                joint=part.moving.joint.with_pivot(part.mesh.area_centroid),
-                motion=part.moving.motion,
-                contact=part.contact,
-                limits_source="observed: quantiles of the smoothed state",
-                closed_source=part.closed_source,
-                type_source=part.type_source,
-            )
+    names = {}
+    for part in moved:
+        kind = "drawer" if part.joint.kind == "prismatic" else "door"
+        names[part.id] = legal_name(f"{kind}_{part.id}", taken)
+        taken.append(names[part.id])
+    refused = {p.id: names[p.id] for p in moved if judged.parts[p.id].level == "refused"}
+    finished = [
+        Part(
+            id=part.moving.id,
+            name=names[part.moving.id],
+            mesh=part.mesh,
+            joint=part.moving.joint.with_pivot(part.mesh.area_centroid),
+            motion=part.moving.motion,
+            contact=part.contact,
+            limits_source="observed: quantiles of the smoothed state",
+            closed_source=part.closed_source,
+            type_source=part.type_source,
+            verdict=judged.parts[part.moving.id],
         )
+        for part in parts
+        if part.moving.id not in refused
+    ]
+    left_out = [_left_out(p, names[p.id], judged.parts[p.id]) for p in moved if p.id in refused]
     return Twin(
         name=name,
         static=StaticPart(legal_name("static", []), static),
         parts=tuple(finished),
         cameras=cameras,
         recorded=Recorded(Path(recording.source).name, len(recording), recording.fingerprint),
-        provenance=provenance,
-        labels=labels,
+        provenance={**provenance, "refused": left_out} if left_out else provenance,
+        labels=_without(labels, tuple(refused)),
+        verdict=of_twin(
+            {p.name: judged.parts[p.id] for p in finished},
+            {name: judged.parts[k] for k, name in refused.items()},
+            judged.scene,
+        ),
     )
+
+
+def _left_out(part: MovingPart, name: str, verdict: Verdict) -> dict[str, Any]:
+    """What provenance says of a refused part: JSON types, in the world with the state counted from the first frame."""
+    joint = part.joint
+    pivot = joint.pivot.tolist() if isinstance(joint, Revolute) else None
+    told = {"id": part.id, "name": name, "type": joint.kind, "axis": joint.axis.tolist(), "pivot": pivot}
+    return {**told, "lower": joint.lower, "upper": joint.upper, "verdict": verdict_document(verdict)}
+
+
+def _without(labels: Mapping[int, NDArray[np.uint8]], ids: Sequence[int]) -> Mapping[int, NDArray[np.uint8]]:
+    """Label images in which the pixels of these parts are unknown: whether they are static is not known either."""
+    if not ids:
+        return labels
+    table = np.arange(256, dtype=np.uint8)
+    table[list(ids)] = UNKNOWN_LABEL
+    return {frame: table[image] for frame, image in labels.items()}
 
 
 def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:

@@ -9,7 +9,7 @@ from typing import Any
 
 from twin import geometry as geo
 from twin.cli.console import Console, Outcome
-from twin.cli.step import Step, page, part_named, run_folder, unlogged
+from twin.cli.step import Step, judged, page, part_named, run_folder, unlogged
 from twin.cli.table import OPEN_RECORDING, named
 from twin.errors import FuntwinError, InputError, PlanningError
 from twin.files.paths import require_writable
@@ -20,6 +20,7 @@ from twin.runs.settings import from_dict
 from twin.runs.stages import Progress
 from twin.scene import Part, Twin
 from twin.storage import load
+from twin.verdict import verdict_line
 
 _COLUMNS = (
     "part",
@@ -125,7 +126,7 @@ def replay_step(
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
     tables = [Table(f"replay with {robot}", _COLUMNS, rows), *tables]
     outcome = Outcome({"parts": reports}, tables, notes, warnings, all(r["ok"] for r in reports.values()))
-    return Step("replay", outcome, summary, started).kept(run_folder(run))
+    return Step("replay", judged(outcome, twin), summary, started).kept(run_folder(run))
 
 
 def _require_one_part(contact: tuple[float, ...] | None, parts: Sequence[Part]) -> None:
@@ -148,7 +149,10 @@ def parts_to_move(twin: Twin, names: Sequence[str], run: Path) -> list[Part]:
     """The parts of these names, all without names. Raises InputError for a twin without a moving part."""
     parts = [part_named(twin, n) for n in names] or list(twin.parts)
     if not parts:
-        raise InputError(f"{run} has no moving part", "reconstruct a recording in which something is opened")
+        raise InputError(
+            f"{run} has no moving part ({verdict_line(twin)})",
+            "reconstruct a recording in which something is opened",
+        )
     return parts
 
 

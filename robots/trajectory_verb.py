@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robots.replay_verb import parts_to_move, replay_folder
 from twin.cli.console import Console, Outcome
-from twin.cli.step import run_folder
+from twin.cli.step import judged, run_folder
 from twin.errors import InputError
 from twin.files.paths import require_writable
 from twin.report.sections import Table
@@ -25,11 +25,14 @@ def trajectory(
     goal: str = "open",
     start: str | None = None,
     overwrite: bool = False,
+    accept_doubtful: bool = False,
 ) -> Outcome:
     """What a replay planned, in robots' formats."""
     require_writable(out)
     with console.progress() as progress:
-        return trajectory_step(progress, run, robot, part, formats, out, goal, start, overwrite)
+        return trajectory_step(
+            progress, run, robot, part, formats, out, goal, start, overwrite, accept_doubtful
+        )
 
 
 def trajectory_step(
@@ -42,13 +45,21 @@ def trajectory_step(
     goal: str = "open",
     start: str | None = None,
     overwrite: bool = False,
+    accept_doubtful: bool = False,
 ) -> Outcome:
-    """Export what `replay` left of one part into `out`, or of all parts into folders of their names."""
+    """Export what `replay` left of one part into `out`, or of all parts into folders of their names.
+
+    Raises InputError for a part that is not trusted, unless `accept_doubtful`; before anything is written.
+    """
     import robots
     from robots.task import task_of
 
     twin, spec = load(run), robots.resolve(robot)
     parts = parts_to_move(twin, [name] if name else [], run)
+    from robots.formats import require_trust
+
+    for part in parts:
+        require_trust(part, accept_doubtful)
     sources = []
     for part in parts:
         task = task_of(part, goal, start)
@@ -71,10 +82,13 @@ def trajectory_step(
         place = out if name else out / part_name
         from robots.formats import export_trajectory
 
-        written = export_trajectory(source, formats, place, overwrite=overwrite)
+        written = export_trajectory(
+            source, formats, place, overwrite=overwrite, accept_doubtful=accept_doubtful
+        )
         files[part_name] = {f: [str(p) for p in paths] for f, paths in written.items()}
         rows += [[part_name, f, path] for f, paths in files[part_name].items() for path in paths]
     progress("trajectory", 1.0, f"{len(rows)} files")
     table = Table(f"trajectories of {robot}", ["part", "format", "file"], rows)
     floors = [s.trajectory.floor for s in sources if s.trajectory.floor is not None]
-    return Outcome({"files": files}, [table], warnings=list({f.warning: 0 for f in floors if f.warning}))
+    told = list({f.warning: 0 for f in floors if f.warning})
+    return judged(Outcome({"files": files}, [table], warnings=told), twin)

@@ -83,7 +83,8 @@ def _twin(twin: Twin) -> str:
     named = [f"{p.name}: {joint_text(p.joint)}" for p in twin.parts[:_MOST]]
     more = [f"and {len(twin.parts) - _MOST} more"] if len(twin.parts) > _MOST else []
     parts = "; ".join([*named, *more]) or "no moving part"
-    return f"<Twin {twin.name!r}: {twin.static.name} ({len(twin.static.mesh.faces)} faces); {parts}>"
+    worth = f"; {twin.verdict.level}" if twin.verdict is not None else ""
+    return f"<Twin {twin.name!r}: {twin.static.name} ({len(twin.static.mesh.faces)} faces); {parts}{worth}>"
 
 
 # By the names of the types, whose subclasses tell the same.
@@ -144,7 +145,8 @@ def sigma_text(joint: Joint) -> str:
 def _part_text(part: Part) -> str:
     mass = f", {_number(part.inertial.mass)} kg" if part.inertial is not None else ""
     on = f", on part {part.parent}" if part.parent is not None else ""
-    return f"{joint_text(part.joint)}, {len(part.mesh.faces)} faces{mass}{on}"
+    worth = f", {part.verdict.level}" if part.verdict is not None else ""
+    return f"{joint_text(part.joint)}, {len(part.mesh.faces)} faces{mass}{on}{worth}"
 
 
 def _row(part: Part, on: str) -> tuple[str, ...]:

@@ -31,6 +31,7 @@ from twin.quantities import Quantity as Quantity
 from twin.quantities import frozen_array as _frozen
 from twin.quantities import origin_of as origin_of
 from twin.quantities import set_field as _set
+from twin.verdict import Verdict
 
 STATIC_LABEL = 1
 HAND_LABEL = 255
@@ -165,7 +166,8 @@ class StaticPart(Described):
 class Part(Described):
     """A moving part. `parent` is the id of the part it is mounted on, None for the static scene.
 
-    extra: what others wrote about it into twin.json, by key; JSON types.
+    extra: what others wrote about it into twin.json, by key; JSON types. verdict: what it is worth; None of a part that was stated,
+    or made before there were verdicts.
     """
 
     id: int
@@ -182,6 +184,7 @@ class Part(Described):
     closed_source: str = "first rest pose"
     type_source: str = "motion"
     extra: Mapping[str, Any] = field(default_factory=dict)
+    verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
         require_legal(self.name)
@@ -241,7 +244,7 @@ class Twin(Described):
 
     labels: recording frame -> (H, W) uint8 label image (0 unknown, 1 static, part ids from 2, 255 hand); may be lazy.
     provenance: versions and configuration, JSON types only. extra: what others wrote into twin.json beside the format's
-    own keys, JSON types; that of a part is with the part.
+    own keys, JSON types; that of a part is with the part. verdict: what the whole is worth, None as of a part.
     """
 
     name: str
@@ -252,6 +255,7 @@ class Twin(Described):
     provenance: Mapping[str, Any] = field(default_factory=dict)
     labels: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
     extra: Mapping[str, Any] = field(default_factory=dict)
+    verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
         require_legal(self.name)

@@ -11,5 +11,6 @@ from __future__ import annotations
 from robots.formats.table import FORMATS as FORMATS
 from robots.formats.table import export_trajectory as export_trajectory
 from robots.formats.trajectory_export import PlannedMotion as PlannedMotion
+from robots.formats.trajectory_export import require_trust as require_trust
 
-__all__ = ["FORMATS", "PlannedMotion", "export_trajectory"]
+__all__ = ["FORMATS", "PlannedMotion", "export_trajectory", "require_trust"]

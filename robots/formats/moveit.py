@@ -51,7 +51,7 @@ def render(source: PlannedMotion) -> dict[str, bytes]:
     about = f"moveit_msgs/msg/CartesianTrajectory: {source.title}"
     axes = f"{robot.tool}: z out of the hand, y the direction in which the fingers close, between the finger pads"
     units = "m, rad, s; orientations are unit quaternions"
-    return {FILES[0]: yaml_bytes(document, [about, axes, standing(source), units])}
+    return {FILES[0]: yaml_bytes(document, [*source.remarks, about, axes, standing(source), units])}
 
 
 def velocities(times: Array, poses: Array) -> tuple[Array, Array]:

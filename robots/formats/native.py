@@ -16,6 +16,8 @@ from robots.trajectory import RejectedBase, RobotTrajectory
 from twin.errors import InputError, PlanningError
 from twin.files.atomic import put, staging
 from twin.files.paths import AnyPath
+from twin.scene import Part
+from twin.verdict import verdict_document
 
 FORMAT = "funtwin-trajectory/1"
 _AGAIN = "plan it again with `twin replay`"
@@ -44,17 +46,19 @@ def save(trajectory: RobotTrajectory, folder: AnyPath) -> tuple[Path, Path]:
 
 def render_json(source: PlannedMotion) -> dict[str, bytes]:
     """trajectory.json alone."""
-    return {"trajectory.json": json_bytes(source.trajectory)}
+    return {"trajectory.json": json_bytes(source.trajectory, source.part)}
 
 
 def render_npz(source: PlannedMotion) -> dict[str, bytes]:
     """trajectory.npz alone."""
-    return {"trajectory.npz": npz_bytes(source.trajectory)}
+    return {"trajectory.npz": npz_bytes(source.trajectory, source.part)}
 
 
-def json_bytes(trajectory: RobotTrajectory) -> bytes:
-    """Contents of trajectory.json; arrays to nine decimals."""
+def json_bytes(trajectory: RobotTrajectory, part: Part | None = None) -> bytes:
+    """Contents of trajectory.json; arrays to nine decimals. part: what it moves, whose verdict is told first."""
     document: dict[str, Any] = {"format": FORMAT}
+    if part is not None and part.verdict is not None:
+        document["verdict"] = verdict_document(part.verdict)
     for f in fields(trajectory):
         value = getattr(trajectory, f.name)
         if isinstance(value, np.ndarray):
@@ -67,10 +71,12 @@ def json_bytes(trajectory: RobotTrajectory) -> bytes:
     return (json.dumps(document, indent=None, allow_nan=False) + "\n").encode()
 
 
-def npz_bytes(trajectory: RobotTrajectory) -> bytes:
-    """Contents of trajectory.npz: the arrays, and phases (n,) as text."""
+def npz_bytes(trajectory: RobotTrajectory, part: Part | None = None) -> bytes:
+    """Contents of trajectory.npz: the arrays, phases (n,) as text and, where the part has one, the verdict on it as a line."""
     out = io.BytesIO()
-    arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
+    arrays: dict[str, Any] = {name: getattr(trajectory, name) for name in _ARRAYS}
+    if part is not None and part.verdict is not None:
+        arrays["verdict"] = np.array(part.verdict.text)
     np.savez_compressed(out, phases=np.array(trajectory.phases), **arrays)
     return out.getvalue()
 

@@ -47,13 +47,13 @@ def render(source: PlannedMotion) -> dict[str, bytes]:
     )
     grip = f"{unit}; {closed:g} closes with the full force, in the replay {robot.force:g} N"
     files = {
-        FILES[0]: yaml_bytes(arm, [about, where, "rad, rad/s"]),
-        FILES[1]: yaml_bytes(hand, [about, "the gripper, on the arm's clock", grip]),
+        FILES[0]: yaml_bytes(arm, [*source.remarks, about, where, "rad, rad/s"]),
+        FILES[1]: yaml_bytes(hand, [*source.remarks, about, "the gripper, on the arm's clock", grip]),
     }
     if n:
         about = f"trajectory_msgs/msg/MultiDOFJointTrajectory: {source.title}"
         axes = f"poses and velocities of {source.body} in frame_id, on the arm's clock; m, rad, s"
-        files[FILES[2]] = yaml_bytes(base_message(source), [about, standing(source), axes])
+        files[FILES[2]] = yaml_bytes(base_message(source), [*source.remarks, about, standing(source), axes])
     return files
 
 

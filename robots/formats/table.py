@@ -7,11 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robots.formats import delimited, lerobot, moveit, native, ros2, spot
-from robots.formats.trajectory_export import PlannedMotion
+from robots.formats.trajectory_export import PlannedMotion, require_trust
 from twin.errors import InputError, nearest_name
 from twin.files.atomic import staging
 from twin.files.own_files import place_own
 from twin.files.paths import AnyPath
+from twin.files.text import write_json
+from twin.verdict import verdict_document
+
+VERDICT = "verdict.json"  # beside the formats, most of which have no room for it
 
 
 @dataclass(frozen=True)
@@ -44,22 +48,31 @@ FORMATS: dict[str, Format] = {
 
 
 def export_trajectory(
-    source: PlannedMotion, formats: Sequence[str], folder: AnyPath, overwrite: bool = False
+    source: PlannedMotion,
+    formats: Sequence[str],
+    folder: AnyPath,
+    overwrite: bool = False,
+    *,
+    accept_doubtful: bool = False,
 ) -> dict[str, list[Path]]:
     """Write a trajectory in the named formats; returns the files of each, in the order asked for.
 
     Everything is made before anything is written, then moved into place. Files of an earlier call are replaced; files.json in
-    the folder tells which those are.
+    the folder tells which those are. The verdict on a reconstructed part stands in verdict.json beside them, and within those
+    that have room for it.
 
     Args:
         overwrite: also replace files that were changed since, and others of the same names.
+        accept_doubtful: also of a part whose verdict is worse than trusted.
 
     Raises:
         InputError: an unknown format, or a folder that can't be written, holds something else where a format
-            has its own folder, or a file that would be replaced and is not, or no longer, what an earlier call wrote.
+            has its own folder, or a file that would be replaced and is not, or no longer, what an earlier call wrote; or a
+            part that is not trusted.
         MissingDependencyError: a format needs an optional package; the message names the extra.
     """
     chosen = [_known(name) for name in dict.fromkeys(formats)]
+    require_trust(source.part, accept_doubtful)
     rendered = {name: dict(FORMATS[name].render(source)) for name in chosen}
     folder = Path(folder)
     for name in chosen:
@@ -69,7 +82,10 @@ def export_trajectory(
             for path, data in (item for files in rendered.values() for item in files.items()):
                 (staged / path).parent.mkdir(parents=True, exist_ok=True)
                 (staged / path).write_bytes(data)
-            place_own(staged, folder, [path for name in chosen for path in FORMATS[name].files], overwrite)
+            if source.part.verdict is not None:
+                write_json(staged / VERDICT, verdict_document(source.part.verdict))
+            scope = [VERDICT, *(path for name in chosen for path in FORMATS[name].files)]
+            place_own(staged, folder, scope, overwrite)
     except OSError as e:
         raise InputError(f"{folder} can't be written ({e.strerror})", "choose another output folder") from e
     return {name: [folder / path for path in files] for name, files in rendered.items()}

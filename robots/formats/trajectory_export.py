@@ -64,6 +64,11 @@ class PlannedMotion:
         return f"{t.robot} {self.verb}s {t.part} of {t.twin}"
 
     @property
+    def remarks(self) -> list[str]:
+        """What is told first where a format has room for it: the verdict on the part, if it has one."""
+        return [] if self.part.verdict is None else [f"verdict: {self.part.verdict.text}"]
+
+    @property
     def T_base_tool(self) -> Array:
         """Tool poses (n, 4, 4) in the frame of the base's stance, which stands still where the plan has it."""
         return np.asarray(geo.invert_pose(self.trajectory.T_world_base) @ self.trajectory.T_world_tool)
@@ -110,6 +115,20 @@ class PlannedMotion:
         poses, jacobian = replace(chain, **cut, last=np.eye(4)).forward(t.q[:, :n])
         local = (jacobian @ t.qd[:, :n, None]).reshape(-1, 2, 3)
         return poses, (local @ np.swapaxes(poses[:, :3, :3], -1, -2)).reshape(-1, 6)
+
+
+def require_trust(part: Part, accept_doubtful: bool = False) -> None:
+    """Raises InputError for a part whose verdict is worse than trusted, unless that is accepted: a robot would do what it says.
+
+    A part without a verdict was stated by somebody, or made before there were verdicts.
+    """
+    verdict = part.verdict
+    if accept_doubtful or verdict is None or verdict.main is None:
+        return
+    raise InputError(
+        f"{part.name} is {verdict.level}: {verdict.main.text}",
+        f"{verdict.main.help}; or take it as it is with --accept-doubtful (in Python accept_doubtful=True)",
+    )
 
 
 def number(value: float) -> float:

@@ -82,8 +82,8 @@ def replay(
         return measure(record, trajectory, part, spec, wall, None)
     try:
         with staging(out) as staged:
-            (staged / "trajectory.json").write_bytes(native.json_bytes(trajectory))
-            (staged / "trajectory.npz").write_bytes(native.npz_bytes(trajectory))
+            (staged / "trajectory.json").write_bytes(native.json_bytes(trajectory, part))
+            (staged / "trajectory.npz").write_bytes(native.npz_bytes(trajectory, part))
             film = staged / FILM if video else None
             if film is not None:
                 from robots.film.video import write_video

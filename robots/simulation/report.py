@@ -19,6 +19,7 @@ from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Part
+from twin.verdict import Verdict, verdict_document
 
 BoolArray = NDArray[np.bool_]
 STATIC_LINEAR, STATIC_ANGULAR = 0.1, 1.0  # m/s, rad/s: at rest, as ManiSkill3 defines it
@@ -65,7 +66,7 @@ class ReplayReport:
     ok: success_90 with slip, torque and joint limits kept. slip_mm: largest displacement of the tool point in the
     part's frame between grasp and release. torque_share, torque_peak: of the limits, per joint. limit_margin: rad.
     tracking: of the tool against the plan while the part is moved. floor: what the robot stands on, see
-    `RobotTrajectory`. faults: what went wrong, causes first; empty when ok.
+    `RobotTrajectory`. faults: what went wrong, causes first; empty when ok. verdict: on the part as it was reconstructed.
     """
 
     robot: str
@@ -99,6 +100,7 @@ class ReplayReport:
     wall_seconds: float
     video: str | None
     faults: tuple[Reason, ...]
+    verdict: Verdict | None = None
 
     @property
     def reason(self) -> str:
@@ -110,7 +112,8 @@ class ReplayReport:
         values = asdict(self)
         values.pop("wall_seconds")
         values.pop("faults")
-        return {**values, "reason": self.reason}
+        values.pop("verdict")
+        return {"verdict": verdict_document(self.verdict), **values, "reason": self.reason}
 
 
 def measure(
@@ -163,6 +166,7 @@ def measure(
         wall_seconds=wall,
         video=video,
         faults=tuple(f.reason for f in faults),
+        verdict=part.verdict,
     )
 
 

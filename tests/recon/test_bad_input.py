@@ -26,6 +26,7 @@ from tests.recon.tiny import (
 )
 from twin.cli.main import run
 from twin.errors import InputError
+from twin.storage import load
 
 Damage = Callable[[Path], object]
 
@@ -220,13 +221,19 @@ def told_by_the_command(capsys: pytest.CaptureFixture[str], *argv: object) -> st
     return lines[0]
 
 
-def test_nothing_moves_keeps_what_was_computed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_nothing_moves_the_scene_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     still = write_recording(tmp_path / "still", scale=3, still=True)
-    line = told_by_the_command(capsys, "reconstruct", still, "-o", tmp_path / "run")
-    assert "nothing moves in" in line
-    assert "record a part being opened" in line
-    kept = [p.name.split("_")[1] for p in sorted((tmp_path / "run" / "stages").glob("*_*"))]
-    assert kept[:2] == ["tracks", "cameras"]
+    assert run(["reconstruct", str(still), "-o", str(tmp_path / "run")]) == 2
+    streams = capsys.readouterr()
+    told = "verdict: refused: nothing articulated was found; nothing moved; record a part being opened"
+    assert streams.out.startswith(told)
+    assert [line for line in streams.err.splitlines() if line.startswith(f"twin: {told}")] != []
+    twin = load(tmp_path / "run")
+    assert twin.parts == ()
+    assert twin.verdict is not None
+    assert [type(r).__name__ for r in twin.verdict.reasons] == ["NothingArticulated"]
+    assert len(twin.static.mesh.faces) > 100
+    assert set(np.unique(np.concatenate([twin.labels[f] for f in twin.labels]))) <= {0, 1, 255}
 
 
 def test_the_command_tells_bad_files_in_one_line(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,6 +45,7 @@ class Document:
 def document(tree: Tree) -> Document:
     """The model of a twin, which `write` writes and a replay runs."""
     root, files = ET.Element("mujoco", model=tree.name), dict[str, bytes]()
+    root.extend(remarks(tree))
     ET.SubElement(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
     ET.SubElement(
         root, "option", timestep=numbers(simulation.TIMESTEP), integrator=simulation.INTEGRATOR,
@@ -77,6 +79,11 @@ def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]
 def write_xml(root: ET.Element, path: Path) -> None:
     """Write indented XML, the same bytes every time."""
     path.write_text(_text(root), encoding="utf-8", newline="\n")
+
+
+def remarks(tree: Tree) -> list[Any]:
+    """The verdict as the first comment of a file, without the two minuses that no comment may hold; none of a twin that has none."""
+    return [] if tree.verdict is None else [ET.Comment(f" {re.sub('-{2,}', '-', tree.told)} ")]
 
 
 def _text(root: ET.Element) -> str:
@@ -192,6 +199,7 @@ def _scene(tree: Tree) -> ET.Element:
         0.7 * float(np.linalg.norm(high - low)),
     )  # a camera 1.5 extents away sees all
     root = ET.Element("mujoco", model=f"{tree.name}_scene")
+    root.extend(remarks(tree))
     ET.SubElement(root, "include", file=f"{tree.name}.xml")
     ET.SubElement(
         root, "statistic", center=numbers(np.round(center, 4)), extent=numbers(round(max(extent, 0.1), 4))

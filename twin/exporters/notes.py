@@ -21,7 +21,15 @@ def readme(tree: Tree, fmt: str) -> str:
                 (j.lower, j.upper, j.damping, j.frictionloss), (unit[0], *unit), strict=True)]  # fmt: skip
             rows.append(f"| {j.name} | {j.kind} | {' | '.join(cells)} |")
     told = "Metres, kilograms, seconds, radians; z up. Every joint is closed at 0 and opens towards its upper limit."
-    return f"# {tree.name}\n\n{body}\n\n{told}\n\n" + "\n".join(rows) + "\n"
+    return f"# {tree.name}\n\n{_verdict(tree)}\n\n{body}\n\n{told}\n\n" + "\n".join(rows) + "\n"
+
+
+def _verdict(tree: Tree) -> str:
+    """The verdict on the twin and all reasons for it; of a twin without a verdict what that means."""
+    if tree.verdict is None or tree.verdict.trusted:
+        return f"{tree.told[:1].upper()}{tree.told[1:]}."
+    rows = [f"- {r.level}: {r.text}; {r.help}" for r in tree.verdict.reasons]
+    return "\n".join([f"Verdict: **{tree.verdict.level}**", "", *rows])
 
 
 def _urdf(tree: Tree) -> str:

@@ -18,6 +18,7 @@ from twin.exporters.visual import drawn
 from twin.geometry import Array
 from twin.physics import armature, inertial_of, physics_of, static_friction
 from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
+from twin.verdict import Verdict, verdict_line
 
 # URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand does.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
@@ -67,11 +68,16 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links, the root first and every parent before its children, in depth-first order; source names what it was made from."""
+    """Links, the root first and every parent before its children, in depth-first order; source names what it was made from.
+
+    verdict: on the twin, None where it has none; told: the line that says it, or why there is none.
+    """
 
     name: str
     links: tuple[Link, ...]
     source: str = "twin.json"
+    verdict: Verdict | None = None
+    told: str = ""
 
     @property
     def root(self) -> Link:
@@ -114,7 +120,7 @@ def build_tree(twin: Twin, visual: bool = True) -> Tree:
 
     add(None, root.name, np.zeros(3))
     source = twin.recorded.source if twin.recorded is not None else ""
-    return Tree(twin.name, tuple(links), source or "twin.json")
+    return Tree(twin.name, tuple(links), source or "twin.json", twin.verdict, verdict_line(twin))
 
 
 def require_ranges(twin: Twin) -> None:

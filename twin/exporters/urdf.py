@@ -10,7 +10,7 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.exporters.asset import AssetInfo
-from twin.exporters.mjcf import write_xml
+from twin.exporters.mjcf import remarks, write_xml
 from twin.exporters.obj import hull, textured
 from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array
@@ -25,6 +25,7 @@ def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]
     meshes = folder / "meshes"
     meshes.mkdir(parents=True, exist_ok=True)
     root = ET.Element("robot", name=tree.name)
+    root.extend(remarks(tree))
     # MuJoCo would otherwise merge the static scene into its world body and drop all visuals.
     mujoco = ET.SubElement(root, "mujoco")
     ET.SubElement(

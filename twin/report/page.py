@@ -20,6 +20,7 @@ from twin.report.sections import MARKS, PAGE, Section, Table, load_section, requ
 from twin.runs.manifest import MANIFEST
 from twin.scene import Part, Twin
 from twin.storage import load
+from twin.verdict import unjudged
 
 PHASE_COLUMNS = (
     "phase", "time", "open: peak / end", "at rest", "slip", "tool off plan", "torque", "unintended contacts", "what went wrong",
@@ -41,11 +42,14 @@ def render(run: AnyPath) -> Path:
     twin = load(run) if (run / "twin" / "twin.json").is_file() else None
     key = twin_key(run)
     require_own_page(run)
-    pictures = drawn_once(run, twin, _pictures) if twin else {}
+    pictures = drawn_once(run, twin, _drawn) if twin else {}
     sections = [s for s in (load_section(run, verb) for verb in VERBS) if s is not None]
     context = {
         "name": twin.name if twin else run.resolve().name,
         "twin": twin,
+        "verdict": twin.verdict if twin else None,
+        "unjudged": unjudged(twin) if twin else "",
+        "said": _said(twin) if twin else "",
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
         "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
@@ -76,6 +80,16 @@ def _template() -> Any:
     return environment.get_template("page.html.j2")
 
 
+def _said(twin: Twin) -> str:
+    """The user's word on the recording, as the command line takes it."""
+    told = [
+        f"--{name} {word}"
+        for name, words in twin.provenance.get("said", {}).items()
+        for word in ([words] if isinstance(words, str) else words)
+    ]
+    return " ".join(told)
+
+
 def _cards(
     twin: Twin | None, manifest: Mapping[str, Any], sections: Iterable[Section]
 ) -> list[dict[str, str]]:
@@ -101,16 +115,19 @@ def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found + [(s["name"], w) for s in manifest.get("stages", []) for w in s["warnings"]]
 
 
+def _drawn(twin: Twin) -> dict[str, Any]:
+    """All pictures of the twin, and each part's states by its id."""
+    return {**_pictures(twin), "plots": {str(p.id): _plot(p) for p in twin.parts}}
+
+
 def _pictures(twin: Twin) -> dict[str, Any]:
-    """The twin from closed to open, the scene with the camera path, and each part's states by its id."""
+    """The twin from closed to open, and the scene with the camera path."""
     from twin.report.meshes import dollhouse, opening
 
-    plots = {str(p.id): _plot(p) for p in twin.parts}
     if not len(twin.static.mesh.faces) and not any(len(p.mesh.faces) for p in twin.parts):
-        return {"opening": [], "dollhouse": "", "plots": plots}
+        return {"opening": [], "dollhouse": ""}
     steps = STEPS if twin.parts else 1
-    closed_to_open = [_jpeg(i) for i in opening(twin, steps)]
-    return {"opening": closed_to_open, "dollhouse": _jpeg(dollhouse(twin)), "plots": plots}
+    return {"opening": [_jpeg(i) for i in opening(twin, steps)], "dollhouse": _jpeg(dollhouse(twin))}
 
 
 def _plot(part: Part) -> str:

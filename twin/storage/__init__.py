@@ -126,7 +126,9 @@ def digest(twin: Twin) -> str:
     meshes: dict[str, Mesh] = {}
     bare = replace(twin, extra={}, parts=tuple(replace(p, extra={}) for p in twin.parts))
     document = twin_document(bare, meshes)
-    for owner in (document["static"], *document["parts"]):
+    for owner in (document, document["static"], *document["parts"]):
+        if owner.get("verdict") is None:  # as in twins that were made before there were verdicts
+            owner.pop("verdict", None)
         for key in _FILLED:
             owner.pop(key, None)
     document.pop("provenance")

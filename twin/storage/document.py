@@ -10,6 +10,7 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.scene import Collision, Joint, Mesh, Part, Quantity, Revolute, Twin
+from twin.verdict import verdict_document
 
 FORMAT = "funtwin/1"
 CAMERAS = "cameras.txt"
@@ -23,6 +24,7 @@ def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
     document = {
         "format": FORMAT,
         "name": twin.name,
+        "verdict": verdict_document(twin.verdict),
         "recording": None
         if r is None
         else {"source": r.source, "frames": r.frames, "fingerprint": r.fingerprint},
@@ -47,6 +49,7 @@ def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
         "id": p.id,
         "name": p.name,
         "parent": p.parent,
+        "verdict": verdict_document(p.verdict),
         "mesh": f"meshes/{p.name}.ply",
         "collision": _collision(p.name, p.collision, meshes),
         "joint": _joint(p, p.joint),

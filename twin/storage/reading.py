@@ -35,6 +35,7 @@ from twin.storage import read_document
 from twin.storage.document import FORMAT, extra_of, part_document, twin_document
 from twin.storage.labels import LabelFolder
 from twin.storage.node import Node
+from twin.verdict import Verdict, verdict_from
 
 
 def read_twin(folder: Path) -> Twin:
@@ -56,6 +57,7 @@ def read_twin(folder: Path) -> Twin:
             ),
             provenance=root.maybe("provenance", lambda n: n.value) or {},
             labels=LabelFolder(folder / "labels"),
+            verdict=root.maybe("verdict", _verdict),
         )
     known = twin_document(twin, {})
     own = {key: value for key, value in root.value.items() if key != "parts"}
@@ -79,8 +81,14 @@ def _part(n: Node, folder: Path) -> Part:
             limits_source=joint.text("limits_source"),
             closed_source=joint.text("closed_source"),
             type_source=joint.text("type_source"),
+            verdict=n.maybe("verdict", _verdict),
         )
     return replace(part, extra=extra_of(n.value, part_document(part)))
+
+
+def _verdict(n: Node) -> Verdict:
+    with n.building():
+        return verdict_from(n.value)
 
 
 def _joint(n: Node) -> Joint:

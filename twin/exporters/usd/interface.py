@@ -9,7 +9,7 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics
 from twin.exporters.asset import AssetInfo
 from twin.exporters.tree import Tree
 from twin.exporters.usd.layers import new_layer, points
-from twin.exporters.usd.metadata import bounds, metadata
+from twin.exporters.usd.metadata import bounds, metadata, verdict_data
 from twin.exporters.usd.runtimes import RUNTIMES
 from twin.names import unused
 
@@ -35,6 +35,8 @@ def write_interface(tree: Tree, path: Path, info: AssetInfo) -> None:
         if box is not None:
             UsdGeom.ModelAPI.Apply(root).SetExtentsHint(points(box))
         UsdSemantics.LabelsAPI.Apply(root, "wikidata_qcode").CreateLabelsAttr([info.qcode])
+        if tree.verdict is not None:  # on the prim, so that whoever refers to the asset has it too
+            root.SetCustomDataByKey("verdict", verdict_data(tree.verdict))
         for runtime, stem in RUNTIMES.items():
             _variant(root, runtime, f"./runnables/physics/{stem}.usda")
         if any(k.grasp is not None for k in tree.links):

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from pxr import Vt
 
 from twin.exporters.asset import AssetInfo
 from twin.exporters.tree import Tree
 from twin.exporters.usd.layers import vec, world_origins
 from twin.geometry import Array
+from twin.verdict import Verdict
 
 
 def bounds(tree: Tree) -> Array | None:
@@ -19,6 +21,12 @@ def bounds(tree: Tree) -> Array | None:
     if not shown:
         return None
     return np.stack([np.min([p.min(0) for p in shown], 0), np.max([p.max(0) for p in shown], 0)])
+
+
+def verdict_data(verdict: Verdict) -> dict[str, object]:
+    """A verdict as a prim's custom data: its level, and a line for each reason."""
+    lines = [f"{r.level}: {r.text}; {r.help}" for r in verdict.reasons]
+    return {"level": verdict.level, "reasons": Vt.StringArray(lines)}
 
 
 def metadata(tree: Tree, info: AssetInfo, runtimes: Mapping[str, str]) -> dict[str, object]:

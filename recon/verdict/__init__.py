@@ -1,0 +1,1 @@
+"""Judging what was found: by numbers that tell right from wrong without the truth."""

@@ -1,0 +1,33 @@
+"""Evidence about the scene as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from recon.motion.movers import Movers
+from twin.verdict import NothingArticulated, Reason
+
+_APART_M = 0.1  # tracks farther from each other are of different things; about a hand's breadth, chosen by us
+_FAR_M = 0.05  # what carries a thing goes farther; tracks that slip along edges mostly don't. Chosen by us
+_FEWEST, _SHARE = (
+    4,
+    0.05,
+)  # tracks of a thing, of all that move, as of a part (`JointConfig.min_tracks`, `min_share`)
+
+
+def nothing_articulated(movers: Movers) -> Reason:
+    """The reason against a scene without a part: how many things moved all the same."""
+    return NothingArticulated("refused", free_things(movers))
+
+
+def free_things(movers: Movers) -> int:
+    """How many groups of neighbouring tracks went farther than what drifts."""
+    moving = np.flatnonzero(movers.moving & (movers.travel > _FAR_M))
+    if len(moving) < _FEWEST:
+        return 0
+    start = np.array([movers.points_world[movers.visible[:, k], k][0] for k in moving])
+    near = cKDTree(start).sparse_distance_matrix(cKDTree(start), _APART_M)
+    group = connected_components(near, directed=False)[1]
+    return int((np.bincount(group) >= max(_FEWEST, _SHARE * len(moving))).sum())

@@ -1,0 +1,286 @@
+"""Evidence on both sides of its limits, and twins of what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from recon.assemble import assemble
+from recon.contact.finish_parts import FinishedPart
+from recon.fusion.fuse import FusedScene
+from recon.motion.movers import Movers
+from recon.parts.find_parts import FoundParts, PartTracks
+from recon.parts.moving_part import MovingPart
+from recon.refine.observations import RefineConfig
+from recon.refine.refine_parts import polish_parts, refine_found
+from recon.verdict import of_parts
+from recon.verdict.evidence import PartEvidence, SceneEvidence
+from recon.verdict.explained import other_depth
+from recon.verdict.judge import judge
+from recon.verdict.of_scenes import free_things
+from tests.recon.cabinets import Clip, make_clip
+from twin.scene import HAND_LABEL, JointSigma, Mesh, Motion
+from twin.verdict import NothingArticulated, OfPart, Reason, Unexplained, Verdict
+
+SPAN = 1.2  # rad, of the door
+EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+
+
+def part_of(clip: Clip) -> MovingPart:
+    """The clip's part with its range, known well."""
+    sigma = JointSigma(0.002, 0.001, 0.002)
+    return replace(clip.part, joint=replace(clip.part.joint, sigma=sigma, covariance=None, upper=SPAN))
+
+
+def movers_of(clip: Clip, background: float = 0.0) -> tuple[Movers, Any]:
+    """A track on each triangle of the part, exact, and as many in the room that shift by `background` m at half time."""
+    rng = np.random.default_rng(0)
+    on_part = clip.mesh.vertices[clip.mesh.faces].mean(axis=1)
+    count = len(on_part)
+    poses = clip.part.joint.poses(clip.part.motion.state)
+    moving = np.einsum("tij,kj->tki", poses[:, :3, :3], on_part) + poses[:, None, :3, 3]
+    room = np.tile(rng.uniform(-1, 1, (count, 3)), (len(poses), 1, 1))
+    room[len(poses) // 2 :, :, 0] += background
+    points = np.concatenate([moving, room], axis=1)
+    mask = np.arange(2 * count) < count
+    return Movers(points, np.ones(points.shape[:2], bool), mask, mask), mask
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return make_clip("door")
+
+
+@pytest.fixture(scope="module")
+def evidence(clip: Clip) -> PartEvidence:
+    """A door about which nothing is doubtful."""
+    movers, mask = movers_of(clip)
+    part = part_of(clip)
+    tracks = PartTracks(part, mask, "motion")
+    found = FoundParts(movers, np.zeros_like(mask), (tracks,))
+    labels = {f: np.full((40, 50), part.id, np.uint8) for f in range(0, 26, 4)}
+    scene = SceneEvidence(clip.recording, clip.cameras, labels, found, clip.static, ((part, clip.mesh),))
+    return PartEvidence(scene, part, clip.mesh, tracks)
+
+
+def with_sigma(e: PartEvidence, **values: float) -> PartEvidence:
+    sigma = replace(e.part.joint.sigma, **values)
+    return replace(e, part=replace(e.part, joint=replace(e.part.joint, sigma=sigma)))
+
+
+def with_labels(e: PartEvidence, labels: dict[int, Any]) -> PartEvidence:
+    return replace(e, scene=replace(e.scene, labels=labels))
+
+
+def hand(e: PartEvidence, frame: int, share: float) -> PartEvidence:
+    labels = {f: image.copy() for f, image in e.scene.labels.items()}
+    flat = labels[frame].reshape(-1)
+    flat[: round(share * len(flat))] = HAND_LABEL
+    return with_labels(e, labels)
+
+
+def moving_during(e: PartEvidence, share: float) -> PartEvidence:
+    frames = e.part.motion.frames
+    span = (int(frames[0]), int(frames[round(share * len(frames)) - 1]))
+    return replace(e, part=replace(e.part, motion=replace(e.part.motion, intervals=(span,))))
+
+
+def drifting(e: PartEvidence, clip: Clip, share: float) -> PartEvidence:
+    """The room shifts by a share of the part's median travel."""
+    ends = [e.part.joint.pose(s) for s in (e.part.joint.lower, e.part.joint.upper)]
+    a, b = (clip.mesh.vertices @ T[:3, :3].T + T[:3, 3] for T in ends)
+    movers, mask = movers_of(clip, background=share * float(np.median(np.linalg.norm(a - b, axis=1))))
+    return replace(e, scene=replace(e.scene, found=FoundParts(movers, np.zeros_like(mask), ())))
+
+
+def shown_in(e: PartEvidence, frames: int) -> PartEvidence:
+    labels = {
+        f: image if k < frames else np.ones_like(image) for k, (f, image) in enumerate(e.scene.labels.items())
+    }
+    return with_labels(e, labels)
+
+
+def scaled(mesh: Mesh, area: float) -> Mesh:
+    return Mesh(mesh.vertices * np.sqrt(area / mesh.area), mesh.faces)
+
+
+def grown(e: PartEvidence, clip: Clip, share: float) -> PartEvidence:
+    """A triangle 2 m away whose area makes up that share of the surface."""
+    side = np.sqrt(2 * clip.mesh.area * share / (1 - share))
+    far = np.array([[2.0, 2, 2], [2 + side, 2, 2], [2, 2 + side, 2]])
+    n = len(clip.mesh.vertices)
+    mesh = Mesh(
+        np.concatenate([clip.mesh.vertices, far]), np.concatenate([clip.mesh.faces, [[n, n + 1, n + 2]]])
+    )
+    return replace(e, mesh=mesh)
+
+
+def off(e: PartEvidence, share: float) -> PartEvidence:
+    """That share of the part's tracks lies a metre beside it, in the part's frame."""
+    points = e.scene.found.movers.points_world.copy()
+    poses = e.part.joint.poses(e.part.motion.state)
+    moved = round(share * int(e.tracks.members.sum()))
+    points[:, :moved] += (poses[:, :3, :3] @ np.array([1.0, 1.0, 1.0]))[:, None]
+    movers = replace(e.scene.found.movers, points_world=points)
+    return replace(e, scene=replace(e.scene, found=replace(e.scene.found, movers=movers)))
+
+
+def test_a_door_that_is_known_well_is_trusted(evidence: PartEvidence) -> None:
+    assert [ask(evidence) for ask in of_parts.OF_PARTS] == [None] * len(of_parts.OF_PARTS)
+
+
+LIMITS: dict[str, tuple[Callable[[PartEvidence], Reason | None], Callable[..., PartEvidence], float, str, str | None]] = {
+    # name: (evidence, change, its limit, "up" where more is worse, level beyond)
+    "axis": (of_parts.axis, lambda e, _, x: with_sigma(e, axis=np.radians(x)), of_parts.AXIS_DOUBTFUL, "up", "doubtful"),
+    "axis, wide": (of_parts.axis, lambda e, _, x: with_sigma(e, axis=np.radians(x)), of_parts.AXIS_REFUSED, "up", "refused"),
+    "pivot": (of_parts.pivot, lambda e, _, x: with_sigma(e, pivot=x), of_parts.PIVOT_DOUBTFUL, "up", "doubtful"),
+    "pivot, wide": (of_parts.pivot, lambda e, _, x: with_sigma(e, pivot=x), of_parts.PIVOT_REFUSED, "up", "refused"),
+    "range": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE_DOUBTFUL, "down", "doubtful"),
+    "range, none": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE_REFUSED, "down", "refused"),
+    "hand, first": (of_parts.hand_at_ends, lambda e, _, x: hand(e, 0, x), of_parts.HAND_AT_END, "up", "doubtful"),
+    "hand, last": (of_parts.hand_at_ends, lambda e, _, x: hand(e, 24, x), of_parts.HAND_AT_END, "up", "doubtful"),
+    "drift": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT_DOUBTFUL, "down", "doubtful"),
+    "drift, all": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT_REFUSED, "down", "refused"),
+    "rest": (of_parts.rests, lambda e, _, x: moving_during(e, x), of_parts.RESTLESS, "up", "doubtful"),
+    "surface": (of_parts.surface, lambda e, c, x: replace(e, mesh=scaled(c.mesh, x)), of_parts.SMALL, "down", "doubtful"),
+    "untracked": (of_parts.tracked, lambda e, c, x: grown(e, c, x), of_parts.UNTRACKED, "up", "doubtful"),
+    "off": (of_parts.on_surface, lambda e, _, x: off(e, x), of_parts.OFF_SURFACE, "up", "refused"),
+    "labels": (of_parts.labelled, lambda e, _, x: shown_in(e, round(x)), of_parts.FEWEST_LABELS - 0.5, "down", "doubtful"),
+    "no labels": (of_parts.labelled, lambda e, _, x: shown_in(e, round(x)), 0.5, "down", "refused"),
+}  # fmt: skip
+MILDER = {"refused": ("doubtful", "trusted"), "doubtful": ("trusted",)}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_evidence_tells_on_which_side_of_its_limit_a_number_is(
+    name: str, evidence: PartEvidence, clip: Clip
+) -> None:
+    ask, change, limit, worse, level = LIMITS[name]
+    step = 1.1 if worse == "up" else 1 / 1.1
+    beyond, within = (ask(change(evidence, clip, x)) for x in (limit * step, limit / step))
+    assert beyond is not None
+    assert beyond.level == level
+    assert Verdict(() if within is None else (within,)).level in MILDER[str(level)]
+
+
+def test_a_half_sure_axis_with_a_half_sure_range_is_refused(evidence: PartEvidence) -> None:
+    unsure = with_sigma(evidence, axis=np.radians(1.1 * of_parts.AXIS_DOUBTFUL))
+    assert of_parts.axis(unsure).level == "doubtful"  # type: ignore[union-attr]
+    both = with_sigma(unsure, state=1.1 * SPAN / of_parts.RANGE_DOUBTFUL)
+    assert of_parts.axis(both).level == "refused"  # type: ignore[union-attr]
+
+
+def test_what_can_not_be_told_gives_no_reason_but_a_joint_without_sigma_does(evidence: PartEvidence) -> None:
+    bare = replace(evidence, part=replace(evidence.part, joint=replace(evidence.part.joint, sigma=None)))
+    assert of_parts.uncertainty(bare).level == "refused"  # type: ignore[union-attr]
+    assert [of_parts.axis(bare), of_parts.pivot(bare), of_parts.travelled(bare)] == [None] * 3
+    for mesh in (None, EMPTY):
+        unseen = replace(evidence, mesh=mesh)
+        assert of_parts.surface(unseen).level == "refused"  # type: ignore[union-attr]
+        assert [of_parts.tracked(unseen), of_parts.on_surface(unseen), of_parts.drift(unseen)] == [None] * 3
+    assert of_parts.hand_at_ends(with_labels(evidence, {})) is None
+
+
+def test_things_are_counted_by_what_goes_far_together() -> None:
+    rng = np.random.default_rng(1)
+    groups = [c + rng.uniform(-0.03, 0.03, (n, 3)) for c, n in ((0.0, 20), (1.0, 20), (2.0, 3), (3.0, 20))]
+    start = np.concatenate(groups)
+    way = np.linspace(0, 1, 30)[:, None, None] * np.array([0.3, 0, 0])
+    way = way * np.where(np.arange(len(start)) < 43, 1.0, 0.1)[None, :, None]  # the last one drifts by 3 cm
+    points = start + way
+    every = np.ones(len(start), bool)
+    seen = np.ones(points.shape[:2], bool)
+    assert free_things(Movers(points, seen, every, every)) == 2  # three tracks are no thing
+    assert free_things(Movers(points, seen, ~every, every)) == 0
+
+
+def judged_twin(clip: Clip, evidence: PartEvidence, sigma: float, cut: bool = False) -> Any:
+    """A twin of the clip, whose axis has this sigma (deg); cut: without a surface."""
+    part = with_sigma(evidence, axis=np.radians(sigma)).part
+    found, labels = evidence.scene.found, dict(evidence.scene.labels)
+    finished = () if cut else (FinishedPart(part, clip.mesh, None, "motion", "rest"),)
+    fused = FusedScene(clip.static, {} if cut else {part.id: clip.mesh})
+    verdict = judge(clip.recording, clip.cameras, labels, found, (part,), fused, finished)
+    return assemble(
+        clip.recording, clip.cameras, clip.static, finished, labels, {"made": 1}, verdict, (part,)
+    )
+
+
+def test_a_trusted_or_doubtful_part_is_written(clip: Clip, evidence: PartEvidence) -> None:
+    for sigma, level in ((0.1, "trusted"), (0.9, "doubtful")):
+        twin = judged_twin(clip, evidence, sigma)
+        assert [p.verdict.level for p in twin.parts] == [level]
+        assert twin.verdict.level == level
+        assert twin.provenance == {"made": 1}
+        assert twin.labels[0].max() == 2
+
+
+@pytest.mark.parametrize(("sigma", "cut", "why"), [(30.0, False, "AxisUnsure"), (0.1, True, "NoSurface")])
+def test_a_refused_part_is_told_but_not_written(
+    sigma: float, cut: bool, why: str, clip: Clip, evidence: PartEvidence
+) -> None:
+    twin = judged_twin(clip, evidence, sigma, cut)
+    assert twin.parts == ()
+    assert twin.verdict.level == "refused"
+    nothing, told = twin.verdict.reasons
+    assert isinstance(nothing, NothingArticulated)
+    assert isinstance(told, OfPart)
+    assert (told.part, told.of, told.written) == ("door_2", why, False)
+    (left_out,) = twin.provenance["refused"]
+    assert (left_out["name"], left_out["verdict"]["level"]) == ("door_2", "refused")
+    assert {int(v) for f in twin.labels for v in np.unique(twin.labels[f])} == {0}
+    assert evidence.scene.labels[0].max() == 2  # the stage's own images stay
+
+
+def test_refinement_of_no_part_is_none(clip: Clip, evidence: PartEvidence) -> None:
+    none = replace(evidence.scene.found, parts=())
+    nothing: Any = None
+    assert refine_found(clip.recording, clip.cameras, none, nothing, nothing, nothing) == ()
+    assert polish_parts(clip.recording, clip.cameras, {}, none, (), RefineConfig(), nothing) == ()
+
+
+def test_motion_without_frames_never_rests_nor_moves(evidence: PartEvidence) -> None:
+    empty = Motion(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    assert of_parts.rests(replace(evidence, part=replace(evidence.part, motion=empty))) is None
+
+
+def test_a_twin_with_the_part_explains_the_rests_and_one_without_does_not(
+    evidence: PartEvidence, clip: Clip
+) -> None:
+    frame, share = evidence.scene.unexplained
+    assert share <= of_parts.UNEXPLAINED / 2
+    for mesh in (None, scaled(clip.mesh, 1e-6)):
+        missed = replace(evidence.scene, parts=((evidence.part, mesh),))
+        frame, share = missed.unexplained
+        assert share > 2 * of_parts.UNEXPLAINED
+        reason = of_parts.explained(replace(evidence, scene=missed))
+        assert isinstance(reason, Unexplained)
+        assert (reason.frame, reason.level) == (frame, "doubtful")
+    turned = replace(evidence.part, joint=evidence.part.joint.reversed())
+    assert replace(evidence.scene, parts=((turned, clip.mesh),)).unexplained[1] > 2 * of_parts.UNEXPLAINED
+
+
+def test_a_half_labelled_part_does_not_explain_the_rests(evidence: PartEvidence, clip: Clip) -> None:
+    faces = clip.mesh.faces
+    across = clip.mesh.vertices[faces].mean(axis=1)[:, 0]
+    half = Mesh(clip.mesh.vertices, faces[across > np.median(across)])
+    scene = replace(evidence.scene, parts=((evidence.part, half),))
+    assert isinstance(of_parts.explained(replace(evidence, scene=scene, mesh=half)), Unexplained)
+
+
+def test_noise_holes_and_edges_are_not_another_depth() -> None:
+    rng = np.random.default_rng(0)
+    expected = np.full((60, 80), 2.0, np.float32)
+    expected[:, 40:] = 1.0
+    seen = (expected + rng.normal(0.0, 0.02, expected.shape)).astype(np.float32)
+    seen[10:20, 5:30] = 0.0
+    seen[:, 39] = 1.5
+    assert other_depth(seen, expected).mean() < 0.001
+    seen[30:45, 5:25] -= 0.5
+    np.testing.assert_allclose(other_depth(seen, expected)[30:45, 5:25].mean(), 1.0, atol=0.05)
+    expected[30:45, 5:25] = 0.0
+    assert other_depth(seen, expected).mean() < 0.001

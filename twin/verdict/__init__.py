@@ -1,0 +1,58 @@
+"""What a twin and each of its parts is worth: `trusted`, `doubtful` or `refused`, with the reasons.
+
+Who wants to know what is doubted asks for the type of a reason; who counts causes counts `kind`, which leaves the numbers out.
+docs/verdicts.md lists them all.
+"""
+
+from twin.verdict.document import verdict_document as verdict_document
+from twin.verdict.document import verdict_from as verdict_from
+from twin.verdict.motion import AxisUnsure, NeverRests, NoUncertainty, PivotUnsure, RangeUnsure, WithinDrift
+from twin.verdict.reason import LEVELS as LEVELS
+from twin.verdict.reason import Level as Level
+from twin.verdict.reason import Reason as Reason
+from twin.verdict.reason import StatedReason as StatedReason
+from twin.verdict.reason import worst as worst
+from twin.verdict.reasons import REASONS, NothingArticulated, OfPart
+from twin.verdict.surface import (
+    FewLabels,
+    HandWhereNobodyIs,
+    NoSurface,
+    SmallSurface,
+    TracksOffSurface,
+    Unexplained,
+    UntrackedSurface,
+)
+from twin.verdict.text import unjudged as unjudged
+from twin.verdict.text import verdict_line as verdict_line
+from twin.verdict.verdict import Verdict as Verdict
+from twin.verdict.verdict import of_twin as of_twin
+
+__all__ = [
+    "LEVELS",
+    "REASONS",
+    "AxisUnsure",
+    "FewLabels",
+    "HandWhereNobodyIs",
+    "Level",
+    "NeverRests",
+    "NoSurface",
+    "NoUncertainty",
+    "NothingArticulated",
+    "OfPart",
+    "PivotUnsure",
+    "RangeUnsure",
+    "Reason",
+    "SmallSurface",
+    "StatedReason",
+    "TracksOffSurface",
+    "Unexplained",
+    "UntrackedSurface",
+    "Verdict",
+    "WithinDrift",
+    "of_twin",
+    "unjudged",
+    "verdict_document",
+    "verdict_from",
+    "verdict_line",
+    "worst",
+]

@@ -1,0 +1,133 @@
+"""Why the motion of a part is doubted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin.verdict.reason import CUT, POINT_AT_IT, Reason
+
+
+@dataclass(frozen=True)
+class AxisUnsure(Reason):
+    """The axis may be tilted by `sigma_deg` (one standard deviation), more than `limit_deg`."""
+
+    sigma_deg: float
+    limit_deg: float
+
+    @property
+    def text(self) -> str:
+        return f"its axis is known to ± {self.sigma_deg:.2f}° only (at most {self.limit_deg:g}°)"
+
+    @property
+    def kind(self) -> str:
+        return "its axis is unsure"
+
+    @property
+    def help(self) -> str:
+        return f"open it farther and slower, with all of it in view, or {POINT_AT_IT}, or its type with --joint hinge|slide"
+
+
+@dataclass(frozen=True)
+class PivotUnsure(Reason):
+    """The place of a hinge may be off by `sigma_m` (one standard deviation), more than `limit_m`."""
+
+    sigma_m: float
+    limit_m: float
+
+    @property
+    def text(self) -> str:
+        return (
+            f"its hinge is known to ± {1000 * self.sigma_m:.1f} mm only (at most {1000 * self.limit_m:g} mm)"
+        )
+
+    @property
+    def kind(self) -> str:
+        return "the place of its hinge is unsure"
+
+    @property
+    def help(self) -> str:
+        return (
+            f"open it farther, with all of it in view, or say --joint slide if it is none, or {POINT_AT_IT}"
+        )
+
+
+@dataclass(frozen=True)
+class RangeUnsure(Reason):
+    """The range (deg or mm, see `unit`) is less than `limit` times one standard deviation of a state."""
+
+    range: float
+    sigma: float
+    unit: str
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"its range of {self.range:.1f} {self.unit} is known to ± {self.sigma:.2f} {self.unit}"
+        return f"{told} (at least {self.limit:g} times that)"
+
+    @property
+    def kind(self) -> str:
+        return "its range is hardly more than its error"
+
+    @property
+    def help(self) -> str:
+        return f"open it farther, or {CUT}, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class NoUncertainty(Reason):
+    """Nothing says how well the joint is known."""
+
+    @property
+    def text(self) -> str:
+        return self.kind
+
+    @property
+    def kind(self) -> str:
+        return "nothing says how well its joint is known"
+
+    @property
+    def help(self) -> str:
+        return f"open it farther, with all of it in view, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class WithinDrift(Reason):
+    """The part travels by `travel_m`, less than `limit` times what the static scene seems to move by meanwhile, `drift_m`."""
+
+    travel_m: float
+    drift_m: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        seems = f"what stands still seems to move by {1000 * self.drift_m:.1f} mm meanwhile"
+        return f"it moves by {1000 * self.travel_m:.0f} mm, and {seems} (at most 1/{self.limit:g} of it)"
+
+    @property
+    def kind(self) -> str:
+        return "it hardly moves more than what stands still seems to"
+
+    @property
+    def help(self) -> str:
+        return f"move the camera slower, keep more of the room in view, or {CUT}"
+
+
+@dataclass(frozen=True)
+class NeverRests(Reason):
+    """The part moves in `share` of the frames, more than `limit`."""
+
+    share: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        return f"it moves in {100 * self.share:.0f} % of the frames (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "it never rests"
+
+    @property
+    def help(self) -> str:
+        return f"record a second of rest before and after the opening, or {POINT_AT_IT}"

@@ -1,0 +1,94 @@
+"""All reasons, one type for each cause, which alone writes its text: against a part's motion (`motion.py`), its surface (`surface.py`), and
+against the twin.
+
+To add one: a type, its name in `REASONS`, and the function that tells it by its evidence in `recon/verdict/`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin.verdict.motion import AxisUnsure, NeverRests, NoUncertainty, PivotUnsure, RangeUnsure, WithinDrift
+from twin.verdict.reason import CUT, POINT_AT_IT, Level, Reason
+from twin.verdict.surface import (
+    FewLabels,
+    HandWhereNobodyIs,
+    NoSurface,
+    SmallSurface,
+    TracksOffSurface,
+    Unexplained,
+    UntrackedSurface,
+)
+
+
+@dataclass(frozen=True)
+class NothingArticulated(Reason):
+    """No part was found that stands up; free: how many things moved by no joint, a hand among them."""
+
+    free: int
+
+    @property
+    def text(self) -> str:
+        things = f"{self.free} thing{'s' * (self.free != 1)} moved freely" if self.free else "nothing moved"
+        return f"{self.kind}; {things}"
+
+    @property
+    def kind(self) -> str:
+        return "nothing articulated was found"
+
+    @property
+    def help(self) -> str:
+        return f"record a part being opened, from rest to rest, or {POINT_AT_IT}, or {CUT}"
+
+
+@dataclass(frozen=True)
+class OfPart(Reason):
+    """A reason against one part, told of its twin. of: the type of that reason; said, sort, cure: its text, kind and help;
+    written: whether the part is in the twin, which no refused one is."""
+
+    part: str
+    written: bool
+    of: str
+    said: str
+    sort: str
+    cure: str
+
+    @classmethod
+    def told(cls, part: str, reason: Reason, level: Level, written: bool = True) -> OfPart:
+        """The reason against the part of this name, with the level that it gives to the twin."""
+        return cls(level, part, written, type(reason).__name__, reason.text, reason.kind, reason.help)
+
+    @property
+    def text(self) -> str:
+        return f"{self.part}{'' if self.written else ', refused and not written'}: {self.said}"
+
+    @property
+    def kind(self) -> str:
+        return f"a {'part' if self.written else 'refused part'}: {self.sort}"
+
+    @property
+    def help(self) -> str:
+        return self.cure
+
+
+# By the names under which twin.json has them: a name that was given stays.
+REASONS: dict[str, type[Reason]] = {
+    c.__name__: c
+    for c in (
+        AxisUnsure,
+        PivotUnsure,
+        RangeUnsure,
+        NoUncertainty,
+        WithinDrift,
+        NeverRests,
+        HandWhereNobodyIs,
+        NoSurface,
+        SmallSurface,
+        UntrackedSurface,
+        TracksOffSurface,
+        Unexplained,
+        FewLabels,
+        NothingArticulated,
+        OfPart,
+    )
+}

@@ -1,0 +1,156 @@
+"""Why the surface and the labels of a part are doubted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin.verdict.reason import CUT, POINT_AT_IT, Reason
+
+
+@dataclass(frozen=True)
+class HandWhereNobodyIs(Reason):
+    """`share` of the first or last labelled frame is labelled hand, more than `limit`."""
+
+    frame: int
+    share: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"{100 * self.share:.1f} % of frame {self.frame}, before or after the hand was there, is labelled hand"
+        return f"{told} (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "hand is seen where nobody should be"
+
+    @property
+    def help(self) -> str:
+        return f"record a second of rest without the hand before and after, or {CUT}"
+
+
+@dataclass(frozen=True)
+class NoSurface(Reason):
+    """The part has no mesh."""
+
+    @property
+    def text(self) -> str:
+        return self.kind
+
+    @property
+    def kind(self) -> str:
+        return "it has no surface"
+
+    @property
+    def help(self) -> str:
+        return f"keep more of the part in view while it moves, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class SmallSurface(Reason):
+    """The part's surface has `area_m2`, less than `limit_m2`."""
+
+    area_m2: float
+    limit_m2: float
+
+    @property
+    def text(self) -> str:
+        return f"its surface has {1e4 * self.area_m2:.1f} cm² only (at least {1e4 * self.limit_m2:g} cm²)"
+
+    @property
+    def kind(self) -> str:
+        return "its surface is tiny"
+
+    @property
+    def help(self) -> str:
+        return f"keep more of the part in view while it moves, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class UntrackedSurface(Reason):
+    """`share` of the surface, more than `limit`, is farther than `reach_m` from everything that was seen to move with it."""
+
+    share: float
+    reach_m: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        far = f"is farther than {self.reach_m:g} m from all that was seen to move with it"
+        return f"{100 * self.share:.0f} % of its surface {far} (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "much of its surface was not seen to move"
+
+    @property
+    def help(self) -> str:
+        return f"come nearer and light it well, stick some tape onto a plain part, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class TracksOffSurface(Reason):
+    """`share` of the tracks that showed its joint, more than `limit`, are farther than `off_m` from its surface."""
+
+    share: float
+    off_m: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        far = f"is farther than {100 * self.off_m:g} cm from its surface"
+        return f"{100 * self.share:.0f} % of what showed its joint {far} (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "what showed its joint is not on its surface"
+
+    @property
+    def help(self) -> str:
+        return f"{POINT_AT_IT}, or {CUT}"
+
+
+@dataclass(frozen=True)
+class FewLabels(Reason):
+    """`frames` of `labelled` label images show the part, less than `limit`."""
+
+    frames: int
+    labelled: int
+    limit: int
+
+    @property
+    def text(self) -> str:
+        if not self.frames:
+            return f"none of {self.labelled} labelled frames shows it"
+        return f"{self.frames} of {self.labelled} labelled frames show it (at least {self.limit})"
+
+    @property
+    def kind(self) -> str:
+        return "hardly any labelled frame shows it"
+
+    @property
+    def help(self) -> str:
+        return f"keep the part in view, before and after it moves too, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class Unexplained(Reason):
+    """Where nobody moves anything, `share` of the picture of `frame` shows another depth than the twin carried there, more than
+    `limit`."""
+
+    frame: int
+    share: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"{100 * self.share:.1f} % of frame {self.frame} has another depth than the twin in its state there"
+        return f"{told} (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "the twin does not explain what changed"
+
+    @property
+    def help(self) -> str:
+        return f"{POINT_AT_IT}; what stands elsewhere afterwards must be a part, or stay where it was"

@@ -1,0 +1,58 @@
+"""What a part or a twin is worth, by the reasons against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from twin.verdict.reason import Level, Reason, worst
+from twin.verdict.reasons import OfPart
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The reasons against a part or a twin, none of which is a reason to trust it. Its level is that of the worst of them."""
+
+    reasons: tuple[Reason, ...] = ()
+
+    @property
+    def level(self) -> Level:
+        """`trusted` without a reason, else the worst that one of them says."""
+        return worst(r.level for r in self.reasons)
+
+    @property
+    def trusted(self) -> bool:
+        return not self.reasons
+
+    @property
+    def main(self) -> Reason | None:
+        """The first of the worst reasons; None of what is trusted."""
+        return next((r for r in self.reasons if r.level == self.level), None)
+
+    @property
+    def text(self) -> str:
+        """One line: the level, the main reason with what helps, and how many more there are."""
+        if self.main is None:
+            return self.level
+        more = len(self.reasons) - 1
+        rest = f" (and {more} more reason{'s' * (more != 1)})" if more else ""
+        return f"{self.level}: {self.main.text}; {self.main.help}{rest}"
+
+
+def of_twin(
+    written: Mapping[str, Verdict], refused: Mapping[str, Verdict] | None = None, own: Sequence[Reason] = ()
+) -> Verdict:
+    """A twin's verdict: its own reasons, then those against each part by its name.
+
+    refused: parts that the twin leaves out. They make it refused where it has no other, else doubtful: what is written may
+    well be right, but it is not all that moved.
+    """
+    reasons = list(own)
+    for name, verdict in written.items():
+        reasons += [OfPart.told(name, r, r.level) for r in verdict.reasons]
+    for name, verdict in (refused or {}).items():
+        level: Level = "doubtful" if written else "refused"
+        reasons += [
+            OfPart.told(name, r, level, written=False) for r in verdict.reasons if r.level == "refused"
+        ]
+    return Verdict(tuple(reasons))
