@@ -1,0 +1,75 @@
+"""What an inspection tells: findings, and checks that could not be made."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from twin.report.sections import Table
+
+
+@dataclass(frozen=True)
+class Finding(ABC):
+    """One fault of a recording; its fields are the measured values."""
+
+    @property
+    @abstractmethod
+    def kind(self) -> str:
+        """What is wrong, without numbers: equal for faults that are alike."""
+
+    @property
+    @abstractmethod
+    def value(self) -> str:
+        """By how much, with its numbers."""
+
+    @property
+    @abstractmethod
+    def help(self) -> str:
+        """What to do."""
+
+    @property
+    def text(self) -> str:
+        """What is wrong, and by how much."""
+        return f"{self.kind}: {self.value}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON types."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {"finding": type(self).__name__, "text": self.text, "help": self.help, "values": values}
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A check that could not be made. check: its name. why: what the recording lacks for it."""
+
+    check: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What was found in a recording. checked: names of all checks that were made. unknown: those that could not be made.
+    frames: how many of `of` frames were looked at."""
+
+    name: str
+    findings: tuple[Finding, ...]
+    checked: tuple[str, ...]
+    unknown: tuple[Unknown, ...]
+    frames: int
+    of: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON types."""
+        return {
+            "recording": self.name,
+            "frames": {"looked_at": self.frames, "of": self.of},
+            "findings": [f.as_dict() for f in self.findings],
+            "checked": list(self.checked),
+            "unknown": [asdict(u) for u in self.unknown],
+        }
+
+    def table(self) -> Table:
+        """One line for each finding."""
+        rows = [[f.kind, f.value, f.help] for f in self.findings]
+        return Table(f"{self.name}: what is wrong", ["what", "value", "what to do"], rows)

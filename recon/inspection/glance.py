@@ -1,0 +1,101 @@
+"""One look at a recording: small pictures of some of its frames, and a few numbers about each.
+
+Every frame is decoded once, at full size; what is kept is small.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.cameras.poses import CameraConfig, estimate_cameras
+from recon.inspection.pictures import PictureFacts, facts_of
+from recon.recording import Recording
+from recon.tracking.tracks import TrackConfig, Tracks, track_points
+from twin.errors import ReconstructionError
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+WIDTH = 480  # px, of the pictures that are kept: half the pixels of VGA, and corners are still found to a fraction of one
+_FPS = 15.0  # 1/s; what documents ask for. Denser recordings are thinned to it
+_ALL, _SPAN = (
+    180,
+    60,
+)  # frames: up to 12 s all are looked at, of a longer recording beginning, middle and end, 4 s each
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Frames that follow each other. frames (n,): their numbers in the recording. small: they, `WIDTH` wide, in memory.
+    facts: n, one a frame."""
+
+    frames: NDArray[np.int64]
+    small: Recording
+    facts: tuple[PictureFacts, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Usual time between two of its frames."""
+        return float(np.median(np.diff(self.small.times)))
+
+    @cached_property
+    def tracks(self) -> Tracks:
+        """Corners followed through the small pictures."""
+        return track_points(self.small, TrackConfig(cell=16, reseed_every=6))
+
+    @cached_property
+    def cameras(self) -> Trajectory | None:
+        """Poses from the tracks; None where too few are shared."""
+        config = CameraConfig(ransac_iterations=100)
+        try:
+            return estimate_cameras(self.tracks, self.small.times, self.small.intrinsics.fx, config)
+        except ReconstructionError:
+            return None
+
+
+def chosen_frames(times: Array) -> list[NDArray[np.int64]]:
+    """Numbers of the frames that are looked at, in stretches that follow each other."""
+    step = max(1, int(1.0 / (_FPS * float(np.median(np.diff(times)))) + 0.01))
+    kept = np.arange(0, len(times), step)
+    if len(kept) <= _ALL:
+        return [kept]
+    middle = (len(kept) - _SPAN) // 2
+    return [kept[:_SPAN], kept[middle : middle + _SPAN], kept[-_SPAN:]]
+
+
+def glance(recording: Recording) -> list[Stretch]:
+    """Read the chosen frames. Raises InputError naming the file when one is unreadable."""
+    return [_stretch(recording, frames) for frames in chosen_frames(recording.times)]
+
+
+def _stretch(recording: Recording, frames: NDArray[np.int64]) -> Stretch:
+    k = recording.intrinsics
+    scale = min(1.0, WIDTH / k.width)
+    size = (round(k.width * scale), round(k.height * scale))
+
+    def read(frame: int) -> tuple[NDArray[np.uint8], NDArray[np.float32], PictureFacts]:
+        color, depth = recording.frame(frame)
+        facts = facts_of(color, depth)
+        grey = cv2.resize(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
+        near = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST_EXACT)
+        return np.asarray(grey, dtype=np.uint8), np.asarray(near, dtype=np.float32), facts
+
+    with ThreadPoolExecutor(2) as pool:  # decoding and filters leave Python's lock
+        read_all = list(pool.map(read, (int(f) for f in frames)))
+    greys, depths, facts = zip(*read_all, strict=True)
+    small = replace(
+        recording,
+        times=recording.times[frames],
+        intrinsics=k.scaled(*size),
+        read_color=lambda i: np.asarray(cv2.cvtColor(greys[i], cv2.COLOR_GRAY2RGB), dtype=np.uint8),
+        read_depth=lambda i: depths[i],
+        poses=None,
+        gravity_camera0=None,
+        path=None,
+    )
+    return Stretch(frames, small, tuple(facts))

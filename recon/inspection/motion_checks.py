@@ -1,0 +1,131 @@
+"""What the frames say together: focal length, registration of depth, rest, and the hand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recon.inspection.changes import REST_S, Depths, arm_in_view, depths_of, moving_shares
+from recon.inspection.finding import Finding, Unknown
+from recon.inspection.focal import fit_focal
+from recon.inspection.glance import Stretch
+from recon.inspection.motion_findings import (
+    DepthDelayed,
+    HandAlwaysThere,
+    Misregistered,
+    NoCommonEdges,
+    NoRest,
+    NothingMoves,
+    WrongFocal,
+)
+from recon.inspection.registration import REACH, EdgeTable, delay, edge_table, offset
+from recon.recording import Recording
+
+Found = list[Finding | Unknown]
+
+_FOCAL = 0.02  # a door half a metre wide becomes 1 cm too wide or too narrow
+_SURE = 3.0  # standard deviations
+_SHIFT = 1.5  # px of 640: tracks leave out a pixel beside edges of depth; beyond it they take the background's depth
+_BORDER = 3.0  # px of 640, at the left and right border: told by thirds of the picture, and so half as well as a shift
+_DELAY = 0.025  # s: a part that is opened at 0.4 m/s moves 1 cm, which counts as movement
+_LEAST_EDGES = 500  # pixels on edges of depth in a frame that would meet edges of colour if they could
+_KNOWN = 0.65  # share of the picture with depth, as `frame_checks` asks for: the rims of holes are edges of nothing
+_MOVES = 0.003  # share of the picture: a metre away 6 cm x 6 cm, less than a fist
+_ENDS = 3  # frames at the beginning and the end that have to agree
+_EVERY = 4  # frames: how often the hand is looked for in between
+
+
+def focal(stretches: list[Stretch], recording: Recording) -> Found:
+    """The stated focal length against the one under which tracks move rigidly."""
+    fit = fit_focal(stretches)
+    if fit is None:
+        return [Unknown("focal length", "too few points can be followed from frame to frame")]
+    if _SURE * fit.sigma > _FOCAL:
+        return [Unknown("focal length", f"the camera turns too little: known within {_SURE * fit.sigma:.0%}")]
+    if abs(fit.ratio - 1) <= _FOCAL:
+        return []
+    stated = recording.intrinsics.fx
+    return [WrongFocal(stated, stated * fit.ratio, fit.sigma)]
+
+
+def registration(stretches: list[Stretch], recording: Recording) -> Found:
+    """Shift, scale and delay between depth and colour."""
+    tables = [edge_table(s) for s in stretches]
+    table = EdgeTable(
+        *(np.concatenate([getattr(t, name) for t in tables]) for name in ("score", "count", "speed"))
+    )
+    found: Found = []
+    where = offset(table)
+    small = stretches[0].small.intrinsics
+    full = recording.intrinsics.width / small.width  # px of the recording in one of the inspected size
+    least = _SHIFT * small.width / 640
+    if not np.isfinite(where.shift).any():
+        known = np.median([x.known for s in stretches for x in s.facts])
+        if where.edges >= _LEAST_EDGES * len(table.score) and known >= _KNOWN:
+            return [NoCommonEdges(where.edges, REACH * full)]
+        return [Unknown("registration", "depth shows too few edges, or too many holes")]
+    # edges of colour lie to the left of those of depth when depth lies too far right
+    x, y = (
+        -_surely(interval, max(least, _SURE * sigma)) * full
+        for interval, sigma in zip(where.shift, where.sigma, strict=True)
+    )
+    border = -_surely(where.border, _BORDER * small.width / 640) * full
+    if x or y or border:
+        found.append(Misregistered(x or None, y or None, border or None))
+    for axis, interval in zip("xy", where.shift, strict=True):
+        if not np.isfinite(interval).all():
+            found.append(Unknown(f"registration along {axis}", "too few edges of depth are edges of colour"))
+    late, sigma = delay(table)
+    if not _SURE * sigma <= 2 * _DELAY:
+        found.append(Unknown("delay of depth", "the camera moves too little"))
+    elif abs(late) > max(_DELAY, _SURE * sigma):
+        found.append(DepthDelayed(late, sigma))
+    return found
+
+
+def _surely(interval: np.ndarray, least: float) -> float:
+    """The value of an interval (2,) that is nearest zero if it is beyond `least`, else 0, also when it is not known."""
+    low, high = interval
+    nearest = low if low > 0 else high if high < 0 else 0.0
+    return float(nearest) if abs(nearest) > least else 0.0
+
+
+def rest_and_hand(stretches: list[Stretch]) -> Found:
+    """Whether the recording begins and ends at rest, and without the hand."""
+    first, last = depths_of(stretches[0]), depths_of(stretches[-1])
+    if first is None or last is None:
+        why = "too few points can be followed to find the cameras"
+        return [Unknown("rest", why), Unknown("hand", why)]
+    return [*_rest(stretches, [first, last]), *_hand(first, last)]
+
+
+def _rest(stretches: list[Stretch], ends: list[Depths]) -> Found:
+    gap = max(1, round(REST_S / stretches[0].seconds))
+    shares = []
+    for depths in ends:
+        n = len(depths.depth) - gap
+        if n < 2 * _ENDS:
+            return [Unknown("rest", f"{n + gap} frames are too few")]
+        frames = np.unique([*range(_ENDS), *range(_ENDS, n - _ENDS, _EVERY), *range(n - _ENDS, n)])
+        shares.append(moving_shares(depths, gap, frames))
+    before, after = float(np.median(shares[0][:_ENDS])), float(np.median(shares[1][-_ENDS:]))
+    if np.isnan(before) or np.isnan(after):
+        return [Unknown("rest", "the first or the last frames share too few points with the others")]
+    most = float(np.nanmax(np.concatenate(shares)))
+    if most < _MOVES:
+        return (
+            [] if len(stretches) > 1 else [NothingMoves(most)]
+        )  # of a long one the motion may not have been looked at
+    if max(before, after) < _MOVES:
+        return []
+    return [NoRest(before >= _MOVES, after >= _MOVES, REST_S, max(before, after))]
+
+
+def _hand(first: Depths, last: Depths) -> Found:
+    seen = []
+    for depths in [first] if last is first else [first, last]:
+        n = len(depths.depth)
+        frames = sorted({*range(_ENDS), *range(_ENDS, n - _ENDS, _EVERY), *range(n - _ENDS, n)})
+        seen.append(np.array([arm_in_view(depths, f) for f in frames]))
+    before, after = bool(seen[0][:_ENDS].all()), bool(seen[-1][-_ENDS:].all())
+    share = float(np.concatenate(seen).mean())
+    return [HandAlwaysThere(before, after, share)] if before or after else []
