@@ -1,4 +1,4 @@
-"""Which way is up: from the device when it knew, else from the walls, floors and counters in view."""
+"""Which way is up: as the user says, from the device when it knew, else from the walls, floors and counters in view."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.depth import depth_normals, mean_depth
+from recon.dense.depth import depth_normals, mean_depth
 from recon.recording import Recording
+from recon.recording.said import Up, up_direction
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.keys import Stage
@@ -16,6 +17,10 @@ from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
 GRAVITY = Stage("gravity", 1, ("gravity",))
+# Planes so near to what the user says of up refine it: a direction is meant as it is said, give or take what a person sees; of the
+# camera's axes the nearest one is at most 54.7 degrees off, and 45 where the head is level. Chosen by us.
+_NEAR_DIRECTION, _NEAR_AXIS = float(np.radians(10.0)), float(np.radians(45.0))
+_FEWEST_NORMALS = 100  # less depth shows no plane
 
 
 @dataclass(frozen=True)
@@ -40,35 +45,62 @@ class Gravity:
     warnings: tuple[str, ...] = ()
 
 
-def upright(recording: Recording, cameras: Trajectory, config: GravityConfig = GravityConfig()) -> Trajectory:
-    """The cameras in a world whose z axis points up."""
-    gravity = find_gravity(recording, cameras, config)
+def upright(
+    recording: Recording,
+    cameras: Trajectory,
+    config: GravityConfig = GravityConfig(),
+    said: Up | None = None,
+) -> Trajectory:
+    """The cameras in a world whose z axis points up. said: the user's word on it."""
+    gravity = find_gravity(recording, cameras, config, said)
     for note in gravity.warnings:
         warnings.warn(note, stacklevel=2)
     return cameras.transformed(geo.make_pose(gravity.R_world_start))
 
 
 def find_gravity(
-    recording: Recording, cameras: Trajectory, config: GravityConfig = GravityConfig()
+    recording: Recording,
+    cameras: Trajectory,
+    config: GravityConfig = GravityConfig(),
+    said: Up | None = None,
 ) -> Gravity:
-    """Gravity from the recording's metadata, else from a Manhattan fit to normals of evenly spread frames."""
+    """Gravity as the user says, from the recording's metadata, else from a Manhattan fit to normals of evenly spread frames."""
+    if said is not None:
+        return _as_said(said, _normals(recording, cameras, config), cameras, config)
     if recording.gravity_camera0 is not None and cameras.pose(0) is not None:
         up = -geo.rotate(cameras.T_world_cam[0], recording.gravity_camera0)
         return Gravity(geo.rotation_between(up, [0, 0, 1]), "metadata")
     normals = _normals(recording, cameras, config)
     camera_up = geo.unit(-cameras.T_world_cam[:, :3, 1].mean(axis=0))
     camera_right = geo.unit(cameras.T_world_cam[:, :3, 0].mean(axis=0))
-    if len(normals) < 100:
+    if len(normals) < _FEWEST_NORMALS:
         message = "too little depth to see floors or walls: the mean camera-up direction is taken as up"
         return Gravity(geo.rotation_between(camera_up, [0, 0, 1]), "camera", (message,))
     axes = manhattan_axes(normals, config)
     up, ambiguous = _pick_up(axes, camera_up, camera_right)
     notes = (
-        ("the camera is pitched by about 45 degrees: wall and floor may be exchanged; give gravity_camera0",)
+        (
+            "the camera is pitched by about 45 degrees: wall and floor may be exchanged; say which way is up with --up",
+        )
         if ambiguous
         else ()
     )
     return Gravity(geo.rotation_between(up, [0, 0, 1]), "planes", notes)
+
+
+def _as_said(said: Up, normals: Array, cameras: Trajectory, config: GravityConfig) -> Gravity:
+    """Up as it is said, turned onto the planes' axis next to it where that is near and normals (n, 3) tell it."""
+    up = geo.rotate(cameras.T_world_cam[0], up_direction(said))
+    if len(normals) >= _FEWEST_NORMALS:
+        axes = manhattan_axes(normals, config)
+        column = int(np.argmax(np.abs(axes.T @ up)))
+        nearest = axes[:, column] * np.sign(axes[:, column] @ up)
+        known = (np.abs(normals @ axes) > np.cos(3 * config.normal_sigma)).sum(axis=0) >= _FEWEST_NORMALS
+        told = known[column] or known.sum() == 2  # two walls tell the third direction
+        limit = _NEAR_AXIS if isinstance(said, str) else _NEAR_DIRECTION
+        if told and geo.angle_between(nearest, up) <= limit:
+            return Gravity(geo.rotation_between(nearest, [0, 0, 1]), "said, refined by planes")
+    return Gravity(geo.rotation_between(up, [0, 0, 1]), "said")
 
 
 def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> tuple[Array, bool]:

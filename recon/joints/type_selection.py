@@ -4,7 +4,8 @@ Residuals alone choose a hinge tens of metres away for a drawer. So: noise no sm
 information criterion (Schwarz 1978), and two guards on range and radius.
 
 A hint from elsewhere (a model that looked at pictures) may tip what motion leaves open: it counts as much as the margin that
-the rule asks of a hinge anyway, and stands in for the least range, which no data of ours has chosen. Clear motion overrules it.
+the rule asks of a hinge anyway, and stands in for the least range, which no data of ours has chosen. Clear motion overrules it. What
+the user says of a type is no hint: motion is not asked then.
 
 FunREC, supplement 3.5: ablation A1 is the paper without its model; the rule here takes its place.
 """
@@ -45,7 +46,7 @@ class TypeEvidence:
 class TypeHint:
     """Somebody's word for a joint type: `source` says that a part of this kind moves in recording frames first..last.
 
-    weight: BIC by which it moves the evidence towards its kind.
+    weight: BIC by which it moves the evidence towards its kind; infinite for a word that no motion overrules.
     """
 
     kind: Kind
@@ -55,14 +56,21 @@ class TypeHint:
     weight: float = HINT_WEIGHT
 
     def __post_init__(self) -> None:
-        if not 0 <= self.first < self.last or not 0 <= self.weight < np.inf:
-            raise ConfigError(f"a joint hint needs first < last and a finite weight >= 0, got {self}")
+        if not 0 <= self.first < self.last or not self.weight >= 0:
+            raise ConfigError(f"a joint hint needs first < last and a weight >= 0, got {self}")
+
+    @property
+    def certain(self) -> bool:
+        """Whether motion is not asked."""
+        return self.weight == np.inf
 
 
 def hint_about(hints: Sequence[TypeHint], state: Array) -> TypeHint | None:
-    """The hint whose frames overlap most with those in which state (T,) is under way; None where none does."""
-    if not hints:
-        return None
+    """The hint whose frames overlap most with those in which state (T,) is under way; None where none does. One that is certain
+    goes before all others."""
+    certain = next((h for h in hints if h.certain), None)
+    if certain is not None or not hints:
+        return certain
     low, high = np.quantile(state, [0.02, 0.98])
     margin = 0.05 * (high - low)
     moving = np.flatnonzero((state > low + margin) & (state < high - margin))
@@ -85,6 +93,8 @@ def delta_bic(chi2_prismatic: float, chi2_revolute: float, values: int) -> float
 
 def decide(evidence: TypeEvidence, config: JointConfig, hint: TypeHint | None = None) -> tuple[Kind, str]:
     """The joint type and the sentence that explains it."""
+    if hint is not None and hint.certain:
+        return hint.kind, f"said by {hint.source}"
     kind, why = _by_motion(evidence, config)
     if hint is None:
         return kind, why

@@ -1,0 +1,125 @@
+"""The user's word on a recording: where a moving part is seen, when it moves, by which joint, and which way is up.
+
+It takes the place of what the stages would choose themselves. It proves nothing: verdicts are given as without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.recording import Recording
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.runs.setting import Settings, setting
+
+JointWord = Literal["hinge", "slide"]
+Up = Literal["+x", "-x", "+y", "-y", "+z", "-z"] | tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Word:
+    """What is said of one part. point: x, y px of the colour picture and a frame that show it. interval: first and last frame in
+    which it moves."""
+
+    point: tuple[int, int, int] | None = None
+    interval: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        told = [] if self.point is None else ["--part {},{}@{}".format(*self.point)]
+        return " ".join(
+            [*told, *([] if self.interval is None else ["--interval {}:{}".format(*self.interval)])]
+        )
+
+
+@dataclass(frozen=True)
+class Said(Settings):
+    """The user's word, which takes the place of what the stages would choose; as --part, --interval, --joint and --up give it.
+
+    With parts or intervals exactly these parts are looked for, one for each; where both are given they belong together in order.
+    """
+
+    parts: tuple[tuple[int, int, int], ...] = setting(
+        (), "x, y of a pixel of the colour picture that shows a moving part, and the frame", at_least=0
+    )
+    intervals: tuple[tuple[int, int], ...] = setting(
+        (), "first and last frame in which a part moves; it rests in all others", at_least=0
+    )
+    joints: tuple[JointWord, ...] = setting((), "type of joint of all parts, or of each in order")
+    up: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | tuple[float, float, float] | None = setting(
+        None, "direction that points up in the first camera's axes, or the camera's axis nearest to it"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for first, last in self.intervals:
+            if first >= last:
+                raise self.refused("intervals", "have first < last")
+        if self.parts and len(self.intervals) not in (0, len(self.parts)):
+            raise self.refused("intervals", f"be one for each of {len(self.parts)} parts, or none")
+        if len(self.joints) > 1 and len(self.joints) != len(self.words):
+            raise self.refused("joints", "be one for all parts, or one for each part that is said")
+        if isinstance(self.up, tuple) and not np.linalg.norm(self.up) > 0:
+            raise self.refused("up", "be a direction, not zero")
+
+    @property
+    def words(self) -> tuple[Word, ...]:
+        """What is said of each part, in order; empty where parts are to be found without."""
+        return tuple(Word(p, i) for p, i in zip_longest(self.parts, self.intervals))
+
+    @property
+    def of_parts(self) -> Said | None:
+        """What finding the parts depends on, None where nothing is said of them."""
+        told = replace(self, up=None)
+        return told if told != Said() else None
+
+    def joint_of(self, number: int) -> JointWord | None:
+        """The type of the `number`-th part that is said."""
+        return self.joints[number if len(self.joints) > 1 else 0] if self.joints else None
+
+    @property
+    def texts(self) -> dict[str, str | list[str]]:
+        """As the command line takes it, without what is not said: JSON types."""
+        told: dict[str, str | list[str]] = {
+            "part": [f"{x},{y}@{frame}" for x, y, frame in self.parts],
+            "interval": [f"{first}:{last}" for first, last in self.intervals],
+            "joint": list(self.joints),
+            "up": ",".join(f"{v:g}" for v in self.up) if isinstance(self.up, tuple) else self.up or "",
+        }
+        return {name: text for name, text in told.items() if text}
+
+
+def up_direction(up: Up) -> Array:
+    """Unit vector (3,) in the first camera's axes."""
+    if isinstance(up, str):
+        return np.asarray((1.0 if up[0] == "+" else -1.0) * np.eye(3)["xyz".index(up[1])])
+    return np.asarray(up) / np.linalg.norm(up)
+
+
+def require_said(said: Said, recording: Recording) -> None:
+    """Raises InputError for a frame or pixel that the recording doesn't have, and for a pixel without depth."""
+    last, camera = len(recording) - 1, recording.intrinsics
+    for interval in said.intervals:
+        if interval[1] > last:
+            told = str(Word(interval=interval))
+            raise InputError(f"{told}: the recording has frames 0..{last}", "say frames of these")
+    for x, y, frame in said.parts:
+        told = str(Word((x, y, frame)))
+        if frame > last:
+            raise InputError(f"{told}: the recording has frames 0..{last}", "say a frame of these")
+        if x >= camera.width or y >= camera.height:
+            size = f"{camera.width}x{camera.height}"
+            raise InputError(f"{told}: the picture has {size} pixels", "say x and y of a pixel in it, from 0")
+        depth = recording.depth(frame)
+        if not depth[y, x] > 0:
+            raise InputError(f"{told}: there is no depth at this pixel", _nearest(depth, x, y))
+
+
+def _nearest(depth: NDArray[np.float32], x: int, y: int) -> str:
+    rows, columns = np.nonzero(depth > 0)
+    k = int(np.argmin((columns - x) ** 2 + (rows - y) ** 2))
+    return f"say another one; the nearest with depth is {columns[k]},{rows[k]}"
