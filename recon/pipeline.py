@@ -6,33 +6,40 @@ of typed inputs and its own settings, which the folder that holds it declares to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from recon.assemble import assemble, keep_key_frames, keep_twin, say_where
 from recon.cameras.gravity import GRAVITY, upright
 from recon.cameras.poses import CAMERAS, camera_poses
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
-from recon.fusion.fuse import FUSION, fuse
+from recon.fusion.fuse import FUSION, FusedScene, fuse
 from recon.joints.clustering.clusters import require_hdbscan
 from recon.joints.type_selection import TypeHint
 from recon.labels.label_frames import LABELS, label_frames
 from recon.models.joint_hint import JointHint
-from recon.parts.find_parts import MOTION, find_parts
+from recon.parts.find_parts import MOTION, FoundParts, find_parts
+from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.recording import Recording
+from recon.recording.kept import kept
+from recon.recording.said import require_said
 from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.tracking.tracks import TRACKS, track_points
+from recon.verdict.judge import VERDICT, judge
 from twin.physics import MaterialTable, read_materials, with_physics
 from twin.runs.keys import Stage
 from twin.runs.manifest import versions
 from twin.runs.progress import default_progress
 from twin.runs.settings import as_dict
 from twin.runs.stages import Progress, Run, StageResult
-from twin.scene import Twin
+from twin.scene import Trajectory, Twin
 from twin.storage import require_place
 
 T = TypeVar("T")
@@ -50,7 +57,7 @@ def reconstruct(
 
     Args:
         recording: a recording, or the path of one, which is opened with `open_recording`.
-        config: settings by stage; None takes the defaults.
+        config: settings by stage, and what the user says of the recording (`config.said`); None takes the defaults.
         out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
             there. None keeps everything in memory.
         progress: told about every stage; without it a bar appears on a terminal.
@@ -66,11 +73,13 @@ def reconstruct(
     out = None if out is None else Path(out)
     if not isinstance(recording, Recording):
         recording = open_recording(recording)
+    require_said(config.said, recording)
     if out is not None:
         require_place(out / "twin")
     with default_progress(progress) as told, Run(out, recording.fingerprint, told, config) as run:
         for note in recording.warnings:
             run.warn(note)
+        recording = kept(recording)
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
         twin = _run(run, recording, config, hints, materials)
         if out is not None:
@@ -106,13 +115,20 @@ def _run(
     cameras = stage(
         CAMERAS, [tracks], lambda: camera_poses(recording, tracks.value, c.cameras, loop("cameras"))
     )
-    up = stage(GRAVITY, [cameras], lambda: upright(recording, cameras.value, c.gravity))
+    said, of_parts = c.said, c.said.of_parts  # they join the keys only where something is said
+    up = stage(
+        GRAVITY,
+        [cameras],
+        lambda: upright(recording, cameras.value, c.gravity, said.up),
+        *([said.up] if said.up is not None else []),
+    )
     # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
     found = stage(
         MOTION,
         [tracks, up],
-        lambda: find_parts(recording, tracks.value, up.value, c.motion, c.joints, hints),
+        lambda: find_parts(recording, tracks.value, up.value, c.motion, c.joints, hints, said),
         *([hints] if hints else []),
+        *([of_parts] if of_parts is not None else []),
     )
     refined = stage(
         REFINE,
@@ -136,27 +152,40 @@ def _run(
         [up, polished, labels],
         lambda: fuse(recording, up.value, labels.value, polished.value, c.fusion, progress=loop("fusion")),
     )
+    made = _provenance(c, hints)
+    twin = _judged_twin(stage, recording, c, up, found, labels, polished, fused, made)
+    return with_physics(twin, table=materials)
+
+
+def _judged_twin(
+    stage: _Chain,
+    recording: Recording,
+    c: ReconConfig,
+    up: StageResult[Trajectory],
+    found: StageResult[FoundParts],
+    labels: StageResult[dict[int, NDArray[np.uint8]]],
+    polished: StageResult[tuple[MovingPart, ...]],
+    fused: StageResult[FusedScene],
+    made: Mapping[str, Any],
+) -> Twin:
+    """The last stages, and the twin of what they leave."""
+    cameras, images, parts, scene = up.value, labels.value, polished.value, fused.value
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,
         [up, found, polished, labels, fused],
-        lambda: finish_parts(
-            recording,
-            up.value,
-            labels.value,
-            found.value,
-            polished.value,
-            fused.value,
-            c.closed_end,
-            c.contact,
-        ),
+        lambda: finish_parts(recording, cameras, images, found.value, parts, scene, c.closed_end, c.contact),
     )
-    twin = assemble(
-        recording, up.value, fused.value.static, finished.value, labels.value, _provenance(c, hints)
+    # What each part is worth, by numbers that need no truth.
+    judged = stage(
+        VERDICT,
+        [up, found, polished, labels, fused, finished],
+        lambda: judge(recording, cameras, images, found.value, parts, scene, finished.value),
     )
-    return with_physics(twin, table=materials)
+    return assemble(recording, cameras, scene.static, finished.value, images, made, judged.value, parts)
 
 
 def _provenance(config: ReconConfig, hints: Sequence[TypeHint]) -> dict[str, Any]:
     made: dict[str, Any] = {"versions": versions(), "config": as_dict(config)}
-    return made | {"joint_hints": as_dict(hints)} if hints else made
+    told = {"joint_hints": as_dict(hints), "said": config.said.texts}
+    return made | {name: what for name, what in told.items() if what}

@@ -3,42 +3,95 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from twin.cli import given
 from twin.cli.console import Console, Outcome
-from twin.cli.step import Step, joint_row, joint_text, page, page_note, require_run, run_folder
+from twin.cli.step import Step, joint_row, joint_text, judged, page, page_note, require_run, run_folder
+from twin.errors import InputError
 from twin.files.paths import require_writable
 from twin.files.text import read_json
 from twin.report.sections import Table
 from twin.runs.manifest import MANIFEST
 from twin.runs.settings import from_dict
 from twin.runs.stages import Progress
+from twin.runs.threads import import_ahead
 from twin.storage import load
+from twin.verdict import verdict_line
 
 
 def simulate(
-    console: Console, scene: Path, joint: str, out: Path, config: Path | None, set: Sequence[str]
+    console: Console,
+    scene: Path | None,
+    joint: str | None,
+    random: int | None,
+    out: Path,
+    config: Path | None,
+    set: Sequence[str],
 ) -> Outcome:
-    """Render a recording with truth."""
-    from recon.simulate.config import SimulateConfig
-
+    """Render a recording with truth: of one part of a scene, or all of it drawn from a seed."""
     require_writable(out)
-    settings = given.settings(SimulateConfig, config, set)
-    from recon.simulate.joints import require_joint
-
-    require_joint(scene, joint)
     with console.progress() as progress:
 
         def tell(done: int, total: int) -> None:
             progress("simulate", done / total, f"{done} of {total} frames")
 
-        from recon.simulate import simulate as render
+        if random is not None:
+            if scene is not None or joint is not None:
+                raise InputError("--random draws a scene of its own", "leave the scene and --joint out")
+            from recon.simulate import simulate_random
 
-        folder = render(scene, joint, out, settings, progress=tell)
+            folder = simulate_random(random, out, settings=given.told(config, set)[0], progress=tell)
+        elif scene is None or joint is None:
+            raise InputError(
+                "twin simulate needs a scene and --joint, or --random",
+                "for example: twin simulate scene.xml --joint door -o OUT, or twin simulate --random 7 -o OUT",
+            )
+        else:
+            folder = _simulate_scene(scene, joint, out, config, set, tell)
     return Outcome({"recording": str(folder)}, notes=[f"recording: {folder}", f"truth: {folder / 'truth'}"])
+
+
+def _simulate_scene(
+    scene: Path,
+    joint: str,
+    out: Path,
+    config: Path | None,
+    set: Sequence[str],
+    tell: Callable[[int, int], None],
+) -> Path:
+    from recon.simulate.config import SimulateConfig
+
+    settings = given.settings(SimulateConfig, config, set)
+    from recon.simulate.joints import require_joint
+
+    require_joint(scene, joint)
+    from recon.simulate import simulate as render
+
+    return render(scene, joint, out, settings, progress=tell)
+
+
+def inspect(console: Console, recording: Path, layout: str | None) -> Outcome:
+    """What is wrong with a recording; a finding is no failure."""
+    from recon.readers import open_recording
+
+    opened = open_recording(recording, layout)
+    with console.progress() as progress:
+        progress("inspect", 0.0, "")
+        from recon.inspection.inspect import inspect as inspection_of
+
+        found = inspection_of(opened)
+        progress("inspect", 1.0, "")
+    tables = [found.table()] if found.findings else []
+    count = len(found.findings)
+    said = f"{count} finding{'s' * (count != 1)}" if count else "nothing found"
+    notes = [
+        f"{said} in {found.frames} of {found.of} frames; checked: {', '.join(found.checked)}",
+        *(f"not known: {u.check} ({u.why})" for u in found.unknown),
+    ]
+    return Outcome(found.as_dict(), tables, notes, opened.warnings)
 
 
 def reconstruct(
@@ -47,20 +100,32 @@ def reconstruct(
     out: Path,
     layout: str | None,
     joint_hint: str | None,
+    parts: Sequence[tuple[int, ...]],
+    intervals: Sequence[tuple[int, ...]],
+    joints: Sequence[str],
+    up: str | tuple[float, ...] | None,
     config: Path | None,
     set: Sequence[str],
 ) -> Outcome:
     """Recording to twin."""
     require_run(out)
-    told = given.told(config, set)
+    data, where = given.told(config, set)
+    said = {"parts": parts, "intervals": intervals, "joints": joints, "up": up}
+    _say(data, {name: word for name, word in said.items() if word})
     from recon.readers import open_recording
 
     opened = open_recording(recording, layout)
     from recon.config import ReconConfig  # imports what takes seconds
 
-    settings = from_dict(ReconConfig, *told)
+    settings = from_dict(ReconConfig, data, where if config or set else "options")
     with console.progress() as progress, page(out):
         return reconstruct_step(progress, opened, out, settings, joint_hint).outcome
+
+
+def _say(data: dict[str, Any], said: Mapping[str, Any]) -> None:
+    """The user's word into settings as a file gives them; what the file says of the same is replaced."""
+    if said and isinstance(table := data.setdefault("said", {}), dict):
+        table |= {name: list(word) if isinstance(word, list) else word for name, word in said.items()}
 
 
 def reconstruct_step(
@@ -70,6 +135,7 @@ def reconstruct_step(
     started = time.perf_counter()
     from recon import models, pipeline
 
+    import_ahead("open3d", "trimesh", "matplotlib.backends.backend_svg")  # for masses and the page
     hint = None if joint_hint is None else models.joint_hint(joint_hint)
     twin = pipeline.reconstruct(recording, settings, out=out, progress=progress, hint=hint)
     manifest = read_json(out / MANIFEST)
@@ -80,10 +146,18 @@ def reconstruct_step(
     rows = [[p.name, *joint_row(p)] for p in twin.parts]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
     stages = {s["name"]: s["seconds"] for s in manifest.get("stages", [])}
-    summary = "; ".join(f"{p.name}: {joint_text(p)}" for p in twin.parts)
+    summary = "; ".join(f"{p.name}: {joint_text(p)}" for p in twin.parts) or "no part"
     data = {"run": str(out), "parts": [p.name for p in twin.parts], "seconds": stages}
-    outcome = Outcome(data, [Table(f"{twin.name} → {out}", columns, rows)], [page_note(out)], warnings)
-    return Step("reconstruct", outcome, summary, started)
+    trusted = twin.verdict is None or twin.verdict.trusted
+    outcome = Outcome(
+        data,
+        [Table(f"{twin.name} → {out}", columns, rows)],
+        [page_note(out)],
+        warnings,
+        ok=trusted,
+        doubt="" if trusted else verdict_line(twin),
+    )
+    return Step("reconstruct", judged(outcome, twin), summary, started)
 
 
 def evaluate(console: Console, run: Path, truth: Path) -> Outcome:

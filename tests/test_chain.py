@@ -14,10 +14,14 @@ import pytest
 from twin.cli import main as cli
 from twin.files.assets import asset
 from twin.files.text import read_json
+from twin.runs.threads import threads
 from twin.storage import load
+from twin.verdict import Verdict
 
 RECORDING = asset("recordings/cabinet_drawer")
-STAGES = ["tracks", "cameras", "gravity", "motion", "refine", "labels", "polish", "fusion", "contact"]
+STAGES = [
+    "tracks", "cameras", "gravity", "motion", "refine", "labels", "polish", "fusion", "contact", "verdict",
+]  # fmt: skip
 
 
 def reconstruct(folder: Path, *more: str) -> int:
@@ -56,6 +60,7 @@ def test_the_run_folder_is_complete(finished: Path) -> None:
         assert (finished / name).stat().st_size > 0
     twin = load(finished)
     assert [p.joint.kind for p in twin.parts] == ["prismatic"]
+    assert [twin.verdict, *(p.verdict for p in twin.parts)] == [Verdict(), Verdict()]  # trusted
     assert len(twin.labels) >= len(read_json(finished / "twin" / "twin.json")["cameras"]["frames"]) / 4
 
 
@@ -80,8 +85,11 @@ def test_the_config_that_a_run_wrote_repeats_it(run: Path, tmp_path: Path) -> No
     assert (run / "config.toml").read_bytes() == config.read_bytes()
 
 
-def test_an_interrupted_run_ends_with_the_same_bytes(finished: Path, tmp_path: Path) -> None:
-    """What a killed process leaves: the first stages, and half of another in a temporary folder."""
+def test_an_interrupted_run_ends_with_the_same_bytes(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a killed process leaves: the first stages, and half of another in a temporary folder. The number of threads is another."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "2" if threads() == 1 else "1")
     resumed = tmp_path / "run"
     for stage in sorted((finished / "stages").glob("[0-9]*"))[:5]:
         shutil.copytree(stage, resumed / "stages" / stage.name)
@@ -99,7 +107,7 @@ def test_a_changed_setting_recomputes_what_depends_on_it(run: Path) -> None:
     near = ReconConfig().contact.near
     assert reconstruct(run, "--set", f"contact.near={near * 1.01}") == 0
     reasons = computed(run)
-    assert list(reasons) == ["contact"]
+    assert list(reasons) == ["contact", "verdict"]
     assert f"near changed from {near}" in reasons["contact"]
 
 
@@ -116,6 +124,15 @@ def test_the_robot_opens_the_drawer(run: Path, capsys: pytest.CaptureFixture[str
     page = (run / "report.html").read_text(encoding="utf-8")
     assert "phase by phase" in page
     assert "<td>approach</td>" in page
+
+
+@pytest.mark.slow
+def test_the_number_of_threads_changes_nothing(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "2" if threads() == 1 else "1")
+    assert reconstruct(tmp_path / "run") == 0
+    assert twin_bytes(tmp_path / "run") == twin_bytes(finished)
 
 
 @pytest.mark.slow

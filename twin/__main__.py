@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from typing import NoReturn
 
 from twin import interrupt
+
+# OpenBLAS would start threads of its own, which wait by spinning and take the cores from ours; our systems are small. It reads
+# this once, when NumPy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def main() -> NoReturn:

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from recon.depth import depth_sigma
+from recon.cameras.kernels import best_pose, chi_squares, landmarks_of, pose_systems
+from recon.dense.depth import depth_sigma
 from recon.recording import Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
@@ -131,11 +131,7 @@ def ransac_pose(
     n = len(source)
     picks = rng.integers(0, n, size=(config.ransac_iterations, 3))
     hypotheses = geo.fit_rigid(source[picks], target[picks])
-    cost = np.empty(len(hypotheses))
-    for k, h in enumerate(hypotheses):
-        d2 = ((source @ h[:3, :3].T + h[:3, 3] - target) ** 2).sum(-1) / sigma**2
-        cost[k] = np.minimum(d2, config.inlier_sigma**2).sum()  # MSAC (Torr and Zisserman 2000)
-    pose = hypotheses[int(np.argmin(cost))]
+    pose = hypotheses[best_pose(hypotheses, source, target, sigma**2, config.inlier_sigma**2)]
     for _ in range(6):
         d2 = ((source @ pose[:3, :3].T + pose[:3, 3] - target) ** 2).sum(-1) / sigma**2
         w = geman_mcclure(d2, config.inlier_sigma**2) / sigma**2
@@ -197,9 +193,9 @@ def _bundle(
     info = np.stack([1 / lateral**2, 1 / axial**2], axis=-1)
     poses = start.copy()
     weights = np.ones(len(points))
-    landmarks = _landmarks(poses, frame_index, track_index, points, info, weights, len(tracks))
+    landmarks = landmarks_of(poses, frame_index, track_index, points, info, weights, len(tracks))
     for round_ in range(_BUNDLE_ROUNDS):
-        chi2 = _chi2(poses, frame_index, track_index, points, info, landmarks)
+        chi2 = chi_squares(poses, frame_index, track_index, points, info, landmarks)
         # The scale comes from the data; early rounds are wide so that nothing static is lost to a poor start.
         scale2 = max(chi2_scale(chi2, dof=3), 0.05) * (9.0 if round_ < 8 else 4.0)
         weights = geman_mcclure(chi2, scale2)
@@ -207,93 +203,11 @@ def _bundle(
             np.bincount(track_index, minlength=len(tracks)), 1
         )
         weights *= track_weight[track_index] ** 2  # a point that moves part of the time is not static
-        h, g = _pose_systems(poses, frame_index, track_index, points, info, weights, landmarks)
+        h, g = pose_systems(poses, frame_index, track_index, points, info, weights, landmarks)
         usable = np.flatnonzero(posed)
         step = -np.linalg.solve(h[usable] + 1e-6 * np.eye(6), g[usable][..., None])[..., 0]
         poses[usable] = poses[usable] @ geo.exp_se3(step)
-        landmarks = _landmarks(poses, frame_index, track_index, points, info, weights, len(tracks))
+        landmarks = landmarks_of(poses, frame_index, track_index, points, info, weights, len(tracks))
         if round_ > 8 and np.abs(step).max() < _CONVERGED:
             break
     return poses
-
-
-@njit(cache=True)
-def _landmarks(poses, frame, track, points, info, weights, count):  # type: ignore[no-untyped-def]
-    """Weighted means (count, 3) in the world with each observation's anisotropic information."""
-    a = np.zeros((count, 6))  # xx xy xz yy yz zz
-    b = np.zeros((count, 3))
-    out = np.zeros((count, 3))
-    for o in range(len(frame)):
-        t = poses[frame[o]]
-        k = track[o]
-        px, py, pz = points[o]
-        x = t[0, 0] * px + t[0, 1] * py + t[0, 2] * pz + t[0, 3]
-        y = t[1, 0] * px + t[1, 1] * py + t[1, 2] * pz + t[1, 3]
-        z = t[2, 0] * px + t[2, 1] * py + t[2, 2] * pz + t[2, 3]
-        wl = weights[o] * info[o, 0]
-        wd = weights[o] * (info[o, 1] - info[o, 0])
-        # R diag(l, l, d) R^T = l I + (d - l) r3 r3^T with r3 the viewing direction
-        xx, xy, xz = wl + wd * t[0, 2] * t[0, 2], wd * t[0, 2] * t[1, 2], wd * t[0, 2] * t[2, 2]
-        yy, yz, zz = wl + wd * t[1, 2] * t[1, 2], wd * t[1, 2] * t[2, 2], wl + wd * t[2, 2] * t[2, 2]
-        a[k, 0] += xx
-        a[k, 1] += xy
-        a[k, 2] += xz
-        a[k, 3] += yy
-        a[k, 4] += yz
-        a[k, 5] += zz
-        b[k, 0] += xx * x + xy * y + xz * z
-        b[k, 1] += xy * x + yy * y + yz * z
-        b[k, 2] += xz * x + yz * y + zz * z
-    for k in range(count):
-        m = np.array([[a[k, 0], a[k, 1], a[k, 2]], [a[k, 1], a[k, 3], a[k, 4]], [a[k, 2], a[k, 4], a[k, 5]]])
-        out[k] = np.linalg.solve(m + 1e-9 * np.eye(3), b[k])
-    return out
-
-
-@njit(cache=True)
-def _chi2(poses, frame, track, points, info, landmarks):  # type: ignore[no-untyped-def]
-    out = np.empty(len(frame))
-    for o in range(len(frame)):
-        t = poses[frame[o]]
-        dx, dy, dz = landmarks[track[o]] - t[:3, 3]
-        ex = points[o, 0] - (t[0, 0] * dx + t[1, 0] * dy + t[2, 0] * dz)
-        ey = points[o, 1] - (t[0, 1] * dx + t[1, 1] * dy + t[2, 1] * dz)
-        ez = points[o, 2] - (t[0, 2] * dx + t[1, 2] * dy + t[2, 2] * dz)
-        out[o] = info[o, 0] * (ex * ex + ey * ey) + info[o, 1] * ez * ez
-    return out
-
-
-@njit(cache=True)
-def _pose_systems(poses, frame, track, points, info, weights, landmarks):  # type: ignore[no-untyped-def]
-    """Normal equations per frame for T <- T exp(d), residual e = x - T^-1 X in the camera, d = (v, w).
-
-    T exp(d) moves the predicted point p to p - v - w x p, so de/dd = [I, -[p]x].
-    """
-    n = len(poses)
-    h = np.zeros((n, 6, 6))
-    g = np.zeros((n, 6))
-    j = np.zeros((3, 6))
-    j[0, 0] = j[1, 1] = j[2, 2] = 1.0
-    for o in range(len(frame)):
-        f = frame[o]
-        t = poses[f]
-        dx, dy, dz = landmarks[track[o]] - t[:3, 3]
-        px = t[0, 0] * dx + t[1, 0] * dy + t[2, 0] * dz
-        py = t[0, 1] * dx + t[1, 1] * dy + t[2, 1] * dz
-        pz = t[0, 2] * dx + t[1, 2] * dy + t[2, 2] * dz
-        j[0, 4], j[0, 5] = pz, -py
-        j[1, 3], j[1, 5] = -pz, px
-        j[2, 3], j[2, 4] = py, -px
-        for k in range(3):
-            e = points[o, k] - (px if k == 0 else (py if k == 1 else pz))
-            w = weights[o] * (info[o, 1] if k == 2 else info[o, 0])
-            for i in range(6):
-                if j[k, i] != 0.0:
-                    g[f, i] += w * j[k, i] * e
-                    for m in range(i, 6):
-                        h[f, i, m] += w * j[k, i] * j[k, m]
-    for f in range(n):
-        for i in range(6):
-            for m in range(i):
-                h[f, i, m] = h[f, m, i]
-    return h, g

@@ -15,7 +15,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from recon.contact.faces import Surface, outer_faces, sample
-from recon.depth import look_up
+from recon.dense.depth import look_up
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo

@@ -15,6 +15,7 @@ import numpy as np
 
 from recon.evaluation.goals import Goal, goal_of
 from recon.evaluation.metrics import Surface
+from recon.evaluation.outcome import success
 from recon.evaluation.scores import (
     CameraErrors,
     JointErrors,
@@ -224,6 +225,8 @@ def _part_rows(
     if true.grip is not None:
         yield _row("contact", true.name, _contact_mm(found, true, T), CHARGE_LENGTH_MM, "mm")
     yield _row("success", true.name, float(joint.success) if joint else None, 0.0)
+    strict = success(joint, labels.miou if labels else None)
+    yield _row("success, 5 deg and 2 cm", true.name, float(strict) if joint else None, 0.0)
 
 
 def _joint_rows(joint: JointErrors | None, true: TruthPart) -> Iterator[Row]:

@@ -62,7 +62,7 @@ def seen_points(recording: Recording, truth: Truth) -> dict[int, Array]:
 
     They lie in the world at the most closed state shown, within `SEEN_TOLERANCE` of the true surface.
     """
-    k, step = recording.intrinsics, SEEN_STRIDE
+    k, step = truth.intrinsics or recording.intrinsics, SEEN_STRIDE
     y, x = np.mgrid[step // 2 : k.height : step, step // 2 : k.width : step]
     pixels = np.stack([x, y], axis=-1).astype(np.float64)
     clouds: dict[int, list[Array]] = {STATIC_LABEL: [], **{p.id: [] for p in truth.parts}}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from recon.evaluation import metrics
 from recon.evaluation.metrics import Span
 from recon.readers import files
+from recon.recording import Intrinsics
 from twin import geometry as geo
 from twin.errors import FuntwinError, InputError
 from twin.files.ply import read_ply
@@ -88,7 +89,9 @@ class TruthPart:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Truth of one recording of `frames` frames; labels as in a twin, static: everything that never moves."""
+    """Truth of one recording of `frames` frames; labels as in a twin, static: everything that never moves. intrinsics: where those of
+    the recording are wrong on purpose.
+    """
 
     folder: Path
     frames: int
@@ -96,6 +99,7 @@ class Truth:
     parts: tuple[TruthPart, ...]
     labels: Mapping[int, NDArray[np.uint8]]
     static: Mesh
+    intrinsics: Intrinsics | None = None
 
     def part(self, key: int) -> TruthPart:
         """The part with this id. Raises InputError that lists the ids."""
@@ -140,7 +144,12 @@ def load_truth(folder: Path | str) -> Truth:
         parts=parts,
         labels=LabelFolder(folder / "labels"),
         static=read_ply(folder / "static.ply"),
+        intrinsics=_intrinsics(folder / "intrinsic.json"),
     )
+
+
+def _intrinsics(path: Path) -> Intrinsics | None:
+    return files.read_intrinsics(path) if path.is_file() else None
 
 
 def _part_poses(folder: Path, ids: list[int], frames: int) -> dict[int, Array]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32, depth_sigma, look_up
+from recon.dense.depth import F32, depth_sigma, look_up
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.parts.moving_part import MovingPart
@@ -23,6 +23,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
+from twin.runs.threads import each
 from twin.scene import STATIC_LABEL, Mesh, Trajectory
 
 FUSION = Stage("fusion", 2, ("fusion",))
@@ -100,7 +101,8 @@ def fuse(
             "no labelled frame has a camera pose", "label frames which the cameras cover"
         )
     wrap = progress or untold
-    seen = {f: _load(recording, cameras, labels[f], f, camera, config) for f in wrap(frames, "depth")}
+    loaded = each(lambda f: _load(recording, cameras, labels[f], f, camera, config), frames)
+    seen = dict(zip(wrap(frames, "depth"), loaded, strict=True))
     bodies: dict[int, MovingPart | None] = {STATIC_LABEL: None, **{p.id: p for p in parts}}
     meshes = {}
     for key, part in wrap(list(bodies.items()), "meshes"):
@@ -142,14 +144,16 @@ def _fuse_body(
         to_camera = geo.invert_pose(f.T_world_cam) @ pose
         observations.append(Observation(f.depth, own, f.cosine, camera, to_camera))
         frames.append(f)
-    points = [own_points(o, 2) for o in observations]
-    cloud = np.concatenate(points) if points else np.zeros((0, 3))
+    if not observations:
+        return None
+    cloud = np.concatenate(list(each(lambda o: own_points(o, 2), observations)))
     if len(cloud) < 100:
         return None
     typical = float(np.median(np.concatenate([o.depth[o.own] for o in observations])))
     sigma = float(depth_sigma(typical))
     truncation = max(3.0 * voxel, min(2.5 * sigma, 4.0 * voxel))
     field = allocate(cloud, voxel, truncation)
+    del cloud  # a hundred megabytes that nothing needs any more
     for o in observations:
         integrate(field, o, truncation, 0.5)
     vertices, faces = surface(field, config.min_views * 1e-5 / sigma**2)
@@ -172,14 +176,19 @@ def _vertex_colors(
 
     Vertices which nothing sees take the mean colour of the body.
     """
-    total, weight = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
-    for o, f in zip(observations, frames, strict=True):
+
+    def look(k: int) -> tuple[NDArray[np.int64], Array, Array]:
+        o, f = observations[k], frames[k]
         p = geo.transform(o.T_cam_body, vertices)
         inside, a, b, z = look_up(o.depth, o.camera, p, near=0.05)
         at = np.flatnonzero(inside & o.own[b, a] & (np.abs(z - p[:, 2]) * o.cosine[b, a] < reach))
         a, b = a[at], b[at]
         gain = o.cosine[b, a] ** 2 / p[at, 2] ** 2
-        total[at] += gain[:, None] * f.color[b, a]
+        return at, gain, gain[:, None] * f.color[b, a]
+
+    total, weight = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
+    for at, gain, color in each(look, range(len(frames))):
+        total[at] += color
         weight[at] += gain
     lit = weight > 0
     colors = np.full((len(vertices), 3), 127.0)

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32, pixel_sigma
+from recon.dense.depth import F32, pixel_sigma
 from recon.recording import Intrinsics
 from twin.errors import ReconstructionError
 from twin.geometry import Array
@@ -70,14 +70,24 @@ def allocate(points: Array, voxel: float, margin: float) -> Field:
             "raise the voxel size or lower the greatest depth",
         )
     touched = np.zeros(size, bool)
-    for corner in np.ndindex(2, 2, 2):
-        at = ((points + margin * (2.0 * np.array(corner) - 1.0) - low) / edge).astype(np.int64)
-        touched[at[:, 0], at[:, 1], at[:, 2]] = True
+    _touch(touched, points, low, margin, edge)
     blocks = np.argwhere(touched).astype(np.int32)
     index = np.full(size, -1, np.int32)
     index[touched] = np.arange(len(blocks), dtype=np.int32)
     shape = (len(blocks), BLOCK, BLOCK, BLOCK)
     return Field(low, voxel, index, blocks, np.zeros(shape, np.float32), np.zeros(shape, np.float32))
+
+
+@numba.njit(cache=True, nogil=True)
+def _touch(touched: NDArray[np.bool_], points: Array, low: Array, margin: float, edge: float) -> None:
+    """Mark the blocks that hold a corner of the cube of +-margin about a point (n, 3)."""
+    for n in range(len(points)):
+        x0, x1 = int((points[n, 0] - margin - low[0]) / edge), int((points[n, 0] + margin - low[0]) / edge)
+        y0, y1 = int((points[n, 1] - margin - low[1]) / edge), int((points[n, 1] + margin - low[1]) / edge)
+        z0, z1 = int((points[n, 2] - margin - low[2]) / edge), int((points[n, 2] + margin - low[2]) / edge)
+        for x in (x0, x1):
+            for y in (y0, y1):
+                touched[x, y, z0] = touched[x, y, z1] = True
 
 
 def integrate(field: Field, seen: Observation, truncation: float, carve_weight: float) -> None:
@@ -161,7 +171,7 @@ def _integrate(
                     weight[n, i, j, k] = min(old + gain, _MAX_WEIGHT)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def ray_cosine(depth: F32, camera: Array, reach: int) -> F32:
     """Cosine (h, w) of the angle between each pixel's ray and the surface normal, 0 where no plane is found.
 
@@ -171,7 +181,7 @@ def ray_cosine(depth: F32, camera: Array, reach: int) -> F32:
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
     out = np.zeros((h, w), np.float32)
-    for y in numba.prange(h):
+    for y in range(h):
         for x in range(w):
             z = depth[y, x]
             if z <= 0:
@@ -189,30 +199,35 @@ def ray_cosine(depth: F32, camera: Array, reach: int) -> F32:
     return out
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _slope(depth: F32, y: int, x: int, direction: int, reach: int) -> tuple[float, bool]:
-    h, w = depth.shape
     z = depth[y, x]
-    ends = np.zeros(2)
-    found = np.zeros(2)
-    for side in range(2):
-        step = reach if side else -reach
-        for along in range(-1, 2):
-            a = x + (step if direction == 0 else along)
-            b = y + (along if direction == 0 else step)
-            if not (0 <= a < w and 0 <= b < h) or depth[b, a] <= 0:
-                continue
-            # a plane at 80 degrees changes its depth by about six times its sideways extent
-            if abs(depth[b, a] - z) < 0.015 * reach * z + 6.0 * pixel_sigma(z):
-                ends[side] += 1.0 / depth[b, a]
-                found[side] += 1.0
-    if found[0] > 0 and found[1] > 0:
-        return (ends[1] / found[1] - ends[0] / found[0]) / (2.0 * reach), True
-    if found[0] > 0:
-        return (1.0 / z - ends[0] / found[0]) / reach, True
-    if found[1] > 0:
-        return (ends[1] / found[1] - 1.0 / z) / reach, True
+    before, count_before = _end(depth, y, x, direction, -reach)
+    after, count_after = _end(depth, y, x, direction, reach)
+    if count_before > 0 and count_after > 0:
+        return (after / count_after - before / count_before) / (2.0 * reach), True
+    if count_before > 0:
+        return (1.0 / z - before / count_before) / reach, True
+    if count_after > 0:
+        return (after / count_after - 1.0 / z) / reach, True
     return 0.0, False
+
+
+@numba.njit(cache=True, inline="always")
+def _end(depth: F32, y: int, x: int, direction: int, step: int) -> tuple[float, float]:
+    """Sum and number of the inverse depths of three pixels across the direction, `step` px along it, on the same surface."""
+    h, w = depth.shape
+    z, total, count = depth[y, x], 0.0, 0.0
+    for along in range(-1, 2):
+        a = x + (step if direction == 0 else along)
+        b = y + (along if direction == 0 else step)
+        if not (0 <= a < w and 0 <= b < h) or depth[b, a] <= 0:
+            continue
+        # a plane at 80 degrees changes its depth by about six times its sideways extent
+        if abs(depth[b, a] - z) < 0.015 * abs(step) * z + 6.0 * pixel_sigma(z):
+            total += 1.0 / depth[b, a]
+            count += 1.0
+    return total, count
 
 
 def surface(field: Field, min_weight: float) -> tuple[Array, NDArray[np.int32]]:

@@ -17,6 +17,7 @@ from recon.joints.pose_graph.fit_tracks import pose_graph_of_tracks
 from recon.joints.type_selection import TypeEvidence, delta_bic, truncated_chi2
 from twin.errors import ReconstructionError
 from twin.geometry import Array
+from twin.runs.threads import each
 
 _WIDEST = 2.0  # times the noise known beforehand (by us)
 
@@ -52,8 +53,8 @@ def fit_kinds(obs: Observations, noise: float, config: JointConfig) -> dict[Kind
     """
     sigma = max(noise, config.search_sigma)
     candidates = _candidates(obs, sigma, config)
-    settled = {kind: _settle(obs, model, noise, sigma, config) for kind, model in candidates.items()}
-    return {kind: fit for kind, fit in settled.items() if fit is not None}
+    settled = each(lambda model: _settle(obs, model, noise, sigma, config), candidates.values())
+    return {kind: fit for kind, fit in zip(candidates, settled, strict=True) if fit is not None}
 
 
 def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Kind, Model]:
@@ -69,21 +70,21 @@ def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Ki
     some = obs.take(tracks)
     few = obs.take(tracks, frames)
     proposals = pair_hypotheses(some, sigma, config, rng)
-    out: dict[Kind, Model] = {}
+    _ = few.unrest, some.unrest  # found once, before the threads ask for them
+
+    def score(joint: Hypothesis) -> float:
+        model = Model(joint.kind, joint.axis, joint.pivot, states_of(few, joint, sigma, rounds=2))
+        return float(track_support(few, model, sigma, config).sum())
+
+    ranked = sorted(zip(each(score, proposals), proposals, strict=True), key=lambda row: -row[0])
     kinds: tuple[Kind, Kind] = ("prismatic", "revolute")
-    for kind in kinds:
-        scored: list[tuple[float, Hypothesis]] = []
-        for joint in (h for h in proposals if h.kind == kind):
-            model = Model(joint.kind, joint.axis, joint.pivot, states_of(few, joint, sigma, rounds=2))
-            scored.append((float(track_support(few, model, sigma, config).sum()), joint))
-        scored.sort(key=lambda row: -row[0])
-        refined = [
-            _first_refinement(some, h, sigma, config) for score, h in scored[: config.candidates] if score > 0
-        ]
-        best = max(refined, key=lambda row: row[0], default=None)
-        if best is not None:
-            out[kind] = best[1]
-    return out
+    of_kind = [[h for worth, h in ranked if worth > 0 and h.kind == k][: config.candidates] for k in kinds]
+    chosen = [h for joints in of_kind for h in joints]
+    out: dict[Kind, tuple[float, Model]] = {}
+    for support, model in each(lambda h: _first_refinement(some, h, sigma, config), chosen):
+        if model.kind not in out or support > out[model.kind][0]:
+            out[model.kind] = support, model
+    return {kind: model for kind, (_, model) in out.items()}
 
 
 def _first_refinement(

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def solve_positive(matrix, right):  # type: ignore[no-untyped-def]
     """Solution (n, c) of a positive definite system (n, n), right sides (n, c), by Cholesky.
 

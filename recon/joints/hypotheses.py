@@ -25,7 +25,7 @@ _PAIR_ROUNDS = (
 _NOISE_MIN = 1e-4  # m; thresholds never get finer than this
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _track_statistics(points, weight, window):  # type: ignore[no-untyped-def]
     """Travel (K,) m: largest distance between running medians; seconds (sum of it): squared second differences."""
     n_tracks, n_frames = weight.shape
@@ -82,7 +82,7 @@ def travel_and_noise(obs: Observations) -> tuple[Array, float]:
     return np.asarray(travel), max(sigma, _NOISE_MIN)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _best_triple(a, b, triples, tau2):  # type: ignore[no-untyped-def]
     """Best rigid motion from triples (truncated squared error); returns inliers (n,) and their count."""
     n = a.shape[0]

@@ -13,7 +13,7 @@ from twin.geometry import Array
 _LEVER = 0.3  # m; tracks farther from an axis have no more say in its states (by us)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _weighted_median(values, weights):  # type: ignore[no-untyped-def]
     order = np.argsort(values)
     total = weights.sum()
@@ -25,14 +25,14 @@ def _weighted_median(values, weights):  # type: ignore[no-untyped-def]
     return values[order[-1]]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _wrap(angle, revolute):  # type: ignore[no-untyped-def]
     if revolute:
         return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
     return angle
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _additive_states(coord, lever, weight, revolute, sigma, rounds):  # type: ignore[no-untyped-def]
     """States (T,) from coord[k, t] = offset[k] + state[t], by medians then reweighted means.
 

@@ -11,10 +11,8 @@ from recon.joints.config import JointConfig
 from recon.joints.observations import (
     Model,
     Observations,
-    median_landmarks,
     pull_back,
     residuals,
-    squared_residuals,
 )
 from twin.geometry import Array
 from twin.robust import LENGTH3_MEDIAN
@@ -30,9 +28,8 @@ def track_support(obs: Observations, model: Model, sigma: float, config: JointCo
     seen = obs.weight > 0
     count = np.maximum(seen.sum(axis=1), 1)
     tau2 = (config.prune_sigmas * LENGTH3_MEDIAN * sigma) ** 2
-    still = squared_residuals(obs.points, obs.weight, median_landmarks(obs.points, obs.weight))
     moving, resting = (
-        (np.clip(1.0 - q / tau2, 0.0, 1.0) * seen).sum(axis=1) / count for q in (square, still)
+        (np.clip(1.0 - q / tau2, 0.0, 1.0) * seen).sum(axis=1) / count for q in (square, obs.unrest)
     )
     gain = np.maximum(moving**2 - resting**2, 0.0)
     return np.asarray(np.where(predicted_travel(obs, model, marks) > config.mover_sigmas * sigma, gain, 0.0))
@@ -54,7 +51,7 @@ def predicted_travel(obs: Observations, model: Model, landmarks: Array) -> Array
     return np.asarray(2.0 * radius * np.sin(np.minimum(span, np.pi) / 2.0))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def row_medians(values, weight):  # type: ignore[no-untyped-def]
     """Median (K,) of values (K, T) where the weight is positive; infinite for an empty row."""
     out = np.full(len(values), np.inf)
@@ -65,7 +62,7 @@ def row_medians(values, weight):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _creep(z, weight, landmarks, state):  # type: ignore[no-untyped-def]
     """Per track: length of the slope of z over the state, its information (sum of squared states), state range."""
     n_tracks, n_frames = weight.shape

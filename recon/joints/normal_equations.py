@@ -16,9 +16,10 @@ from twin import geometry as geo
 from twin.geometry import Array
 
 
-@njit(cache=True)
-def _jacobian(y, z, revolute, axis, basis, pivot, angle, out):  # type: ignore[no-untyped-def]
-    """Columns of dz: the two tilts, the two shifts (revolute), the state; out (3, 5)."""
+@njit(cache=True, nogil=True)
+def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, angle, c, s, out):  # type: ignore[no-untyped-def]
+    """Columns of dz of track k in frame t: the two tilts, the two shifts (revolute), the state; out (3, 5). c, s: cosine and
+    sine of minus the angle."""
     if not revolute:
         for b in range(2):
             u0, u1, u2 = basis[0, b], basis[1, b], basis[2, b]
@@ -28,9 +29,8 @@ def _jacobian(y, z, revolute, axis, basis, pivot, angle, out):  # type: ignore[n
         for i in range(3):
             out[i, 4] = -axis[i]
         return
-    c, s = np.cos(angle), -np.sin(angle)
-    zd0, zd1, zd2 = z[0] - pivot[0], z[1] - pivot[1], z[2] - pivot[2]
-    yd0, yd1, yd2 = y[0] - pivot[0], y[1] - pivot[1], y[2] - pivot[2]
+    zd0, zd1, zd2 = pulled[k, t, 0] - pivot[0], pulled[k, t, 1] - pivot[1], pulled[k, t, 2] - pivot[2]
+    yd0, yd1, yd2 = points[k, t, 0] - pivot[0], points[k, t, 1] - pivot[1], points[k, t, 2] - pivot[2]
     for b in range(2):
         u0, u1, u2 = basis[0, b], basis[1, b], basis[2, b]
         # w x (z - p) - R (w x (y - p)), with R = rotation by -angle
@@ -48,13 +48,27 @@ def _jacobian(y, z, revolute, axis, basis, pivot, angle, out):  # type: ignore[n
     out[2, 4] = -(axis[0] * zd1 - axis[1] * zd0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
+def _take_out(hessian, column, total, n, first, last):  # type: ignore[no-untyped-def]
+    """Take a track's landmark out of the states' rows first..last: subtract the products of its columns (3, n + T)."""
+    for t in range(first, last):
+        s0, s1, s2 = column[0, t] / total, column[1, t] / total, column[2, t] / total
+        if s0 == 0.0 and s1 == 0.0 and s2 == 0.0:
+            continue
+        for a in range(n):
+            hessian[t, a] = hessian[t, a] - s0 * column[0, a] - s1 * column[1, a] - s2 * column[2, a]
+        for b in range(first, t + 1):
+            hessian[t, b] = hessian[t, b] - s0 * column[0, b] - s1 * column[1, b] - s2 * column[2, b]
+
+
+@njit(cache=True, nogil=True)
 def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state):  # type: ignore[no-untyped-def]
     """Hessian (n + T, n + T) and gradient of half the weighted squared residual, landmarks eliminated track by track."""
     n_tracks, n_frames = weight.shape
     n = 4 if revolute else 2
     hessian, gradient = np.zeros((n + n_frames, n + n_frames)), np.zeros(n + n_frames)
-    jac, column = np.zeros((n_frames, 3, 5)), np.zeros((3, n + n_frames))
+    jac, column = np.zeros((3, 5)), np.zeros((3, n + n_frames))
+    cosine, sine = np.cos(state), -np.sin(state)
     for k in range(n_tracks):
         total = 1e-300
         column[:] = 0.0  # sums of w J over the track: what the landmark takes out
@@ -64,33 +78,27 @@ def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state)
             if w <= 0.0:
                 continue
             first, last = min(first, t), t
-            _jacobian(points[k, t], z[k, t], revolute, axis, basis, pivot, state[t], jac[t])
+            _jacobian(points, z, k, t, revolute, axis, basis, pivot, state[t], cosine[t], sine[t], jac)
             total += w
             for i in range(3):
                 r = z[k, t, i] - landmarks[k, i]
-                js = w * jac[t, i, 4]
-                hessian[n + t, n + t] += js * jac[t, i, 4]
+                js = w * jac[i, 4]
+                hessian[n + t, n + t] += js * jac[i, 4]
                 gradient[n + t] += js * r
                 column[i, n + t] = js
                 for a in range(n):
-                    ja = w * jac[t, i, a]
+                    ja = w * jac[i, a]
                     column[i, a] += ja
                     gradient[a] += ja * r
-                    hessian[n + t, a] += ja * jac[t, i, 4]
+                    hessian[n + t, a] += ja * jac[i, 4]
                     for b in range(a + 1):
-                        hessian[a, b] += ja * jac[t, i, b]
+                        hessian[a, b] += ja * jac[i, b]
         for i in range(3):
             for a in range(n):
                 scaled = column[i, a] / total
                 for b in range(a + 1):
                     hessian[a, b] -= scaled * column[i, b]
-            for t in range(first, last + 1):
-                scaled = column[i, n + t] / total
-                if scaled != 0.0:
-                    for a in range(n):
-                        hessian[n + t, a] -= scaled * column[i, a]
-                    for b in range(n + first, n + t + 1):
-                        hessian[n + t, b] -= scaled * column[i, b]
+        _take_out(hessian, column, total, n, n + first, n + last + 1)
     for a in range(n + n_frames):
         for b in range(a):
             hessian[b, a] = hessian[a, b]

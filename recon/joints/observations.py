@@ -9,6 +9,7 @@ FunREC, supplement 1.2: weights, no PROSAC.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -30,6 +31,13 @@ class Observations:
 
     points: Array
     weight: Array
+
+    @cached_property
+    def unrest(self) -> Array:
+        """Squared distance (K, T) of each observation from its track's median point; zero where not seen."""
+        return np.asarray(
+            squared_residuals(self.points, self.weight, median_landmarks(self.points, self.weight))
+        )
 
     @classmethod
     def of(cls, points: Array, visible: NDArray[np.bool_], confidence: Array | None = None) -> Observations:
@@ -62,32 +70,32 @@ class Model:
     state: Array
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def pull_back(points, weight, revolute, axis, pivot, state):  # type: ignore[no-untyped-def]
     """z (K, T, 3) = pose(state_t)^-1 points; zero where the weight is zero."""
     n_tracks, n_frames = weight.shape
     out = np.zeros((n_tracks, n_frames, 3))
-    for t in range(n_frames):
-        if revolute:
-            c, s = np.cos(state[t]), -np.sin(state[t])
-            for k in range(n_tracks):
-                if weight[k, t] > 0.0:
-                    d0 = points[k, t, 0] - pivot[0]
-                    d1 = points[k, t, 1] - pivot[1]
-                    d2 = points[k, t, 2] - pivot[2]
-                    along = (axis[0] * d0 + axis[1] * d1 + axis[2] * d2) * (1.0 - c)
-                    out[k, t, 0] = pivot[0] + c * d0 + s * (axis[1] * d2 - axis[2] * d1) + along * axis[0]
-                    out[k, t, 1] = pivot[1] + c * d1 + s * (axis[2] * d0 - axis[0] * d2) + along * axis[1]
-                    out[k, t, 2] = pivot[2] + c * d2 + s * (axis[0] * d1 - axis[1] * d0) + along * axis[2]
-        else:
-            for k in range(n_tracks):
-                if weight[k, t] > 0.0:
-                    for i in range(3):
-                        out[k, t, i] = points[k, t, i] - state[t] * axis[i]
+    cosine, sine = np.cos(state), -np.sin(state)
+    for k in range(n_tracks):
+        for t in range(n_frames):
+            if weight[k, t] <= 0.0:
+                continue
+            if revolute:
+                c, s = cosine[t], sine[t]
+                d0 = points[k, t, 0] - pivot[0]
+                d1 = points[k, t, 1] - pivot[1]
+                d2 = points[k, t, 2] - pivot[2]
+                along = (axis[0] * d0 + axis[1] * d1 + axis[2] * d2) * (1.0 - c)
+                out[k, t, 0] = pivot[0] + c * d0 + s * (axis[1] * d2 - axis[2] * d1) + along * axis[0]
+                out[k, t, 1] = pivot[1] + c * d1 + s * (axis[2] * d0 - axis[0] * d2) + along * axis[1]
+                out[k, t, 2] = pivot[2] + c * d2 + s * (axis[0] * d1 - axis[1] * d0) + along * axis[2]
+            else:
+                for i in range(3):
+                    out[k, t, i] = points[k, t, i] - state[t] * axis[i]
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def weighted_means(z, weight):  # type: ignore[no-untyped-def]
     """Landmarks (K, 3): weighted mean over the frames."""
     n_tracks, n_frames = weight.shape
@@ -103,7 +111,7 @@ def weighted_means(z, weight):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def median_landmarks(z, weight):  # type: ignore[no-untyped-def]
     """Landmarks (K, 3): median of every coordinate over the frames in which a track is seen."""
     n_tracks, n_frames = weight.shape
@@ -121,7 +129,7 @@ def median_landmarks(z, weight):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def squared_residuals(z, weight, landmarks):  # type: ignore[no-untyped-def]
     """|z - landmark|^2 (K, T); zero where not seen."""
     n_tracks, n_frames = weight.shape
@@ -141,12 +149,33 @@ def residuals(
     """Squared residuals (K, T), robust weights (K, T) and landmarks (K, 3), landmarks by iterated robust means that start
     at `near` (K, 3) when given, else at the medians."""
     z = pull_back(obs.points, obs.weight, model.kind == "revolute", model.axis, model.pivot, model.state)
-    marks = median_landmarks(z, obs.weight) if near is None else near
-    for _ in range(rounds):
-        weight = robust_weight(obs.weight, squared_residuals(z, obs.weight, marks), sigma)
-        marks = weighted_means(z, weight)
-    square = squared_residuals(z, obs.weight, marks)
-    return square, robust_weight(obs.weight, square, sigma), marks
+    start = median_landmarks(z, obs.weight) if near is None else near
+    square, weight, marks = _robust_means(z, obs.weight, start, CAUCHY * sigma**2, rounds)
+    return square, weight, marks
+
+
+@njit(cache=True, nogil=True)
+def _robust_means(z, given, start, scale2, rounds):  # type: ignore[no-untyped-def]
+    """Squared residuals and Cauchy weights (K, T) about means (K, 3) that are reweighted `rounds` times, track by track."""
+    n_tracks, n_frames = given.shape
+    square, weight, marks = np.zeros((n_tracks, n_frames)), np.zeros((n_tracks, n_frames)), start.copy()
+    for k in range(n_tracks):
+        for turn in range(rounds + 1):
+            total, sum0, sum1, sum2 = 1e-300, 0.0, 0.0, 0.0
+            for t in range(n_frames):
+                if given[k, t] <= 0.0:
+                    continue
+                d0, d1, d2 = z[k, t, 0] - marks[k, 0], z[k, t, 1] - marks[k, 1], z[k, t, 2] - marks[k, 2]
+                square[k, t] = d0 * d0 + d1 * d1 + d2 * d2
+                w = given[k, t] / (1.0 + square[k, t] / scale2)
+                weight[k, t] = w
+                total += w
+                sum0 += w * z[k, t, 0]
+                sum1 += w * z[k, t, 1]
+                sum2 += w * z[k, t, 2]
+            if turn < rounds:
+                marks[k, 0], marks[k, 1], marks[k, 2] = sum0 / total, sum1 / total, sum2 / total
+    return square, weight, marks
 
 
 def robust_weight(weight: Array, square: Array, sigma: float) -> Array:

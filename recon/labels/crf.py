@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32
+from recon.dense.depth import F32
 
 _EDGE_COST = 50.0  # px
 
@@ -30,32 +30,34 @@ def _softmax(scores: F32, y: int, x: int, belief: F32) -> None:
         belief[k, y, x] /= total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _settled(belief: F32, radius: int) -> NDArray[np.bool_]:
     """Pixels (h, w) around which all pixels within `radius` surely hold the same label."""
     n, h, w = belief.shape
     sure = np.zeros((h, w), np.int16)
-    for y in range(h):
-        for x in range(w):
-            for k in range(n):
+    for k in range(n):
+        for y in range(h):
+            for x in range(w):
                 if belief[k, y, x] > np.float32(0.95):
                     sure[y, x] = k + 1
-    rows = np.zeros((h, w), np.int16)
+    rows = np.zeros((h, w), np.int16)  # the label that all pixels within radius in the row hold, else 0
     for y in range(h):
-        for x in range(w):
-            same = sure[y, x]
-            for a in range(max(0, x - radius), min(w, x + radius + 1)):
-                if sure[y, a] != same:
-                    same = 0
-            rows[y, x] = same
+        run = 0
+        for x in range(w + radius):
+            last = min(x, w - 1)
+            if x < w:
+                run = run + 1 if x > 0 and sure[y, x] == sure[y, x - 1] else 1
+            if x >= radius and run > last - max(0, x - 2 * radius):
+                rows[y, x - radius] = sure[y, last]
     out = np.zeros((h, w), np.bool_)
-    for y in range(h):
+    runs = np.zeros(w, np.int64)  # rows up to this one that hold the same label
+    for y in range(h + radius):
+        last = min(y, h - 1)
         for x in range(w):
-            same = rows[y, x]
-            for b in range(max(0, y - radius), min(h, y + radius + 1)):
-                if rows[b, x] != same:
-                    same = 0
-            out[y, x] = same > 0
+            if y < h:
+                runs[x] = runs[x] + 1 if y > 0 and rows[y, x] == rows[y - 1, x] else 1
+            if y >= radius:
+                out[y - radius, x] = rows[last, x] > 0 and runs[x] > last - max(0, y - 2 * radius)
     return out
 
 
@@ -73,7 +75,7 @@ def _unlikeness(
     return e
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def agree(
     scores: F32, color: F32, depth: F32, color_scale: float, radius: int, rounds: int, pull: float
 ) -> F32:
@@ -90,36 +92,54 @@ def agree(
     n, h, w = scores.shape
     now, belief = scores.copy(), np.empty((n, h, w), np.float32)
     inv_c = np.float32(0.5 / (color_scale * color_scale))
+    # Likeness of each pixel's neighbours, found when the pixel is first asked; pages of settled pixels are never touched.
+    likeness = np.empty((h * w, (2 * radius + 1) ** 2), np.float32)
+    masses = np.zeros(h * w, np.float32)
+    vote, settled = np.empty(n, np.float32), np.zeros((h, w), np.bool_)
     for turn in range(rounds + 1):
-        for y in numba.prange(h):
+        for y in range(h):
             for x in range(w):
-                _softmax(now, y, x, belief)
+                if not settled[y, x]:  # else it is as it was
+                    _softmax(now, y, x, belief)
         if turn == rounds:
             break
         settled = _settled(belief, radius)
-        for y in numba.prange(h):
-            vote = np.empty(n, np.float32)
+        for y in range(h):
             for x in range(w):
                 if settled[y, x]:
                     continue
+                own = likeness[y * w + x]
+                if masses[y * w + x] == 0:
+                    masses[y * w + x] = _likeness(color, depth, y, x, radius, inv_c, own)
+                mass, i = masses[y * w + x], 0
                 vote[:] = 0.0
-                mass = np.float32(1e-6)
                 for b in range(max(0, y - radius), min(h, y + radius + 1)):
                     for a in range(max(0, x - radius), min(w, x + radius + 1)):
-                        e = _unlikeness(color, y, x, color, b, a, depth[y, x], depth[b, a], inv_c)
-                        if e > 6.0 or (a == x and b == y):
-                            continue
-                        g = np.exp(-np.float32(e))
-                        mass += g
                         for k in range(n):
-                            vote[k] += g * belief[k, b, a]
+                            vote[k] += own[i] * belief[k, b, a]
+                        i += 1
                 share = min(mass / np.float32(0.25 * (2 * radius + 1) ** 2), np.float32(1.0))
                 for k in range(n):
                     now[k, y, x] = scores[k, y, x] + np.float32(pull) * share * vote[k] / mass
     return belief
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
+def _likeness(color: F32, depth: F32, y: int, x: int, radius: int, inv_c: Any, out: F32) -> Any:
+    """Fill `out` with the likeness of the neighbours in view, in row order, and return its sum."""
+    h, w = depth.shape
+    mass, i = np.float32(1e-6), 0
+    for b in range(max(0, y - radius), min(h, y + radius + 1)):
+        for a in range(max(0, x - radius), min(w, x + radius + 1)):
+            e = _unlikeness(color, y, x, color, b, a, depth[y, x], depth[b, a], inv_c)
+            alike = e <= 6.0 and not (a == x and b == y)
+            out[i] = np.exp(-np.float32(e)) if alike else np.float32(0)
+            mass += out[i]
+            i += 1
+    return mass
+
+
+@numba.njit(cache=True, nogil=True)
 def upsample_labels(
     belief: F32,
     small_color: F32,
@@ -138,18 +158,16 @@ def upsample_labels(
     rows, cols = depth.shape
     out = np.zeros((rows, cols), np.uint8)
     inv_c = np.float32(0.5 / (color_scale * color_scale))
-    settled = _settled(belief, 2)
-    for y in numba.prange(rows):
-        vote = np.empty(n, np.float32)
+    settled, vote = _settled(belief, 2), np.empty(n, np.float32)
+    for y in range(rows):
         fy = np.float32((y + 0.5) / factor - 0.5)
         cy = min(max(round(fy), 0), h - 1)
         for x in range(cols):
             fx = np.float32((x + 0.5) / factor - 0.5)
             cx = min(max(round(fx), 0), w - 1)
-            vote[:] = 0.0
-            if settled[cy, cx]:
-                vote[:] = belief[:, cy, cx]
-            else:
+            for k in range(n):
+                vote[k] = belief[k, cy, cx] if settled[cy, cx] else np.float32(0)
+            if not settled[cy, cx]:
                 for b in range(max(0, cy - 2), min(h, cy + 3)):
                     for a in range(max(0, cx - 2), min(w, cx + 3)):
                         e = _unlikeness(color, y, x, small_color, b, a, depth[y, x], small_depth[b, a], inv_c)
@@ -161,7 +179,7 @@ def upsample_labels(
     return out
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def geodesic(seeds: NDArray[np.bool_], color: F32, depth: F32, color_scale: float, sweeps: int) -> F32:
     """Length (h, w) of the shortest way along surfaces from the nearest seed pixel; px, edges count for many.
 

@@ -8,10 +8,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32, pixel_sigma
+from recon.dense.depth import F32, pixel_sigma
+
+ENOUGH = 2.0  # supporting references; more make nothing surer
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def median_depth(depth: F32, factor: int) -> F32:
     """Depth (h // factor, w // factor): the lower median of the known readings of each block, 0 where none is known.
 
@@ -39,48 +41,87 @@ def median_depth(depth: F32, factor: int) -> F32:
 
 
 @numba.njit(cache=True, inline="always")
-def _landing(m: F32, px: float, py: float, z: float, camera: F32, h: int, w: int) -> Any:
-    """Nearest pixel (u, v) and depth (m) of a point in a reference camera; u is -1 where its 3x3 are not all in view."""
-    ui, vi = -1, -1
-    qz = m[2, 0] * px + m[2, 1] * py + m[2, 2] * z + m[2, 3]
-    if qz >= np.float32(0.05):
-        u = (m[0, 0] * px + m[0, 1] * py + m[0, 2] * z + m[0, 3]) / qz * camera[0] + camera[2]
-        v = (m[1, 0] * px + m[1, 1] * py + m[1, 2] * z + m[1, 3]) / qz * camera[1] + camera[3]
-        if not (u < 0.5 or v < 0.5 or u > w - 1.6 or v > h - 1.6):
-            ui, vi = int(u + np.float32(0.5)), int(v + np.float32(0.5))
-    return ui, vi, qz
+def _row(
+    depth: F32, wanted: NDArray[np.bool_], y: int, camera: F32, slack: float,
+    column: NDArray[np.int32], points: F32, variance: F32,
+) -> Any:  # fmt: skip
+    """How many pixels of a row are wanted and known: their `column`, `points` (3, w) in the camera and `variance` of depth."""
+    n, slack2 = 0, np.float32(slack * slack)
+    for x in range(depth.shape[1]):
+        z = depth[y, x]
+        if z > 0 and wanted[y, x]:
+            points[0, n] = (np.float32(x) - camera[2]) / camera[0] * z
+            points[1, n] = (np.float32(y) - camera[3]) / camera[1] * z
+            points[2, n] = z
+            sigma = pixel_sigma(z)
+            column[n], variance[n] = x, sigma * sigma + slack2
+            n += 1
+    return n
 
 
 @numba.njit(cache=True, inline="always")
-def _neighbourhood(
-    ref_depth: F32, ref_color: F32, r: int, ui: int, vi: int, qz: float, c0: float, c1: float, c2: float,
+def _landings(m: F32, r: int, points: F32, n: int, camera: F32, variance: F32, out: F32) -> None:
+    """Where n points of a row (3, w) lie in reference camera r: `out` (4, w) takes pixel x, y, depth m and the inverse variance
+    of a difference in depth; `variance` (w,) is that of the points."""
+    for i in range(n):
+        px, py, z = points[0, i], points[1, i], points[2, i]
+        qz = m[r, 2, 0] * px + m[r, 2, 1] * py + m[r, 2, 2] * z + m[r, 2, 3]
+        out[0, i] = (m[r, 0, 0] * px + m[r, 0, 1] * py + m[r, 0, 2] * z + m[r, 0, 3]) / qz * camera[
+            0
+        ] + camera[2]
+        out[1, i] = (m[r, 1, 0] * px + m[r, 1, 1] * py + m[r, 1, 2] * z + m[r, 1, 3]) / qz * camera[
+            1
+        ] + camera[3]
+        out[2, i] = qz
+        sigma = pixel_sigma(qz)
+        out[3, i] = np.float32(1.0) / (variance[i] + sigma * sigma)
+
+
+@numba.njit(cache=True, nogil=True)
+def depth_range(depth: F32) -> tuple[F32, F32]:
+    """Least and greatest known depth (h, w) of each pixel's 3x3; the least is 0 where fewer than 6 are known, the greatest where
+    none is."""
+    h, w = depth.shape
+    near, far = np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)
+    for y in range(1, h - 1):
+        for x in range(1, w - 1):
+            known = 0
+            low, high = np.float32(np.inf), np.float32(0)
+            for b in range(y - 1, y + 2):
+                for a in range(x - 1, x + 2):
+                    z = depth[b, a]
+                    if z > 0:
+                        known += 1
+                        low, high = min(low, z), max(high, z)
+            far[y, x] = high
+            if known >= 6:
+                near[y, x] = low
+    return near, far
+
+
+@numba.njit(cache=True, inline="always")
+def _agreement(
+    ref_depth: F32, ref_color: F32, r: int, ui: Any, vi: Any, qz: float, color: F32, y: int, x: int,
     inv_var: float, inv_color: np.float32,
 ) -> Any:  # fmt: skip
-    """What 3x3 pixels of reference frame r say of a point with depth qz and colour c: how far behind it the nearest
-    reading lies (m), how well the best one agrees (0..1), how many are known."""
-    one = np.float32(1.0)
-    nearest, best, known = np.float32(1e9), np.float32(0), 0
+    """How well the best of 3x3 pixels of reference frame r agrees with a point of depth qz and the colour of pixel (x, y), 0..1."""
+    one, none = np.float32(1.0), np.float32(np.inf)
+    c0, c1, c2 = color[y, x, 0], color[y, x, 1], color[y, x, 2]
+    least = none  # the inverse of the agreement
     for b in range(vi - 1, vi + 2):
         for a in range(ui - 1, ui + 2):
             zr = ref_depth[r, b, a]
-            if zr <= 0:
-                continue
-            known += 1
             gap = zr - qz
-            nearest = min(nearest, gap)
             t2 = gap * gap * inv_var
-            if t2 < 9:
-                d0, d1, d2 = (
-                    c0 - ref_color[r, b, a, 0],
-                    c1 - ref_color[r, b, a, 1],
-                    c2 - ref_color[r, b, a, 2],
-                )
-                like = (d0 * d0 + d1 * d1 + d2 * d2) * inv_color
-                best = max(best, one / ((one + np.float32(0.15) * t2) * (one + like)))
-    return nearest, best, known
+            d0, d1, d2 = c0 - ref_color[r, b, a, 0], c1 - ref_color[r, b, a, 1], c2 - ref_color[r, b, a, 2]
+            off = (one + np.float32(0.15) * t2) * (one + (d0 * d0 + d1 * d1 + d2 * d2) * inv_color)
+            least = min(
+                least, off if t2 < np.float32(9) and zr > np.float32(0) else none
+            )  # no branches: measured
+    return one / least
 
 
-@numba.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"})
+@numba.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"})
 def compare(
     depth: F32,
     color: F32,
@@ -89,6 +130,7 @@ def compare(
     moves: F32,
     ref_depth: F32,
     ref_color: F32,
+    ref_range: tuple[F32, F32],
     can_support: NDArray[np.bool_],
     side: NDArray[np.int8],
     color_sigma: float,
@@ -102,42 +144,40 @@ def compare(
     hidden them; readings in front say nothing.
 
     The frame has `depth` (h, w) m, 0 unknown, `color` (h, w, 3) and a `camera` (fx, fy, cx, cy); `wanted` (h, w) are the pixels to look
-    at. The references have `ref_depth` (R, h, w) and `ref_color` (R, h, w, 3); `moves` (R, 3, 4) takes the frame's camera to theirs, NaN
-    rows are skipped; those without `can_support` (R,) may only violate; `side` (R,) is -1 for those that show the part at a clearly
-    lower state, 1 at a higher one, else 0: only the sides tell a part from static scene. `color_sigma` is one standard deviation of
-    colour, `slack` (m) the depth error that poses may cause.
+    at. The references have `ref_depth` (R, h, w), `ref_color` (R, h, w, 3) and the `ref_range` of their depth (`depth_range`); `moves`
+    (R, 3, 4) takes the frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only violate; `side` (R,) is
+    -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0: only the sides tell a part from static scene.
+    `color_sigma` is one standard deviation of colour, `slack` (m) the depth error that poses may cause.
 
-    `out` (4, h, w) takes the sums of weights 0..1: support, violation, support by frames at lower and at higher states.
+    `out` (4, h, w) takes the sums of weights 0..1: support, violation, support by frames at lower and at higher states. Once
+    `ENOUGH` frames support a pixel, those on no side are not asked any more.
     """
     h, w = depth.shape
-    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
     one = np.float32(1.0)
     inv_color = one / np.float32(color_sigma * color_sigma)
-    slack2 = np.float32(slack * slack)
-    for y in numba.prange(h):
-        for x in range(w):
-            z = depth[y, x]
-            if z <= 0 or not wanted[y, x]:
+    near, far = ref_range
+    column, points = np.empty(w, np.int32), np.empty((3, w), np.float32)
+    variance, landed = np.empty(w, np.float32), np.empty((4, w), np.float32)
+    for y in range(h):
+        n = _row(depth, wanted, y, camera, slack, column, points, variance)
+        for r in range(moves.shape[0]):
+            if np.isnan(moves[r, 0, 0]):
                 continue
-            px, py = (np.float32(x) - cx) / fx * z, (np.float32(y) - cy) / fy * z
-            s1 = pixel_sigma(z)
-            var = s1 * s1 + slack2
-            c0, c1, c2 = color[y, x, 0], color[y, x, 1], color[y, x, 2]
-            for r in range(moves.shape[0]):
-                if np.isnan(moves[r, 0, 0]):
-                    continue
-                ui, vi, qz = _landing(moves[r], px, py, z, camera, h, w)
-                if ui < 0:
-                    continue
-                s2 = pixel_sigma(qz)
-                inv_var = one / (var + s2 * s2)
-                nearest, best, known = _neighbourhood(
-                    ref_depth, ref_color, r, ui, vi, qz, c0, c1, c2, inv_var, inv_color
-                )
-                if can_support[r]:
-                    out[0, y, x] += best
-                if side[r] != 0:
-                    out[2 if side[r] < 0 else 3, y, x] += best
-                if known >= 6 and nearest > 0:
+            _landings(moves, r, points, n, camera, variance, landed)
+            for i in range(n):
+                u, v, qz, inv_var = landed[0, i], landed[1, i], landed[2, i], landed[3, i]
+                if not (qz >= 0.05 and u >= 0.5 and v >= 0.5 and u <= w - 1.6 and v <= h - 1.6):
+                    continue  # its 3x3 are not all in view
+                x, ui, vi = column[i], np.uint32(u + np.float32(0.5)), np.uint32(v + np.float32(0.5))
+                nearest, farthest = near[r, vi, ui] - qz, far[r, vi, ui] - qz
+                apart = max(nearest, -farthest)  # where positive, no reading is nearer to the point
+                asked = side[r] != 0 or (can_support[r] and out[0, y, x] < ENOUGH)
+                if asked and (apart <= 0 or apart * apart * inv_var < 9):
+                    best = _agreement(ref_depth, ref_color, r, ui, vi, qz, color, y, x, inv_var, inv_color)
+                    if can_support[r]:
+                        out[0, y, x] += best
+                    if side[r] != 0:
+                        out[2 if side[r] < 0 else 3, y, x] += best
+                if nearest > 0:
                     t = nearest * np.sqrt(inv_var)
                     out[1, y, x] += min(max((t - one) / np.float32(1.5), np.float32(0)), one)

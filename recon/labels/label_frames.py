@@ -15,20 +15,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32
+from recon.dense.depth import F32
 from recon.labels.crf import agree, upsample_labels
-from recon.labels.pooling import SURE, enclosed_by_parts, pool_color, pool_voxels, world_points
+from recon.labels.evidence import ENOUGH
+from recon.labels.pooling import SURE, pool_color, world_points
 from recon.labels.reference_frames import (
     COLOR_SIGMAS,
     References,
     View,
+    as_references,
     find_references,
     gather,
+    halved,
     lab,
     relative_moves,
     view,
 )
-from recon.labels.spreading import spread_along_surfaces
+from recon.labels.spreading import pool_in_space
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
@@ -37,9 +40,10 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
+from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 2, ("labels",))
+LABELS = Stage("labels", 3, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -107,25 +111,23 @@ def label_frames(
     wrap = progress or untold
     camera = recording.intrinsics.binned(factor)
     boxes = [_part_box(refs, cameras, p, camera, config.pose_error) for p in parts]
-    views, scores, stays = [], [], []
-    for f in wrap(chosen, "labels"):
-        seen = view(recording, f, factor)
-        views.append(seen)
-        score, staying = _first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error)
-        scores.append(score)
-        stays.append(staying)
-    enclosed = enclosed_by_parts(views, scores, stays, cameras, parts, camera)
-    pool_voxels(views, scores, cameras, parts, camera)
-    for seen, score, sure, held in zip(views, scores, stays, enclosed, strict=True):
-        spread_along_surfaces(score, sure, held, seen, COLOR_SIGMAS * refs.color_sigma)
-    pool_voxels(views, scores, cameras, parts, camera)
+
+    def look(frame: int) -> tuple[View, F32, NDArray[np.bool_]]:
+        seen = view(recording, frame, factor)
+        return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error)
+
+    looks = [seen for _, seen in zip(wrap(chosen, "labels"), each(look, chosen), strict=True)]
+    views, scores, stays = (list(column) for column in zip(*looks, strict=True))
+    pool_in_space(views, scores, stays, cameras, parts, camera, COLOR_SIGMAS * refs.color_sigma)
     for score in scores:
         score[1:-1] += _PRIOR_PART
     pool_color(views, scores)
     ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
-    out = {}
-    for seen, score in zip(views, scores, strict=True):
-        out[seen.frame] = _final(recording, seen, score, factor, ids, refs.color_sigma)
+
+    def final(k: int) -> NDArray[np.uint8]:
+        return _final(recording, views[k], scores[k], factor, ids, refs.color_sigma)
+
+    out = dict(zip(chosen, each(final, range(len(views))), strict=True))
     if frames is None:
         _warn_of_ends(out)
     return out
@@ -161,21 +163,20 @@ def _part_box(
 
     What other references see through, in references that show no hand, is the part; `_BOX_MARGIN_M` more is added.
     """
-    found = []
-    for k in np.flatnonzero(refs.trusted):
-        frame = refs.frames[k]
-        pose = part.pose(frame)
+    views = [halved(View(f, d, c)) for f, d, c in zip(refs.frames, refs.depth, refs.color, strict=True)]
+    small, half = as_references(views, np.zeros(len(views), bool), refs.color_sigma), camera.strided(2)
+
+    def moved_points(k: int) -> Array:
+        seen, pose = views[k], part.pose(refs.frames[k])
         if pose is None:
-            continue
-        seen = View(frame, refs.depth[k, ::2, ::2].copy(), refs.color[k, ::2, ::2].copy())
-        small = replace(refs, depth=refs.depth[:, ::2, ::2].copy(), color=refs.color[:, ::2, ::2].copy())
-        moves = relative_moves(cameras, (), frame, refs.frames)[0]
+            return np.zeros((0, 3))
+        moves = relative_moves(cameras, (), seen.frame, refs.frames)[0]
         moves[k] = np.nan
-        violation = gather(seen, small, moves, camera.strided(2), slack)[1]
+        violation = gather(seen, small, moves, half, slack)[1]
         moved = replace(seen, depth=np.where(violation > 1.5, seen.depth, np.float32(0)))
-        found.append(
-            geo.transform(geo.invert_pose(pose), world_points(moved, camera.strided(2), cameras.pose(frame)))
-        )
+        return geo.transform(geo.invert_pose(pose), world_points(moved, half, cameras.pose(seen.frame)))
+
+    found = list(each(moved_points, np.flatnonzero(refs.trusted).tolist()))
     points = np.concatenate(found) if found else np.zeros((0, 3))
     if len(points) < 50:
         return None
@@ -197,15 +198,13 @@ def _first_scores(
     (1 + P, h, w) of what surely moved and, for each part, of what surely stays (see `_stays`)."""
     moves = relative_moves(cameras, parts, seen.frame, refs.frames)
     moves[:, [f == seen.frame for f in refs.frames]] = np.nan
-    planes = [_score(gather(seen, refs, moves[0], camera, slack))]
-    stays = []
     known = seen.depth > 0
     world = world_points(seen, camera, cameras.pose(seen.frame))
-    for part, box, move in zip(parts, boxes, moves[1:], strict=True):
-        pose, inside = part.pose(seen.frame), known.copy()
-        if box is not None and pose is not None:
-            at_rest = geo.transform(geo.invert_pose(pose), world)
-            inside[known] = ((at_rest > box[0]) & (at_rest < box[1])).all(axis=1)
+    within = [_within(p.pose(seen.frame), box, known, world) for p, box in zip(parts, boxes, strict=True)]
+    nowhere = known & ~np.logical_or.reduce(within)
+    planes = [_score(gather(seen, refs, moves[0], camera, slack, nowhere))]
+    stays = []
+    for part, inside, move in zip(parts, within, moves[1:], strict=True):
         side = _side(part, seen.frame, refs)
         still = gather(seen, refs, moves[0], camera, slack, inside, side)
         planes[0][inside] = _score(still)[inside]
@@ -215,6 +214,17 @@ def _first_scores(
         planes.append(score)
     planes.append(np.full(known.shape, _HAND, np.float32))
     return np.stack(planes).astype(np.float32), np.array([planes[0] < -SURE, *stays])
+
+
+def _within(
+    pose: Array | None, box: tuple[Array, Array] | None, known: NDArray[np.bool_], world: F32
+) -> NDArray[np.bool_]:
+    """Pixels (h, w) of known depth in a part's box; all of them when its pose or its box is not known."""
+    inside = known.copy()
+    if box is not None and pose is not None:
+        at_rest = geo.transform(geo.invert_pose(pose), world)
+        inside[known] = ((at_rest > box[0]) & (at_rest < box[1])).all(axis=1)
+    return inside
 
 
 def _side(part: MovingPart, frame: int, refs: References) -> NDArray[np.int8]:
@@ -240,7 +250,9 @@ def _stays(evidence: F32, side: NDArray[np.int8]) -> NDArray[np.bool_]:
 def _score(evidence: F32) -> F32:
     support, violation, lower, higher = evidence
     seen_through = np.clip((0.85 * violation - 0.3 * (lower + higher)) / 1.5, 0.0, 1.0)
-    score: F32 = (_SUPPORT * np.minimum(support, 2.0) / 2.0 - _VIOLATION * seen_through).astype(np.float32)
+    score: F32 = (_SUPPORT * np.minimum(support, ENOUGH) / ENOUGH - _VIOLATION * seen_through).astype(
+        np.float32
+    )
     return score
 
 

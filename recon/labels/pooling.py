@@ -6,17 +6,19 @@ Scores are log scores (1 + P + 1, h, w) of static, parts and hand for each view;
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32, depth_sigma
+from recon.dense.depth import F32, depth_sigma
+from recon.dense.voxels import distinct, in_hull_of, largest_piece, mean_evidence, near_piece, solid_core
 from recon.labels.reference_frames import View
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics
-from recon.voxels import in_hull, largest_piece, mean_evidence, near_piece, solid_core
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.runs.threads import each
 from twin.scene import Trajectory
 from twin.voxels import voxel_keys
 
@@ -46,40 +48,69 @@ def _voxel_size(views: list[View]) -> float:
     return float(np.clip(2.0 * depth_sigma(typical), 0.006, 0.02))
 
 
-def pool_voxels(
-    views: list[View], scores: list[F32], cameras: Trajectory, parts: Sequence[MovingPart], camera: Intrinsics
-) -> None:
-    """Add to each score what all frames say about the pixel's voxel, in the world and in each part's own frame."""
-    size = _voxel_size(views)
-    worlds = [world_points(v, camera, cameras.pose(v.frame)) for v in views]
-    gains: list[list[F32]] = []
-    for k in range(1 + len(parts)):
-        rows = [v for v in range(len(views)) if k == 0 or parts[k - 1].pose(views[v].frame) is not None]
-        points = []
-        for v in rows:
-            pose = None if k == 0 else parts[k - 1].pose(views[v].frame)
-            inv = np.eye(4) if pose is None else geo.invert_pose(pose)
-            points.append((worlds[v] @ inv[:3, :3].T + inv[:3, 3]).astype(np.float32))
-        keys, inverse = np.unique(voxel_keys(np.concatenate(points), size), return_inverse=True)
-        ahead = np.concatenate([lead_of(scores[v], k)[views[v].depth > 0] for v in rows])
-        lead = np.clip(ahead, -_CLIP, _CLIP)
-        mean, n = mean_evidence(inverse, lead, len(keys), _VOXEL_PRIOR)
+class VoxelPool:
+    """The voxels of the world and of each part's own frame, and which of them the pixels of the views fall into."""
+
+    def __init__(
+        self, views: list[View], cameras: Trajectory, parts: Sequence[MovingPart], camera: Intrinsics
+    ) -> None:
+        size = _voxel_size(views)
+        self._known = [v.depth > 0 for v in views]
+        self._frames = [_Voxels.of(views, None, cameras, camera, size)]
+        self._frames += [_Voxels.of(views, part, cameras, camera, size) for part in parts]
+
+    def add_to(self, scores: list[F32]) -> None:
+        """Add to each score what all views say about the pixel's voxel, in the world and in each part's own frame."""
+        gains = list(each(lambda k: self._gains(k, scores), range(len(self._frames))))
+        for k, (voxels, gain) in enumerate(zip(self._frames, gains, strict=True)):
+            for v, g in zip(voxels.rows, gain, strict=True):
+                if len(g):
+                    scores[v][k][self._known[v]] += g
+
+    def _gains(self, k: int, scores: list[F32]) -> list[F32]:
+        """What hypothesis k gains at the known pixels of each of its views."""
+        keys, inverse, rows = self._frames[k].keys, self._frames[k].of_pixel, self._frames[k].rows
+        ahead = np.concatenate([lead_of(scores[v], k)[self._known[v]] for v in rows])
+        mean, n = mean_evidence(inverse, np.clip(ahead, -_CLIP, _CLIP), len(keys), _VOXEL_PRIOR)
+        gain = _VOXEL_GAIN * mean[inverse]
         if k > 0:
             strong = np.flatnonzero((mean > 0.4) & (n >= 2))
             piece = keys[strong[largest_piece(keys[strong], (mean * n)[strong])]]
             lost = ~near_piece(keys, piece)[inverse]
-        gain = _VOXEL_GAIN * mean[inverse]
-        if k > 0:
             gain[lost] = np.minimum(gain[lost], -np.maximum(ahead[lost], 0))
-        cuts = np.cumsum([len(p) for p in points])[:-1]
-        per_view: list[F32] = [np.zeros(0, np.float32)] * len(views)
-        for v, g in zip(rows, np.split(gain, cuts), strict=True):
-            per_view[v] = g
-        gains.append(per_view)
-    for k, per_view in enumerate(gains):
-        for v, g in enumerate(per_view):
-            if len(g):
-                scores[v][k][views[v].depth > 0] += g
+        cuts = np.cumsum([np.count_nonzero(self._known[v]) for v in rows])[:-1]
+        return np.split(gain, cuts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Voxels:
+    """keys (m,): sorted, of the voxels that hold points. of_pixel (n,): the voxel of each known pixel of the views `rows`."""
+
+    keys: NDArray[np.int64]
+    of_pixel: NDArray[np.int32]
+    rows: list[int]
+
+    @classmethod
+    def of(
+        cls,
+        views: list[View],
+        part: MovingPart | None,
+        cameras: Trajectory,
+        camera: Intrinsics,
+        size: float,
+    ) -> _Voxels:
+        """Voxels of the world, or of a part's frame in those views that know its pose."""
+        poses = [None if part is None else part.pose(v.frame) for v in views]
+        rows = [k for k, pose in enumerate(poses) if part is None or pose is not None]
+
+        def keys_of(row: int) -> NDArray[np.int64]:
+            world = world_points(views[row], camera, cameras.pose(views[row].frame))
+            pose = poses[row]
+            inv = np.eye(4) if pose is None else geo.invert_pose(pose)
+            return voxel_keys((world @ inv[:3, :3].T + inv[:3, 3]).astype(np.float32), size)
+
+        keys, of_pixel = distinct(np.concatenate(list(each(keys_of, rows))))
+        return cls(keys, of_pixel, rows)
 
 
 def enclosed_by_parts(
@@ -96,6 +127,7 @@ def enclosed_by_parts(
     through where it is now and see again where it was; scores are those of the references alone, before any pooling.
     """
     size = _voxel_size(views)
+    world = list(each(lambda v: world_points(v, camera, cameras.pose(v.frame)), views))
     out = [np.zeros((len(parts), *v.depth.shape), bool) for v in views]
     near = [np.zeros_like(o) for o in out]
     for k, part in enumerate(parts):
@@ -106,14 +138,13 @@ def enclosed_by_parts(
             if pose is None:
                 continue
             inv = geo.invert_pose(pose)
-            points[v] = geo.transform(inv, world_points(seen, camera, cameras.pose(seen.frame))).astype(
-                np.float32
-            )
+            points[v] = geo.transform(inv, world[v]).astype(np.float32)
             mine = (lead_of(score, k + 1) > SURE) & moved[0]
             certain.append(points[v][mine[seen.depth > 0]])
         shell = solid_core(certain, size)
-        for v, p in points.items():
-            out[v][k][views[v].depth > 0] = in_hull(p, shell)
+        inside = each(in_hull_of(shell), points.values())
+        for (v, p), held in zip(points.items(), inside, strict=True):
+            out[v][k][views[v].depth > 0] = held
             if len(shell):
                 box = (p >= shell.min(axis=0) - size) & (p <= shell.max(axis=0) + size)
                 near[v][k][views[v].depth > 0] = box.all(axis=1)

@@ -12,12 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32, look_up
-from recon.labels.evidence import compare, median_depth
+from recon.dense.depth import F32, look_up
+from recon.labels.evidence import compare, depth_range, median_depth
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.runs.threads import each
 from twin.scene import Trajectory
 
 # Chosen by us: lightness changes with shading when a part turns, hue and chroma hardly do.
@@ -39,14 +40,16 @@ class View:
 class References:
     """Frames that others are compared with.
 
-    frames: (R,). depth: (R, h, w). color: (R, h, w, 3). trusted: (R,) bool, at rest and (nearly) without hand, so their surfaces support a hypothesis; the
-    others show only what is empty. rest_without_hand: for each rest phase whether it has a frame without hand.
-    color_sigma: colour difference of one resting surface seen from two frames.
+    frames: (R,). depth: (R, h, w). color: (R, h, w, 3). depth_range: least and greatest depth around each pixel (`evidence.depth_range`).
+    trusted: (R,) bool, at rest and (nearly) without hand, so their surfaces support a hypothesis; the others show only what is empty.
+    rest_without_hand: for each rest phase whether it has a frame without hand. color_sigma: colour difference of one resting surface
+    seen from two frames.
     """
 
     frames: tuple[int, ...]
     depth: F32
     color: F32
+    depth_range: tuple[F32, F32]
     trusted: NDArray[np.bool_]
     rest_without_hand: tuple[bool, ...]
     color_sigma: float
@@ -55,13 +58,17 @@ class References:
 def as_references(views: Sequence[View], trusted: NDArray[np.bool_], color_sigma: float) -> References:
     """Stack views of equal size."""
     depth, color = np.stack([v.depth for v in views]), np.stack([v.color for v in views])
-    return References(tuple(v.frame for v in views), depth, color, trusted, (), color_sigma)
+    near, far = (np.stack(part) for part in zip(*(depth_range(d) for d in depth), strict=True))
+    return References(tuple(v.frame for v in views), depth, color, (near, far), trusted, (), color_sigma)
 
 
 def lab(color: NDArray[np.uint8]) -> F32:
     """CIE Lab (h, w, 3) of an RGB image, lightness damped."""
-    out = cv2.cvtColor(color.astype(np.float32) / 255.0, cv2.COLOR_RGB2Lab)
-    return np.asarray(out * np.array([_LIGHTNESS_WEIGHT, 1, 1]), dtype=np.float32)
+    out = np.asarray(
+        cv2.cvtColor(color.astype(np.float32) / np.float32(255.0), cv2.COLOR_RGB2Lab), dtype=np.float32
+    )
+    out[..., 0] *= _LIGHTNESS_WEIGHT
+    return out
 
 
 def view(recording: Recording, frame: int, factor: int) -> View:
@@ -71,6 +78,15 @@ def view(recording: Recording, frame: int, factor: int) -> View:
     h, w = z.shape
     small = cv2.resize(color[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
     return View(frame, z, lab(np.asarray(small, np.uint8)))
+
+
+def halved(seen: View) -> View:
+    """Every other pixel of a view."""
+    return View(seen.frame, seen.depth[::2, ::2].copy(), seen.color[::2, ::2].copy())
+
+
+def _views(recording: Recording, frames: NDArray[np.int64], factor: int) -> list[View]:
+    return list(each(lambda f: view(recording, int(f), factor), frames))
 
 
 def relative_moves(
@@ -108,7 +124,7 @@ def gather(
     side: NDArray[np.int8] | None = None,
 ) -> F32:
     """Evidence (4, h, w) for one motion of a view by the references: support, violation, support from lower and from
-    higher states (see `warping.compare`)."""
+    higher states (see `evidence.compare`)."""
     out = np.zeros((4, *seen.depth.shape), np.float32)
     none = np.zeros(len(refs.frames), np.int8)
     everywhere = np.ones(seen.depth.shape, bool) if wanted is None else wanted
@@ -120,6 +136,7 @@ def gather(
         moves.astype(np.float32),
         refs.depth,
         refs.color,
+        refs.depth_range,
         refs.trusted,
         none if side is None else side,
         COLOR_SIGMAS * refs.color_sigma,
@@ -159,17 +176,19 @@ def _unexplained(
 
     At least two of the others, and a seventh of them, must look through a pixel under every hypothesis.
     """
-    refs = as_references(views, np.ones(len(views), bool), sigma)
+    refs = as_references(views, np.zeros(len(views), bool), sigma)
     enough = max(1.5, len(views) / 7)
-    out = []
-    for k, seen in enumerate(views):
+
+    def odd_pixels(k: int) -> NDArray[np.bool_]:
+        seen = views[k]
         moves = relative_moves(cameras, parts, seen.frame, refs.frames)
         moves[:, k] = np.nan
         odd = seen.depth > 0
         for move in moves:
             odd &= gather(seen, refs, move, camera, slack, odd)[1] > enough
-        out.append(odd)
-    return out
+        return odd
+
+    return list(each(odd_pixels, range(len(views))))
 
 
 def _color_sigma(seen: View, other: View, move: Array, camera: Intrinsics) -> float:
@@ -213,10 +232,10 @@ def find_references(
     """
     phases = rest_phases(parts, cameras.frames)
     pools = [_spread(phase, 2 * per_phase) for phase in phases]
-    candidates = [view(recording, int(f), factor) for pool in pools for f in pool]
+    candidates = _views(recording, np.concatenate(pools), factor)
     camera = recording.intrinsics.binned(factor)
     sigma = _estimate_color_sigma(candidates, pools, cameras, camera)
-    coarse = [View(v.frame, v.depth[::2, ::2].copy(), v.color[::2, ::2].copy()) for v in candidates]
+    coarse = [halved(v) for v in candidates]
     masks = _unexplained(coarse, cameras, parts, camera.strided(2), sigma, slack)
     share = np.array([m.sum() / max(int((v.depth > 0).sum()), 1) for m, v in zip(masks, coarse, strict=True)])
     chosen, clean, start = [], [], 0
@@ -231,7 +250,7 @@ def find_references(
     others = np.setdiff1d(cameras.frames, [v.frame for v in views])
     moving = np.setdiff1d(others, np.concatenate(phases))
     frames = np.union1d(_spread(moving, witnesses), _spread(others, witnesses // 2))
-    views += [view(recording, int(f), factor) for f in frames]
+    views += _views(recording, frames, factor)
     refs = as_references(views, np.arange(len(views)) < len(chosen), sigma)
     return replace(refs, rest_without_hand=tuple(clean))
 

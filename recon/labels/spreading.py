@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import F32
+from recon.dense.depth import F32
 from recon.labels.crf import geodesic
-from recon.labels.pooling import SURE
-from recon.labels.reference_frames import (
-    View,
-)
+from recon.labels.pooling import SURE, VoxelPool, enclosed_by_parts
+from recon.labels.reference_frames import View
+from recon.parts.moving_part import MovingPart
+from recon.recording import Intrinsics
+from twin.runs.threads import each
+from twin.scene import Trajectory
 
 _SURFACE_GAIN = 3.0
 
@@ -30,6 +35,32 @@ def _filled(depth: F32) -> F32:
     value = np.zeros(int(nearest.max()) + 1, np.float32)
     value[nearest[known]] = depth[known]
     return value[nearest]
+
+
+def pool_in_space(
+    views: list[View],
+    scores: list[F32],
+    sure: list[NDArray[np.bool_]],
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    camera: Intrinsics,
+    scale: float,
+) -> None:
+    """Let what all views say about a voxel, and what is sure along a surface, count in the scores of each view.
+
+    Args:
+        sure: masks (1 + P, h, w) of what surely moved and of what surely stays, as `spread_along_surfaces` takes them.
+        scale: standard deviation of colour within a surface.
+    """
+    enclosed = enclosed_by_parts(views, scores, sure, cameras, parts, camera)
+    pool = VoxelPool(views, cameras, parts, camera)
+    pool.add_to(scores)
+
+    def spread(k: int) -> None:
+        spread_along_surfaces(scores[k], sure[k], enclosed[k], views[k], scale)
+
+    deque(each(spread, range(len(views))), maxlen=0)
+    pool.add_to(scores)
 
 
 def spread_along_surfaces(

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_sigma
+from recon.dense.depth import depth_sigma
 from recon.motion.intervals import IntervalConfig
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
@@ -78,4 +78,4 @@ def find_movers(
 def _running_median(p: Array) -> Array:
     """Median over five successive observations, ends repeated."""
     padded = np.concatenate([p[:1], p[:1], p, p[-1:], p[-1:]])
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)
+    return np.asarray(np.sort(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)[..., 2])

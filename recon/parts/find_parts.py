@@ -31,8 +31,10 @@ from recon.parts.config import MotionConfig
 from recon.parts.hand_tracks import hand_tracks
 from recon.parts.moving_part import MovingPart
 from recon.parts.part_matching import is_another_part, same_part
+from recon.parts.said_parts import Observed, outside, sought
 from recon.parts.static_spans import known_rest_spans, rest_spans, restless
 from recon.recording import Recording
+from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
 from twin.errors import ReconstructionError
 from twin.geometry import Array
@@ -40,7 +42,7 @@ from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
 MOTION = Stage("motion", 9, ("motion", "joints"))
-_DEFAULT, _JOINTS = MotionConfig(), JointConfig()
+_DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
 _CALM_ROUNDS = (
     2  # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 )
@@ -71,27 +73,75 @@ def find_parts(
     config: MotionConfig = _DEFAULT,
     joints: JointConfig = _JOINTS,
     hints: Sequence[TypeHint] = (),
+    said: Said = _UNSAID,
 ) -> FoundParts:
     """Find every part that moves by a joint. hints: joint types that somebody expects; see `recon.joints.type_selection`.
 
-    Raises ReconstructionError when nothing moves or no joint explains what moves.
+    said: the user's word. Where it points at parts or gives intervals, exactly these parts are looked for.
+
+    None where nothing moves, or no joint explains what moves: a warning says which.
     """
     movers = find_movers(tracks, cameras, recording.times, config.interval)
     if movers.moving.sum() < joints.min_tracks:
-        raise ReconstructionError(
+        warnings.warn(
             f"nothing moves in {recording.source}: {int(movers.moving.sum())} of {len(tracks)} tracked points leave "
             f"their place by more than {config.interval.min_displacement} m",
-            "record a part being opened, from rest to rest",
+            stacklevel=2,
         )
+        return FoundParts(movers, np.zeros_like(movers.moving), ())
     to_part = partial(_moving_part, cameras.frames, recording.times[cameras.frames], config.interval)
     hand_of = partial(hand_tracks, recording, cameras, tracks, config=config.hand)
-    search = _Search(movers, hand_of, to_part, config, joints, hints)
+    if said.words:
+        seen = Observed(recording, tracks, cameras, movers, config, joints)
+        return _said_parts(seen, hand_of, to_part, hints, said)
+    search = _Search(movers, hand_of, to_part, config, joints, _hints(said, 0, hints))
     for group in _groups(movers, config, joints):
         if len(search.found) == config.max_parts or not (search.take(group) or config.method == "clusters"):
             break  # all tracks together bring no more; of the clusters, each may
     if not search.found:
-        raise search.failed[0]
+        warnings.warn(f"no part was found: {search.failed[0].problem}", stacklevel=2)
     return FoundParts(movers, search.hand, tuple(search.found))
+
+
+def _said_parts(
+    seen: Observed,
+    hand_of: Callable[[Sequence[tuple[int, int]]], NDArray[np.bool_]],
+    to_part: Callable[[int, MotionFit], MovingPart],
+    hints: Sequence[TypeHint],
+    said: Said,
+) -> FoundParts:
+    """The part of each of the user's words, among the tracks that no earlier one explains; a warning for each without one."""
+    parts: list[PartTracks] = []
+    frames = len(seen.movers.visible)
+    free, hand = seen.movers.moving.copy(), np.zeros_like(seen.movers.moving)
+    if said.intervals:
+        hand = hand_of(outside(said.intervals, frames))
+    for number, word in enumerate(said.words):
+        told = _hints(said, number, hints)
+        try:
+            where = sought(word, seen, free & ~hand, told)
+            if not said.intervals and where.fit is not None:  # now it is known when it rests
+                hand = hand | hand_of(rest_spans(where.fit.fit, frames, seen.config))
+                where = sought(word, seen, free & ~hand, told)
+            search = _Search(where.movers, lambda _: hand, to_part, seen.config, seen.joints, told)  # noqa: B023
+            search.free &= where.group
+            if not search.take(where.group, where.fit):
+                raise search.failed[0]
+        except ReconstructionError as e:
+            warnings.warn(f"no part was found for {word}: {e}", stacklevel=3)
+        else:
+            (part,) = search.found
+            parts.append(replace(part, part=replace(part.part, id=FIRST_PART_ID + len(parts))))
+            free &= ~part.members
+    return FoundParts(seen.movers, hand, tuple(parts))
+
+
+def _hints(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeHint]:
+    """The type that the user says of a part, else what others expect."""
+    word = said.joint_of(number)
+    if word is None:
+        return hints
+    return (TypeHint("revolute" if word == "hinge" else "prismatic", 0, 1, "the user", weight=np.inf),)
 
 
 def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterator[NDArray[np.bool_]]:
@@ -135,10 +185,10 @@ class _Search:
         self.fits: list[MotionFit] = []
         self.failed: list[ReconstructionError] = []
 
-    def take(self, group: NDArray[np.bool_]) -> bool:
-        """Look for a part among the free tracks of a group (K,); False when there is none."""
+    def take(self, group: NDArray[np.bool_], given: GroupFit | None = None) -> bool:
+        """Look for a part among the free tracks of a group (K,), or take the one that is given; False when there is none."""
         try:
-            best = self._fit(self.free & group)
+            best = given or self._fit(self.free & group)
         except ReconstructionError as e:
             self.failed.append(e)
             return False

@@ -9,7 +9,7 @@ FunREC, supplement 3.2: colour in place of a mask of the hand.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,12 +17,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_sigma, look_up
+from recon.dense.depth import depth_sigma, look_up
 from recon.recording import Intrinsics, Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.setting import Former, Left, Settings, setting
+from twin.runs.threads import each
 from twin.scene import Trajectory
 
 _BINS = 24  # of the colour histogram, per axis
@@ -75,26 +76,38 @@ def hand_tracks(
     camera = recording.intrinsics.scaled(*size)
     hand, rest_of = np.ones(_BINS**3), np.ones(_BINS**3)
     found = 0
-    for number, (first, last) in enumerate(rests):
-        references = ([first] if number == 0 or len(rests) == 1 else []) + (
-            [last] if number == len(rests) - 1 else []
-        )
-        for reference in references or [first, last]:
-            surface = _small_depth(recording, reference, camera)
-            for frame in np.unique(np.linspace(first, last, config.max_frames).astype(int)):
-                if frame == reference:
-                    continue
-                mask = _in_front(recording, cameras, surface, reference, int(frame), camera, config)
-                if mask is None or mask.mean() < config.min_share:
-                    continue
+    for reference, frames in _compared(rests, config.max_frames):
+        surface = _small_depth(recording, reference, camera)
+
+        def look(
+            frame: int, reference: int = reference, surface: Array = surface
+        ) -> tuple[NDArray[np.bool_], NDArray[np.int32]] | None:
+            mask = _in_front(recording, cameras, surface, reference, frame, camera, config)
+            if mask is None or mask.mean() < config.min_share:
+                return None
+            return mask, _bin(_small_color(recording, frame, camera), _BINS)
+
+        for seen in each(look, frames):
+            if seen is not None:
+                mask, index = seen
                 found += 1
-                index = _bin(_small_color(recording, int(frame), camera), _BINS)
                 hand += np.bincount(index[mask], minlength=len(hand))
                 rest_of += np.bincount(index[~mask], minlength=len(hand))
     if found == 0:
         return np.zeros(len(tracks), dtype=bool)
     odds = _smooth_log_odds(hand, rest_of, _BINS)
     return _mean_odds(recording, tracks, odds) > config.min_odds
+
+
+def _compared(rests: Sequence[tuple[int, int]], most: int) -> Iterator[tuple[int, list[int]]]:
+    """Frames without a hand, each with those of its span of rest that are compared with it, at most `most`."""
+    for number, (first, last) in enumerate(rests):
+        references = ([first] if number == 0 or len(rests) == 1 else []) + (
+            [last] if number == len(rests) - 1 else []
+        )
+        frames = np.unique(np.linspace(first, last, most).astype(int)).tolist()
+        for reference in references or [first, last]:
+            yield reference, [f for f in frames if f != reference]
 
 
 def _smooth_log_odds(hand: Array, rest: Array, bins: int) -> Array:
@@ -108,11 +121,13 @@ def _smooth_log_odds(hand: Array, rest: Array, bins: int) -> Array:
     return np.asarray(np.log((out[0] + 1e-5) / (out[1] + 1e-5)))
 
 
-def _bin(color: NDArray[np.uint8], bins: int) -> NDArray[np.int64]:
-    lab = cv2.cvtColor(color, cv2.COLOR_RGB2LAB).astype(np.int64)
-    lab[..., 0] = lab[..., 0] // 2 + 64  # shading changes lightness more than hue
-    index = lab * bins // 256
-    return np.asarray((index[..., 0] * bins + index[..., 1]) * bins + index[..., 2])
+def _bin(color: NDArray[np.uint8], bins: int) -> NDArray[np.int32]:
+    lab = cv2.cvtColor(color, cv2.COLOR_RGB2LAB)
+    value = np.arange(256, dtype=np.int32)
+    of_chroma = value * bins // 256
+    of_lightness = (value // 2 + 64) * bins // 256  # shading changes lightness more than hue
+    index = of_lightness[lab[..., 0]] * (bins * bins) + of_chroma[lab[..., 1]] * bins
+    return np.asarray(index + of_chroma[lab[..., 2]])
 
 
 def _small_color(recording: Recording, frame: int, camera: Intrinsics) -> NDArray[np.uint8]:
@@ -155,14 +170,18 @@ def _in_front(
 
 def _mean_odds(recording: Recording, tracks: Tracks, odds: Array) -> Array:
     """Mean log odds (K,) over every third frame's 5x5 neighbourhoods of each track."""
-    total, count = np.zeros(len(tracks)), np.zeros(len(tracks))
-    for frame in range(0, len(recording), 3):
+
+    def odds_at(frame: int) -> tuple[NDArray[np.int64], Array]:
         seen = np.flatnonzero(tracks.visible[frame])
         if not len(seen):
-            continue
+            return seen, np.zeros(0)
         color = recording.color(frame)
         score = cv2.blur(odds[_bin(color, _BINS)], (5, 5))
         x, y = np.rint(tracks.pixels[frame, seen]).astype(int).T
-        total[seen] += score[np.clip(y, 0, color.shape[0] - 1), np.clip(x, 0, color.shape[1] - 1)]
+        return seen, score[np.clip(y, 0, color.shape[0] - 1), np.clip(x, 0, color.shape[1] - 1)]
+
+    total, count = np.zeros(len(tracks)), np.zeros(len(tracks))
+    for seen, found in each(odds_at, range(0, len(recording), 3)):
+        total[seen] += found
         count[seen] += 1
     return np.where(count > 0, total / np.maximum(count, 1), -np.inf)

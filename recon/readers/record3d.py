@@ -245,7 +245,9 @@ def _color_reader(archive: _Archive, native: Intrinsics, grid: Intrinsics) -> Re
 
 
 def _depth_reader(archive: _Archive, meta: _Metadata, grid: Intrinsics) -> ReadDepth:
-    from recon.depth import upsample_depth  # here: what is wrong with a recording is told without OpenCV
+    from recon.dense.depth import (
+        upsample_depth,  # here: what is wrong with a recording is told without OpenCV
+    )
 
     def read(index: int) -> NDArray[np.float32]:
         name = f"rgbd/{index}"

@@ -10,13 +10,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.depth import depth_normals, depth_sigma, look_up, mean_depth
+from recon.dense.depth import depth_normals, depth_sigma, look_up, mean_depth
+from recon.dense.voxels import distinct
 from recon.motion.movers import Movers
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.setting import Former, Left, Settings, setting
+from twin.runs.threads import each
 from twin.scene import Joint, Trajectory
 
 STEPS = 2  # Gauss-Newton steps a round; the next round associates anew
@@ -86,7 +88,7 @@ def load_views(recording: Recording, cameras: Trajectory, config: RefineConfig) 
     """Read every posed frame's depth once, at the working width."""
     width = min(config.width, recording.intrinsics.width)
     size = (width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width)))
-    depth = np.stack([mean_depth(recording.depth(int(f)), size) for f in cameras.frames])
+    depth = np.stack(list(each(lambda f: mean_depth(recording.depth(int(f)), size), cameras.frames)))
     rows = {int(f): k for k, f in enumerate(cameras.frames)}
     return Views(recording.intrinsics.scaled(*size), depth, cameras.T_world_cam, rows)
 
@@ -96,44 +98,64 @@ def _part_points(views: Views, joint: Joint, state: Array, rows: NDArray[np.int6
     return geo.invert_pose(joint.poses(state)) @ views.T_world_cam[rows]
 
 
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Points and normals (n, 3) of a part in the camera of every labelled frame: rows of its motion, points, normals."""
+
+    index: list[int]
+    points: list[Array]
+    normals: list[Array]
+
+
+def part_patches(views: Views, labels: Mapping[int, NDArray[np.uint8]], part: MovingPart) -> Patches:
+    """What the labelled frames show of a part, a pixel away from its outline; neither joint nor states matter."""
+    h, w = views.depth.shape[1:]
+    v, u = np.mgrid[0:h, 0:w]
+    pixels = np.stack([u, v], axis=-1).astype(float)
+    index = {int(f): k for k, f in enumerate(part.motion.frames)}
+    frames = [f for f in labels if f in index]
+
+    def patch(frame: int) -> tuple[Array, Array]:
+        mask = cv2.resize(
+            (labels[frame] == part.id).astype(np.uint8), (w, h), interpolation=cv2.INTER_NEAREST
+        )
+        mask = cv2.erode(mask, np.ones((3, 3), np.uint8))
+        depth = views.depth[views.row[frame]]
+        n = depth_normals(cv2.GaussianBlur(depth, (5, 5), 1.2), views.camera, 6.0)
+        ok = (mask > 0) & (depth > 0) & np.isfinite(n).all(axis=-1)
+        return views.camera.backproject(pixels[ok], depth[ok].astype(float)), n[ok]
+
+    found = list(each(patch, frames))
+    return Patches([index[f] for f in frames], [p for p, _ in found], [n for _, n in found])
+
+
 def build_surfels(
     views: Views,
-    labels: Mapping[int, NDArray[np.uint8]],
-    part: MovingPart,
+    patches: Patches,
+    rows: NDArray[np.int64],
     joint: Joint,
     state: Array,
     config: RefineConfig,
 ) -> tuple[Array, Array]:
     """Mean points and normals (K, 3) in the part frame per voxel and normal direction, seen in several frames."""
-    h, w = views.depth.shape[1:]
-    v, u = np.mgrid[0:h, 0:w]
-    pixels = np.stack([u, v], axis=-1).astype(float)
     keys, points, normals, seen_in = [], [], [], []
-    index = {int(f): k for k, f in enumerate(part.motion.frames)}
-    for frame, label in labels.items():
-        if frame not in index:
-            continue
-        mask = cv2.resize((label == part.id).astype(np.uint8), (w, h), interpolation=cv2.INTER_NEAREST)
-        mask = cv2.erode(mask, np.ones((3, 3), np.uint8))
-        depth = views.depth[views.row[frame]]
-        n = depth_normals(cv2.GaussianBlur(depth, (5, 5), 1.2), views.camera, 6.0)
-        ok = (mask > 0) & (depth > 0) & np.isfinite(n).all(axis=-1)
-        T = geo.invert_pose(joint.pose(float(state[index[frame]]))) @ views.T_world_cam[views.row[frame]]
-        x = geo.transform(T, views.camera.backproject(pixels[ok], depth[ok].astype(float)))
-        m = n[ok] @ T[:3, :3].T
+    for k, at, facing in zip(patches.index, patches.points, patches.normals, strict=True):
+        T = geo.invert_pose(joint.pose(float(state[k]))) @ views.T_world_cam[rows[k]]
+        x = geo.transform(T, at)
+        m = facing @ T[:3, :3].T
         cell = np.floor(x / config.voxel).astype(np.int64) + 2**19
-        octant = (
-            np.abs(m).argmax(axis=1) * 2 + (np.take_along_axis(m, np.abs(m).argmax(1)[:, None], 1)[:, 0] > 0)
-        ).astype(np.int64)
+        main = np.abs(m).argmax(axis=1)
+        octant = (main * 2 + (np.take_along_axis(m, main[:, None], 1)[:, 0] > 0)).astype(np.int64)
         keys.append(((cell[:, 0] * 2**20 + cell[:, 1]) * 2**20 + cell[:, 2]) * 6 + octant)
         points.append(x)
         normals.append(m)
-        seen_in.append(np.full(len(x), frame))
+        seen_in.append(np.full(len(x), k))
     if not keys:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    key, where = np.unique(np.concatenate(keys), return_inverse=True)
-    pairs = np.unique(np.stack([where, np.concatenate(seen_in)]), axis=1)
-    views_of = np.bincount(pairs[0], minlength=len(key))
+    key, where = distinct(np.concatenate(keys))
+    # whoever sees a voxel, once
+    seen_by, _ = distinct(where.astype(np.int64) * len(views.depth) + np.concatenate(seen_in))
+    views_of = np.bincount(seen_by // len(views.depth), minlength=len(key))
     count = np.bincount(where, minlength=len(key))
     mean = np.stack([np.bincount(where, c, len(key)) / count for c in np.concatenate(points).T], axis=-1)
     normal = np.stack([np.bincount(where, c, len(key)) / count for c in np.concatenate(normals).T], axis=-1)
@@ -155,27 +177,26 @@ def surfel_terms(
 ) -> Terms:
     """Look every surfel up in every frame's depth."""
     points, normals = surfels
-    term, frame, q, sigma = [], [], [], []
     T_part_cam = _part_points(views, joint, state, rows)
     T_cam_part = geo.invert_pose(T_part_cam)
-    for i, row in enumerate(rows):
+
+    def look(i: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
+        row = rows[i]
         x = geo.transform(T_cam_part[i], points)
         n = normals @ T_cam_part[i, :3, :3].T
         cosine = -(x * n).sum(axis=1) / np.linalg.norm(x, axis=1)
         inside, u, v, z = look_up(views.depth[row], views.camera, x)
         seen = views.camera.backproject(np.stack([u, v], axis=1), z)
         distance = (n * (seen - x)).sum(axis=1)
-        ok = inside & (cosine > config.grazing) & (z > 0) & (np.abs(distance) < gate)
-        k = np.flatnonzero(ok)
-        term.append(k)
-        frame.append(np.full(len(k), i))
-        q.append(geo.transform(views.T_world_cam[row], seen[k]))
+        k = np.flatnonzero(inside & (cosine > config.grazing) & (z > 0) & (np.abs(distance) < gate))
         # a plane seen at an angle: axial noise counts by its cosine, half a pixel of offset by the sine
         half = 0.5 * z[k] / views.camera.fx
-        sigma.append(np.sqrt((depth_sigma(z[k]) * cosine[k]) ** 2 + half**2 * (1 - cosine[k] ** 2)))
-    return Terms(
-        np.concatenate(term), np.concatenate(frame), np.concatenate(q), np.concatenate(sigma), normals
-    )
+        sigma = np.sqrt((depth_sigma(z[k]) * cosine[k]) ** 2 + half**2 * (1 - cosine[k] ** 2))
+        return k, np.full(len(k), i), geo.transform(views.T_world_cam[row], seen[k]), sigma
+
+    found = zip(*each(look, range(len(rows))), strict=True)
+    term, frame, q, sigma = (np.concatenate(column) for column in found)
+    return Terms(term, frame, q, sigma, normals)
 
 
 def track_terms(

@@ -30,6 +30,7 @@ from recon.refine.observations import (
     build_surfels,
     join,
     load_views,
+    part_patches,
     surfel_terms,
     track_terms,
 )
@@ -41,7 +42,7 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 8, ("refine", "labels", "motion.interval"))
+REFINE = Stage("refine", 9, ("refine", "labels", "motion.interval"))
 POLISH = Stage("polish", 3, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 
@@ -57,6 +58,8 @@ def refine_found(
 ) -> tuple[MovingPart, ...]:
     """Labels with the joints found so far, then joints and states refined with every labelled pixel."""
     parts = [p.part for p in found.parts]
+    if not parts:
+        return ()
     # As dense as the final ones: a door's far face is in few frames. Denser adds time and no accuracy.
     first = replace(of_labels, every=max(of_labels.every, 4))
     labels = label_frames(recording, cameras, parts, first, progress=progress)
@@ -91,6 +94,8 @@ def refine_parts(
     Args:
         labels: label images of some frames, from a first pass with the joints in `found`.
     """
+    if not found.parts:
+        return ()
     views = load_views(recording, cameras, config)
     out = []
     for tracks in found.parts:
@@ -121,8 +126,9 @@ def _refine_one(
     state = np.array(part.motion.state)
     rests = _rests(part.motion)
     joint: Joint = replace(part.joint, covariance=None, sigma=None)
+    patches = part_patches(views, labels, part)
     for gate in config.gates:
-        surfels = build_surfels(views, labels, part, joint, state, config)
+        surfels = build_surfels(views, patches, rows, joint, state, config)
         terms = join(
             surfel_terms(views, surfels, rows, joint, state, gate, config),
             track_terms(views, movers, tracks.members, part, rows, joint, state, focal, config),

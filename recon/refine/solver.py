@@ -97,7 +97,7 @@ def add_priors(
     return h, g
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def reduced(term, frame, weight, value, jac, n_states):  # type: ignore[no-untyped-def]
     """Normal equations of joint and states after eliminating every term's offset. Observations are sorted by term."""
     d = jac.shape[1] - 1

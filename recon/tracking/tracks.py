@@ -17,6 +17,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
+from twin.runs.threads import each
 
 TRACKS = Stage("tracks", 1, ("tracks",))
 
@@ -100,11 +101,17 @@ def track_points(
     camera = recording.intrinsics.scaled(*size)
     cv2.setRNGSeed(0)
     tracker = _Tracker(config, size)
-    for i in progress(range(len(recording)), "tracks"):
+
+    def prepared(i: int) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.bool_]]:
         frame = recording.frame(i)
         grey = cv2.resize(cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
         depth = cv2.resize(frame.depth, size, interpolation=cv2.INTER_NEAREST)
-        tracker.step(i, np.asarray(grey, dtype=np.uint8), np.asarray(depth, dtype=np.float32))
+        smooth, edge = _smooth_depth(np.asarray(depth, dtype=np.float32), config.depth_edge)
+        return np.asarray(grey, dtype=np.uint8), smooth, edge
+
+    frames = each(prepared, range(len(recording)))
+    for i in progress(range(len(recording)), "tracks"):
+        tracker.step(i, *next(frames))
     return tracker.tracks(camera, len(recording), 1.0 / scale)
 
 
@@ -120,10 +127,12 @@ class _Tracker:
         self._next_id = 0
         self._log: list[tuple[int, NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]] = []
 
-    def step(self, index: int, grey: NDArray[np.uint8], depth: NDArray[np.float32]) -> None:
+    def step(
+        self, index: int, grey: NDArray[np.uint8], smooth: NDArray[np.float32], edge: NDArray[np.bool_]
+    ) -> None:
+        """smooth, edge: depth m of the same size and its edges and holes."""
         if self._previous is not None and len(self._live_id):
             self._follow(grey)
-        smooth, edge = _smooth_depth(depth, self._config.depth_edge)
         if index % self._config.reseed_every == 0:
             self._seed(grey, smooth, edge)
         xy = np.rint(self._live_xy).astype(int)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.depth import look_up
+from recon.dense.depth import look_up
 from recon.recording import Intrinsics
 from twin.geometry import Array
 

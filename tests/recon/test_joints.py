@@ -100,6 +100,17 @@ def test_hand_that_turns_about_the_handle_is_not_the_part() -> None:
     assert (found.track_inliers & scene.member).sum() > 0.85 * scene.member.sum()
 
 
+def test_the_number_of_threads_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, found = track_scene("door", "hand", seed=2, outlier_share=0.3), []
+    for count in ("1", "2"):
+        monkeypatch.setenv("OMP_NUM_THREADS", count)
+        found.append(fit(scene))
+    one, two = found
+    assert np.array_equal(one.joint.axis, two.joint.axis)
+    assert np.array_equal(one.state, two.state)
+    assert np.array_equal(one.track_inliers, two.track_inliers)
+
+
 def naive_axis(points: Array, visible: NDArray[np.bool_]) -> Array:
     """The fit that must not come back: chained frame-to-frame motions start a soft_l1 refinement against each track's
     first observation."""

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.depth import depth_sigma
+from recon.dense.depth import depth_sigma
+from recon.dense.voxels import distinct, in_hull_of, largest_piece, near_piece, solid_core
 from recon.evaluation.truth import Truth, load_truth
 from recon.labels.crf import agree, geodesic, upsample_labels
-from recon.labels.evidence import compare, median_depth
+from recon.labels.evidence import compare, depth_range, median_depth
 from recon.labels.label_frames import LabelConfig, _score, _warn_of_ends, label_frames
 from recon.labels.reference_frames import View, find_references
 from recon.labels.spreading import spread_along_surfaces
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.recording import Recording
-from recon.voxels import in_hull, largest_piece, near_piece, solid_core
 from tests.recon.tiny import write_recording
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
@@ -87,6 +87,16 @@ def test_part_and_hand_are_found(single: Scene) -> None:
             assert (found == HAND_LABEL).mean() <= 0.01
 
 
+def test_the_number_of_threads_changes_no_label(single: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording, truth, parts = single
+    found = []
+    for count in ("1", "3"):
+        monkeypatch.setenv("OMP_NUM_THREADS", count)
+        found.append(label_frames(recording, truth.cameras, parts, LabelConfig(every=6)))
+    assert list(found[0]) == list(found[1])
+    assert all(np.array_equal(found[0][f], found[1][f]) for f in found[0])
+
+
 def test_closing_is_labelled_as_well_as_opening(single: Scene) -> None:
     recording, truth, parts = single
     back, cameras, moved = backwards(recording, truth.cameras, parts)
@@ -142,14 +152,16 @@ def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float,
     shape = (9, 9)
     color = np.zeros((*shape, 3), np.float32)
     out = np.zeros((4, *shape), np.float32)
+    walls = np.full(shape, wall, np.float32)
     compare(
         np.full(shape, 1.0, np.float32),
         color,
         np.ones(shape, bool),
         np.array([10, 10, 4, 4], np.float32),
         np.eye(4, dtype=np.float32)[None, :3],
-        np.full((1, *shape), wall, np.float32),
+        walls[None],
         color[None],
+        tuple(d[None] for d in depth_range(walls)),
         np.array([True]),
         np.array([1], np.int8),
         5.0,
@@ -173,6 +185,14 @@ def test_pieces_of_voxels_are_joined_by_faces_edges_and_corners() -> None:
     assert near_piece(keys, keys[:2]).tolist() == [True, True, True, False]
 
 
+def test_distinct_keys_are_those_of_numpy() -> None:
+    keys = np.random.default_rng(0).integers(-(2**40), 2**40, 9000)[np.arange(27_000) // 2 % 9000]
+    found, place = distinct(keys)
+    expected, inverse = np.unique(keys, return_inverse=True)
+    assert np.array_equal(found, expected)
+    assert np.array_equal(place, inverse)
+
+
 def test_a_core_is_what_several_views_agree_on() -> None:
     size = 0.01
     solid = np.array([[0, 0, 0], [1, 0, 0], [-1, 1, 0]], np.float32) * size + 0.004
@@ -191,9 +211,9 @@ def test_a_hull_holds_what_walls_enclose_and_a_flat_one_nothing() -> None:
     front = np.array([[x, 0, z] for x in (0, 4) for z in (0, 2)], np.float32)
     back = front + np.array([0, 4, 0], np.float32)
     inside = np.array([[2, 2, 1], [2, 2, 2.1], [2, 4.5, 1], [-1, 2, 1]], np.float32)
-    assert in_hull(inside, np.concatenate([front, back])).tolist() == [True, False, False, False]
-    assert not in_hull(front, front).any()
-    assert not in_hull(front, front[:0]).any()
+    assert in_hull_of(np.concatenate([front, back]))(inside).tolist() == [True, False, False, False]
+    assert not in_hull_of(front)(front).any()
+    assert not in_hull_of(front[:0])(front).any()
 
 
 @pytest.mark.parametrize("enclosed", [True, False])

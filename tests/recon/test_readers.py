@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recon.depth import upsample_depth
+from recon.dense.depth import upsample_depth
 from recon.readers import READERS, open_recording
 from recon.readers.native import depth_to_color_grid
 from recon.readers.tum import PUBLISHED_INTRINSICS, associate

@@ -190,7 +190,7 @@ def error_jacobians(edges: PoseEdges, graph: PoseGraph) -> tuple[Array, Array, A
     return e, right @ motion_jacobian(graph.kind, graph.axis, graph.pivot, distance), right @ xi
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _accumulate(first, second, error, by_joint, by_distance, information, weight, frames):  # type: ignore[no-untyped-def]
     """Hessian and gradient of half the weighted cost over joint tangent and states."""
     n = by_joint.shape[2]

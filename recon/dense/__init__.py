@@ -1,0 +1,1 @@
+"""Dense data that several stages share: depth images and voxels."""

@@ -1,0 +1,112 @@
+"""How a twin did, part by part: success or the cause of the failure, computed from the truth. For rates over many recordings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from recon.evaluation.scores import JointErrors, camera_errors, joint_errors, label_scores, match_parts
+from recon.evaluation.truth import Truth, TruthPart
+from twin.geometry import Array, line_angle, rotate
+from twin.scene import Part, Twin
+
+Cause = Literal["cameras", "missed", "type", "axis", "path", "labels"]
+CAUSES: tuple[Cause, ...] = ("cameras", "missed", "type", "axis", "path", "labels")
+
+# success@5 deg/2 cm: right type, axis, RMSE of the handle's path over the true moving frames, mask.
+AXIS_DEG, PATH_MM, PART_MIOU = 5.0, 20.0, 0.7
+LOST_MM = 30.0  # ATE of cameras that are lost, six times the goal of `twin evaluate`; chosen by us
+UP_DEG = 5.0
+# A part of the twin is invented when it matches no true part: its axis is so far off or its mask so wrong against every one.
+INVENTED_AXIS_DEG, INVENTED_MIOU = 15.0, 0.2
+
+
+@dataclass(frozen=True)
+class PartOutcome:
+    """A true part: why it failed, None for a success; and whether the twin calls it trusted."""
+
+    cause: Cause | None
+    trusted: bool
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """parts: one for each true part. invented: of the parts of the twin that are none, whether each is trusted. up_right: whether up is
+    within UP_DEG. doubtful: parts of the twin that are neither trusted nor refused.
+    """
+
+    parts: tuple[PartOutcome, ...]
+    invented: tuple[bool, ...]
+    up_right: bool
+    doubtful: int
+
+    @property
+    def trusted(self) -> int:
+        """Parts of the twin that are called trusted."""
+        return sum(p.trusted for p in self.parts) + sum(self.invented)
+
+
+def outcome(twin: Twin, truth: Truth) -> Outcome:
+    """Judge every true part and every part of the twin. Raises InputError when the twin has no cameras."""
+    if twin.cameras is None:
+        return Outcome(tuple(PartOutcome("cameras", False) for _ in truth.parts), (), False, 0)
+    cameras = camera_errors(twin.cameras, truth)
+    T, lost = cameras.T_truth_recon, cameras.ate_mm > LOST_MM
+    pairs = match_parts([(p.joint, p.motion) for p in twin.parts], T, truth)
+    parts = []
+    for i, true in enumerate(truth.parts):
+        found = twin.parts[pairs[i]] if i in pairs else None
+        cause = "cameras" if lost else _cause(found, true, truth, twin, T)
+        parts.append(PartOutcome(cause, found is not None and is_trusted(found)))
+    matched = set(pairs.values())
+    invented = [
+        is_trusted(p)
+        for j, p in enumerate(twin.parts)
+        if j not in matched and not _is_some_part(p, truth, twin, T)
+    ]
+    doubtful = sum(not is_trusted(p) for p in twin.parts)
+    return Outcome(tuple(parts), tuple(invented), cameras.up_deg <= UP_DEG, doubtful)
+
+
+def is_trusted(part: Part) -> bool:
+    """Whether the twin calls a part trusted. One without a verdict was made before there were any: nothing warns of it."""
+    return part.verdict is None or part.verdict.level == "trusted"
+
+
+def success(joint: JointErrors | None, miou: float | None) -> bool:
+    """success@5 deg/2 cm of a part with a mask of this mean IoU."""
+    return joint is not None and _joint_cause(joint) is None and miou is not None and miou >= PART_MIOU
+
+
+def _cause(found: Part | None, true: TruthPart, truth: Truth, twin: Twin, T: Array) -> Cause | None:
+    if found is None:
+        return "missed"
+    cause = _joint_cause(joint_errors(found.joint, found.motion, T, truth, true))
+    return cause or ("labels" if _miou(found, true, truth, twin) < PART_MIOU else None)
+
+
+def _joint_cause(errors: JointErrors) -> Cause | None:
+    if not errors.type_right:
+        return "type"
+    if errors.axis_deg is None or errors.axis_deg > AXIS_DEG:
+        return "axis"
+    if errors.handle_rmse_mm is None or errors.handle_rmse_mm > PATH_MM:
+        return "path"
+    return None
+
+
+def _miou(found: Part, true: TruthPart, truth: Truth, twin: Twin) -> float:
+    score = label_scores(twin.labels, truth, {true.id: found.id}).get(true.id)
+    return 0.0 if score is None or score.miou is None else score.miou
+
+
+def _is_some_part(found: Part, truth: Truth, twin: Twin, T: Array) -> bool:
+    """Whether a part of the twin is one of the true ones, found twice."""
+    axis = rotate(T, found.joint.axis)
+    return any(
+        np.degrees(line_angle(axis, true.joint.axis)) <= INVENTED_AXIS_DEG
+        and _miou(found, true, truth, twin) >= INVENTED_MIOU
+        for true in truth.parts
+    )
