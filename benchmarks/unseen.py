@@ -1,0 +1,212 @@
+"""Rates on recordings that nobody has looked at: `unseen.md`.
+
+    python -m benchmarks.unseen sealed                  # 160 clips of this commit; only counters are kept
+    python -m benchmarks.unseen sealed --baseline REV   # an earlier commit's code on 40 of the same clips, its row beside
+    python -m benchmarks.unseen open FIRST LAST OUT     # clips of the open seeds 0 to 9999, kept and told one by one
+
+A sealed clip's seed follows from the commit, so nobody can have seen it; its recording, run and logs are deleted before the next one,
+and what is kept says only how many of which kind succeeded. A stopped run goes on with the next clip. Every finished run is a row of
+the page; none is taken off.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from benchmarks.unseen_page import write_row
+from recon.evaluation.outcome import outcome
+from recon.evaluation.truth import load_truth
+from recon.simulate.random.scene import simulate_random
+from recon.simulate.random.strata import Stratum, sealed_set
+from twin.errors import FuntwinError, InputError
+from twin.files.text import read_json, write_json
+from twin.storage import load
+
+ROOT = Path(__file__).parents[1]
+STATE = ROOT / "out" / "unseen"
+PAGE = ROOT / "benchmarks" / "unseen.md"
+OPEN_SEEDS = 10_000
+BASELINE = 40  # clips that an earlier commit is measured on: every fourth
+MINUTES = 20  # after which a clip counts as failed
+
+
+def sealed_seed(commit: str, index: int) -> int:
+    """The seed of clip `index`: nobody can know it before the commit is made, and it is none of the open ones."""
+    digest = hashlib.sha256(f"{commit}:{index}".encode()).digest()
+    return OPEN_SEEDS + int.from_bytes(digest[:6], "big")
+
+
+def sealed(baseline: str | None) -> int:
+    """Measure all clips of this commit that are not counted yet, and add the row when all are. Raises InputError on a dirty tree."""
+    commit = _commit()
+    name = commit if baseline is None else f"{commit}-{baseline}"
+    path, strata = STATE / f"{name}.json", sealed_set()
+    state = read_json(path) or {"done": [], "counts": {}}
+    todo = [i for i in range(len(strata)) if baseline is None or i % (len(strata) // BASELINE) == 0]
+    with _code(baseline) as code:
+        for i in todo:
+            if i in state["done"]:
+                continue
+            found = _clip_alone(sealed_seed(commit, i), i, code)
+            counts = Counter(state["counts"])
+            counts.update(counted(found, strata[i]))
+            state = {"done": sorted([*state["done"], i]), "counts": dict(sorted(counts.items()))}
+            write_json(path, state)
+            print(f"{len(state['done'])} of {len(todo)}", flush=True)
+    write_row(PAGE, commit, baseline, len(todo), state["counts"])
+    return 0
+
+
+def counted(found: dict[str, Any], stratum: Stratum) -> Counter[str]:
+    """What is kept of a clip: how many parts of its group, and of each of its factors, did what."""
+    group = stratum.group
+    names = [group, f"{group} sensor {stratum.sensor}"]
+    if group != "negative":
+        names += [f"{group} view {stratum.view}", f"{group} short {'yes' if stratum.short else 'no'}"]
+        names.append(f"{group} picture {'hard' if stratum.hard_picture else 'clean'}")
+    else:
+        names.append(f"negative {stratum.negative}")
+    out: Counter[str] = Counter()
+    for name in names:
+        for key, value in found.items():
+            out[f"{name}: {key}"] += value
+    return out
+
+
+def _clip_alone(seed: int, index: int, code: Path) -> dict[str, int]:
+    """Counters of one clip, made and measured in a process of its own, of which nothing else is left."""
+    with tempfile.TemporaryDirectory(prefix="unseen") as place:
+        command = [sys.executable, "-m", "benchmarks.unseen", "clip", str(seed), str(index), place, str(code)]
+        try:
+            done = subprocess.run(
+                command, cwd=ROOT, capture_output=True, timeout=60 * MINUTES, env=_environment(ROOT)
+            )
+            told = json.loads(done.stdout.decode().strip().splitlines()[-1])
+        except (subprocess.TimeoutExpired, ValueError, IndexError):
+            return {"clips": 1, "broken": 1}
+    return {k: int(v) for k, v in told.items()}
+
+
+def clip(seed: int, index: int, place: Path, code: Path) -> dict[str, int]:
+    """Render, reconstruct with the code at `code`, judge."""
+    recording, run = place / "recording", place / "run"
+    simulate_random(seed, recording, sealed_set()[index])
+    command = [sys.executable, "-m", "twin", "reconstruct", str(recording), "-o", str(run)]
+    done = subprocess.run(command, cwd=place, capture_output=True, env=_environment(code))
+    repeated = len(read_json(recording / "truth" / "random.json")["repeated"])
+    truth = load_truth(recording / "truth")
+    counts = Counter({"clips": 1, "repeated draws": repeated, "parts": len(truth.parts)})
+    if not (run / "twin" / "twin.json").is_file():
+        counts["no twin"] = 1
+        counts["cause missed"] = len(truth.parts)
+        counts["exit not 0 where failed"] = int(done.returncode in (1, 2))
+        counts["failed clips"] = 1
+        return dict(counts)
+    found = outcome(load(run), truth)
+    for part in found.parts:
+        counts["success" if part.cause is None else f"cause {part.cause}"] += 1
+        counts["trusted"] += part.trusted
+        counts["trusted success"] += part.trusted and part.cause is None
+    counts["invented"] = len(found.invented)
+    counts["invented trusted"] = sum(found.invented)
+    counts["trusted"] += sum(found.invented)
+    counts["doubtful"] = found.doubtful
+    counts["up wrong"] = int(not found.up_right)
+    failed = bool(found.invented) or any(p.cause is not None for p in found.parts)
+    counts["failed clips"] = int(failed)
+    counts["exit not 0 where failed"] = int(failed and done.returncode in (1, 2))
+    return dict(counts)
+
+
+def open_clips(first: int, last: int, out: Path) -> int:
+    """Seeds first to last, whose recordings and runs stay in `out`; a line for each."""
+    if not 0 <= first <= last < OPEN_SEEDS:
+        raise InputError(f"seeds {first} to {last} are not open", f"take some from 0 to {OPEN_SEEDS - 1}")
+    strata = sealed_set()
+    for seed in range(first, last + 1):
+        place = out / str(seed)
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        index = seed % len(strata)
+        print(seed, json.dumps(asdict(strata[index])), clip(seed, index, place, ROOT), flush=True)
+    return 0
+
+
+@contextmanager
+def _code(revision: str | None) -> Iterator[Path]:
+    """A checkout of an earlier commit, for as long as it takes; this tree for None."""
+    if revision is None:
+        yield ROOT
+        return
+    with tempfile.TemporaryDirectory(prefix="unseen_code") as folder:
+        place = Path(folder) / "code"
+        _git("worktree", "add", "--detach", str(place), revision)
+        try:
+            yield place
+        finally:
+            _git("worktree", "remove", "--force", str(place))
+
+
+def _environment(code: Path) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(code)}
+
+
+def _git(*words: str) -> str:
+    return subprocess.run(
+        ["git", *words], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
+def _commit() -> str:
+    if _git("status", "--porcelain"):
+        raise InputError(
+            "the tree has changes that are in no commit", "commit them: a sealed run is of a commit"
+        )
+    return _git("rev-parse", "--short=10", "HEAD")
+
+
+def main() -> int:
+    """Parse the command line; 0 when done."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    one = verbs.add_parser("sealed")
+    one.add_argument("--baseline", metavar="REV")
+    some = verbs.add_parser("open")
+    some.add_argument("first", type=int)
+    some.add_argument("last", type=int)
+    some.add_argument("out", type=Path)
+    single = verbs.add_parser("clip")
+    single.add_argument("seed", type=int)
+    single.add_argument("index", type=int)
+    single.add_argument("place", type=Path)
+    single.add_argument("code", type=Path)
+    args = parser.parse_args()
+    try:
+        if args.verb == "sealed":
+            return sealed(args.baseline)
+        if args.verb == "open":
+            return open_clips(args.first, args.last, args.out)
+        print(json.dumps(clip(args.seed, args.index, args.place, args.code)))
+    except FuntwinError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

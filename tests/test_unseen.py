@@ -1,0 +1,170 @@
+"""Sealed rates: seeds nobody can know, nothing kept but counters, every run on the page, a stopped run goes on."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import unseen, unseen_page
+from benchmarks.scenes.boards import cabinet_twin
+from recon.evaluation.outcome import outcome
+from recon.evaluation.truth import Truth, TruthPart
+from recon.simulate.random.strata import sealed_set
+from twin import geometry as geo
+from twin.errors import InputError
+from twin.scene import Trajectory, Twin
+
+GOOD = {"clips": 1, "parts": 1, "success": 1, "trusted": 1, "trusted success": 1}
+BAD = {"clips": 1, "parts": 1, "cause axis": 1, "trusted": 1, "failed clips": 1}
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(unseen, "STATE", tmp_path / "state")
+    monkeypatch.setattr(unseen, "PAGE", tmp_path / "unseen.md")
+    monkeypatch.setattr(unseen, "_commit", lambda: "abc1234567")
+    return tmp_path
+
+
+def test_sealed_seeds_follow_from_the_commit_and_are_none_of_the_open_ones() -> None:
+    seeds = {unseen.sealed_seed(c, i) for c in ("abc", "abd") for i in range(160)}
+    assert len(seeds) == 320
+    assert min(seeds) >= unseen.OPEN_SEEDS
+    assert unseen.sealed_seed("abc", 3) == unseen.sealed_seed("abc", 3)
+
+
+def test_a_stopped_run_goes_on_and_ends_as_if_it_had_not_been_stopped(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured: list[int] = []
+    stopped: list[bool] = []
+
+    def clip(_: int, index: int, __: Path) -> dict[str, int]:
+        if index == 5 and not stopped:
+            stopped.append(True)
+            raise RuntimeError("stopped")
+        measured.append(index)
+        return GOOD if index % 4 else BAD
+
+    monkeypatch.setattr(unseen, "_clip_alone", clip)
+    with pytest.raises(RuntimeError, match="stopped"):
+        unseen.sealed(None)
+    assert not (bench / "unseen.md").exists()
+    unseen.sealed(None)
+    assert sorted(measured) == list(range(160))
+    page = (bench / "unseen.md").read_text()
+    assert "| ordinary | 60 | 60 | 45/60 = 75 % [63-84] |" in page
+    assert page.count("## abc1234567") == 1
+    unseen.sealed(None)  # nothing is left to measure: the row is told again, the earlier one stays
+    assert (bench / "unseen.md").read_text().startswith(page.rstrip())
+
+
+def test_only_counters_by_one_factor_are_kept() -> None:
+    strata = sealed_set()
+    names = {key.partition(": ")[0] for s in strata for key in unseen.counted(GOOD, s)}
+    assert all(len(n.split()) in (1, 2, 3) for n in names)
+    total = sum((unseen.counted(GOOD, s) for s in strata), start=unseen.counted({}, strata[0]))
+    assert [total[f"{g}: clips"] for g in unseen_page.GROUPS] == [60, 60, 40]
+    cells = [v for k, v in total.items() if k.endswith(": clips") and not k.startswith("negative ")]
+    assert min(cells) >= 8
+
+
+def test_a_tree_with_changes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unseen, "_git", lambda *words: " M recon/verbs.py" if words[0] == "status" else "abc")
+    with pytest.raises(InputError, match="changes that are in no commit"):
+        unseen.sealed(None)
+    with pytest.raises(InputError, match="not open"):
+        unseen.open_clips(9_990, 10_000, Path("out"))
+
+
+def test_an_interval_holds_its_rate() -> None:
+    assert unseen_page._rate(0, 0) == "-"
+    assert unseen_page._rate(45, 60) == "45/60 = 75 % [63-84]"
+
+
+def truth_of(twin: Twin) -> Truth:
+    """The truth by which a twin is right in everything; its labels as well."""
+    assert twin.cameras is not None
+    parts = [
+        TruthPart(
+            p.id, p.name, p.joint, p.motion.state, p.joint.poses(p.motion.state), p.mesh,
+            ((int(p.motion.frames[0]), int(p.motion.frames[-1])),), None,
+        )
+        for p in twin.parts
+    ]  # fmt: skip
+    return Truth(
+        Path("truth"), len(twin.cameras.frames), twin.cameras, tuple(parts), twin.labels, twin.static.mesh
+    )
+
+
+def seen_twin() -> Twin:
+    """A cabinet whose parts all move in view of a camera that walks around."""
+    twin = cabinet_twin()
+    frames, parts = 12, []
+    for part in twin.parts:
+        state = np.linspace(part.joint.lower, part.joint.upper, frames)
+        motion = replace(
+            part.motion,
+            frames=np.arange(frames),
+            times=np.arange(frames) / 10.0,
+            state=state,
+            intervals=((0, frames - 1),),
+        )
+        parts.append(replace(part, motion=motion))
+    poses = np.stack(
+        [
+            geo.make_pose(geo.exp_so3(np.array([0.1 * k, 0.05 * k, 0])), [0.1 * k, -1.0, 0.02 * k])
+            for k in range(frames)
+        ]
+    )
+    image = np.ones((20, 30), dtype=np.uint8)
+    for k, part in enumerate(parts):
+        image[:, 8 * k + 8 : 8 * k + 16] = part.id
+    labels = dict.fromkeys(range(0, frames, 3), image)
+    return replace(
+        twin,
+        parts=tuple(parts),
+        cameras=Trajectory(np.arange(frames), np.arange(frames) / 10.0, poses),
+        labels=labels,
+    )
+
+
+def test_outcomes_name_the_cause_and_count_what_is_invented() -> None:
+    twin = seen_twin()
+    truth = truth_of(twin)
+    right = outcome(twin, truth)
+    assert [p.cause for p in right.parts] == [None] * len(twin.parts)
+    assert right.invented == ()
+    assert right.up_right
+    first, *others = twin.parts
+    axis = geo.exp_so3(np.deg2rad(6.0) * np.array([1.0, 0.0, 0.0])) @ first.joint.axis
+    if geo.line_angle(axis, first.joint.axis) < 1e-3:
+        axis = geo.exp_so3(np.deg2rad(6.0) * np.array([0.0, 1.0, 0.0])) @ first.joint.axis
+    tilted = replace(first, joint=replace(first.joint, axis=axis, covariance=None))
+    assert outcome(replace(twin, parts=(tilted, *others)), truth).parts[0].cause == "axis"
+    assert outcome(replace(twin, parts=tuple(others)), truth).parts[0].cause == "missed"
+    blind = {k: np.ones_like(v) for k, v in twin.labels.items()}
+    assert outcome(replace(twin, labels=blind), truth).parts[0].cause == "labels"
+    nothing = replace(truth, parts=())
+    assert len(outcome(twin, nothing).invented) == len(twin.parts)
+    assert twin.cameras is not None
+    far = twin.cameras.T_world_cam.copy()
+    far[::2, 0, 3] += 0.2
+    lost = replace(twin, cameras=replace(twin.cameras, T_world_cam=far))
+    assert outcome(lost, truth).parts[0].cause == "cameras"
+    turned = twin.cameras.transformed(geo.make_pose(geo.exp_so3(np.array([0.2, 0, 0]))))
+    assert not outcome(replace(twin, cameras=turned), truth).up_right
+
+
+def test_a_clip_that_says_nothing_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Done:
+        stdout = b"Traceback"
+
+    monkeypatch.setattr(unseen.subprocess, "run", lambda *_, **__: Done())
+    assert unseen._clip_alone(1, 2, Path()) == {"clips": 1, "broken": 1}
+    monkeypatch.setattr(Done, "stdout", b"noise\n" + json.dumps(GOOD).encode())
+    assert unseen._clip_alone(1, 2, Path()) == GOOD
