@@ -28,10 +28,12 @@ PACKAGES = ("twin", "recon", "robots")
 GUIDE = (
     "concepts",
     "recordings",
+    "inspecting",
     "settings",
     "method",
     "metrics",
     "twin_format",
+    "verdicts",
     "robots",
     "physics",
     "importing",

@@ -60,6 +60,7 @@ ONLY_PARSED = {
 RECONSTRUCTED = (
     "twin evaluate RUN --truth RECORDING/truth"  # runs after every reconstruction, in the slow test
 )
+INSPECTED = "twin inspect RECORDING"  # runs before every reconstruction
 SNIPPETS_PARSED = {
     "bosdyn.client": "is for a program that talks to a Spot, with packages and a robot that a test has not",
 }
@@ -95,7 +96,7 @@ def commands(page: str) -> Iterator[str]:
 
 
 ALL = list(dict.fromkeys((page, c) for page in PAGES for c in commands(page)))
-RUNNABLE = list(dict.fromkeys(c for _, c in ALL if c not in ONLY_PARSED and c != RECONSTRUCTED))
+RUNNABLE = list(dict.fromkeys(c for _, c in ALL if c not in (*ONLY_PARSED, RECONSTRUCTED, INSPECTED)))
 RECONSTRUCT = [c for c in RUNNABLE if c.startswith("twin reconstruct")]
 SLOW = [c for c in RUNNABLE if c.startswith(("twin replay", "twin trajectory", "twin simulate"))]
 QUICK = [c for c in RUNNABLE if c not in (*SLOW, *RECONSTRUCT)]
@@ -156,7 +157,7 @@ def test_a_setting_that_does_not_exist_is_found() -> None:
 
 def test_what_only_parses_is_in_the_documents() -> None:
     told = {c for _, c in ALL}
-    assert [c for c in (*ONLY_PARSED, RECONSTRUCTED) if c not in told] == []
+    assert [c for c in (*ONLY_PARSED, RECONSTRUCTED, INSPECTED) if c not in told] == []
     assert [word for word in SNIPPETS_PARSED if not any(word in code for _, code in SNIPPETS)] == []
     assert [a for a in (*SMALLER,) if not any(a in c for c in (*told, *(code for _, code in SNIPPETS)))] == []
 
@@ -250,7 +251,8 @@ def test_reconstructions_run_as_they_stand(
     monkeypatch.chdir(tmp_path)
     shutil.copytree(asset("recordings/cabinet_drawer"), "RECORDING")
     shutil.copy("RECORDING/truth/trajectory.txt", "RECORDING")
-    assert cli.run(words_of(command)) == 0, capsys.readouterr().err
+    for line in (INSPECTED, command):
+        assert cli.run(words_of(line)) == 0, capsys.readouterr().err
     assert cli.run(words_of(RECONSTRUCTED)) == 0, capsys.readouterr().out
     for page, code in SNIPPETS:
         if page == "docs/metrics.md":

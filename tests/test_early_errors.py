@@ -82,6 +82,8 @@ def told_early(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
         ("simulate no.xml --joint lid -o OUT", "no scene file no.xml"),
         ("reconstruct NO_SUCH_RECORDING -o OUT", "recording NO_SUCH_RECORDING does not exist"),
         ("demo --recording NO_SUCH_RECORDING -o OUT", "recording NO_SUCH_RECORDING does not exist"),
+        ("inspect NO_SUCH_RECORDING", "recording NO_SUCH_RECORDING does not exist"),
+        ("inspect BAG", "is a ROS 1 bag, which is not read"),
         ("reconstruct BAG -o OUT", "is a ROS 1 bag, which is not read"),
         (f"reconstruct {RECORDING} -o OUT --format nope", "no recording layout 'nope'"),
         (f"reconstruct {RECORDING} -o OUT --config no.toml", "no.toml does not exist"),

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         Twin,
     )
     from twin.storage import load, save
+    from twin.verdict import Verdict
     from twin.verification import check
 
 __version__ = "0.1.0"
@@ -49,6 +50,7 @@ __all__ = [
     "StaticPart",
     "Trajectory",
     "Twin",
+    "Verdict",
     "check",
     "export",
     "from_mjcf",
@@ -60,6 +62,7 @@ __all__ = [
 # Modules are imported on first use, so that `import twin` stays light and the command hears Ctrl-C from its first hundredth of a
 # second on.
 _LAZY = {
+    "Verdict": "twin.verdict",
     "check": "twin.verification",
     "export": "twin.exporters",
     "from_mjcf": "twin.importers",

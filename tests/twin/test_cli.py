@@ -23,6 +23,7 @@ from twin.errors import InputError
 ARGUMENTS: dict[str, list[str]] = {
     "demo": [],
     "simulate": ["scene.xml", "--joint", "hinge", "-o", "rec"],
+    "inspect": ["rec"],
     "reconstruct": ["rec", "-o", "run"],
     "import": ["scene.urdf", "-o", "run"],
     "export": ["run"],

@@ -104,8 +104,7 @@ def test_page_tells_what_the_run_holds(finished: Path, twin: Twin) -> None:
 def test_results_of_an_earlier_twin_are_marked(
     finished: Path, twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = {"opening": [], "dollhouse": "", "plots": {str(p.id): "" for p in twin.parts}}
-    monkeypatch.setattr(page, "_pictures", lambda _: plain)
+    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": ""})
     section = sections.load_section(finished, "check")
     assert section is not None
     report.save_section(tmp_path, section)

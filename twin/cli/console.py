@@ -16,7 +16,8 @@ from twin.runs.stages import Progress
 @dataclass(frozen=True)
 class Outcome:
     """What a verb did: `ok` is False when a check failed or a goal was missed; `data` holds JSON types. `problem` is
-    one line about an environment that is not fit, which makes the exit code 1."""
+    one line about an environment that is not fit, which makes the exit code 1. `first` is the first line that is shown: the
+    verdict on the twin. `doubt` is one line about why `ok` is False, where no table tells."""
 
     data: dict[str, Any]
     tables: Sequence[Table] = ()
@@ -24,6 +25,8 @@ class Outcome:
     warnings: Sequence[str] = ()
     ok: bool = True
     problem: str = ""
+    first: str = ""
+    doubt: str = ""
 
 
 @dataclass
@@ -47,13 +50,15 @@ class Console:
                 yield progress
 
     def show(self, outcome: Outcome) -> None:
-        """Tables, notes and warnings."""
+        """The first line, tables, warnings and notes."""
         from rich.console import Console as Rich
         from rich.markup import escape
         from rich.table import Table as RichTable
 
         # Piped output has no width of its own; a generous one keeps rows whole.
         rich = Rich(width=None if sys.stdout.isatty() else 140, highlight=False)
+        if outcome.first:
+            rich.print(escape(outcome.first), soft_wrap=True)
         for table in outcome.tables:
             drawn = RichTable(title=escape(table.title), title_justify="left", title_style="bold")
             for column in table.columns:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from twin.cli.console import Outcome
-from twin.cli.step import Step, joint_row, page_note
+from twin.cli.step import Step, joint_row, judged, page_note
 from twin.errors import InputError
 from twin.importers import from_file
 from twin.importers.source import Closed
@@ -42,7 +42,7 @@ def import_step(
     rows = [[p.name, *joint_row(p), p.closed_source] for p in twin.parts]
     data = {"run": str(out), "parts": [p.name for p in twin.parts]}
     outcome = Outcome(data, [Table(f"{scene.name} → {out}", columns, rows)], [page_note(out)], told)
-    return Step("import", outcome, f"{len(twin.parts)} parts", started)
+    return Step("import", judged(outcome, twin), f"{len(twin.parts)} parts", started)
 
 
 def _pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:

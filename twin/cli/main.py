@@ -102,6 +102,8 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
     if outcome.problem:
         print(f"twin: {outcome.problem}", file=sys.stderr)
         return 1
+    if outcome.doubt:
+        print(f"twin: {outcome.doubt}", file=sys.stderr)
     return 0 if outcome.ok else 2
 
 

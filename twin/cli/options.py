@@ -10,18 +10,23 @@ from pathlib import Path
 FORMATS = ("urdf", "mjcf", "usd")
 
 
+_MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--part", "--interval")
+
+
 def points_joined(words: Sequence[str]) -> list[str]:
     """`--contact -0.1,0,0.6` as one word: argparse would take a value that begins with a minus for an option."""
     joined: list[str] = []
     for word in words:
-        if joined and joined[-1] == "--contact" and word[:1] == "-" and word[1:2] in set("0123456789."):
+        value = word[:1] == "-" and word[1:2] in set("0123456789.xyz")
+        if joined and joined[-1] in _MAY_BEGIN_WITH_MINUS and value:
             joined[-1] += f"={word}"
         else:
             joined.append(word)
     return joined
 
 
-def _point(text: str) -> tuple[float, ...]:
+def point(text: str) -> tuple[float, ...]:
+    """Three numbers of an option; raises ArgumentTypeError for what is none."""
     try:
         point = tuple(float(word) for word in text.split(","))
     except ValueError:
@@ -49,17 +54,28 @@ def _demo(parser: ArgumentParser) -> None:
     _robot(parser)
 
 
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise ArgumentTypeError(f"{text!r} is no seed: give a whole number from 0 on")
+    return int(text)
+
+
 def _simulate(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    add("scene", metavar="SCENE.xml", type=Path, help="MJCF file with a hinge or slide joint")
-    add("--joint", required=True, help="name of the joint that the hand moves")
+    add("scene", metavar="SCENE.xml", type=Path, nargs="?", help="MJCF file with a hinge or slide joint")
+    add("--joint", help="name of the joint that the hand moves")
+    add("--random", metavar="SEED", type=_seed, help="no scene: all of it is drawn from a seed")
     add("-o", "--out", metavar="RECORDING", type=Path, required=True, help="folder to write")
     _settings(parser)
 
 
+def _inspect(parser: ArgumentParser) -> None:
+    _recording(parser)
+
+
 def _reconstruct(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
+    _recording(parser)
     add(
         "-o",
         "--out",
@@ -69,16 +85,13 @@ def _reconstruct(parser: ArgumentParser) -> None:
         help="run folder; an earlier run is resumed",
     )
     add(
-        "--format",
-        dest="layout",
-        metavar="NAME",
-        help="layout of the recording [recognised from its files]",
-    )
-    add(
         "--joint-hint",
         metavar="vlm|FILE",
         help="expected joint types, which clear motion overrules: vlm sends frames to FUNTWIN_VLM_URL",
     )
+    from twin.cli.said_options import add_options
+
+    add_options(parser)
     _settings(parser)
 
 
@@ -151,7 +164,7 @@ def _replay(parser: ArgumentParser) -> None:
     add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
     add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
     add("--recording", metavar="FOLDER", type=Path, help="shown beside the robot [where RUN has it from]")
-    add("--contact", type=_point, metavar="X,Y,Z", help="hold it there: m, twin's world, part at state 0")
+    add("--contact", type=point, metavar="X,Y,Z", help="hold it there: m, twin's world, part at state 0")
     add("--floor", type=_height, metavar="Z", help="its height: m, twin's world [seen, else assumed]")
     add("--control", metavar="position|impedance", help="stiff joints or a compliant hand [position]")
     add("--stiffness", type=float, metavar="SHARE", help="share of the stiffness of either [1]")
@@ -177,6 +190,7 @@ def _trajectory(parser: ArgumentParser) -> None:
     )
     add("-o", "--out", metavar="FOLDER", type=Path, required=True, help="folder to write")
     add("--overwrite", action="store_true", help="also replace files there that no earlier call wrote")
+    add("--accept-doubtful", action="store_true", help="also of a part that is not trusted")
 
 
 def _evaluate(parser: ArgumentParser) -> None:
@@ -220,6 +234,17 @@ def _engines(parser: ArgumentParser) -> None:
     )
 
 
+def _recording(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
+    add(
+        "--format",
+        dest="layout",
+        metavar="NAME",
+        help="layout of the recording [recognised from its files]",
+    )
+
+
 def _run(parser: ArgumentParser) -> None:
     parser.add_argument("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
 
@@ -255,6 +280,7 @@ def _robot(parser: ArgumentParser) -> None:
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "demo": _demo,
     "simulate": _simulate,
+    "inspect": _inspect,
     "reconstruct": _reconstruct,
     "import": _import,
     "export": _export,

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 from twin.cli.console import Outcome
@@ -16,6 +17,7 @@ from twin.runs.manifest import MANIFEST
 from twin.runs.run_lock import claimed
 from twin.scene import Part, Twin
 from twin.storage import require_place
+from twin.verdict import verdict_document, verdict_line
 
 
 class Step:
@@ -39,6 +41,12 @@ def run_folder(path: Path) -> Path:
 
 def part_named(twin: Twin, name: str) -> Part:
     return twin.part(int(name) if name.isdecimal() else name)
+
+
+def judged(outcome: Outcome, twin: Twin) -> Outcome:
+    """The outcome of a verb that uses a twin: the verdict on it comes first, and stands in the JSON."""
+    data = {"verdict": verdict_document(twin.verdict), **outcome.data}
+    return replace(outcome, data=data, first=verdict_line(twin))
 
 
 def joint_row(part: Part) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from twin.cli import given
 from twin.cli.console import Console, Outcome
-from twin.cli.step import Step, page, page_note, require_run, run_folder
+from twin.cli.step import Step, judged, page, page_note, require_run, run_folder
 from twin.cli.table import CHAIN, SETTINGS, named
 from twin.errors import InputError
 from twin.files.assets import asset
@@ -37,16 +37,20 @@ def demo(
                 done.append(named(CHAIN["evaluate"])(progress, out, truth))
             done.append(export_step(progress, out, ("urdf", "mjcf", "usd")))
             done.append(check_step(progress, out, ("urdf", "mjcf", "usd")))
-            done.append(named(CHAIN["replay"])(progress, out, robot, ()))
+            twin = load(out)
+            if twin.parts:
+                done.append(named(CHAIN["replay"])(progress, out, robot, ()))
     rows = [[s.verb, s.summary, f"{s.seconds:.1f} s", "ok" if s.outcome.ok else "FAILED"] for s in done]
     shown = [t for s in done if not s.outcome.ok or s.verb == "evaluate" for t in s.outcome.tables]
-    return Outcome(
+    outcome = Outcome(
         data={"run": str(out), "steps": {s.verb: {"ok": s.outcome.ok, **s.outcome.data} for s in done}},
         tables=[*shown, Table(f"{recording.name} → {out}", ["step", "result", "time", ""], rows)],
         notes=[page_note(out)],
         warnings=[w for s in done if s.verb != "export" for w in s.outcome.warnings],  # the page has them all
         ok=all(s.outcome.ok for s in done),
+        doubt=done[0].outcome.doubt,
     )
+    return judged(outcome, twin)
 
 
 def import_scene(
@@ -118,7 +122,7 @@ def export_step(
         Table("collision shapes", COLUMNS, [r.row() for r in reports]),
     ]
     warnings = [*files.warnings, *(r.warning for r in reports if r.warning)]
-    outcome = Outcome(data, tables, warnings=warnings)
+    outcome = judged(Outcome(data, tables, warnings=warnings), twin)
     return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
 
 
@@ -154,6 +158,7 @@ def check_step(
         [w for p in proofs for w in p.warnings],
         ok,
     )
+    outcome = judged(outcome, twin)
     return Step("check", outcome, summary, started).kept(run_folder(run))
 
 
