@@ -44,8 +44,8 @@ class HandShape:
     keypoints: Array
 
 
-def skeleton(closure: float) -> Array:
-    """Keypoints (21, 3) of a hand that is `closure` 0 (open) .. 1 (closed around the bar)."""
+def skeleton(closure: float, left: bool = False) -> Array:
+    """Keypoints (21, 3) of a hand that is `closure` 0 (open) .. 1 (closed around the bar); left: mirrored at x = 0."""
     out = np.zeros((KEYPOINTS, 3))
     out[0] = WRIST
     thumb_closed = np.array(
@@ -63,7 +63,7 @@ def skeleton(closure: float) -> Array:
             angle = np.radians((1.0 - closure) * OPEN_DEG[j] + closure * CLOSED_DEG[j])
             point = point + length * np.array([np.cos(angle), np.sin(angle), 0.0])
             out[6 + 4 * k + j] = point
-    return out
+    return out * [-1.0, 1.0, 1.0] if left else out
 
 
 def _cones(points: Array) -> list[tuple[Array, Array, float, float]]:

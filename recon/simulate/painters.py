@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import cv2
@@ -19,12 +20,18 @@ def noise(rng: np.random.Generator, power: float, stretch: float = 1.0, low: flo
 
     `stretch` > 1 draws it out along the rows; frequencies below `low` cycles a tile are left out.
     """
+    gain = _spectrum(power, stretch, low)
+    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((SIZE, SIZE))) * gain, s=(SIZE, SIZE))
+    return ((field - field.mean()) / max(float(field.std()), 1e-12)).astype(np.float32)
+
+
+@cache
+def _spectrum(power: float, stretch: float, low: float) -> Array:
+    """Amplitude by frequency, for the transform of a real image."""
     fy = np.fft.fftfreq(SIZE)[:, None] * SIZE
     fx = np.fft.rfftfreq(SIZE)[None, :] * SIZE * stretch
     radius = np.hypot(fx, fy)
-    gain = np.where(radius >= low, np.maximum(radius, 1.0) ** -power, 0.0)
-    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((SIZE, SIZE))) * gain, s=(SIZE, SIZE))
-    return ((field - field.mean()) / max(float(field.std()), 1e-12)).astype(np.float32)
+    return np.asarray(np.where(radius >= low, np.maximum(radius, 1.0) ** -power, 0.0))
 
 
 def _mix(base: Array, value: Image, other: Array) -> Image:

@@ -9,7 +9,7 @@ import numpy as np
 from recon.simulate.actors import Actor
 from recon.simulate.camera_path import camera_path
 from recon.simulate.config import SimulateConfig
-from recon.simulate.hand import HandShape, arm, hand_shape
+from recon.simulate.hand import arm, hand_shape, skeleton
 from recon.simulate.hand_path import (
     Arm,
     HandMotion,
@@ -49,7 +49,7 @@ class Stage:
         self._skin = skin_material(config.skin_tone, config.textures, rng["look"])
         cloth = make_material("fabric", config.textures, rng["look"])
         self._glove = cloth if config.hand_cover == "glove" else self._skin
-        self._shapes: dict[float, tuple[HandShape, Body]] = {}
+        self._shapes: dict[float, Body] = {}
         self.hand = self._hand_motion()
         arm_body = Body(arm(self._glove, cloth, config.hand_cover == "bare"), HAND_LABEL)
         self.actors = self._actors(arm_body, bounds)
@@ -102,7 +102,9 @@ class Stage:
     def truth(self) -> Truth:
         """All that is known about the recording."""
         a, b = self._first, self._last
-        keypoints = [transform(self.hand.T_world_hand[i], self._hand(i)[0].keypoints) for i in range(a, b)]
+        left = self.config.hand_side == "left"
+        local = [skeleton(float(c), left) for c in self.hand.closure[a:b]]
+        keypoints = [transform(T, p) for T, p in zip(self.hand.T_world_hand[a:b], local, strict=True)]
         hand = self.hand.during(a, b)
         times = FIRST_TIME + np.arange(b - a) / self.config.fps
         side = self.config.hand_side
@@ -162,16 +164,16 @@ class Stage:
             label = PART_ID + k if self.script.moves_parts else STATIC_LABEL
             poses = np.stack([part.pose(float(s)) for s in self._states[part.name]])
             out.append(Actor.moving(Body(part.part, label), poses))
-        out.append(Actor(lambda i: self._hand(i)[1], self.hand.T_world_hand, present))
+        out.append(Actor(lambda i: self._hand(i), self.hand.T_world_hand, present))
         out.append(Actor(lambda _: arm_body, self.hand.T_world_arm, present))
         out += self.script.happening.actors(self.acts[0], self.cameras, bounds)
         return tuple(out)
 
-    def _hand(self, index: int) -> tuple[HandShape, Body]:
+    def _hand(self, index: int) -> Body:
         closure = float(self.hand.closure[index])
         if closure not in self._shapes:
             shape = hand_shape(closure, self._glove, left=self.config.hand_side == "left")
-            self._shapes[closure] = (shape, Body((shape.surface,), HAND_LABEL))
+            self._shapes[closure] = Body((shape.surface,), HAND_LABEL)
         return self._shapes[closure]
 
 
