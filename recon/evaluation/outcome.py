@@ -42,11 +42,6 @@ class Outcome:
     up_right: bool
     doubtful: int
 
-    @property
-    def trusted(self) -> int:
-        """Parts of the twin that are called trusted."""
-        return sum(p.trusted for p in self.parts) + sum(self.invented)
-
 
 def outcome(twin: Twin, truth: Truth) -> Outcome:
     """Judge every true part and every part of the twin. Raises InputError when the twin has no cameras."""

@@ -24,6 +24,7 @@ from recon.simulate.random.scene import Drawn, random_recording
 from recon.simulate.random.strata import NEGATIVES, SENSORS, VIEWS, Stratum, sealed_set
 from recon.simulate.random.witness import unfit
 from recon.simulate.record import OTHER_LABEL
+from recon.simulate.sensors import depth_camera
 from recon.simulate.textures import make_material
 from recon.simulate.timeline import Episode, Leg, Timeline
 from twin import geometry as geo
@@ -67,6 +68,10 @@ def drawn(seed: int, stratum: Stratum) -> Drawn:
 def pitch(poses: Array) -> Array:
     """Degrees that cameras (n, 4, 4) look upwards."""
     return np.degrees(np.arcsin(poses[:, 2, 2]))
+
+
+def test_every_depth_camera_has_its_strata() -> None:
+    assert set(SENSORS) == set(depth_camera.SENSORS)
 
 
 def test_the_sealed_set_is_balanced() -> None:

@@ -199,8 +199,8 @@ def _legs(rng: Rng, kind: str, upper: float, short: bool) -> tuple[float, tuple[
     if rng.random() < 0.15:  # stands half open first
         start = float(rng.uniform(0.2, 0.6)) * (upper - way)
         if rng.random() < 0.4:  # and is shut
-            start, way = (way, -way) if short else (float(rng.uniform(0.4, 1.0)) * upper,) * 2
-            way = -start if way > 0 else way
+            start = way if short else float(rng.uniform(0.4, 1.0)) * upper
+            way = -start
     end = float(np.clip(start + way, 0.0, upper))
     speed = float(np.exp(rng.uniform(*np.log(_SPEED[kind]))))
     legs = [Leg(end, _seconds(end - start, speed))]
