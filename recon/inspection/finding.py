@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from twin.cause import Cause
 from twin.report.sections import Table
 
 
 @dataclass(frozen=True)
-class Finding(ABC):
+class Finding(Cause):
     """One fault of a recording; its fields are the measured values."""
-
-    @property
-    @abstractmethod
-    def kind(self) -> str:
-        """What is wrong, without numbers: equal for faults that are alike."""
 
     @property
     @abstractmethod

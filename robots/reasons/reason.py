@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+from twin.cause import Cause
 from twin.errors import PlanningError
 
 
 @dataclass(frozen=True)
-class Reason(ABC):
-    """One cause."""
-
-    @property
-    @abstractmethod
-    def text(self) -> str:
-        """What happened, with its numbers."""
-
-    @property
-    @abstractmethod
-    def kind(self) -> str:
-        """What happened, without numbers: equal for causes that are alike."""
+class Reason(Cause):
+    """One cause of a refused plan or a failed replay."""
 
 
 class RefusedError(PlanningError):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Any, Literal, get_args
 
+from twin.cause import Cause
 from twin.errors import SceneError
 
 Level = Literal["trusted", "doubtful", "refused"]
@@ -23,7 +24,7 @@ def worst(levels: Iterable[Level]) -> Level:
 
 
 @dataclass(frozen=True)
-class Reason(ABC):
+class Reason(Cause):
     """One cause of doubt. level: what it makes of the part, or of the twin, that it is about: `doubtful` or `refused`.
 
     A subclass holds the numbers that it was told by, as numbers, texts or truth values, and alone writes what it says. Raises
@@ -39,16 +40,6 @@ class Reason(ABC):
             value = getattr(self, f.name)
             if isinstance(value, float) and not isfinite(value):
                 raise SceneError(f"{type(self).__name__}.{f.name} must be finite, got {value}")
-
-    @property
-    @abstractmethod
-    def text(self) -> str:
-        """What is wrong, with its numbers, in one line."""
-
-    @property
-    @abstractmethod
-    def kind(self) -> str:
-        """What is wrong, without numbers: equal for causes that are alike."""
 
     @property
     @abstractmethod
