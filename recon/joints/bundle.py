@@ -27,9 +27,9 @@ from twin.geometry import Array
 from twin.joint import moved_axis
 from twin.robust import cauchy_loss
 
-_NEGLIGIBLE = (
-    1e-8  # change of chi-square that ends a refinement; far below noise, for the sake of exact input
-)
+# Change of chi-square that ends a refinement: far below noise, for the sake of exact input; and where another one follows, a twentieth
+# of a sigma along the last direction that still changes
+_NEGLIGIBLE, ROUGHLY = 1e-8, 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +87,17 @@ def smoothness(information: Array, state: Array) -> Array:
     return out
 
 
-def refine(obs: Observations, start: Model, sigma: float, iterations: int) -> Bundle:
-    """Levenberg-Marquardt on the Cauchy cost, noise scale rescaled from the data twice.
+def refine(
+    obs: Observations, start: Model, sigma: float, iterations: int, negligible: float = _NEGLIGIBLE
+) -> Bundle:
+    """Levenberg-Marquardt on the Cauchy cost, noise scale rescaled from the data three times or more.
 
     Args:
         obs: tracks of one part (outlying observations allowed).
         start: near the solution.
         sigma: first noise scale, m.
+        iterations: at most.
+        negligible: change of chi-square that ends it.
     """
     model = start
     n = 4 if model.kind == "revolute" else 2
@@ -101,11 +105,12 @@ def refine(obs: Observations, start: Model, sigma: float, iterations: int) -> Bu
     unknowns = 3 * len(obs.points) + int(frames_seen.sum()) + n
     square, weight, marks = residuals(obs, model, sigma)
     damping = 1e-4
-    rescale_at = {2, 5, 9}
+    rescale_at, rescaled, settled = {2, 5, 9}, 0, False
     for iteration in range(iterations):
-        if iteration in rescale_at:
+        if iteration in rescale_at or settled:
             sigma = noise_sigma(square, obs.weight, unknowns)
             weight = robust_weight(obs.weight, square, sigma)
+            rescaled += 1
         prior, hessian, gradient = _system(obs, weight, model, sigma)
         cost = _cost(square, obs.weight, sigma) + 0.5 * model.state @ prior @ model.state
         moved = False
@@ -123,7 +128,8 @@ def refine(obs: Observations, start: Model, sigma: float, iterations: int) -> Bu
         change = cost - t_cost
         model, square, weight, marks = trial, t_square, t_weight, t_marks
         damping = max(damping / 10.0, 1e-12)
-        if change < _NEGLIGIBLE * sigma**2 and iteration > max(rescale_at):
+        settled = change < negligible * sigma**2
+        if settled and rescaled >= len(rescale_at):
             break
     covariance = _covariance(obs, square, weight, model, sigma, unknowns)
     residual = np.where(obs.weight > 0, np.sqrt(square), np.nan)

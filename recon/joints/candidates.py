@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.joints.bundle import Bundle, refine
+from recon.joints.bundle import ROUGHLY, Bundle, refine
 from recon.joints.config import MOST_STEPS, JointConfig
 from recon.joints.hypotheses import Hypothesis, pair_hypotheses, travel_and_noise
 from recon.joints.initial_states import states_of
@@ -108,18 +108,20 @@ def _settle(
     fit: TrackFit | None = None
     for _ in range(6):
         if members.sum() < config.min_tracks:
-            return fit
-        bundle = refine(obs.take(members), model, scale, MOST_STEPS)
+            break
+        bundle = refine(obs.take(members), model, scale, MOST_STEPS, ROUGHLY)
         fit, model = TrackFit(bundle, members), bundle.model
         scale = fit.scale(noise, config)
         again = follows(obs, model, scale, config)
         if np.array_equal(again, members):
             break
         members = again
-    if fit is not None and config.method == "pose_graph":
-        graph = pose_graph_of_tracks(obs.take(fit.members), fit.bundle.model, scale)
-        return TrackFit(graph, fit.members)
-    return fit
+    if fit is None:
+        return None
+    of_members = obs.take(fit.members)
+    if config.method == "pose_graph":
+        return TrackFit(pose_graph_of_tracks(of_members, fit.bundle.model, scale), fit.members)
+    return TrackFit(refine(of_members, fit.bundle.model, scale, MOST_STEPS), fit.members)
 
 
 def _supporters(obs: Observations, model: Model, sigma: float, config: JointConfig) -> NDArray[np.bool_]:

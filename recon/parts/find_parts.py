@@ -236,12 +236,15 @@ class _Search:
         free = free & ~self.hand
         best = self.fit_group((self._far(free), free), free)
         self.hand = self.hand | self.hand_of(rest_spans(best.fit, frames, self.config))
-        free = free & ~self.hand
         try:
-            best = self.fit_group((self._far(free), free), free)
+            if (free & self.hand).any():
+                free = free & ~self.hand
+                best = self.fit_group((self._far(free), free), free)
             for _ in range(_CALM_ROUNDS):
                 rests = known_rest_spans(best.fit, frames, self.config)
                 calm = free & ~restless(self.movers, free, rests, self.config)
+                if np.array_equal(calm, best.chosen):
+                    break
                 every = self.fit_group((calm,), free)
                 if every.support < AS_WELL * best.support:  # led astray by tracks that drift along edges
                     break
