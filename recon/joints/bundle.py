@@ -128,7 +128,7 @@ def refine(
         change = cost - t_cost
         model, square, weight, marks = trial, t_square, t_weight, t_marks
         damping = max(damping / 10.0, 1e-12)
-        settled = change < negligible * sigma**2
+        settled = bool(change < negligible * sigma**2)
         if settled and rescaled >= len(rescale_at):
             break
     covariance = _covariance(obs, square, weight, model, sigma, unknowns)

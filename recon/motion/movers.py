@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from recon.dense.depth import depth_sigma
@@ -56,26 +57,44 @@ def find_movers(
     high = np.where(visible[..., None], points, -np.inf).max(axis=0)
     low = np.where(visible[..., None], points, np.inf).min(axis=0)
     extent = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
-    for k in np.flatnonzero(extent > config.min_displacement):
-        frames = np.flatnonzero(visible[:, k])
-        if len(frames) < 2 * rest:
-            continue
-        p = _running_median(points[frames, k])
-        tolerance = max(
-            config.min_displacement,
-            config.sigmas * float(depth_sigma(np.nanmedian(tracks.points_cam[frames, k, 2]))),
-        )
-        far_from_start = np.linalg.norm(p - p[:1], axis=1) > tolerance
-        far_from_end = np.linalg.norm(p - p[-1], axis=1) > tolerance
-        moving[k] = far_from_start.sum() >= 3
-        at_start = int(np.argmax(far_from_start)) if far_from_start.any() else len(p)
-        at_end = int(np.argmax(far_from_end[::-1])) if far_from_end.any() else len(p)
-        # The tolerance itself takes a few frames to cross, so a resting span must be longer than that.
-        rested[k] = moving[k] and max(at_start, at_end) >= 2 * rest
+    asked = np.flatnonzero((extent > config.min_displacement) & (visible.sum(axis=0) >= 2 * rest))
+    depth = np.where(visible[:, asked], tracks.points_cam[:, asked, 2], np.nan)
+    sigma = depth_sigma(np.nanmedian(depth, axis=0)) if len(asked) else np.zeros(0)
+    tolerance = np.maximum(config.min_displacement, config.sigmas * sigma)
+    moving[asked], rested[asked] = _left(
+        np.ascontiguousarray(points[:, asked].swapaxes(0, 1)), visible[:, asked].T.copy(), tolerance, 2 * rest
+    )
     return Movers(points, visible, moving, rested)
 
 
-def _running_median(p: Array) -> Array:
-    """Median over five successive observations, ends repeated."""
-    padded = np.concatenate([p[:1], p[:1], p, p[-1:], p[-1:]])
-    return np.asarray(np.sort(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)[..., 2])
+@njit(cache=True, nogil=True)
+def _left(points, visible, tolerance, rest):  # type: ignore[no-untyped-def]
+    """Which tracks (K, T, 3) leave their first place by more than `tolerance` (K,) m in three observations or more, and which of them
+    stayed at their first or last place for `rest` observations: the tolerance itself takes a few frames to cross.
+    """
+    moving, rested = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
+    for k in range(len(points)):
+        p = _running_median(points[k][visible[k]])
+        n, away, at_start, at_end = len(p), 0, len(p), len(p)
+        for i in range(n):
+            if np.sqrt(((p[i] - p[0]) ** 2).sum()) > tolerance[k]:
+                away += 1
+                at_start = min(at_start, i)
+            if np.sqrt(((p[n - 1 - i] - p[n - 1]) ** 2).sum()) > tolerance[k]:
+                at_end = min(at_end, i)
+        moving[k] = away >= 3
+        rested[k] = moving[k] and max(at_start, at_end) >= rest
+    return moving, rested
+
+
+@njit(cache=True, nogil=True)
+def _running_median(p):  # type: ignore[no-untyped-def]
+    """Median over five successive observations (n, 3), ends repeated."""
+    out = np.empty_like(p)
+    window = np.empty(5)
+    for i in range(len(p)):
+        for axis in range(3):
+            for j in range(5):
+                window[j] = p[min(max(i + j - 2, 0), len(p) - 1), axis]
+            out[i, axis] = np.sort(window)[2]
+    return out
