@@ -1,7 +1,7 @@
 """Rates on recordings that nobody has looked at: `unseen.md`.
 
     python -m benchmarks.unseen sealed                  # 160 clips of this commit; only counters are kept
-    python -m benchmarks.unseen sealed --baseline REV   # an earlier commit's code on 40 of the same clips, its row beside
+    python -m benchmarks.unseen sealed --baseline REV   # and an earlier commit's code on every fourth of them, its row beside
     python -m benchmarks.unseen open FIRST LAST OUT     # clips of the open seeds 0 to 9999, kept and told one by one
 
 A sealed clip's seed follows from the commit, so nobody can have seen it; its recording, run and logs are deleted before the next one,
@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -28,7 +28,7 @@ from typing import Any
 
 from benchmarks.unseen_page import write_row
 from recon.evaluation.outcome import outcome
-from recon.evaluation.truth import load_truth
+from recon.evaluation.truth import Truth, load_truth
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import Stratum, sealed_set
 from twin.errors import FuntwinError, InputError
@@ -50,23 +50,30 @@ def sealed_seed(commit: str, index: int) -> int:
 
 
 def sealed(baseline: str | None) -> int:
-    """Measure all clips of this commit that are not counted yet, and add the row when all are. Raises InputError on a dirty tree."""
+    """Measure all clips of this commit that are not counted yet, and add the rows when all are. Raises InputError on a dirty tree."""
     commit = _commit()
-    name = commit if baseline is None else f"{commit}-{baseline}"
-    path, strata = STATE / f"{name}.json", sealed_set()
-    state = read_json(path) or {"done": [], "counts": {}}
-    todo = [i for i in range(len(strata)) if baseline is None or i % (len(strata) // BASELINE) == 0]
+    path, strata = STATE / f"{commit}.json", sealed_set()
+    state = read_json(path) or {"done": [], "counts": {}, "baseline": {}, "of": baseline}
+    if state["of"] != baseline:
+        raise InputError(
+            f"the run of {commit} was begun with --baseline {state['of']}", "go on with that one"
+        )
+    every = len(strata) // BASELINE
     with _code(baseline) as code:
-        for i in todo:
+        for i in range(len(strata)):
             if i in state["done"]:
                 continue
-            found = _clip_alone(sealed_seed(commit, i), i, code)
-            counts = Counter(state["counts"])
-            counts.update(counted(found, strata[i]))
-            state = {"done": sorted([*state["done"], i]), "counts": dict(sorted(counts.items()))}
+            codes = [ROOT, code] if baseline is not None and i % every == 0 else [ROOT]
+            for name, found in zip(
+                ("counts", "baseline"), _clip_alone(sealed_seed(commit, i), i, codes), strict=False
+            ):
+                state[name] = dict(sorted((Counter(state[name]) + counted(found, strata[i])).items()))
+            state["done"] = sorted([*state["done"], i])
             write_json(path, state)
-            print(f"{len(state['done'])} of {len(todo)}", flush=True)
-    write_row(PAGE, commit, baseline, len(todo), state["counts"])
+            print(f"{len(state['done'])} of {len(strata)}", flush=True)
+    write_row(PAGE, commit, None, len(strata), state["counts"])
+    if baseline is not None:
+        write_row(PAGE, commit, baseline, BASELINE, state["baseline"])
     return 0
 
 
@@ -86,36 +93,56 @@ def counted(found: dict[str, Any], stratum: Stratum) -> Counter[str]:
     return out
 
 
-def _clip_alone(seed: int, index: int, code: Path) -> dict[str, int]:
-    """Counters of one clip, made and measured in a process of its own, of which nothing else is left."""
+def _clip_alone(seed: int, index: int, codes: Sequence[Path]) -> list[dict[str, int]]:
+    """Counters of one clip by each code, made and measured in a process of its own, of which nothing else is left."""
     with tempfile.TemporaryDirectory(prefix="unseen") as place:
-        command = [sys.executable, "-m", "benchmarks.unseen", "clip", str(seed), str(index), place, str(code)]
+        command = [
+            sys.executable,
+            "-m",
+            "benchmarks.unseen",
+            "clip",
+            str(seed),
+            str(index),
+            place,
+            *map(str, codes),
+        ]
         try:
             done = subprocess.run(
-                command, cwd=ROOT, capture_output=True, timeout=60 * MINUTES, env=_environment(ROOT)
+                command,
+                cwd=ROOT,
+                capture_output=True,
+                timeout=60 * MINUTES * len(codes),
+                env=_environment(ROOT),
             )
-            told = json.loads(done.stdout.decode().strip().splitlines()[-1])
-        except (subprocess.TimeoutExpired, ValueError, IndexError):
-            return {"clips": 1, "broken": 1}
-    return {k: int(v) for k, v in told.items()}
+            told = [json.loads(line) for line in done.stdout.decode().strip().splitlines()[-len(codes) :]]
+        except (subprocess.TimeoutExpired, ValueError):
+            told = []
+    if len(told) != len(codes):
+        return [{"clips": 1, "broken": 1} for _ in codes]
+    return [{k: int(v) for k, v in counts.items()} for counts in told]
 
 
-def clip(seed: int, index: int, place: Path, code: Path) -> dict[str, int]:
-    """Render, reconstruct with the code at `code`, judge."""
-    recording, run = place / "recording", place / "run"
+def clip(seed: int, index: int, place: Path, codes: Sequence[Path]) -> list[dict[str, int]]:
+    """Render, reconstruct with each of the codes, judge."""
+    recording = place / "recording"
     simulate_random(seed, recording, sealed_set()[index])
-    command = [sys.executable, "-m", "twin", "reconstruct", str(recording), "-o", str(run)]
-    done = subprocess.run(command, cwd=place, capture_output=True, env=_environment(code))
     repeated = len(read_json(recording / "truth" / "random.json")["repeated"])
     truth = load_truth(recording / "truth")
-    counts = Counter({"clips": 1, "repeated draws": repeated, "parts": len(truth.parts)})
+    made = {"clips": 1, "repeated draws": repeated, "parts": len(truth.parts)}
+    runs = [place / "run", *(place / f"run{k}" for k in range(1, len(codes)))]
+    return [made | _measured(recording, run, truth, code) for run, code in zip(runs, codes, strict=True)]
+
+
+def _measured(recording: Path, run: Path, truth: Truth, code: Path) -> dict[str, int]:
+    """Counters of what the code in a folder makes of a recording."""
+    command = [sys.executable, "-m", "twin", "reconstruct", str(recording), "-o", str(run)]
+    done = subprocess.run(command, cwd=run.parent, capture_output=True, env=_environment(code))
+    said_so = done.returncode in (1, 2)
     if not (run / "twin" / "twin.json").is_file():
-        counts["no twin"] = 1
-        counts["cause missed"] = len(truth.parts)
-        counts["exit not 0 where failed"] = int(done.returncode in (1, 2))
-        counts["failed clips"] = 1
-        return dict(counts)
-    found = outcome(load(run), truth)
+        return {
+            "no twin": 1, "cause missed": len(truth.parts), "exit not 0 where failed": int(said_so), "failed clips": 1
+        }  # fmt: skip
+    found, counts = outcome(load(run), truth), Counter[str]()
     for part in found.parts:
         counts["success" if part.cause is None else f"cause {part.cause}"] += 1
         counts["trusted"] += part.trusted
@@ -127,7 +154,7 @@ def clip(seed: int, index: int, place: Path, code: Path) -> dict[str, int]:
     counts["up wrong"] = int(not found.up_right)
     failed = bool(found.invented) or any(p.cause is not None for p in found.parts)
     counts["failed clips"] = int(failed)
-    counts["exit not 0 where failed"] = int(failed and done.returncode in (1, 2))
+    counts["exit not 0 where failed"] = int(failed and said_so)
     return dict(counts)
 
 
@@ -141,7 +168,7 @@ def open_clips(first: int, last: int, out: Path) -> int:
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
         index = seed % len(strata)
-        print(seed, json.dumps(asdict(strata[index])), clip(seed, index, place, ROOT), flush=True)
+        print(seed, json.dumps(asdict(strata[index])), clip(seed, index, place, [ROOT])[0], flush=True)
     return 0
 
 
@@ -194,14 +221,15 @@ def main() -> int:
     single.add_argument("seed", type=int)
     single.add_argument("index", type=int)
     single.add_argument("place", type=Path)
-    single.add_argument("code", type=Path)
+    single.add_argument("codes", type=Path, nargs="+")
     args = parser.parse_args()
     try:
         if args.verb == "sealed":
             return sealed(args.baseline)
         if args.verb == "open":
             return open_clips(args.first, args.last, args.out)
-        print(json.dumps(clip(args.seed, args.index, args.place, args.code)))
+        for counts in clip(args.seed, args.index, args.place, args.codes):
+            print(json.dumps(counts))
     except FuntwinError as error:
         print(error, file=sys.stderr)
         return 1

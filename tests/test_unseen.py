@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,12 +54,13 @@ def test_a_stopped_run_goes_on_and_ends_as_if_it_had_not_been_stopped(
     measured: list[int] = []
     stopped: list[bool] = []
 
-    def clip(_: int, index: int, __: Path) -> dict[str, int]:
+    def clip(_: int, index: int, codes: list[Path]) -> list[dict[str, int]]:
+        assert len(codes) == 1
         if index == 5 and not stopped:
             stopped.append(True)
             raise RuntimeError("stopped")
         measured.append(index)
-        return GOOD if index % 4 else BAD
+        return [GOOD if index % 4 else BAD]
 
     monkeypatch.setattr(unseen, "_clip_alone", clip)
     with pytest.raises(RuntimeError, match="stopped"):
@@ -70,6 +73,29 @@ def test_a_stopped_run_goes_on_and_ends_as_if_it_had_not_been_stopped(
     assert page.count("## abc1234567") == 1
     unseen.sealed(None)  # nothing is left to measure: the row is told again, the earlier one stays
     assert (bench / "unseen.md").read_text().startswith(page.rstrip())
+
+
+def test_a_baseline_sees_every_fourth_recording_and_has_a_row_of_its_own(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def code(_: str | None) -> Iterator[Path]:
+        yield Path("older")
+
+    def clip(_: int, index: int, codes: list[Path]) -> list[dict[str, int]]:
+        assert codes[1:] == ([] if index % 4 else [Path("older")])
+        return [GOOD, BAD][: len(codes)]
+
+    monkeypatch.setattr(unseen, "_code", code)
+    monkeypatch.setattr(unseen, "_clip_alone", clip)
+    unseen.sealed("older")
+    new, old = (bench / "unseen.md").read_text().split("## ")[1:]
+    assert new.startswith("abc1234567\n")
+    assert old.startswith("older on clips of abc1234567\n")
+    assert "| ordinary | 60 | 60 | 60/60 = 100 %" in new
+    assert "| ordinary | 15 | 15 | 0/15 = 0 %" in old
+    with pytest.raises(InputError, match="begun with --baseline older"):
+        unseen.sealed(None)
 
 
 def test_only_counters_by_one_factor_are_kept() -> None:
@@ -174,6 +200,11 @@ def test_a_clip_that_says_nothing_is_broken(monkeypatch: pytest.MonkeyPatch) -> 
         stdout = b"Traceback"
 
     monkeypatch.setattr(unseen.subprocess, "run", lambda *_, **__: Done())
-    assert unseen._clip_alone(1, 2, Path()) == {"clips": 1, "broken": 1}
+    assert unseen._clip_alone(1, 2, [Path()]) == [{"clips": 1, "broken": 1}]
     monkeypatch.setattr(Done, "stdout", b"noise\n" + json.dumps(GOOD).encode())
-    assert unseen._clip_alone(1, 2, Path()) == GOOD
+    assert unseen._clip_alone(1, 2, [Path()]) == [GOOD]
+    assert unseen._clip_alone(1, 2, [Path(), Path()]) == [{"clips": 1, "broken": 1}] * 2
+    monkeypatch.setattr(
+        Done, "stdout", b"noise\n" + json.dumps(GOOD).encode() + b"\n" + json.dumps(BAD).encode()
+    )
+    assert unseen._clip_alone(1, 2, [Path(), Path()]) == [GOOD, BAD]
