@@ -40,6 +40,8 @@ STATE = ROOT / "out" / "unseen"
 PAGE = ROOT / "benchmarks" / "unseen.md"
 OPEN_SEEDS = 10_000
 BASELINE = 40  # clips that an earlier commit is measured on: every fourth
+# The command of any commit: `main` was a function in twin/cli.py before it was a module
+_TWIN = "from twin.cli import main; getattr(main, 'main', main)()"
 MINUTES = 20  # after which a clip counts as failed
 
 
@@ -135,7 +137,7 @@ def clip(seed: int, index: int, place: Path, codes: Sequence[Path]) -> list[dict
 
 def _measured(recording: Path, run: Path, truth: Truth, code: Path) -> dict[str, int]:
     """Counters of what the code in a folder makes of a recording."""
-    command = [sys.executable, "-m", "twin", "reconstruct", str(recording), "-o", str(run)]
+    command = [sys.executable, "-c", _TWIN, "reconstruct", str(recording), "-o", str(run)]
     done = subprocess.run(command, cwd=run.parent, capture_output=True, env=_environment(code))
     said_so = done.returncode in (1, 2)
     if not (run / "twin" / "twin.json").is_file():
