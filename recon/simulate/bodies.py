@@ -73,7 +73,9 @@ class BodyCache:
 
 
 class Atlas:
-    """Texture images and their mip levels in one flat array of equal slots; slots of images not kept are reused."""
+    """Texture images and their mip levels in one flat array of equal slots; slots of images not kept are reused. What has been
+    handed out as `texels` stays as it is, as frames may still be rendered with it: new images go into a copy.
+    """
 
     def __init__(self) -> None:
         sides = [SIZE]
@@ -84,7 +86,14 @@ class Atlas:
         self._slot = int(sizes.sum())
         self._held: dict[int, tuple[Image, int]] = {}  # the image is held so that its id stays its own
         self._free: list[int] = []
-        self.texels: F32 = np.empty(0, np.float32)
+        self._texels: F32 = np.empty(0, np.float32)
+        self._shared = False
+
+    @property
+    def texels(self) -> F32:
+        """All slots, one after the other."""
+        self._shared = True
+        return self._texels
 
     def starts(self, image: Image) -> NDArray[np.int64]:
         """Where each mip level of `image` (SIZE, SIZE, 3) starts in `texels`; the image is added when it is new."""
@@ -93,8 +102,10 @@ class Atlas:
                 self._grow()
             slot = self._free.pop()
             start = slot * self._slot
+            if self._shared:
+                self._texels, self._shared = self._texels.copy(), False
             levels = np.concatenate([level.reshape(-1) for level in mipmaps(image)])
-            self.texels[start : start + self._slot] = levels
+            self._texels[start : start + self._slot] = levels
             self._held[id(image)] = (image, slot)
         starts: NDArray[np.int64] = self._held[id(image)][1] * self._slot + self._levels
         return starts
@@ -105,7 +116,10 @@ class Atlas:
             self._free.append(self._held.pop(key)[1])
 
     def _grow(self) -> None:
-        slots = len(self.texels) // self._slot
-        more = max(4, slots // 2)
-        self.texels = np.concatenate([self.texels, np.empty(more * self._slot, np.float32)])
+        slots = len(self._texels) // self._slot
+        more = max(8, slots)
+        grown = np.empty((slots + more) * self._slot, np.float32)
+        grown[: len(self._texels)] = self._texels
+        self._texels = grown
+        self._shared = False
         self._free.extend(range(slots, slots + more))

@@ -124,22 +124,22 @@ def _point(index: int, shift: FloatArray) -> tuple[float, float]:
     return u - math.floor(u), v - math.floor(v)
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def ray_starts(rays: FloatArray, depth: FloatArray, normals: FloatArray, pixels: FloatArray) -> FloatArray:
     """Points (n, 3) a little above what `pixels` (n,) see."""
     out = np.empty((len(pixels), 3), np.float32)
-    for i in numba.prange(len(pixels)):
+    for i in range(len(pixels)):
         p = pixels[i]
         for k in range(3):
             out[i, k] = rays[p, k] + depth[p] * rays[p, 3 + k] + LIFT * normals[p, k]
     return out
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def light_rays(starts: FloatArray, light: FloatArray, index: FloatArray, shift: FloatArray) -> FloatArray:
     """Rays (n, 6) from `starts` (n, 3) to points of a rectangular light (centre, half edge, half edge: (3, 3))."""
     out = np.empty((len(starts), 6), np.float32)
-    for i in numba.prange(len(starts)):
+    for i in range(len(starts)):
         u, v = _point(index[i], shift)
         a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
         for k in range(3):
@@ -148,13 +148,13 @@ def light_rays(starts: FloatArray, light: FloatArray, index: FloatArray, shift: 
     return out
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def ambient_rays(
     starts: FloatArray, normals: FloatArray, reach: float, index: FloatArray, shift: FloatArray
 ) -> FloatArray:
     """Rays (n, 6) of length `reach` from `starts` in cosine-distributed directions about the normals (n, 3)."""
     out = np.empty((len(starts), 6), np.float32)
-    for i in numba.prange(len(starts)):
+    for i in range(len(starts)):
         u, v = _point(index[i], shift)
         z = 2.0 * u - 1.0
         r = math.sqrt(max(0.0, 1.0 - z * z))
@@ -175,7 +175,7 @@ def _alike(a: FloatArray, b: FloatArray, depth_a: float, depth_b: float, pixels:
     return turn >= ALIKE and abs(depth_a - depth_b) <= DEPTH_STEP * depth_b * pixels
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def smooth_light(
     light: FloatArray, depth: FloatArray, normals: FloatArray, body: FloatArray, step: int, pitch: int
 ) -> FloatArray:
@@ -184,13 +184,13 @@ def smooth_light(
     """
     height, width, channels = light.shape
     out = np.empty_like(light)
-    for v in numba.prange(height):
+    for v in range(height):
         for u in range(width):
             total = 0.0
             for c in range(channels):
                 out[v, u, c] = 0.0
             for dv in range(-2, 3):
-                y = np.int64(v) + dv * step
+                y = v + dv * step
                 for du in range(-2, 3):
                     x = np.int64(u) + du * step
                     if y < 0 or x < 0 or y >= height or x >= width or body[y, x] != body[v, u]:
@@ -206,7 +206,7 @@ def smooth_light(
     return out
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def spread_light(
     grid: FloatArray, depth: FloatArray, normals: FloatArray, body: FloatArray, pitch: int
 ) -> tuple[FloatArray, FloatArray]:
@@ -217,8 +217,8 @@ def spread_light(
     rows, columns, channels = grid.shape
     out = np.zeros((height, width, channels), np.float32)
     alone = np.zeros((height, width), np.bool_)
-    for v in numba.prange(height):
-        i, fv = np.int64(v) // pitch, (np.int64(v) % pitch) / pitch
+    for v in range(height):
+        i, fv = v // pitch, (v % pitch) / pitch
         for u in range(width):
             if body[v, u] < 0:
                 continue

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +120,15 @@ class Renderer:
         one face; inside a face they are where their rays meet its plane. What is thinner than a pixel and passes
         between the centres of nine that all see one face is not in the picture.
         """
-        frame = _Frame(self._cache, bodies, poses)
+        return self.prepared(bodies, poses, T_world_camera, rng)()
+
+    def prepared(
+        self, bodies: list[Body], poses: list[Array], T_world_camera: Array, rng: np.random.Generator
+    ) -> Callable[[], View]:
+        """The same for later: what is returned renders in any thread, beside other frames; this one thread at a time."""
+        return partial(self._rendered, _Frame(self._cache, bodies, poses), T_world_camera, rng)
+
+    def _rendered(self, frame: _Frame, T_world_camera: Array, rng: np.random.Generator) -> View:
         shape = (self.camera.height, self.camera.width)
         pose = T_world_camera.astype(np.float32)
         rays = self._rays(np.arange(shape[0] * shape[1]), np.zeros((1, 2), np.float32), pose)[:, 0]
@@ -129,7 +139,7 @@ class Renderer:
         light = received(seen, self.lights.shapes, self._light_rays, frame.free, rng)
         colour = self._colour(frame, seen, centre, light, pose)
         hit, surface = centre.body >= 0, frame.face_surface[centre.face]
-        labels = np.array([*(b.label for b in bodies), 0], dtype=np.uint8)[centre.body]
+        labels = frame.labels[centre.body]
         return View(
             colour,
             seen.depth,
@@ -199,6 +209,7 @@ class _Frame:
     def __init__(self, cache: BodyCache, bodies: list[Body], poses: list[Array]):
         parts = cache.prepared(bodies)
         self.texels = cache.texels
+        self.labels = np.array([*(b.label for b in bodies), 0], dtype=np.uint8)  # the last is for -1: nothing
         self._caster = Caster()
         self._face_base = np.concatenate([[0], np.cumsum([len(p.faces) for p in parts])[:-1]]).astype(
             np.int64

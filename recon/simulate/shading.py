@@ -17,7 +17,7 @@ Surfaces = tuple[
 Lamps = tuple[FloatArray, FloatArray, FloatArray]  # shapes, powers, sky: see `Lights`
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def primary_rays(
     pixels: FloatArray,
     width: int,
@@ -32,7 +32,7 @@ def primary_rays(
     """
     n = offsets.shape[0]
     out = np.empty((len(pixels), n, 6), np.float32)
-    for i in numba.prange(len(pixels)):
+    for i in range(len(pixels)):
         v, u = pixels[i] // width, pixels[i] % width
         for k in range(n):
             x = (u + offsets[k, 0] - cx) / focal
@@ -43,13 +43,12 @@ def primary_rays(
     return out
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def crossed(body: FloatArray, face: FloatArray) -> FloatArray:
     """Pixels (H, W) whose samples may meet another face than their centres: those beside another one or the rim."""
     height, width = body.shape
     out = np.ones((height, width), np.bool_)
-    for v in numba.prange(1, height - 1):
-        row = np.int64(v)
+    for row in range(1, height - 1):
         for u in range(1, width - 1):
             one = True
             for y in range(row - 1, row + 2):
@@ -77,7 +76,7 @@ def _normal(
     return a / length, b / length, c / length
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def pixel_normals(
     rays: FloatArray,
     geometry: FloatArray,
@@ -88,7 +87,7 @@ def pixel_normals(
 ) -> FloatArray:
     """World normals (n, 3) of hits; zero where a ray met nothing (geometry < 0)."""
     out = np.zeros((rays.shape[0], 3), np.float32)
-    for i in numba.prange(rays.shape[0]):
+    for i in range(rays.shape[0]):
         if geometry[i] >= 0:
             pose = poses[geometry[i]]
             d = (rays[i, 3], rays[i, 4], rays[i, 5])
@@ -182,7 +181,7 @@ def _lit(
     return albedo[0] * r + shine, albedo[1] * g + shine, albedo[2] * b + shine
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def shade_insides(
     pixels: FloatArray,
     rays: FloatArray,
@@ -204,7 +203,7 @@ def shade_insides(
     depth, face, flat = hits
     face_surface, textures, tiles, glosses, starts, atlas, size = surfaces
     n = len(steps)
-    for i in numba.prange(len(pixels)):
+    for i in range(len(pixels)):
         p = pixels[i]
         j, far = face_surface[face[p]], depth[p]
         m, tile = textures[j], tiles[j]
@@ -227,7 +226,7 @@ def shade_insides(
         out[p, 0], out[p, 1], out[p, 2] = colour
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def shade_samples(
     pixels: FloatArray,
     rays: FloatArray,
@@ -250,7 +249,7 @@ def shade_samples(
     pixel_depth, pixel_body, light = centres
     face_surface, textures, tiles, glosses, starts, atlas, size = surfaces
     n, width = rays.shape[1], pixel_depth.shape[1]
-    for i in numba.prange(len(pixels)):
+    for i in range(len(pixels)):
         p = pixels[i]
         r, g, b = 0.0, 0.0, 0.0
         for s in range(n):

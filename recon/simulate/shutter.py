@@ -16,37 +16,35 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.simulate import pixel_motion
 from recon.simulate.render import Camera
 from twin.errors import ConfigError
-from twin.geometry import Array, invert_pose, transform
+from twin.geometry import Array, invert_pose
 
 F32 = NDArray[np.float32]
 MOST_SAMPLES = 24  # times in an open shutter; chosen by us, at speeds above 24 px in it the blur has steps
 EDGE = 0.02  # relative step in depth from one pixel to the next that is an edge; chosen by us
 STILL = 1e-6  # pixels: what rounding alone moves
+ROUNDS = 3  # a pixel is seen at the time of the row that it has come to; each shrinks the error by its way in a row's time
 
 
 @dataclass(frozen=True)
 class Flow:
     """How the pixels of a frame move: `velocity` px/frame and `acceleration` px/frame^2 (H, W, 2); `depth` (H, W) m of what moves so,
-    inf for nothing, which decides what covers what; `order` (H * W,) of the pixels, the farthest first.
+    inf for nothing, which decides what covers what.
     """
 
     velocity: F32
     acceleration: F32
     depth: F32
-    order: NDArray[np.int64]
 
     @staticmethod
-    def of(velocity: Array, acceleration: Array, depth: Array) -> Flow:
+    def of(velocity: Array, acceleration: Array, depth: Array | F32) -> Flow:
         """Flow in which pixels beside an edge go with the nearer surface."""
         far = np.where(depth > 0.0, depth, np.inf).astype(np.float32)
-        leader = _nearer(far)
-        moved = [np.where(np.abs(a) < STILL, 0.0, a).reshape(-1, 2)[leader] for a in (velocity, acceleration)]
-        near = far.reshape(-1)[leader]
-        order = np.argsort(-near, kind="stable")
-        first, second = (m.astype(np.float32).reshape(*depth.shape, 2) for m in moved)
-        return Flow(first, second, near.reshape(depth.shape), order)
+        nearest = cv2.erode(far, np.ones((3, 3), np.uint8))
+        first, second = (np.ascontiguousarray(m, dtype=np.float64) for m in (velocity, acceleration))
+        return Flow(*pixel_motion.led(first, second, far, nearest, EDGE, STILL))
 
     def displacement(self, time: Array) -> Array:
         """Way (H, W, 2) in pixels to times (H, W) in frames after this one."""
@@ -79,40 +77,12 @@ def image_motion(
         cameras: T_world_camera (3, 4, 4) before, now and after.
         bodies: T_world_body (3, 4, 4) of each body, the same way.
     """
-    height, width = depth.shape
-    cx, cy = camera.centre
-    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
-    z = depth.astype(np.float64)
-    local = np.stack([(u - cx) / camera.focal * z, (v - cy) / camera.focal * z, z], axis=-1)
-    here = np.stack([u, v], axis=-1)
-    places = np.stack([here, here])
     to_camera = invert_pose(cameras[[0, 2]])
+    moves = np.empty((len(bodies), 2, 3, 4))
     for k, poses in enumerate(bodies):
-        mine = (body == k) & (depth > 0.0)
         fixed = invert_pose(poses[1]) @ cameras[1]
-        for side, pose in enumerate(np.asarray(poses)[[0, 2]]):
-            moved = camera.project(transform(to_camera[side] @ pose @ fixed, local[mine]))
-            places[side][mine] = np.where(np.isfinite(moved), moved, here[mine])
-    velocity = 0.5 * (places[1] - places[0])
-    acceleration = places[1] + places[0] - 2.0 * here
-    return Flow.of(velocity, acceleration, z)
-
-
-def _nearer(depth: F32) -> NDArray[np.int64]:
-    """Index (H * W,) of the pixel whose motion each takes: its own, or at an edge that of the nearest among its neighbours."""
-    height, width = depth.shape
-    leader = np.arange(height * width)
-    nearest = cv2.erode(depth, np.ones((3, 3), np.uint8))
-    row, column = np.nonzero(nearest < (1.0 - EDGE) * depth)
-    best = np.full(len(row), np.inf, np.float32)
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
-            y, x = np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)
-            closer = depth[y, x] < best
-            best = np.where(closer, depth[y, x], best)
-            own = row * width + column
-            leader[own[closer]] = (y * width + x)[closer]
-    return leader
+        moves[k] = (to_camera @ np.asarray(poses)[[0, 2]] @ fixed)[:, :3]
+    return Flow.of(*pixel_motion.motion(depth, body, camera.focal, *camera.centre, moves), depth)
 
 
 def shifted(colour: F32, flow: Flow, offsets: Array) -> F32:
@@ -125,43 +95,14 @@ def shifted(colour: F32, flow: Flow, offsets: Array) -> F32:
     """
     if not np.any(offsets):
         return colour
-    height, width = flow.depth.shape
-    v, u = np.mgrid[0:height, 0:width].astype(np.float64)
-    time = np.broadcast_to(offsets[:, None], (height, width))
-    for _ in range(3):  # a pixel is seen at the time of the row that it has come to
-        way = flow.displacement(time)
-        time = np.interp(v + way[..., 1], np.arange(height), offsets)
-    way = flow.displacement(time)
-    carried = _carried(u + way[..., 0], v + way[..., 1], flow.order)
-    opened = carried < 0
+    rows = np.ascontiguousarray(offsets, dtype=np.float64)
+    way = pixel_motion.ways(flow.velocity, flow.acceleration, rows, ROUNDS)
+    carried = pixel_motion.carried(way, flow.depth)
     source = _filled(carried, way, flow.depth)
-    back = way.reshape(-1, 2)[source]
-    # where ground has come into the open, going back would lead to what covered it: the neighbour's own pixel instead
-    x_from, y_from = (
-        np.where(opened, a.reshape(-1)[source], a - back[..., k]).astype(np.float32)
-        for k, a in enumerate((u, v))
-    )
+    x_from, y_from = pixel_motion.origins(source, carried < 0, way)
     return np.asarray(
         cv2.remap(colour, x_from, y_from, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), dtype=np.float32
     )
-
-
-def _carried(x: Array, y: Array, order: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Which pixel (H, W) each pixel of the result stems from, -1 for none, where pixels come to (x, y) (H, W): each covers the four
-    places about its own, so that a surface that comes nearer has no cracks.
-    """
-    height, width = x.shape
-    x, y = x.reshape(-1)[order], y.reshape(-1)[order]
-    left, top = np.floor(x).astype(np.int32), np.floor(y).astype(np.int32)
-    columns = np.stack([left, np.ceil(x).astype(np.int32)], axis=1)
-    rows = np.stack([top, np.ceil(y).astype(np.int32)], axis=1)
-    at = rows[:, :, None] * width + columns[:, None, :]
-    inside = ((rows >= 0) & (rows < height))[:, :, None] & ((columns >= 0) & (columns < width))[:, None, :]
-    source = np.full(height * width, -1, dtype=np.int64)
-    source[at[inside]] = np.broadcast_to(order[:, None, None], at.shape)[
-        inside
-    ]  # the last and so the nearest stays
-    return source.reshape(height, width)
 
 
 def _filled(source: NDArray[np.int64], way: Array, depth: F32) -> NDArray[np.int64]:

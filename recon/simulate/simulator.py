@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import mujoco
@@ -13,6 +13,7 @@ from recon.simulate.joints import load_model, scene_path
 from recon.simulate.mjcf import OPENING_SHARE, travel
 from recon.simulate.picture import Picture
 from recon.simulate.record import new_recording, write_frame, write_intrinsics
+from recon.simulate.render import View
 from recon.simulate.script import Script
 from recon.simulate.sensors.colour import colour_image, exposure
 from recon.simulate.sensors.depth_camera import DepthCamera
@@ -21,6 +22,7 @@ from recon.simulate.stage import Stage
 from recon.simulate.timeline import opening_episode
 from recon.simulate.truth import write_truth
 from twin.errors import ConfigError
+from twin.runs.threads import each
 
 Progress = Callable[[int, int], None]
 
@@ -61,15 +63,24 @@ def opening(scene: Path, joint: str, config: SimulateConfig) -> Stage:
 
 
 def record(stage: Stage, folder: Path, progress: Progress | None = None) -> Path:
-    """Render and write all frames of a stage with their truth. Raises InputError when the folder can't be used."""
+    """Render and write all frames of a stage with their truth, in threads; each frame is made by itself, so that their number changes
+    no byte. Raises InputError when the folder can't be used.
+    """
     config, faults = stage.config, stage.config.picture
     picture = Picture(config, stage.camera, stage.frames)
     sensor = DepthCamera(config.sensor, stage.camera, config.depth_noise, config.seed)
     with new_recording(folder) as staged:
-        gain = 0.0
-        for i in range(stage.frames):
-            view = stage.render(i)
-            gain = gain if i > 0 else exposure(view.colour)
+        first = stage.render(0)
+        gain = exposure(first.colour)
+
+        def shots() -> Iterator[tuple[int, Callable[[], View]]]:
+            yield 0, lambda: first
+            for i in range(1, stage.frames):
+                yield i, stage.prepared(i)
+
+        def take(shot: tuple[int, Callable[[], View]]) -> None:
+            i, rendered = shot
+            view = rendered()
             rng = np.random.default_rng([config.seed, 7, i])
             drift = 1.0 + 0.015 * np.sin(0.11 * i) * config.colour_noise
             linear = picture.exposed(view.colour, stage.flow(i, view)) if picture.moves else view.colour
@@ -77,6 +88,8 @@ def record(stage: Stage, folder: Path, progress: Progress | None = None) -> Path
             colour = colour_image(linear, gains, config.colour_noise, rng, faults.light)
             depth = sensor.image(Frame(view, stage.view_directions(i), colour, i, rng))
             write_frame(staged, i, colour, depth, view.labels, faults.jpeg_quality)
+
+        for i, _ in enumerate(each(take, shots())):
             if progress is not None:
                 progress(i + 1, stage.frames)
         write_truth(staged, stage.truth(), stage.camera)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -72,16 +74,25 @@ class Stage:
 
     def shoulder_distance(self, k: int) -> float:
         """Distance in metres of the hand from the shoulder of its side in frame `k` of the whole script."""
-        shoulder = shoulder_place(self.cameras[k], Arm.of(replace(self.config, hand_from_deg=None)))
+        shoulder = shoulder_place(self.cameras[k], self._hanging)
         return float(np.linalg.norm(self.hand.T_world_hand[k, :3, 3] - shoulder))
+
+    @cached_property
+    def _hanging(self) -> Arm:
+        """The arm on its own side, wherever the hand comes from."""
+        return Arm.of(replace(self.config, hand_from_deg=None))
 
     def render(self, index: int) -> View:
         """Exact rendering of frame `index`."""
+        return self.prepared(index)()
+
+    def prepared(self, index: int) -> Callable[[], View]:
+        """The same for later: what is returned renders in any thread, beside other frames; this one thread at a time."""
         k = index + self._first
         there = [a for a in self.actors if a.present[k]]
         rng = np.random.default_rng([self.config.seed, 6, index])
         bodies, poses = [a.body(k) for a in there], [a.T_world_body[k] for a in there]
-        return self._renderer.render(bodies, poses, self.cameras[k], rng)
+        return self._renderer.prepared(bodies, poses, self.cameras[k], rng)
 
     def flow(self, index: int, view: View) -> Flow:
         """How the pixels of the rendering of frame `index` move."""
@@ -92,12 +103,16 @@ class Stage:
 
     def view_directions(self, index: int) -> Array:
         """Unit viewing directions (H, W, 3) in the world."""
+        return self._directions @ self.cameras[index + self._first, :3, :3].T
+
+    @cached_property
+    def _directions(self) -> Array:
+        """The same in the camera."""
         camera = self.camera
         v, u = np.mgrid[0 : camera.height, 0 : camera.width]
         cx, cy = camera.centre
         local = np.stack([(u - cx) / camera.focal, (v - cy) / camera.focal, np.ones(u.shape)], axis=-1)
-        local /= np.linalg.norm(local, axis=-1, keepdims=True)
-        return local @ self.cameras[index + self._first, :3, :3].T
+        return local / np.linalg.norm(local, axis=-1, keepdims=True)
 
     def truth(self) -> Truth:
         """All that is known about the recording."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import gc
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -154,14 +154,24 @@ def test_bodies_in_another_order_and_surfaces_in_other_bodies_give_the_same_pict
         np.testing.assert_array_equal(getattr(whole, field), getattr(split, field))
 
 
-def test_threads_do_not_change_a_picture() -> None:
-    bodies, most = scene(), numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
-        alone = rendered(renderer(), bodies, tilted())
-    finally:
-        numba.set_num_threads(most)
-    assert_equal_views(alone, rendered(renderer(), bodies, tilted()))
+def test_frames_prepared_ahead_and_rendered_in_threads_are_those_rendered_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Textures of later frames don't come over those of former ones, though there are more than are kept."""
+    monkeypatch.setattr("recon.simulate.bodies.KEPT", 5)
+    bodies, ahead, frames, later = scene(), renderer(), [], []
+    for k in range(16):
+        image = np.full((SIZE, SIZE, 3), 0.1 + 0.05 * k, np.float32)
+        place = ((0.5, 0.5, 0.5), np.array([0.0, 0.1, 0.3]))
+        frames.append([*bodies, boxes(place, label=7, material=Material("g", image, 1.0, 0.1))])
+        poses = [np.eye(4)] * len(frames[k])
+        prepared = ahead.prepared(frames[k], poses, tilted(), np.random.default_rng(5))
+        later.append(prepared if k % 4 == 1 else None)
+    chosen = [(frame, view) for frame, view in zip(frames, later, strict=True) if view is not None]
+    with ThreadPoolExecutor(2) as pool:
+        views = list(pool.map(lambda pair: pair[1](), chosen))
+    for (frame, _), view in zip(chosen, views, strict=True):
+        assert_equal_views(view, rendered(renderer(), frame, tilted()))
 
 
 def test_samples_inside_a_face_are_as_if_they_were_cast(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -229,6 +229,35 @@ def test_a_recording_with_every_fault_keeps_its_truth(
     assert written[6:8] == [true[6] + 4.0, true[7]]
 
 
+def test_values_become_levels_by_the_gamma() -> None:
+    """Without noise, below the shoulder, in the middle where no light is lost; the least value is the least level's border."""
+    values = np.r_[0.0, np.geomspace(1e-7, 0.6, 2000)].astype(np.float32)
+    one = np.random.default_rng(0)
+    levels = [colour_image(np.full((2, 2, 3), v), 1.0, 0.0, one)[1, 1, 0] for v in values]
+    np.testing.assert_array_equal(levels, np.round(255.0 * values.astype(float) ** (1.0 / 2.2)))
+
+
+def test_threads_do_not_change_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    faults = PictureConfig(shutter=0.5, rolling_shutter_s=0.02)
+    config = SimulateConfig(
+        width=64,
+        height=48,
+        frames=30,
+        samples=1,
+        ambient_samples=1,
+        room=False,
+        sensor="stereo",
+        picture=faults,
+    )
+    made = []
+    for count in ("1", "3"):
+        monkeypatch.setenv("OMP_NUM_THREADS", count)
+        out = simulate(SCENE, "door_left_hinged", tmp_path / count, config)
+        made.append({f.relative_to(out): f.read_bytes() for f in sorted(out.rglob("*")) if f.is_file()})
+    assert made[0] == made[1]
+    assert len(made[0]) > 3 * 30
+
+
 def test_pictures_are_packed_as_asked(tmp_path: Path) -> None:
     for folder in ("color", "depth", "truth/labels"):
         (tmp_path / folder).mkdir(parents=True)

@@ -54,7 +54,7 @@ def multipath(
     return enlarged(calm, steps[1], (middle, middle), (height, width))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _excess(
     points: Array, normals: Array, patches: Array, patch_normals: Array, tone: Array, solid: Array
 ) -> Array:

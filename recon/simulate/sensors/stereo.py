@@ -96,10 +96,7 @@ def shadow(exact: Array, parallax: float) -> NDArray[np.bool_]:
     )  # the right picture, with room on its left
     cell = right + (2 * width + 1) * np.arange(height)[:, None]
     nearest = np.zeros(height * (2 * width + 1))
-    order = np.argsort(disparity, axis=None, kind="stable")
-    nearest[cell.reshape(-1)[order]] = disparity.reshape(-1)[
-        order
-    ]  # of several, the last and so the nearest stays
+    np.maximum.at(nearest, cell.reshape(-1), disparity.reshape(-1))
     # surfaces that the right camera sees stretched leave gaps between their pixels: close those of one pixel
     grid = nearest.reshape(height, -1).astype(np.float32)
     closed = cv2.morphologyEx(grid, cv2.MORPH_CLOSE, np.ones((1, 3), np.uint8))
