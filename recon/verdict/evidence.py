@@ -13,6 +13,10 @@ from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.explained import unexplained
+from recon.verdict.halves import Halves, halves
+from recon.verdict.hands import false_hand
+from recon.verdict.in_motion import InMotion, in_motion
+from recon.verdict.posed import PosedTwin
 from twin.scene import Mesh, Trajectory
 
 
@@ -29,9 +33,19 @@ class SceneEvidence:
     parts: Sequence[tuple[MovingPart, Mesh | None]]
 
     @cached_property
+    def posed(self) -> PosedTwin:
+        """The twin, to be looked at in its states."""
+        return PosedTwin(self.recording, self.cameras, self.static, self.parts)
+
+    @cached_property
     def unexplained(self) -> tuple[int, float]:
         """The frame of rest that the twin explains worst, and the share of the picture."""
-        return unexplained(self.recording, self.cameras, self.static, self.parts)
+        return unexplained(self.posed)
+
+    @cached_property
+    def false_hand(self) -> tuple[int, float]:
+        """The first or last labelled frame, and the share of it that is labelled hand and is none."""
+        return false_hand(self.posed, self.labels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,3 +56,15 @@ class PartEvidence:
     part: MovingPart
     mesh: Mesh | None
     tracks: PartTracks
+
+    @cached_property
+    def in_motion(self) -> InMotion | None:
+        """What the frames show in which it moves; None without such frames or without a surface."""
+        if self.mesh is None or not len(self.mesh.faces):
+            return None
+        return in_motion(self.scene.posed, self.part)
+
+    @cached_property
+    def halves(self) -> Halves | None:
+        """The joint of either half of its motion; None where one is too short."""
+        return halves(self.scene.found.movers, self.part, self.tracks)

@@ -12,13 +12,18 @@ from scipy.spatial import cKDTree
 
 from recon.parts.static_spans import REST_MARGIN
 from recon.verdict.evidence import PartEvidence
+from recon.verdict.of_video import (
+    hand_at_ends,
+    motion_explained,
+    motion_seen,
+    same_in_halves,
+    seen_through,
+)
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import HAND_LABEL
 from twin.verdict import (
     AxisUnsure,
     FewLabels,
-    HandWhereNobodyIs,
     Level,
     NeverRests,
     NoSurface,
@@ -41,9 +46,6 @@ AXIS_DOUBTFUL, AXIS_REFUSED = 0.5, 1.5
 RANGE_DOUBTFUL, RANGE_REFUSED = 40.0, 5.0
 # m. The tuned recordings have less than 1 mm; a hand's grip forgives 1 cm, and a decimetre is no hinge of this part any more.
 PIVOT_DOUBTFUL, PIVOT_REFUSED = 0.01, 0.1
-# Share of the first or last labelled frame. Right: 0 in four of six, .06 and .11 in two; missed: .05 to .31 in all; wrong labels:
-# .01 to .10 in all. Twice the share that the labels' own warning asks for.
-HAND_AT_END = 0.006
 # The part's travel over what resting tracks seem to move by between the rests before and after it.
 DRIFT_DOUBTFUL, DRIFT_REFUSED, _FEWEST_TRACKS = 5.0, 2.0, 20
 # Share of the frames in which the part moves: a recording needs rest before and after.
@@ -119,18 +121,6 @@ def rests(e: PartEvidence) -> Reason | None:
     if not len(frames) or moving.mean() <= RESTLESS:
         return None
     return NeverRests("doubtful", float(moving.mean()), RESTLESS)
-
-
-def hand_at_ends(e: PartEvidence) -> Reason | None:
-    """Hand in the first and the last labelled frame, before and after anybody should be there."""
-    labels = e.scene.labels
-    if not labels:
-        return None
-    shares = {f: float(np.mean(labels[f] == HAND_LABEL)) for f in (min(labels), max(labels))}
-    frame = max(shares, key=lambda f: shares[f])
-    if shares[frame] <= HAND_AT_END:
-        return None
-    return HandWhereNobodyIs("doubtful", frame, shares[frame], HAND_AT_END)
 
 
 def drift(e: PartEvidence) -> Reason | None:
@@ -226,4 +216,5 @@ def explained(e: PartEvidence) -> Reason | None:
 
 OF_PARTS = (
     uncertainty, axis, pivot, travelled, drift, rests, surface, tracked, on_surface, labelled, hand_at_ends, explained,
+    seen_through, motion_explained, motion_seen, same_in_halves,
 )  # fmt: skip

@@ -13,41 +13,20 @@ from recon.assemble import assemble
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.motion.movers import Movers
-from recon.parts.find_parts import FoundParts, PartTracks
-from recon.parts.moving_part import MovingPart
+from recon.parts.find_parts import FoundParts
 from recon.refine.observations import RefineConfig
 from recon.refine.refine_parts import polish_parts, refine_found
 from recon.verdict import of_parts
-from recon.verdict.evidence import PartEvidence, SceneEvidence
+from recon.verdict.evidence import PartEvidence
 from recon.verdict.explained import other_depth
 from recon.verdict.judge import judge
 from recon.verdict.of_scenes import free_things
 from tests.recon.cabinets import Clip, make_clip
-from twin.scene import HAND_LABEL, JointSigma, Mesh, Motion
+from tests.recon.judged import SPAN, movers_of, perfect
+from twin.scene import Mesh, Motion
 from twin.verdict import NothingArticulated, OfPart, Reason, Unexplained, Verdict
 
-SPAN = 1.2  # rad, of the door
 EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-
-
-def part_of(clip: Clip) -> MovingPart:
-    """The clip's part with its range, known well."""
-    sigma = JointSigma(0.002, 0.001, 0.002)
-    return replace(clip.part, joint=replace(clip.part.joint, sigma=sigma, covariance=None, upper=SPAN))
-
-
-def movers_of(clip: Clip, background: float = 0.0) -> tuple[Movers, Any]:
-    """A track on each triangle of the part, exact, and as many in the room that shift by `background` m at half time."""
-    rng = np.random.default_rng(0)
-    on_part = clip.mesh.vertices[clip.mesh.faces].mean(axis=1)
-    count = len(on_part)
-    poses = clip.part.joint.poses(clip.part.motion.state)
-    moving = np.einsum("tij,kj->tki", poses[:, :3, :3], on_part) + poses[:, None, :3, 3]
-    room = np.tile(rng.uniform(-1, 1, (count, 3)), (len(poses), 1, 1))
-    room[len(poses) // 2 :, :, 0] += background
-    points = np.concatenate([moving, room], axis=1)
-    mask = np.arange(2 * count) < count
-    return Movers(points, np.ones(points.shape[:2], bool), mask, mask), mask
 
 
 @pytest.fixture(scope="module")
@@ -58,13 +37,7 @@ def clip() -> Clip:
 @pytest.fixture(scope="module")
 def evidence(clip: Clip) -> PartEvidence:
     """A door about which nothing is doubtful."""
-    movers, mask = movers_of(clip)
-    part = part_of(clip)
-    tracks = PartTracks(part, mask, "motion")
-    found = FoundParts(movers, np.zeros_like(mask), (tracks,))
-    labels = {f: np.full((40, 50), part.id, np.uint8) for f in range(0, 26, 4)}
-    scene = SceneEvidence(clip.recording, clip.cameras, labels, found, clip.static, ((part, clip.mesh),))
-    return PartEvidence(scene, part, clip.mesh, tracks)
+    return perfect(clip, {f: np.full((40, 50), clip.part.id, np.uint8) for f in range(0, 26, 4)})
 
 
 def with_sigma(e: PartEvidence, **values: float) -> PartEvidence:
@@ -74,13 +47,6 @@ def with_sigma(e: PartEvidence, **values: float) -> PartEvidence:
 
 def with_labels(e: PartEvidence, labels: dict[int, Any]) -> PartEvidence:
     return replace(e, scene=replace(e.scene, labels=labels))
-
-
-def hand(e: PartEvidence, frame: int, share: float) -> PartEvidence:
-    labels = {f: image.copy() for f, image in e.scene.labels.items()}
-    flat = labels[frame].reshape(-1)
-    flat[: round(share * len(flat))] = HAND_LABEL
-    return with_labels(e, labels)
 
 
 def moving_during(e: PartEvidence, share: float) -> PartEvidence:
@@ -141,8 +107,6 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Reason | None], Callable[..., P
     "pivot, wide": (of_parts.pivot, lambda e, _, x: with_sigma(e, pivot=x), of_parts.PIVOT_REFUSED, "up", "refused"),
     "range": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE_DOUBTFUL, "down", "doubtful"),
     "range, none": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE_REFUSED, "down", "refused"),
-    "hand, first": (of_parts.hand_at_ends, lambda e, _, x: hand(e, 0, x), of_parts.HAND_AT_END, "up", "doubtful"),
-    "hand, last": (of_parts.hand_at_ends, lambda e, _, x: hand(e, 24, x), of_parts.HAND_AT_END, "up", "doubtful"),
     "drift": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT_DOUBTFUL, "down", "doubtful"),
     "drift, all": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT_REFUSED, "down", "refused"),
     "rest": (of_parts.rests, lambda e, _, x: moving_during(e, x), of_parts.RESTLESS, "up", "doubtful"),
@@ -182,7 +146,6 @@ def test_what_can_not_be_told_gives_no_reason_but_a_joint_without_sigma_does(evi
         unseen = replace(evidence, mesh=mesh)
         assert of_parts.surface(unseen).level == "refused"  # type: ignore[union-attr]
         assert [of_parts.tracked(unseen), of_parts.on_surface(unseen), of_parts.drift(unseen)] == [None] * 3
-    assert of_parts.hand_at_ends(with_labels(evidence, {})) is None
 
 
 def test_things_are_counted_by_what_goes_far_together() -> None:

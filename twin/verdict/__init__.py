@@ -6,7 +6,18 @@ docs/verdicts.md lists them all.
 
 from twin.verdict.document import verdict_document as verdict_document
 from twin.verdict.document import verdict_from as verdict_from
-from twin.verdict.motion import AxisUnsure, NeverRests, NoUncertainty, PivotUnsure, RangeUnsure, WithinDrift
+from twin.verdict.motion import (
+    AxisUnsure,
+    HalvesDisagree,
+    MotionUnexplained,
+    MotionUnseen,
+    NeverRests,
+    NoUncertainty,
+    PivotUnsure,
+    RangeUnsure,
+    SeenThrough,
+    WithinDrift,
+)
 from twin.verdict.reason import LEVELS as LEVELS
 from twin.verdict.reason import Level as Level
 from twin.verdict.reason import Reason as Reason
@@ -32,8 +43,11 @@ __all__ = [
     "REASONS",
     "AxisUnsure",
     "FewLabels",
+    "HalvesDisagree",
     "HandWhereNobodyIs",
     "Level",
+    "MotionUnexplained",
+    "MotionUnseen",
     "NeverRests",
     "NoSurface",
     "NoUncertainty",
@@ -42,6 +56,7 @@ __all__ = [
     "PivotUnsure",
     "RangeUnsure",
     "Reason",
+    "SeenThrough",
     "SmallSurface",
     "StatedReason",
     "TracksOffSurface",

@@ -8,7 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from twin.verdict.motion import AxisUnsure, NeverRests, NoUncertainty, PivotUnsure, RangeUnsure, WithinDrift
+from twin.verdict.motion import (
+    AxisUnsure,
+    HalvesDisagree,
+    MotionUnexplained,
+    MotionUnseen,
+    NeverRests,
+    NoUncertainty,
+    PivotUnsure,
+    RangeUnsure,
+    SeenThrough,
+    WithinDrift,
+)
 from twin.verdict.reason import CUT, POINT_AT_IT, Level, Reason
 from twin.verdict.surface import (
     FewLabels,
@@ -87,6 +98,10 @@ REASONS: dict[str, type[Reason]] = {
         UntrackedSurface,
         TracksOffSurface,
         Unexplained,
+        SeenThrough,
+        MotionUnexplained,
+        MotionUnseen,
+        HalvesDisagree,
         FewLabels,
         NothingArticulated,
         OfPart,

@@ -9,7 +9,8 @@ from twin.verdict.reason import CUT, POINT_AT_IT, Reason
 
 @dataclass(frozen=True)
 class HandWhereNobodyIs(Reason):
-    """`share` of the first or last labelled frame is labelled hand, more than `limit`."""
+    """`share` of the first or last labelled frame, more than `limit`, is labelled hand and is none: it has the twin's depth, or keeps its
+    place away from the border of the picture."""
 
     frame: int
     share: float
@@ -17,16 +18,16 @@ class HandWhereNobodyIs(Reason):
 
     @property
     def text(self) -> str:
-        told = f"{100 * self.share:.1f} % of frame {self.frame}, before or after the hand was there, is labelled hand"
+        told = f"{100 * self.share:.1f} % of frame {self.frame} is labelled hand, but stands still or lies on the twin"
         return f"{told} (at most {100 * self.limit:g} %)"
 
     @property
     def kind(self) -> str:
-        return "hand is seen where nobody should be"
+        return "what stands still is taken for a hand"
 
     @property
     def help(self) -> str:
-        return f"record a second of rest without the hand before and after, or {CUT}"
+        return f"record a second of rest without the hand before and after, or {POINT_AT_IT}"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,102 @@
+"""Whether what is labelled hand at the ends of a recording is one.
+
+A hand stands in front of what the twin shows. It reaches in from the border of the picture, or it moves. What has the twin's depth, or
+keeps its place in the world without reaching the border or in the size of furniture, is what the labels could not explain otherwise.
+An arm that slides along itself, without reaching the border, would be taken for furniture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.verdict.posed import PosedTwin, gate, opened
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import HAND_LABEL
+
+# s after the first and before the last labelled frame, and how many frames of them are looked at. A hand that reaches for something
+# gets 10 cm or more in that time, three gates. Chosen by us
+SECONDS, FRAMES = 0.5, 3
+# Share of a piece that keeps its place: where it is less, fingers may rest while the arm comes. 0.2 in the one true hand among open
+# recordings, .46 to .98 in most false ones
+STILL = 0.4
+# m^2 across the view. Two arms with sleeves, hand to elbow, 45 cm by 12 cm each, have half of it
+ARMS_M2 = 0.2
+
+
+def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
+    """Of the first and the last labelled frame the one with more of it, and the share of its pixels that are labelled hand and are none."""
+    worst = (min(labels), 0.0)
+    for frame, others in _ends(twin, sorted(labels)):
+        share = float(_false(twin, frame, labels[frame], others).mean())
+        if share > worst[1]:
+            worst = (frame, share)
+    return worst
+
+
+def _ends(twin: PosedTwin, labelled: Sequence[int]) -> list[tuple[int, list[int]]]:
+    """The first and the last labelled frame, each with the frames that tell whether something keeps its place."""
+    times, posed = twin.recording.times, twin.cameras.frames
+    ends = []
+    for frame, sign in ((labelled[0], 1), (labelled[-1], -1)):
+        since = sign * (times[posed] - times[frame])
+        wanted = SECONDS * np.arange(1, FRAMES + 1) / FRAMES
+        near = {int(posed[np.argmin(np.abs(since - t))]) for t in wanted}
+        ends.append((frame, sorted(near - {frame})))
+    return ends
+
+
+def _false(twin: PosedTwin, frame: int, image: NDArray[np.uint8], others: Sequence[int]) -> NDArray[np.bool_]:
+    """Pixels (H, W) of a frame that are labelled hand and are none."""
+    hand = twin.thinned(image) == HAND_LABEL
+    if not hand.any():
+        return hand
+    seen, expected = twin.seen(frame), twin.expected(frame).depth
+    known, off = gate(seen, expected)
+    as_twin = hand & known & (seen >= expected - off)
+    area = np.square(seen.astype(np.float64)) / (twin.camera.fx * twin.camera.fy)
+    return opened(as_twin | _furniture(hand, hand & _keeps_place(twin, frame, seen, others, off), area))
+
+
+def _furniture(hand: NDArray[np.bool_], kept: NDArray[np.bool_], area: Array) -> NDArray[np.bool_]:
+    """Of what keeps its place (H, W) that in pieces of the hand which mostly keep theirs, and don't reach the border of the picture or
+    are too large for arms. area (H, W): m^2 across the view that a pixel shows."""
+    pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1]
+    out = [*pieces[0], *pieces[-1], *pieces[:, 0], *pieces[:, -1]]
+    still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
+    large = np.bincount(pieces.ravel(), area.ravel()) > ARMS_M2
+    still[out] &= large[out]
+    return np.asarray(kept & still[pieces])
+
+
+def _keeps_place(
+    twin: PosedTwin, frame: int, seen: NDArray[np.float32], others: Sequence[int], off: float
+) -> NDArray[np.bool_]:
+    """Pixels (H, W) whose point of the world is seen again in the other frames and seen through in none."""
+    grid = np.stack(np.meshgrid(*map(np.arange, seen.shape[::-1])), axis=-1).astype(np.float64)
+    points = geo.transform(twin.T_world_cam(frame), twin.camera.backproject(grid, seen.astype(np.float64)))
+    again, through = np.zeros(seen.shape, np.int64), np.zeros(seen.shape, bool)
+    for other in others:
+        there = geo.transform(geo.invert_pose(twin.T_world_cam(other)), points)
+        behind = _looked_up(twin, other, there) - there[..., 2]
+        again += np.abs(behind) <= off
+        through |= behind > off
+    return np.asarray((seen > 0) & ~through & (2 * again > len(others)))
+
+
+def _looked_up(twin: PosedTwin, frame: int, points: Array) -> Array:
+    """Depth (H, W) m recorded where points (H, W, 3) of the camera's frame are; NaN out of view and where unknown."""
+    camera, image = twin.camera, twin.seen(frame)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = (
+            np.rint(points[..., k] / points[..., 2] * f + c)
+            for k, f, c in ((0, camera.fx, camera.cx), (1, camera.fy, camera.cy))
+        )
+    inside = (points[..., 2] > 0) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
+    out = np.full(points.shape[:2], np.nan)
+    out[inside] = image[y[inside].astype(int), x[inside].astype(int)]
+    return np.where(out > 0, out, np.nan)

@@ -1,0 +1,133 @@
+"""What the twin, carried to its states, should look like: depth, and whose surface it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import cv2
+import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
+
+from recon.parts.moving_part import MovingPart
+from recon.recording import Intrinsics, Recording
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import STATIC_LABEL, UNKNOWN_LABEL, Mesh, Trajectory
+
+WIDTH = 160  # px to which pictures are thinned out
+# m and multiples: another depth is one that differs by more than both. Six medians of the frame's own differences are 4 sigma.
+GATE_M, GATE_MEDIANS = 0.03, 6.0
+# Beside steps in depth (m, and share of the depth) a pixel of the mesh may be one of the picture's other side.
+_STEP_M, _STEP_SHARE, _BESIDE = 0.05, 0.03, 5
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """Depth (H, W) m along z, 0 where there is nothing, and owner (H, W): the label of the surface, 0 where there is none."""
+
+    depth: NDArray[np.float32]
+    owner: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class PosedTwin:
+    """A twin that can be looked at in any state. parts: with their meshes at state 0, None for one without a surface."""
+
+    recording: Recording
+    cameras: Trajectory
+    static: Mesh
+    parts: Sequence[tuple[MovingPart, Mesh | None]]
+
+    @property
+    def step(self) -> int:
+        """Every so many-th pixel is looked at."""
+        return max(1, self.recording.intrinsics.width // WIDTH)
+
+    @property
+    def camera(self) -> Intrinsics:
+        return self.recording.intrinsics.strided(self.step)
+
+    def seen(self, frame: int) -> NDArray[np.float32]:
+        """Recorded depth (H, W) m, 0 where unknown."""
+        return np.asarray(self.recording.depth(frame)[:: self.step, :: self.step], np.float32)
+
+    def thinned(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A label image thinned out like depth."""
+        return image[:: self.step, :: self.step]
+
+    def T_world_cam(self, frame: int) -> Array:
+        """Pose (4, 4) of the camera of a frame that has one."""
+        return np.asarray(self.cameras.T_world_cam[int(np.searchsorted(self.cameras.frames, frame))])
+
+    def states(self, frame: int) -> dict[int, float]:
+        """State of each part by its id."""
+        return {
+            p.id: float(np.interp(frame, p.motion.frames, p.motion.state))
+            for p, mesh in self.parts
+            if mesh is not None
+        }
+
+    def expected(self, frame: int, states: Mapping[int, float] | None = None) -> Expected:
+        """The view of a frame with a known camera. states: by part id; those of the frame where none are given."""
+        told = self.states(frame) if states is None else states
+        T_world_cam = self.T_world_cam(frame)
+        depth = _cast(self._static, self._rays, T_world_cam)
+        owner = np.where(depth > 0, STATIC_LABEL, UNKNOWN_LABEL).astype(np.uint8)
+        for part, scene in self._scenes:
+            pose = geo.invert_pose(part.joint.pose(told[part.id]))
+            near = _cast(scene, self._rays, pose @ T_world_cam)
+            first = (near > 0) & ((depth == 0) | (near < depth))
+            depth, owner = np.where(first, near, depth), np.where(first, np.uint8(part.id), owner)
+        return Expected(depth, owner)
+
+    @cached_property
+    def _static(self) -> Any:
+        return _scene(self.static)
+
+    @cached_property
+    def _scenes(self) -> list[tuple[MovingPart, Any]]:
+        return [(part, _scene(mesh)) for part, mesh in self.parts if mesh is not None]
+
+    @cached_property
+    def _rays(self) -> Array:
+        y, x = np.mgrid[0 : self.camera.height, 0 : self.camera.width]
+        return self.camera.backproject(np.stack([x, y], axis=-1).astype(np.float64), np.ones(x.shape))
+
+
+def gate(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> tuple[NDArray[np.bool_], float]:
+    """Pixels (H, W) that can be compared (known in both, not beside a step), and how far (m) depths must differ to be others."""
+    both = (seen > 0) & (expected > 0)
+    kernel = np.ones((_BESIDE, _BESIDE), np.uint8)
+    jump = cv2.dilate(expected, kernel) - cv2.erode(expected, kernel)
+    both &= jump <= _STEP_M + _STEP_SHARE * expected
+    if not both.any():
+        return both, GATE_M
+    return both, max(GATE_M, GATE_MEDIANS * float(np.median(np.abs(seen - expected)[both])))
+
+
+def opened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask (H, W) without single pixels."""
+    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(bool)
+
+
+def _scene(mesh: Mesh) -> Any:
+    core: Any = o3d.core  # its stubs know no array
+    scene = o3d.t.geometry.RaycastingScene()
+    if len(mesh.faces):
+        vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float32)
+        faces = np.ascontiguousarray(mesh.faces, dtype=np.uint32)
+        scene.add_triangles(core.Tensor(vertices), core.Tensor(faces))
+    return scene
+
+
+def _cast(scene: Any, rays: Array, T_scene_cam: Array) -> NDArray[np.float32]:
+    """Depth (H, W) along z of the nearest surface, metres, 0 where there is none. rays (H, W, 3): points at 1 m depth."""
+    core: Any = o3d.core
+    ahead = geo.rotate(T_scene_cam, rays)
+    both = np.concatenate([np.broadcast_to(T_scene_cam[:3, 3], ahead.shape), ahead], axis=-1)
+    depth: NDArray[np.float32] = scene.cast_rays(core.Tensor(both.astype(np.float32)))["t_hit"].numpy()
+    return np.where(np.isfinite(depth), depth, np.float32(0.0))
