@@ -51,11 +51,15 @@ class ClosedEndConfig(Settings):
 
 @dataclass(frozen=True)
 class ClosedEnd:
-    """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the reason."""
+    """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the reason.
+
+    margin: by how much the shares of the cue that is asked first differ between the ends, where it decided; else 0.
+    """
 
     state: float
     opening_sign: Literal[1, -1]
     source: str
+    margin: float = 0.0
 
 
 def find_closed_end(
@@ -88,11 +92,12 @@ def find_closed_end(
         cues = [(flush, "flush with its surroundings"), (cavity, "covers a cavity")]
         if isinstance(part.joint, Prismatic) and abs(face.normal @ part.joint.axis) < 0.5:
             cues.reverse()
-        for shares, what in cues:
+        for number, (shares, what) in enumerate(cues):
             k = int(shares[1] > shares[0])
-            if shares[k] - shares[1 - k] > config.margin:
+            margin = shares[k] - shares[1 - k]
+            if margin > config.margin:
                 of = f"{100 * shares[k]:.0f} %, at the other end {100 * shares[1 - k]:.0f} %"
-                return _end(ends, k, f"{what} ({of})")
+                return replace(_end(ends, k, f"{what} ({of})"), margin=0.0 if number else margin)
         space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
         if abs(space[0] - space[1]) > config.margin * max(space):
             return _end(ends, int(space[1] > space[0]), "its rest pose shows less uncovered space")

@@ -18,18 +18,19 @@ from recon.recording import Recording
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
-CONTACT = Stage("contact", 1, ("closed_end", "contact"))
+CONTACT = Stage("contact", 2, ("closed_end", "contact"))
 
 
 @dataclass(frozen=True, eq=False)
 class FinishedPart:
-    """A part counted from its closed end, with all that was found about it."""
+    """A part counted from its closed end, with all that was found about it. closed_margin: see `recon.contact.closed_end.ClosedEnd`."""
 
     moving: MovingPart
     mesh: Mesh
     contact: ContactPath | None
     type_source: str
     closed_source: str
+    closed_margin: float
 
 
 def finish_parts(
@@ -57,5 +58,7 @@ def finish_parts(
         closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels, closed_end)
         based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
         path = find_contact(recording, cameras, labels, based, based_mesh, contact)
-        finished.append(FinishedPart(based, based_mesh, path, tracks.type_source, closed.source))
+        finished.append(
+            FinishedPart(based, based_mesh, path, tracks.type_source, closed.source, closed.margin)
+        )
     return tuple(finished)

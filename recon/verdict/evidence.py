@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
+from recon.verdict.camera_drift import camera_drift
 from recon.verdict.explained import unexplained
 from recon.verdict.halves import Halves, halves
 from recon.verdict.hands import false_hand
@@ -38,6 +39,11 @@ class SceneEvidence:
         return PosedTwin(self.recording, self.cameras, self.static, self.parts)
 
     @cached_property
+    def camera_drift(self) -> tuple[int, int, float]:
+        """Two frames that agree least on where the room is, and by how much, m."""
+        return camera_drift(self.posed)
+
+    @cached_property
     def unexplained(self) -> tuple[int, float]:
         """The frame of rest that the twin explains worst, and the share of the picture."""
         return unexplained(self.posed)
@@ -50,12 +56,14 @@ class SceneEvidence:
 
 @dataclass(frozen=True, eq=False)
 class PartEvidence:
-    """One part among all of them, with the tracks that are rigid with it."""
+    """One part among all of them, with the tracks that are rigid with it. closed_margin: see `recon.contact.closed_end.ClosedEnd`, None
+    for a part without a surface."""
 
     scene: SceneEvidence
     part: MovingPart
     mesh: Mesh | None
     tracks: PartTracks
+    closed_margin: float | None = None
 
     @cached_property
     def in_motion(self) -> InMotion | None:

@@ -20,7 +20,7 @@ from twin.runs.keys import Stage
 from twin.scene import Trajectory
 from twin.verdict import Reason, Verdict
 
-VERDICT = Stage("verdict", 3, ())
+VERDICT = Stage("verdict", 4, ())
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,11 @@ def judge(
     parts: those of `found`, refined. finished: those of them that have a surface, counted from their closed end.
     """
     written = {f.moving.id: (f.moving, f.mesh) for f in finished}
+    margins = {f.moving.id: f.closed_margin for f in finished}
     told = [written.get(p.id, (p, None)) for p in parts]
     scene = SceneEvidence(recording, cameras, labels, found, fused.static, told)
     verdicts = {
-        part.id: verdict_on(PartEvidence(scene, part, mesh, tracks))
+        part.id: verdict_on(PartEvidence(scene, part, mesh, tracks, margins.get(part.id)))
         for (part, mesh), tracks in zip(told, found.parts, strict=True)
     }
     none = all(v.level == "refused" for v in verdicts.values())

@@ -41,6 +41,7 @@ def test_closed_end_is_found(kind: Kind, backwards: bool, axis_sign: int) -> Non
     clip = make_clip(kind, backwards=backwards, axis_sign=axis_sign)
     found = closed_of(clip)
     assert found.source.startswith("covers a cavity" if kind == "slide" else "flush")
+    assert found.margin > 0.25  # decided by the cue that is asked first
     part = rebase(clip.part, found)
     tolerance = 0.01 * TRAVEL[kind]
     np.testing.assert_allclose(part.motion.state, clip.opening, atol=tolerance)
@@ -96,6 +97,7 @@ def test_less_uncovered_space_decides_when_nothing_is_flush_or_deep() -> None:
     blind = ClosedEndConfig(deep=5.0)  # no cavity is that deep
     found = find_closed_end(clip.part, clip.mesh, NOTHING, clip.recording, clip.cameras, clip.labels, blind)
     assert "uncovered space" in found.source
+    assert found.margin == 0.0
     assert rebase(clip.part, found).joint.axis @ clip.true_joint.axis > 0
 
 
@@ -104,6 +106,7 @@ def test_without_any_cue_the_first_rest_pose_is_closed(axis_sign: int) -> None:
     clip = make_clip("door", axis_sign=axis_sign)
     found = find_closed_end(clip.part, NOTHING, NOTHING, clip.recording, clip.cameras, clip.labels)
     assert found.source == "first rest pose"
+    assert found.margin == 0.0
     assert found.state == pytest.approx(0.0, abs=0.01)
     assert found.opening_sign == axis_sign
 

@@ -23,8 +23,8 @@ from recon.verdict.judge import judge
 from recon.verdict.of_scenes import free_things
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import SPAN, movers_of, perfect
-from twin.scene import Mesh, Motion
-from twin.verdict import NothingArticulated, OfPart, Reason, Unexplained, Verdict
+from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute
+from twin.verdict import CamerasDrift, NothingArticulated, OfPart, Reason, Unexplained, Verdict
 
 EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
@@ -95,6 +95,28 @@ def off(e: PartEvidence, share: float) -> PartEvidence:
     return replace(e, scene=replace(e.scene, found=replace(e.scene.found, movers=movers)))
 
 
+def ranging(e: PartEvidence, span: float, kind: type[Joint] = Revolute) -> PartEvidence:
+    """The same range and sigma over a shorter or longer way."""
+    joint = e.part.joint
+    turned = joint if kind is Revolute else Prismatic(joint.axis, sigma=joint.sigma)
+    return replace(e, part=replace(e.part, joint=replace(turned, lower=0.0, upper=span)))
+
+
+def with_known(e: PartEvidence, **known: Any) -> PartEvidence:
+    """The scene's evidence as if it had been computed."""
+    scene = replace(e.scene)
+    scene.__dict__.update(known)
+    return replace(e, scene=scene)
+
+
+def backed_off(e: PartEvidence, away: float) -> PartEvidence:
+    """The cameras of the second half stand so many metres farther back than they were."""
+    poses = e.scene.cameras.T_world_cam.copy()
+    half = len(poses) // 2
+    poses[half:, :3, 3] -= away * poses[half:, :3, 2]
+    return replace(e, scene=replace(e.scene, cameras=replace(e.scene.cameras, T_world_cam=poses)))
+
+
 def test_a_door_that_is_known_well_is_trusted(evidence: PartEvidence) -> None:
     assert [ask(evidence) for ask in of_parts.OF_PARTS] == [None] * len(of_parts.OF_PARTS)
 
@@ -113,6 +135,13 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Reason | None], Callable[..., P
     "surface": (of_parts.surface, lambda e, c, x: replace(e, mesh=scaled(c.mesh, x)), of_parts.SMALL, "down", "doubtful"),
     "untracked": (of_parts.tracked, lambda e, c, x: grown(e, c, x), of_parts.UNTRACKED, "up", "doubtful"),
     "off": (of_parts.on_surface, lambda e, _, x: off(e, x), of_parts.OFF_SURFACE, "up", "refused"),
+    "turn": (of_parts.far_enough, lambda e, _, x: ranging(e, x), of_parts.TURN_DOUBTFUL, "down", "doubtful"),
+    "turn, none": (of_parts.far_enough, lambda e, _, x: ranging(e, x), of_parts.TURN_REFUSED, "down", "refused"),
+    "way": (of_parts.far_enough, lambda e, _, x: ranging(e, x, Prismatic), of_parts.SLIDE_DOUBTFUL, "down", "doubtful"),
+    "way, none": (of_parts.far_enough, lambda e, _, x: ranging(e, x, Prismatic), of_parts.SLIDE_REFUSED, "down", "refused"),
+    "closed end": (of_parts.closed_end, lambda e, _, x: replace(e, closed_margin=x), of_parts.CLOSED_END, "down", "doubtful"),
+    "video": (of_parts.explained, lambda e, _, x: with_known(e, unexplained=(3, x)), of_parts.UNEXPLAINED, "up", "doubtful"),
+    "video, wide": (of_parts.explained, lambda e, _, x: with_known(e, unexplained=(3, x)), of_parts.UNEXPLAINED_REFUSED, "up", "refused"),
     "labels": (of_parts.labelled, lambda e, _, x: shown_in(e, round(x)), of_parts.FEWEST_LABELS - 0.5, "down", "doubtful"),
     "no labels": (of_parts.labelled, lambda e, _, x: shown_in(e, round(x)), 0.5, "down", "refused"),
 }  # fmt: skip
@@ -129,6 +158,28 @@ def test_evidence_tells_on_which_side_of_its_limit_a_number_is(
     assert beyond is not None
     assert beyond.level == level
     assert Verdict(() if within is None else (within,)).level in MILDER[str(level)]
+
+
+@pytest.mark.parametrize(
+    ("away", "level"),
+    [
+        (of_parts.CAMERAS_DOUBTFUL / 2, None),
+        (of_parts.CAMERAS_DOUBTFUL * 1.5, "doubtful"),
+        (of_parts.CAMERAS_REFUSED * 1.5, "refused"),
+    ],
+)
+def test_a_path_that_sees_the_room_in_two_places_is_told(
+    away: float, level: str | None, evidence: PartEvidence
+) -> None:
+    reason = of_parts.cameras(backed_off(evidence, away))
+    if level is None:
+        assert reason is None
+        return
+    assert isinstance(reason, CamerasDrift)
+    assert reason.level == level
+    assert reason.off_m == pytest.approx(away, rel=0.25)
+    half = len(evidence.scene.cameras.frames) // 2
+    assert reason.frame < half <= reason.other
 
 
 def test_a_half_sure_axis_with_a_half_sure_range_is_refused(evidence: PartEvidence) -> None:
@@ -165,7 +216,7 @@ def judged_twin(clip: Clip, evidence: PartEvidence, sigma: float, cut: bool = Fa
     """A twin of the clip, whose axis has this sigma (deg); cut: without a surface."""
     part = with_sigma(evidence, axis=np.radians(sigma)).part
     found, labels = evidence.scene.found, dict(evidence.scene.labels)
-    finished = () if cut else (FinishedPart(part, clip.mesh, None, "motion", "rest"),)
+    finished = () if cut else (FinishedPart(part, clip.mesh, None, "motion", "rest", 1.0),)
     fused = FusedScene(clip.static, {} if cut else {part.id: clip.mesh})
     verdict = judge(clip.recording, clip.cameras, labels, found, (part,), fused, finished)
     return assemble(
@@ -189,10 +240,10 @@ def test_a_refused_part_is_told_but_not_written(
     twin = judged_twin(clip, evidence, sigma, cut)
     assert twin.parts == ()
     assert twin.verdict.level == "refused"
-    nothing, told = twin.verdict.reasons
+    nothing, *more = twin.verdict.reasons
+    told = next(r for r in more if isinstance(r, OfPart) and r.of == why)
     assert isinstance(nothing, NothingArticulated)
-    assert isinstance(told, OfPart)
-    assert (told.part, told.of, told.written) == ("door_2", why, False)
+    assert (told.part, told.written) == ("door_2", False)
     (left_out,) = twin.provenance["refused"]
     assert (left_out["name"], left_out["verdict"]["level"]) == ("door_2", "refused")
     assert {int(v) for f in twin.labels for v in np.unique(twin.labels[f])} == {0}
@@ -222,7 +273,7 @@ def test_a_twin_with_the_part_explains_the_rests_and_one_without_does_not(
         assert share > 2 * of_parts.UNEXPLAINED
         reason = of_parts.explained(replace(evidence, scene=missed))
         assert isinstance(reason, Unexplained)
-        assert (reason.frame, reason.level) == (frame, "doubtful")
+        assert (reason.frame, reason.level) == (frame, "refused")
     turned = replace(evidence.part, joint=evidence.part.joint.reversed())
     assert replace(evidence.scene, parts=((turned, clip.mesh),)).unexplained[1] > 2 * of_parts.UNEXPLAINED
 

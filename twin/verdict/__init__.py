@@ -8,6 +8,8 @@ from twin.verdict.document import verdict_document as verdict_document
 from twin.verdict.document import verdict_from as verdict_from
 from twin.verdict.motion import (
     AxisUnsure,
+    CamerasDrift,
+    ClosedEndUnsure,
     HalvesDisagree,
     MotionUnexplained,
     MotionUnseen,
@@ -16,6 +18,7 @@ from twin.verdict.motion import (
     PivotUnsure,
     RangeUnsure,
     SeenThrough,
+    TooShort,
     WithinDrift,
 )
 from twin.verdict.reason import LEVELS as LEVELS
@@ -42,6 +45,8 @@ __all__ = [
     "LEVELS",
     "REASONS",
     "AxisUnsure",
+    "CamerasDrift",
+    "ClosedEndUnsure",
     "FewLabels",
     "HalvesDisagree",
     "HandWhereNobodyIs",
@@ -59,6 +64,7 @@ __all__ = [
     "SeenThrough",
     "SmallSurface",
     "StatedReason",
+    "TooShort",
     "TracksOffSurface",
     "Unexplained",
     "UntrackedSurface",

@@ -75,6 +75,71 @@ class RangeUnsure(Reason):
 
 
 @dataclass(frozen=True)
+class TooShort(Reason):
+    """The range (deg or mm, see `unit`) is less than `limit`, whatever its error: rattling and drift go as far."""
+
+    range: float
+    unit: str
+    limit: float
+
+    @property
+    def text(self) -> str:
+        return f"it moves by {self.range:.1f} {self.unit} only (at least {self.limit:g} {self.unit})"
+
+    @property
+    def kind(self) -> str:
+        return "it hardly moves"
+
+    @property
+    def help(self) -> str:
+        return f"open it farther, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class ClosedEndUnsure(Reason):
+    """What tells which end of the travel is the closed one differs between them by `margin` (a share), less than `limit`."""
+
+    margin: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"what tells its closed end from the open one differs by {100 * self.margin:.0f} %"
+        return f"{told} (at least {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "which end of its travel is the closed one is a guess"
+
+    @property
+    def help(self) -> str:
+        return f"close it in the recording, with what surrounds it in view, or {CUT}"
+
+
+@dataclass(frozen=True)
+class CamerasDrift(Reason):
+    """Between `frame` and `other`, most of what stands still differs in depth by `off_m`, more than `limit_m`: the path is wrong."""
+
+    frame: int
+    other: int
+    off_m: float
+    limit_m: float
+
+    @property
+    def text(self) -> str:
+        told = f"frames {self.frame} and {self.other} see the room {1000 * self.off_m:.0f} mm apart"
+        return f"{told} (at most {1000 * self.limit_m:g} mm)"
+
+    @property
+    def kind(self) -> str:
+        return "the path of the camera is wrong"
+
+    @property
+    def help(self) -> str:
+        return f"move the camera slower and keep more of the room in view, or {CUT}"
+
+
+@dataclass(frozen=True)
 class NoUncertainty(Reason):
     """Nothing says how well the joint is known."""
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from twin.verdict.motion import (
     AxisUnsure,
+    CamerasDrift,
+    ClosedEndUnsure,
     HalvesDisagree,
     MotionUnexplained,
     MotionUnseen,
@@ -18,6 +20,7 @@ from twin.verdict.motion import (
     PivotUnsure,
     RangeUnsure,
     SeenThrough,
+    TooShort,
     WithinDrift,
 )
 from twin.verdict.reason import CUT, POINT_AT_IT, Level, Reason
@@ -89,9 +92,12 @@ REASONS: dict[str, type[Reason]] = {
         AxisUnsure,
         PivotUnsure,
         RangeUnsure,
+        TooShort,
         NoUncertainty,
         WithinDrift,
         NeverRests,
+        ClosedEndUnsure,
+        CamerasDrift,
         HandWhereNobodyIs,
         NoSurface,
         SmallSurface,

@@ -1,0 +1,59 @@
+"""Whether the cameras' path holds: frames that look at the same places must see the same depth there.
+
+Where the twin has a part nothing is compared, and a hand and what was missed are the smaller part of what is left: a low quantile of the
+differences in depth is that of the room. It grows with the path's error wherever the room is not one plane along which the path slips.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.dense.depth import look_up
+from recon.verdict.posed import PosedTwin
+from twin import geometry as geo
+from twin.scene import FIRST_PART_ID
+
+_FRAMES = 40  # looked at, evenly spread
+_APART = (0.0, 0.1, 0.25, 0.5, 0.8)  # of the recording, between the frames of a pair; 0: neighbours
+_PAIRS = 20  # of each distance
+QUANTILE = 0.3  # what was missed may fill two thirds of the picture
+_FEWEST = 200  # places that both frames see
+
+
+def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
+    """The two frames that agree least on where the room is, and by how much, m; 0 where no two frames look at the same places."""
+    known = twin.cameras.frames
+    rows = np.unique(np.linspace(0, len(known) - 1, min(len(known), _FRAMES)).round().astype(int))
+    frames = [int(known[r]) for r in rows]
+    rooms = [_room(twin, frame) for frame in frames]
+    worst = (frames[0], frames[0], 0.0)
+    for share in _APART:
+        gap = max(1, round(share * len(frames)))
+        for a in np.unique(np.linspace(0, len(frames) - 1 - gap, _PAIRS).round().astype(int)):
+            if a < 0:
+                continue
+            off = _apart(twin, (frames[a], rooms[a]), (frames[a + gap], rooms[a + gap]))
+            if off > worst[2]:
+                worst = (frames[a], frames[a + gap], off)
+    return worst
+
+
+def _room(twin: PosedTwin, frame: int) -> NDArray[np.float32]:
+    """Recorded depth (H, W) m, 0 where it is unknown or the twin has a part."""
+    return np.where(twin.expected(frame).owner >= FIRST_PART_ID, np.float32(0.0), twin.seen(frame))
+
+
+def _apart(
+    twin: PosedTwin, one: tuple[int, NDArray[np.float32]], other: tuple[int, NDArray[np.float32]]
+) -> float:
+    """By how much (m) the depth of two frames differs where they look at the same places; 0 where these are too few."""
+    (a, near), (b, far) = one, other
+    y, x = np.nonzero(near)
+    points = twin.camera.backproject(np.stack([x, y], axis=-1).astype(float), near[y, x].astype(float))
+    moved = geo.transform(geo.invert_pose(twin.T_world_cam(b)) @ twin.T_world_cam(a), points)
+    seen = look_up(far, twin.camera, moved).z
+    both = seen > 0
+    if both.sum() < _FEWEST:
+        return 0.0
+    return float(np.quantile(np.abs(seen[both] - moved[both, 2]), QUANTILE))
