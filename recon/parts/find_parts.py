@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import repeat
 
@@ -28,11 +28,14 @@ from recon.joints.type_selection import TypeHint
 from recon.motion.intervals import IntervalConfig, state_intervals
 from recon.motion.movers import Movers, find_movers
 from recon.parts.config import MotionConfig
+from recon.parts.found import FoundParts as FoundParts
+from recon.parts.found import PartTracks as PartTracks
 from recon.parts.hand_tracks import hand_tracks
 from recon.parts.moving_part import MovingPart
 from recon.parts.part_matching import is_another_part, same_part
 from recon.parts.said_parts import Observed, outside, sought
 from recon.parts.static_spans import known_rest_spans, rest_spans, restless
+from recon.parts.two_witnesses import by_both
 from recon.recording import Recording
 from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
@@ -41,29 +44,11 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MOTION = Stage("motion", 9, ("motion", "joints"))
+MOTION = Stage("motion", 10, ("motion", "joints"))
 _DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
 _CALM_ROUNDS = (
     2  # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 )
-
-
-@dataclass(frozen=True, eq=False)
-class PartTracks:
-    """A moving part, the tracks (K,) that are rigid with it, and why its joint has this type."""
-
-    part: MovingPart
-    members: NDArray[np.bool_]
-    type_source: str
-
-
-@dataclass(frozen=True, eq=False)
-class FoundParts:
-    """The movers, the tracks (K,) that lie on the hand, and all parts."""
-
-    movers: Movers
-    hand: NDArray[np.bool_]
-    parts: tuple[PartTracks, ...]
 
 
 def find_parts(
@@ -82,25 +67,25 @@ def find_parts(
     None where nothing moves, or no joint explains what moves: a warning says which.
     """
     movers = find_movers(tracks, cameras, recording.times, config.interval)
-    if movers.moving.sum() < joints.min_tracks:
-        warnings.warn(
-            f"nothing moves in {recording.source}: {int(movers.moving.sum())} of {len(tracks)} tracked points leave "
-            f"their place by more than {config.interval.min_displacement} m",
-            stacklevel=2,
-        )
-        return FoundParts(movers, np.zeros_like(movers.moving), ())
     to_part = partial(_moving_part, cameras.frames, recording.times[cameras.frames], config.interval)
     hand_of = partial(hand_tracks, recording, cameras, tracks, config=config.hand)
     if said.words:
         seen = Observed(recording, tracks, cameras, movers, config, joints)
         return _said_parts(seen, hand_of, to_part, hints, said)
-    search = _Search(movers, hand_of, to_part, config, joints, _hints(said, 0, hints))
-    for group in _groups(movers, config, joints):
-        if len(search.found) == config.max_parts or not (search.take(group) or config.method == "clusters"):
-            break  # all tracks together bring no more; of the clusters, each may
-    if not search.found:
-        warnings.warn(f"no part was found: {search.failed[0].problem}", stacklevel=2)
-    return FoundParts(movers, search.hand, tuple(search.found))
+    hints = _hints(said, 0, hints)
+    search = _Search(movers, hand_of, to_part, config, joints, hints)
+    if movers.moving.sum() >= joints.min_tracks:
+        for group in _groups(movers, config, joints):
+            if len(search.found) == config.max_parts or not (
+                search.take(group) or config.method == "clusters"
+            ):
+                break  # all tracks together bring no more; of the clusters, each may
+    parts = by_both(search.found, recording, cameras, movers, config, joints)
+    if not parts:
+        nothing = f"{int(movers.moving.sum())} of {len(tracks)} tracked points leave their place"
+        why = search.failed[0].problem if search.failed else nothing
+        warnings.warn(f"no part was found: {why}", stacklevel=2)
+    return FoundParts(movers, search.hand, parts)
 
 
 def _said_parts(

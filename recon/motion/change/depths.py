@@ -1,0 +1,117 @@
+"""Thinned-out depth of the frames whose camera is known, and how far it scatters in this very recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.dense.depth import F32
+from recon.motion.change.kernels import look
+from recon.recording import Intrinsics, Recording
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.robust import mad_sigma
+from twin.runs.threads import each
+from twin.scene import Trajectory
+
+WIDTH = 160  # px to which pictures are thinned out: a part has hundreds of pixels then; chosen by us
+ROWS = (
+    150  # frames looked at, at most; a second and a half apart in ten minutes, but a motion has many of them
+)
+_PAIRS, _BINS = 12, 6  # of frames that are compared, and of depth, for the noise
+_FEWEST = 50  # differences in a bin
+_SIGMA_LEAST = 0.0015  # m; no depth camera is better over a whole picture
+
+
+@dataclass(frozen=True)
+class DepthNoise:
+    """Scatter of depth between frames, camera poses included, measured in the recording: `base` + `slope` z^2, m, one sigma."""
+
+    base: float
+    slope: float
+
+
+@dataclass(frozen=True, eq=False)
+class Depths:
+    """Depth (T, h, w) m, 0 unknown, and Lab colour (T, h, w, 3), 8 bits, of some frames (T,), their camera and its poses T_world_cam
+    (T, 4, 4)."""
+
+    camera: Intrinsics
+    frames: NDArray[np.int64]
+    depth: F32
+    colour: NDArray[np.uint8]
+    T_world_cam: Array
+
+    @staticmethod
+    def of(recording: Recording, cameras: Trajectory) -> Depths:
+        """Depth of the posed frames, evenly thinned out in time and space."""
+        step = max(1, recording.intrinsics.width // WIDTH)
+        count = len(cameras.frames)
+        rows = np.unique(np.linspace(0, count - 1, min(count, ROWS)).round().astype(np.int64))
+        frames = np.asarray(cameras.frames)[rows]
+
+        def thin(frame: int) -> tuple[F32, NDArray[np.uint8]]:
+            depth = np.ascontiguousarray(recording.depth(frame)[::step, ::step], np.float32)
+            lab = cv2.cvtColor(cv2.blur(recording.color(frame), (step, step)), cv2.COLOR_RGB2LAB)
+            return depth, np.ascontiguousarray(lab[::step, ::step])
+
+        depth, colour = (np.stack(c) for c in zip(*each(thin, map(int, frames)), strict=True))
+        return Depths(recording.intrinsics.strided(step), frames, depth, colour, cameras.T_world_cam[rows])
+
+    @cached_property
+    def T_cam_world(self) -> Array:
+        return geo.invert_pose(self.T_world_cam)
+
+    @property
+    def lens(self) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point, px."""
+        return self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy
+
+    def points(self, row: int) -> Array:
+        """World points (h, w, 3) m of a row's pixels; those of unknown depth lie at the camera."""
+        y, x = np.mgrid[0 : self.camera.height, 0 : self.camera.width]
+        ahead = self.camera.backproject(
+            np.stack([x, y], axis=-1).astype(float), self.depth[row].astype(float)
+        )
+        return geo.transform(self.T_world_cam[row], ahead)
+
+    def look(self, points: Array, row: int, sigmas: float, least: float) -> NDArray[np.int8]:
+        """What a row says of world points (n, 3): see `recon.motion.change.kernels.look`. sigmas: of noise that depths may differ by,
+        and at `least` so many metres."""
+        gate = max(least, sigmas * self.noise.base)
+        return np.asarray(
+            look(points, self.T_cam_world[row], self.depth[row], *self.lens, gate, sigmas * self.noise.slope)
+        )
+
+    @cached_property
+    def noise(self) -> DepthNoise:
+        """Measured between pairs of frames, a sixth of the recording or less apart: most of what they see rests meanwhile."""
+        apart = max(1, len(self.frames) // 6)
+        first = np.unique(np.linspace(0, len(self.frames) - 1 - apart, _PAIRS).round().astype(int))
+        depth, off = (
+            np.concatenate(c) for c in zip(*(self._differences(a, a + apart) for a in first), strict=True)
+        )
+        if len(depth) < 100 * _BINS:
+            return DepthNoise(_SIGMA_LEAST, _SIGMA_LEAST)
+        edges = np.quantile(depth, np.linspace(0, 1, _BINS + 1))
+        at = np.clip(np.searchsorted(edges, depth, side="right") - 1, 0, _BINS - 1)
+        full = np.flatnonzero(np.bincount(at, minlength=_BINS) >= _FEWEST)
+        z = np.array([np.median(depth[at == k]) for k in full])
+        sigma = np.array([mad_sigma(off[at == k]) for k in full])
+        slope = max(float(np.polyfit(z**2, sigma, 1)[0]), 0.0) if np.ptp(z) > 0.1 else 0.0
+        return DepthNoise(max(float(np.median(sigma - slope * z**2)), _SIGMA_LEAST), slope)
+
+    def _differences(self, a: int, b: int) -> tuple[Array, Array]:
+        """Depth (n,) that row b should have where it sees the points of row a, and what it has beyond that."""
+        known = self.depth[a] > 0
+        p = geo.transform(self.T_cam_world[b], self.points(a)[known][::3])
+        p = p[p[:, 2] > 0.1]
+        x, y = np.rint(self.camera.project(p)).astype(int).T
+        inside = (x >= 0) & (y >= 0) & (x < self.camera.width) & (y < self.camera.height)
+        seen = self.depth[b][y[inside], x[inside]].astype(float)
+        z = p[inside, 2]
+        return z[seen > 0], (seen - z)[seen > 0]

@@ -1,0 +1,148 @@
+"""Compiled looks of points into depth images."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+UNKNOWN, SAME, THROUGH, HIDDEN = 0, 1, 2, 3
+OLD, FRESH, BARED = 0, 1, 2  # what a pixel sees: has been there, has not, was hidden
+
+
+@njit(cache=True, nogil=True)
+def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+    """What a depth image (h, w) says of points (n, 3): one of its 3x3 pixels has their depth (SAME), all lie behind (THROUGH: the camera
+    sees through where they were) or in front (HIDDEN), or it can't be told (UNKNOWN).
+
+    least, slope: depths that differ by less than least + slope z^2 m are the same.
+    """
+    h, w = depth.shape
+    out = np.zeros(len(points), np.int8)
+    for i in range(len(points)):
+        x, y, z = T_cam_world[0, 3], T_cam_world[1, 3], T_cam_world[2, 3]
+        for k in range(3):
+            x += T_cam_world[0, k] * points[i, k]
+            y += T_cam_world[1, k] * points[i, k]
+            z += T_cam_world[2, k] * points[i, k]
+        if z < 0.1:
+            continue
+        u, v = int(np.rint(x / z * fx + cx)), int(np.rint(y / z * fy + cy))
+        if u < 1 or v < 1 or u >= w - 1 or v >= h - 1:
+            continue
+        gate = least + slope * z * z
+        near, far, known, same = np.inf, 0.0, 0, False
+        for a in range(v - 1, v + 2):
+            for b in range(u - 1, u + 2):
+                d = depth[a, b]
+                if d > 0.0:
+                    known += 1
+                    near, far = min(near, d), max(far, d)
+                    same |= abs(d - z) <= gate
+        if known < 5:
+            continue
+        if same:
+            out[i] = SAME
+        elif near > z + gate:
+            out[i] = THROUGH
+        elif far < z - gate:
+            out[i] = HIDDEN
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _agreement(points, tint, T_cam_world, pose, depth, colour, new, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+    """How well points (n, 3), moved by a pose (4, 4), agree with a depth image (h, w): the share that agrees, 0..1 each, and the share that
+    the camera sees through.
+
+    Where the pixel is OLD in `new` (h, w), a point that has moved says nothing: what it was carried onto has always been there. Hidden points
+    and those out of view say nothing either. Where it was hidden at the surface's rest (BARED), something else may have been there all
+    the time: then it counts a quarter, and a like colour only. tint (n, 3), colour (h, w, 3): Lab, 8 bits.
+    """
+    h, w = depth.shape
+    m = np.zeros((3, 4))
+    for a in range(3):
+        for b in range(4):
+            for c in range(4):
+                m[a, b] += T_cam_world[a, c] * pose[c, b]
+    good, through = 0.0, 0.0
+    spread = np.array([30.0, 8.0, 8.0])  # of one surface's Lab colour as it turns in the light; chosen by us
+    for i in range(len(points)):
+        p0, p1, p2 = points[i, 0], points[i, 1], points[i, 2]
+        z = m[2, 0] * p0 + m[2, 1] * p1 + m[2, 2] * p2 + m[2, 3]
+        if z < 0.1:
+            continue
+        u = int(np.rint((m[0, 0] * p0 + m[0, 1] * p1 + m[0, 2] * p2 + m[0, 3]) / z * fx + cx))
+        v = int(np.rint((m[1, 0] * p0 + m[1, 1] * p1 + m[1, 2] * p2 + m[1, 3]) / z * fy + cy))
+        if u < 0 or v < 0 or u >= w or v >= h or depth[v, u] <= 0.0:
+            continue
+        gate = least + slope * z * z
+        off = (depth[v, u] - z) / gate
+        if off > 1.0:
+            through += 1.0
+        elif off > -1.0:
+            d0 = pose[0, 0] * p0 + pose[0, 1] * p1 + pose[0, 2] * p2 + pose[0, 3] - p0
+            d1 = pose[1, 0] * p0 + pose[1, 1] * p1 + pose[1, 2] * p2 + pose[1, 3] - p1
+            d2 = pose[2, 0] * p0 + pose[2, 1] * p1 + pose[2, 2] * p2 + pose[2, 3] - p2
+            fresh = new[v, u]
+            if fresh == OLD and d0 * d0 + d1 * d1 + d2 * d2 > 4.0 * gate * gate:
+                continue
+            off2 = 0.0
+            for c in range(3):
+                shade = (float(colour[v, u, c]) - tint[i, c]) / spread[c]
+                off2 += shade * shade
+            like = 1.0 / (1.0 + off2)
+            if fresh == FRESH:
+                like = 0.5 + 0.5 * like
+            elif fresh == BARED:
+                like *= 0.25
+            else:
+                like = 1.0
+            good += (1.0 - off * off) * like
+    return good / len(points), through / len(points)
+
+
+@njit(cache=True, nogil=True)
+def agreements(points, tint, T_cam_world, poses, depth, colour, new, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+    """`_agreement` of points (n, 3) with each depth image (T, h, w) at poses of its own, (T, Q, 4, 4): two arrays (T, Q)."""
+    good, through = np.zeros(poses.shape[:2]), np.zeros(poses.shape[:2])
+    for t in range(len(depth)):
+        for q in range(poses.shape[1]):
+            good[t, q], through[t, q] = _agreement(
+                points,
+                tint,
+                T_cam_world[t],
+                poses[t, q],
+                depth[t],
+                colour[t],
+                new[t],
+                fx,
+                fy,
+                cx,
+                cy,
+                least,
+                slope,
+            )
+    return good, through
+
+
+@njit(cache=True, nogil=True)
+def best_path(score, most, price):  # type: ignore[no-untyped-def]
+    """The states (T,) of the best path through scores (T, Q), by dynamic programming (Viterbi 1967), and its score: to each frame from
+    the one before at most `most` (T,) states on, each step at a `price`."""
+    frames, count = score.shape
+    total, new = score[0].astype(np.float64), np.zeros(count)
+    back = np.zeros((frames, count), np.int32)
+    for t in range(1, frames):
+        for q in range(count):
+            best, at = -np.inf, q
+            for r in range(max(0, q - most[t]), min(count, q + most[t] + 1)):
+                c = total[r] - price * abs(q - r)
+                if c > best:
+                    best, at = c, r
+            back[t, q], new[q] = at, best + score[t, q]
+        total[:] = new
+    path = np.zeros(frames, np.int64)
+    path[frames - 1] = np.argmax(total)
+    for t in range(frames - 1, 0, -1):
+        path[t - 1] = back[t, path[t]]
+    return path, total.max()

@@ -1,0 +1,73 @@
+"""Surfaces that left their place, and surfaces that came to it.
+
+What a frame at rest sees and others see through was not there at all times. Compared with the recording's first frame these surfaces
+leave later; compared with its last one they came before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.motion.change.depths import Depths
+from recon.motion.change.kernels import BARED, FRESH, HIDDEN, OLD, SAME, THROUGH
+from twin.geometry import Array
+
+SIGMAS = 5.0  # of noise that a gap is wide, at least; and so many metres (chosen by us)
+GAP_M = 0.02
+_SPANS, _LONG = 2, 3  # a surface is gone in so many spans of so many successive rows: single ones are noise
+SHARE = 0.004  # of the picture: the least surface that is a part's; chosen by us
+MOST = 4  # surfaces of each end
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """A surface at rest in row `rest` of the depths: its pixels (h, w), and world points (n, 3) m and Lab colours (n, 3) of them."""
+
+    rest: int
+    mask: NDArray[np.bool_]
+    points: Array
+    tint: Array
+
+
+def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
+    """Pieces of what row `rest` sees and several others see through, largest first."""
+    known = depths.depth[rest] > 0
+    points = depths.points(rest)
+    gone = np.stack(
+        [depths.look(points[known], t, SIGMAS, GAP_M) == THROUGH for t in range(len(depths.frames))]
+    )
+    spans = np.logical_and.reduce([gone[k : len(gone) - _LONG + 1 + k] for k in range(_LONG)]).sum(axis=0)
+    left = np.zeros(known.shape, np.uint8)
+    left[known] = spans >= _SPANS
+    left = cv2.morphologyEx(left, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    _, piece, stats, _ = cv2.connectedComponentsWithStats(left, connectivity=4)
+    area = stats[1:, cv2.CC_STAT_AREA]
+    large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:MOST] if area[k] >= SHARE * left.size]
+    colour = depths.colour[rest].astype(np.float64)
+    return [Changed(rest, piece == k, points[piece == k], colour[piece == k]) for k in large]
+
+
+def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
+    """At most `count` rows, the first and the last among them: half of them evenly spread, half where much is new to both ends of the
+    recording, as are a part and a hand on their way. first, last: what is new (T, h, w) to the first and to the last row."""
+    rows = len(first)
+    under_way = ((first == FRESH) & (last == FRESH)).mean(axis=(1, 2)) + 1e-6
+    gone = np.cumsum(under_way) / under_way.sum()
+    busy = np.searchsorted(gone, (np.arange(count // 2) + 0.5) / (count // 2))
+    even = np.linspace(0, rows - 1, min(count - count // 2, rows)).round()
+    return np.unique(np.concatenate([even, np.minimum(busy, rows - 1)]).astype(np.int64))
+
+
+def news(depths: Depths, rest: int) -> NDArray[np.uint8]:
+    """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees through it or could not see it,
+    BARED where something else hid it."""
+    known = depths.depth > 0
+    out = np.zeros(depths.depth.shape, np.uint8)
+    for t in range(len(depths.frames)):
+        told = depths.look(depths.points(t)[known[t]], rest, SIGMAS / 2.0, GAP_M / 2.0)
+        out[t][known[t]] = np.select([told == SAME, told == HIDDEN], [OLD, BARED], FRESH)
+    return out

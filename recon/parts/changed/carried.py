@@ -1,0 +1,198 @@
+"""Changed surfaces carried by a joint through every frame: the states that agree best with the depth, and how well they do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.joints.observations import Kind
+from recon.motion.change.depths import Depths
+from recon.motion.change.kernels import agreements, best_path
+from recon.motion.change.surfaces import Changed
+from recon.parts.changed.proposals import Proposed
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.joint import moved_axis
+
+POINTS = 200  # of a surface that are carried; more cost time and rank no joint otherwise
+ROWS = 40  # on which joints are compared
+_SIGMAS, _LEAST_M = 4.0, 0.018  # of noise, and m, within which depths agree; chosen by us
+_FAR: dict[Kind, float] = {"revolute": np.deg2rad(135.0), "prismatic": 0.7}  # farthest state, rad or m
+_STEP: dict[Kind, float] = {"revolute": np.deg2rad(3.0), "prismatic": 0.02}  # between neighbours, at first
+_FINE: dict[Kind, float] = {"revolute": np.deg2rad(0.75), "prismatic": 0.004}  # and at last
+_FASTEST: dict[Kind, float] = {"revolute": np.deg2rad(300.0), "prismatic": 2.5}  # a second; chosen by us
+_THROUGH = 2.0  # what is seen through counts so many times as what agrees: nothing excuses it
+_PRICE = 0.01  # of a step of the state, so that it rests where nothing moves it
+_WINDOW = 3  # neighbours of a state that are tried for a joint that is moved a little
+_LEADING = 4  # surfaces whose own best states are tried for all
+# Greatest tilts (rad) and shifts (m) of the search for a better joint, round by round
+_ROUNDS = (
+    (np.deg2rad(6.0), 0.1),
+    (np.deg2rad(3.0), 0.05),
+    (np.deg2rad(1.5), 0.025),
+    (np.deg2rad(0.75), 0.012),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A changed surface: world points (n, 3) m of it at its rest in row `rest`, their Lab colours (n, 3), and what is new (T, h, w) to that
+    row (`recon.motion.change.surfaces.news`). rows: on which joints are compared."""
+
+    depths: Depths
+    rest: int
+    points: Array
+    tint: Array
+    area: int  # px of the depths
+    new: NDArray[np.uint8]
+    rows: NDArray[np.int64]
+
+    @staticmethod
+    def of(depths: Depths, changed: Changed, new: NDArray[np.uint8], rows: NDArray[np.int64]) -> Surface:
+        """A few of its points, evenly chosen."""
+        count = len(changed.points)
+        chosen = np.sort(np.random.default_rng(0).choice(count, min(POINTS, count), replace=False))
+        return Surface(depths, changed.rest, changed.points[chosen], changed.tint[chosen], count, new, rows)
+
+    @property
+    def _gate(self) -> tuple[float, float]:
+        noise = self.depths.noise
+        return max(_LEAST_M, _SIGMAS * noise.base), _SIGMAS * noise.slope
+
+    def scores(self, poses: Array, rows: NDArray[np.int64]) -> Array:
+        """What agrees less twice what is seen through (rows, n), as shares of the points, at poses (rows, n, 4, 4) of each row's own."""
+        d = self.depths
+        good, through = agreements(
+            self.points, self.tint, d.T_cam_world[rows], np.ascontiguousarray(poses), d.depth[rows], d.colour[rows], self.new[rows],
+            *d.lens, *self._gate,
+        )  # fmt: skip
+        return np.asarray(good - _THROUGH * through)
+
+    def along(self, poses: Array, rows: NDArray[np.int64]) -> Array:
+        """The same (rows,) at one pose (rows, 4, 4) each."""
+        return self.scores(poses[:, None], rows)[:, 0]
+
+    @cached_property
+    def unknown(self) -> float:
+        """Its mean score where it stays until it leaves for nobody knows where: what any joint must exceed that is to explain it."""
+        rows = self.rows
+        return float(np.maximum(self.along(np.tile(np.eye(4), (len(rows), 1, 1)), rows), 0.0).mean())
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A joint with states in the rows (T,), 0 in the first one; gains: of each surface, by how much its mean score exceeds that of
+    leaving for nobody knows where, 0 where it does not; worth: their sum over the surfaces' pixels."""
+
+    joint: Proposed
+    rows: NDArray[np.int64]
+    state: Array
+    gains: Array
+    worth: float
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """All surfaces that changed, largest first, and the seconds (T,) of the rows."""
+
+    depths: Depths
+    surfaces: Sequence[Surface]
+    seconds: Array
+
+    def explained(self, joint: Proposed) -> Explained:
+        """The best states for all surfaces that a joint carries: of those that each leading surface asks for, the most worthy."""
+        rows = self.surfaces[0].rows
+        tried = [self._along(joint, rows, self._path(joint, s, rows)) for s in self.surfaces[:_LEADING]]
+        return max(tried, key=lambda e: e.worth)
+
+    def improved(self, first: Explained) -> Explained:
+        """The joint tilted and shifted as long as that helps: a pattern search (Hooke and Jeeves 1961), as scores have no gradient."""
+        best = first
+        count = 4 if best.joint.kind == "revolute" else 2
+        for tilt, shift in _ROUNDS:
+            for _ in range(2):
+                before = best.worth
+                for k in range(2 * count):
+                    delta = np.zeros(count)
+                    delta[k // 2] = (tilt if k // 2 < 2 else shift) * (1.0 if k % 2 else -1.0)
+                    trial = self._near(self._moved(best.joint, delta), best)
+                    if trial.worth > best.worth * (1.0 + 1e-4):
+                        best = trial
+                if best.worth == before:
+                    break
+            best = max(best, self.explained(best.joint), key=lambda e: e.worth)
+        return best
+
+    def followed(self, best: Explained) -> Explained:
+        """The states of all rows, finely, by all surfaces that gain."""
+        rows, step = np.arange(len(self.depths.frames)), _FINE[best.joint.kind]
+        coarse = np.interp(rows, best.rows, best.state)
+        low, high = coarse.min() - _STEP[best.joint.kind], coarse.max() + _STEP[best.joint.kind]
+        states = np.asarray(step * np.arange(np.floor(low / step), np.ceil(high / step) + 1), np.float64)
+        total = np.zeros((len(rows), len(states)))
+        for surface, gain in zip(self.surfaces, best.gains, strict=True):
+            if gain > 0:
+                total += surface.area * surface.scores(
+                    _for_all(best.joint.poses(states - coarse[surface.rest]), rows), rows
+                )
+        total /= max(sum(s.area for s, g in zip(self.surfaces, best.gains, strict=True) if g > 0), 1)
+        return self._along(best.joint, rows, self._best(total, states, rows, best.joint.kind, 0))
+
+    def _near(self, joint: Proposed, like: Explained) -> Explained:
+        """The best states near those that a like joint has, by the surface that gains most by it."""
+        surface = self.surfaces[int(np.argmax(like.gains * [s.area for s in self.surfaces]))]
+        step = _STEP[joint.kind]
+        window = step * np.arange(-_WINDOW, _WINDOW + 1)
+        at = int(np.flatnonzero(like.rows == surface.rest)[0])
+        state = like.state - like.state[at]
+        poses = joint.poses((state[:, None] + window).ravel()).reshape(len(state), len(window), 4, 4)
+        score = surface.scores(poses, like.rows)
+        score[at] = -1e6
+        score[at, _WINDOW] = 0.0
+        # states that keep their distance from the former ones cost nothing
+        path, _ = best_path(score, np.full(len(state), 2), _PRICE)
+        return self._along(
+            joint, like.rows, np.clip(state + window[path], -_FAR[joint.kind], _FAR[joint.kind])
+        )
+
+    def _path(self, joint: Proposed, surface: Surface, rows: NDArray[np.int64]) -> Array:
+        """The states (rows,) that one surface asks for."""
+        step, count = _STEP[joint.kind], round(_FAR[joint.kind] / _STEP[joint.kind])
+        states = np.asarray(step * np.arange(-count, count + 1), np.float64)
+        return self._best(
+            surface.scores(_for_all(joint.poses(states), rows), rows), states, rows, joint.kind, surface.rest
+        )
+
+    def _best(self, score: Array, states: Array, rows: NDArray[np.int64], kind: Kind, rest: int) -> Array:
+        """The best path of states (rows,) through scores (rows, states), 0 in row `rest` of the depths."""
+        at = int(np.flatnonzero(rows == rest)[0])
+        score[at] = -1e6
+        score[at, int(np.argmin(np.abs(states)))] = 0.0
+        gaps = np.diff(self.seconds[rows], prepend=self.seconds[rows[0]])
+        most = np.ceil(_FASTEST[kind] * gaps / float(states[1] - states[0])).astype(np.int64)
+        path, _ = best_path(score, np.clip(most, 2, len(states)), _PRICE)
+        return np.asarray(states[path])
+
+    def _along(self, joint: Proposed, rows: NDArray[np.int64], state: Array) -> Explained:
+        state = state - state[0]
+        gains = []
+        for s in self.surfaces:
+            at = int(np.flatnonzero(rows == s.rest)[0])
+            gains.append(max(float(s.along(joint.poses(state - state[at]), rows).mean()) - s.unknown, 0.0))
+        areas = [s.area for s in self.surfaces]
+        return Explained(joint, rows, state, np.array(gains), float(np.dot(gains, areas)))
+
+    def _moved(self, joint: Proposed, delta: Array) -> Proposed:
+        """Tilted about the axis point nearest the largest surface, and shifted."""
+        foot = geo.nearest_point_on_line(self.surfaces[0].points.mean(axis=0), joint.pivot, joint.axis)
+        axis, pivot = moved_axis(joint.axis, foot, delta)
+        return replace(joint, axis=axis, pivot=pivot)
+
+
+def _for_all(poses: Array, rows: NDArray[np.int64]) -> Array:
+    """The same poses (n, 4, 4) for each of the rows: (rows, n, 4, 4)."""
+    return np.broadcast_to(poses, (len(rows), *poses.shape))

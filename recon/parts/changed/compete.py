@@ -1,0 +1,87 @@
+"""Two witnesses: joints that tracks tell, and joints that depth alone tells, compete on every frame's depth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.joints.config import JointConfig
+from recon.joints.inliers import track_support
+from recon.joints.observations import Model, Observations
+from recon.motion.movers import Movers
+from recon.parts.changed.proposals import Proposed
+from recon.parts.changed.search import ChangedPart, changed_parts
+from recon.parts.config import MotionConfig
+from recon.recording import Recording
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Joint, Revolute, Trajectory
+
+# Support of a track that moves with a part, and by how much (m) its joint and states may be off, which depth tells coarsely; by us
+_FOLLOW, _COARSE_M = 0.3, 0.015
+
+
+@dataclass(frozen=True, eq=False)
+class Witnessed:
+    """A joint told by depth, with a state for each posed frame, and the tracks (K,) that follow it. by_tracks: the number of the joint
+    told by tracks that is the same one, None where there is none."""
+
+    joint: Joint
+    state: Array
+    followers: NDArray[np.bool_]
+    by_tracks: int | None
+
+
+def witnessed(
+    recording: Recording,
+    cameras: Trajectory,
+    movers: Movers,
+    told: Sequence[Joint],
+    config: MotionConfig,
+    joints: JointConfig,
+) -> list[Witnessed]:
+    """What depth says of the parts. told: joints that tracks tell; each competes for the surfaces that changed."""
+    out = []
+    known = [Proposed(j.kind, j.axis, j.pivot if isinstance(j, Revolute) else np.zeros(3)) for j in told]
+    for part in changed_parts(recording, cameras, known):
+        oriented = part.oriented(joints.limit_quantile)
+        state = np.interp(cameras.frames, part.frames, oriented.state)
+        same = [k for k, j in enumerate(told) if _same(oriented.joint, j, part, config)]
+        out.append(
+            Witnessed(
+                replace(oriented.joint, covariance=None),
+                state,
+                _followers(oriented.joint, cameras.frames, state, movers, joints),
+                same[0] if same else None,
+            )
+        )
+    return out
+
+
+def _same(joint: Joint, told: Joint, part: ChangedPart, config: MotionConfig) -> bool:
+    """Whether both are one joint as far as the part can tell."""
+    if joint.kind != told.kind or geo.line_angle(joint.axis, told.axis) > config.same_axis:
+        return False
+    if isinstance(joint, Revolute) and isinstance(told, Revolute):
+        centre = part.surface.points.mean(axis=0)
+        feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, told)]
+        return bool(np.linalg.norm(feet[0] - feet[1]) <= config.same_pivot)
+    return True
+
+
+def _followers(
+    joint: Joint, frames: NDArray[np.int64], state: Array, movers: Movers, config: JointConfig
+) -> NDArray[np.bool_]:
+    """Movers (K,) that follow a joint with states (n,) in frames (n,)."""
+    every = np.interp(np.arange(len(movers.visible)), frames, state)
+    pivot = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
+    out = np.zeros_like(movers.moving)
+    asked = np.flatnonzero(movers.moving)
+    if len(asked):
+        obs = Observations.of(movers.points_world[:, asked], movers.visible[:, asked])
+        model = Model(joint.kind, joint.axis, pivot, every)
+        out[asked] = track_support(obs, model, max(config.search_sigma, _COARSE_M), config) > _FOLLOW
+    return out

@@ -1,0 +1,71 @@
+"""Joints that the shape of a surface suggests: a board turns about one of its edges, or slides along its normal or an edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from recon.joints.observations import Kind
+from twin import geometry as geo
+from twin.geometry import Array
+
+_ON_PLANE_M = 0.02
+_TRIES = 200  # of three points, for the plane
+_LENGTH = 0.98  # the edges hold this share of the points, so that single ones do not shift them; chosen by us
+
+
+@dataclass(frozen=True, eq=False)
+class Proposed:
+    """A joint that may carry a surface: unit axis (3,), and for hinges a pivot (3,) m, in the world."""
+
+    kind: Kind
+    axis: Array
+    pivot: Array
+
+    def poses(self, states: Array) -> Array:
+        """World motions (n, 4, 4) of the states (n,), rad or m."""
+        if self.kind == "prismatic":
+            out = np.tile(np.eye(4), (len(states), 1, 1))
+            out[:, :3, 3] = states[:, None] * self.axis
+            return out
+        turns = geo.exp_so3(states[:, None] * self.axis)
+        return np.stack([geo.make_pose(r, self.pivot - r @ self.pivot) for r in turns])
+
+
+def proposed_joints(points: Array) -> list[Proposed]:
+    """Four hinges and three slides of the rectangle about a surface's points (n, 3)."""
+    normal, on = _plane(points)
+    basis = geo.orthogonal_basis(normal)[:, :2]
+    flat = (on - on.mean(axis=0)) @ basis
+    (_, _), (_, _), angle = cv2.minAreaRect(flat.astype(np.float32))
+    turn = np.deg2rad(angle)
+    sides = basis @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    along = (on - on.mean(axis=0)) @ sides
+    low, high = np.quantile(along, [1 - _LENGTH, _LENGTH], axis=0)
+    middle = on.mean(axis=0) + sides @ (0.5 * (low + high))
+    out = [Proposed("prismatic", d, middle) for d in (normal, sides[:, 0], sides[:, 1])]
+    for k in range(2):
+        for end in (low[k], high[k]):
+            edge = middle + sides[:, k] * (end - 0.5 * (low[k] + high[k]))
+            out.append(Proposed("revolute", sides[:, 1 - k], edge))
+    return out
+
+
+def _plane(points: Array) -> tuple[Array, Array]:
+    """Unit normal (3,) of the plane that most points lie on (RANSAC, Fischler and Bolles 1981), and those points."""
+    rng = np.random.default_rng(0)
+    best = np.ones(len(points), dtype=bool)
+    fewest = 0
+    for _ in range(_TRIES):
+        a, b, c = points[rng.choice(len(points), 3, replace=False)]
+        normal = np.cross(b - a, c - a)
+        length = float(np.linalg.norm(normal))
+        if length < 1e-9:
+            continue
+        on = np.abs((points - a) @ normal) < _ON_PLANE_M * length
+        if on.sum() > fewest:
+            best, fewest = on, int(on.sum())
+    on = points[best]
+    return np.asarray(np.linalg.svd(on - on.mean(axis=0), full_matrices=False)[2][2]), on

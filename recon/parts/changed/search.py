@@ -1,0 +1,100 @@
+"""Parts that the changed surfaces tell, each carried by the joint that explains it best through all frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.joints.observations import Model
+from recon.joints.sign_and_limits import Oriented, orient, smoothed
+from recon.motion.change.depths import Depths
+from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
+from recon.parts.changed.carried import ROWS, Explained, Surface, Surfaces
+from recon.parts.changed.proposals import Proposed, proposed_joints
+from recon.recording import Recording
+from twin.geometry import Array
+from twin.runs.threads import each
+from twin.scene import Trajectory
+
+_FROM = 3  # surfaces whose shape proposes joints
+_IMPROVED = 3  # joints that are searched around, of each round
+# Gain of a surface's mean score over leaving for nobody knows where: less tells nothing; and by which a further surface is the part's.
+# Chosen by us.
+LEAST, _SAME = 0.04, 0.01
+_FURTHER = 0.3  # of what the first part explains, at least, for a further one; chosen by us
+_SIMPLER = 1.02  # a hinge must explain that much more than a slide, for its two further unknowns
+_SIGMA = {
+    "revolute": np.radians(1.5),
+    "prismatic": 0.008,
+}  # of a state; and of axis and pivot, rad and m: what the search's grid leaves
+_SIGMA_AXIS, _SIGMA_PIVOT = np.radians(2.0), 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedPart:
+    """A joint with states (T,), 0 at the first of `frames` (T,), what told it, and how well the depth agrees with it."""
+
+    joint: Proposed
+    frames: NDArray[np.int64]
+    state: Array
+    score: float
+    surface: Surface
+
+    def oriented(self, quantile: float) -> Oriented:
+        """The joint of a twin, positive along the motion, with limits and the uncertainty that the search leaves."""
+        n = 4 if self.joint.kind == "revolute" else 2
+        variance = (
+            [_SIGMA_AXIS**2] * 2
+            + [_SIGMA_PIVOT**2] * (n - 2)
+            + [_SIGMA[self.joint.kind] ** 2] * len(self.state)
+        )
+        model = Model(self.joint.kind, self.joint.axis, self.joint.pivot, self.state)
+        return orient(model, np.diag(variance), np.arange(len(self.state)), quantile)
+
+
+def changed_parts(
+    recording: Recording, cameras: Trajectory, known: Sequence[Proposed] = ()
+) -> list[ChangedPart]:
+    """The parts that explain the changed surfaces, those that explain most first.
+
+    known: joints that others propose; they compete with those that the shape of a surface suggests.
+    """
+    depths = Depths.of(recording, cameras)
+    if len(depths.frames) < 8:
+        return []
+    surfaces: list[Surface] = []
+    ends = (0, len(depths.frames) - 1)
+    new = [news(depths, rest) for rest in ends]
+    rows = telling_rows(new[0], new[1], ROWS)
+    for rest, fresh in zip(ends, new, strict=True):
+        surfaces += [Surface.of(depths, c, fresh, rows) for c in changed_surfaces(depths, rest)]
+    seconds = np.asarray(recording.times)[depths.frames]
+    found: list[ChangedPart] = []
+    while surfaces:
+        surfaces.sort(key=lambda s: -s.area)
+        best = _best(Surfaces(depths, surfaces, seconds), known)
+        mine = best.gains >= _SAME
+        if best.gains.max() < LEAST:
+            surfaces = surfaces[1:]  # nothing carries the largest one
+            continue
+        carried = [s for s, m in zip(surfaces, mine, strict=True) if m]
+        fine = Surfaces(depths, carried, seconds).followed(replace(best, gains=best.gains[mine]))
+        state = smoothed(fine.state)
+        found.append(ChangedPart(fine.joint, depths.frames, state - state[0], best.worth, carried[0]))
+        surfaces = [s for s, m in zip(surfaces, mine, strict=True) if not m]
+    most = max((p.score for p in found), default=0.0)
+    return sorted((p for p in found if p.score >= _FURTHER * most), key=lambda p: -p.score)
+
+
+def _best(surfaces: Surfaces, known: Sequence[Proposed]) -> Explained:
+    """The joint that explains most."""
+    proposed = [j for s in surfaces.surfaces[:_FROM] for j in proposed_joints(s.points)]
+    first = sorted(each(surfaces.explained, [*proposed, *known]), key=_worth, reverse=True)
+    return max(each(surfaces.improved, first[:_IMPROVED]), key=_worth)
+
+
+def _worth(explained: Explained) -> float:
+    return explained.worth / (_SIMPLER if explained.joint.kind == "revolute" else 1.0)

@@ -1,0 +1,48 @@
+"""Parts by two witnesses, tracks and changed depth, of which neither alone is enough: tracks drift along edges, depth is coarse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from recon.joints.config import JointConfig
+from recon.motion.intervals import state_intervals
+from recon.motion.movers import Movers
+from recon.parts.changed.compete import Witnessed, witnessed
+from recon.parts.config import MotionConfig
+from recon.parts.found import PartTracks
+from recon.parts.moving_part import MovingPart
+from recon.recording import Recording
+from twin.scene import FIRST_PART_ID, Motion, Trajectory
+
+
+def by_both(
+    found: Sequence[PartTracks],
+    recording: Recording,
+    cameras: Trajectory,
+    movers: Movers,
+    config: MotionConfig,
+    joints: JointConfig,
+) -> tuple[PartTracks, ...]:
+    """The parts by both witnesses. A joint that both tell is taken from the tracks, which know it more finely; where depth tells any, one
+    that it does not confirm is none: corners that drift along edges follow some joint as well."""
+    seen = witnessed(recording, cameras, movers, [f.part.joint for f in found], config, joints)
+    if not seen:
+        return tuple(found)
+    parts: list[PartTracks] = []
+    for w in seen[: config.max_parts]:
+        if w.by_tracks is not None and not any(p is found[w.by_tracks] for p in parts):
+            parts.append(found[w.by_tracks])
+        elif w.by_tracks is None:
+            parts.append(_of_depth(w, recording, cameras, config))
+    return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
+
+
+def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, config: MotionConfig) -> PartTracks:
+    """A part that depth alone tells; residual and share of inliers are those of tracks, of which there may be none."""
+    spread = w.joint.sigma.state if w.joint.sigma is not None else 0.0
+    spans = tuple(
+        (i.first, i.last) for i in state_intervals(cameras.frames, w.state, spread, config.interval)
+    )
+    motion = Motion(cameras.frames, recording.times[cameras.frames], w.state, spans, 0.0, 1.0)
+    return PartTracks(MovingPart(FIRST_PART_ID, w.joint, motion), w.followers, "depth")

@@ -1,0 +1,193 @@
+"""What changed tells parts without a track: surfaces, joints and states on cabinets of closed form, and nothing where nothing moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from recon.joints.config import JointConfig
+from recon.motion.change.depths import Depths
+from recon.motion.change.kernels import HIDDEN, SAME, THROUGH, UNKNOWN, best_path, look
+from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
+from recon.motion.movers import Movers
+from recon.parts.changed.compete import witnessed
+from recon.parts.changed.proposals import Proposed, proposed_joints
+from recon.parts.changed.search import ChangedPart, changed_parts
+from recon.parts.config import MotionConfig
+from tests.recon.cabinets import Clip, Kind, make_clip
+from twin import geometry as geo
+from twin.scene import Joint, Prismatic, Revolute
+
+
+@pytest.fixture(scope="module", params=["door", "drawer", "slide"])
+def clip(request: pytest.FixtureRequest) -> Clip:
+    kind: Kind = request.param
+    return make_clip(kind)
+
+
+@pytest.fixture(scope="module")
+def parts(clip: Clip) -> list[ChangedPart]:
+    return changed_parts(clip.recording, clip.cameras)
+
+
+def apart(joint: Joint, true: Joint) -> tuple[float, float]:
+    """Angle of the axes in degrees, and distance of the hinges in metres."""
+    away = 0.0
+    if isinstance(joint, Revolute) and isinstance(true, Revolute):
+        away = geo.line_distance(joint.pivot, joint.axis, true.pivot, true.axis)
+    return float(np.rad2deg(geo.line_angle(joint.axis, true.axis))), away
+
+
+def test_depth_alone_tells_joint_and_states(clip: Clip, parts: list[ChangedPart]) -> None:
+    (part,) = parts
+    found, true = part.oriented(0.02), clip.part
+    assert found.joint.kind == true.joint.kind
+    angle, away = apart(found.joint, true.joint)
+    assert angle < 3.0
+    assert away < 0.03
+    moved, truth = np.abs(found.state - found.state[0]), np.abs(true.motion.state)
+    assert np.all(moved[:7] < 0.02)  # it rests
+    if clip.recording.depth(0).any() and true.joint.kind == "revolute":
+        assert np.abs(moved - truth).max() < 0.12
+    assert float(np.ptp(found.state)) > 0.9 * float(np.ptp(true.motion.state))
+
+
+def test_changed_surfaces_lie_on_the_part(clip: Clip) -> None:
+    depths = Depths.of(clip.recording, clip.cameras)
+    found = [s for rest in (0, len(depths.frames) - 1) for s in changed_surfaces(depths, rest)]
+    assert found
+    for surface in found:
+        state = float(clip.part.motion.state[surface.rest])
+        at_rest = clip.mesh.transformed(clip.part.joint.pose(state))
+        low, high = at_rest.vertices.min(axis=0) - 0.02, at_rest.vertices.max(axis=0) + 0.02
+        inside = ((surface.points > low) & (surface.points < high)).all(axis=1)
+        assert inside.mean() > 0.97
+
+
+def test_nothing_moves_in_a_room_at_rest(clip: Clip) -> None:
+    depth = clip.recording.depth(0)
+
+    def noisy(frame: int) -> np.ndarray:
+        noise = np.random.default_rng(frame).normal(0, 0.004, depth.shape)
+        return np.where(depth > 0, depth + noise, 0).astype(np.float32)
+
+    cameras = replace(clip.cameras, T_world_cam=np.tile(clip.cameras.T_world_cam[0], (26, 1, 1)))
+    assert changed_parts(replace(clip.recording, read_depth=noisy), cameras) == []
+
+
+def test_noise_is_measured(clip: Clip) -> None:
+    for sigma in (0.004, 0.012):
+
+        def noisy(frame: int, sigma: float = sigma) -> np.ndarray:
+            noise = np.random.default_rng(frame).normal(0, sigma, (150, 200))
+            return (np.linspace(1.5, 2.5, 150)[:, None] + noise).astype(np.float32)
+
+        cameras = replace(clip.cameras, T_world_cam=np.tile(np.eye(4), (26, 1, 1)))
+        noise = Depths.of(replace(clip.recording, read_depth=noisy), cameras).noise
+        between = noise.base + 4.0 * noise.slope  # of the difference of two
+        assert between == pytest.approx(np.sqrt(2.0) * sigma, rel=0.1)
+
+
+def test_the_world_frame_does_not_matter(clip: Clip, parts: list[ChangedPart]) -> None:
+    T = geo.make_pose(geo.exp_so3(np.array([0.3, -1.0, 0.4])), [2.0, -1.0, 0.5])
+    (moved,) = changed_parts(clip.recording, clip.cameras.transformed(T))
+    here, there = (p.oriented(0.02).joint for p in (parts[0], moved))
+    angle, away = apart(there, here.transformed(T))
+    assert angle < 3.0  # rounding may take the search another way; both are as near to the truth
+    assert away < 0.03
+
+
+def movers(count: int = 0) -> Movers:
+    none = np.zeros(count, bool)
+    return Movers(np.zeros((26, count, 3)), np.zeros((26, count), bool), none, none)
+
+
+def test_a_true_joint_that_tracks_tell_is_known_again_and_a_wrong_one_is_not(clip: Clip) -> None:
+    true = clip.part.joint
+    wrong = Prismatic(geo.unit(np.array([0.3, 0.2, 1.0])))
+    (found,) = witnessed(clip.recording, clip.cameras, movers(), [wrong, true], MotionConfig(), JointConfig())
+    assert found.by_tracks == 1
+    (alone,) = witnessed(clip.recording, clip.cameras, movers(), [wrong], MotionConfig(), JointConfig())
+    assert alone.by_tracks is None
+    assert alone.joint.kind == true.kind
+    assert len(alone.state) == len(clip.cameras.frames)
+
+
+def test_tracks_that_follow_a_joint_are_its_and_others_are_not() -> None:
+    clip = make_clip("door")
+    rng = np.random.default_rng(0)
+    on_part = clip.mesh.vertices[rng.integers(0, len(clip.mesh.vertices), 20)]
+    poses = clip.part.joint.poses(clip.part.motion.state)
+    riding = np.einsum("tij,kj->tki", poses[:, :3, :3], on_part) + poses[:, None, :3, 3]
+    drifting = rng.uniform(-0.3, 0.3, (1, 20, 3)) + np.linspace(0, 0.2, 26)[:, None, None]
+    points = np.concatenate([riding, drifting], axis=1)
+    every = np.ones(40, bool)
+    seen = Movers(points, np.ones((26, 40), bool), every, every)
+    (found,) = witnessed(clip.recording, clip.cameras, seen, [], MotionConfig(), JointConfig())
+    assert found.followers[:20].mean() > 0.8
+    assert not found.followers[20:].any()
+
+
+def test_a_rectangle_proposes_its_edges_and_its_normal() -> None:
+    u, v = np.meshgrid(np.linspace(-0.3, 0.3, 40), np.linspace(-0.2, 0.2, 30))
+    flat = np.stack([u.ravel(), v.ravel(), np.zeros(u.size)], axis=1)
+    T = geo.make_pose(geo.exp_so3(np.array([0.5, 0.2, -0.4])), [1.0, 2.0, 3.0])
+    noise = np.random.default_rng(0).normal(0, 0.002, flat.shape)
+    proposed = proposed_joints(geo.transform(T, flat + noise))
+    slides = [p for p in proposed if p.kind == "prismatic"]
+    hinges = [p for p in proposed if p.kind == "revolute"]
+    assert min(geo.line_angle(p.axis, T[:3, 2]) for p in slides) < 0.02
+    for k, half in ((0, 0.2), (1, 0.3)):  # hinges along x lie at the ends of y, and the other way round
+        for sign in (-1.0, 1.0):
+            edge = geo.transform(T, np.eye(3)[1 - k][None] * sign * half)[0]
+            off = [geo.point_line_distance(edge, p.pivot, p.axis) for p in hinges]
+            nearest = hinges[int(np.argmin(off))]
+            assert min(off) < 0.02
+            assert geo.line_angle(nearest.axis, T[:3, k]) < 0.03
+
+
+def test_poses_of_a_proposed_joint_are_those_of_a_twins() -> None:
+    axis, pivot, states = (
+        geo.unit(np.array([1.0, 2.0, 0.5])),
+        np.array([0.3, -0.2, 1.0]),
+        np.linspace(-1, 2, 7),
+    )
+    hinge, slide = Proposed("revolute", axis, pivot), Proposed("prismatic", axis, pivot)
+    np.testing.assert_allclose(hinge.poses(states), Revolute(axis, pivot=pivot).poses(states), atol=1e-12)
+    np.testing.assert_allclose(slide.poses(states), Prismatic(axis).poses(states), atol=1e-12)
+
+
+def test_a_look_tells_nearer_from_farther() -> None:
+    depth = np.full((9, 9), 2.0, np.float32)
+    depth[:, :4] = 0.0
+    points = np.array(
+        [[0.0, 0.0, 2.01], [0.0, 0.0, 1.8], [0.0, 0.0, 2.2], [-0.9, 0.0, 2.0], [0.0, 0.0, -1.0]]
+    )
+    points[:3, 0] = 2 * 2.0 / 10.0
+    told = look(points, np.eye(4), depth, 10.0, 10.0, 4.0, 4.0, 0.05, 0.0)
+    assert told.tolist() == [SAME, THROUGH, HIDDEN, UNKNOWN, UNKNOWN]
+
+
+def test_the_best_path_keeps_to_the_speed_limit() -> None:
+    score = np.zeros((6, 9))
+    score[:3, 1], score[3:, 7] = 1.0, 1.0
+    free, total = best_path(score, np.full(6, 9), 0.0)
+    assert free.tolist() == [1, 1, 1, 7, 7, 7]
+    assert total == 6.0
+    slow, less = best_path(score, np.full(6, 2), 0.0)
+    assert np.abs(np.diff(slow)).max() <= 2
+    assert less < total
+    dear, _ = best_path(score, np.full(6, 9), 1.0)
+    assert len(set(dear.tolist())) == 1  # six steps cost more than the three frames give
+
+
+def test_rows_crowd_where_much_is_under_way(clip: Clip) -> None:
+    depths = Depths.of(clip.recording, clip.cameras)
+    first, last = (news(depths, rest) for rest in (0, len(depths.frames) - 1))
+    rows = telling_rows(first, last, 10)
+    assert rows[0] == 0
+    assert rows[-1] == len(depths.frames) - 1
+    under_way = ((rows >= 5) & (rows <= 20)).sum()
+    assert under_way >= 6
