@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.cameras.depth_poses import poses_by_depth
 from recon.cameras.kernels import best_pose, chi_squares, landmarks_of, pose_systems
 from recon.dense.depth import depth_sigma
 from recon.recording import Recording
@@ -29,9 +30,13 @@ from twin.runs.loop import Loop, untold
 from twin.runs.setting import Former, Left, Settings, setting
 from twin.scene import Trajectory
 
-CAMERAS = Stage("cameras", 1, ("cameras",))
+CAMERAS = Stage("cameras", 2, ("cameras",))
 _BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
 _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
+# Frames since which two paths are compared, and by how much (m, rad) they then differ: ten times what both are wrong by where
+# they work (measured).
+_SINCE, _APART_M, _APART_RAD = (1, 10, 40), 0.01, float(np.radians(0.5))
+_BETTER = 1.1  # by what the other path then agrees more with the frames before; chosen by us: noise makes 3 %, a lost camera 20
 
 
 @dataclass(frozen=True)
@@ -84,11 +89,47 @@ def camera_poses(
                 "leave cameras.use_known_poses off to estimate them",
             )
         return recording.poses
-    found = estimate_cameras(tracks, recording.times, recording.intrinsics.fx, config, progress)
+    found = _checked(recording, tracks, config, progress)
     lost = len(recording) - len(found.frames)
     if lost:
         warnings.warn(f"{lost} of {len(recording)} frames have no camera pose", stacklevel=2)
     return found
+
+
+def _checked(recording: Recording, tracks: Tracks, config: CameraConfig, progress: Loop) -> Trajectory:
+    """The tracks' poses where those from depth and tracks agree with them; else those that explain more of the depth, bundled."""
+    times, focal = recording.times, recording.intrinsics.fx
+    start, posed = _start_poses(tracks, config, focal, progress)
+    poses = _bundle(tracks, start, posed, config, focal) if posed.any() else start
+    depth = poses_by_depth(recording, tracks, poses, config.pixel_sigma / focal, progress)
+    apart = _apart(poses, depth.T_world_cam, posed & depth.posed)
+    if (apart & (depth.good > _BETTER * depth.theirs)).any() or depth.posed.sum() > posed.sum():
+        posed = depth.posed
+        poses = _bundle(tracks, depth.T_world_cam, posed, config, focal, depth.information)
+    _enough(posed)
+    return _from_first(poses, posed, times)
+
+
+def _apart(a: Array, b: Array, both: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Frames (T,) at which two paths (T, 4, 4) have moved differently since one of the frames before; `both`: known in both."""
+    out = np.zeros(len(a), dtype=bool)
+    rows = np.flatnonzero(both)
+    for gap in _SINCE:
+        if len(rows) > gap:
+            i, j = rows[:-gap], rows[gap:]
+            off = geo.invert_pose(geo.invert_pose(a[i]) @ a[j]) @ geo.invert_pose(b[i]) @ b[j]
+            out[j] |= np.linalg.norm(off[:, :3, 3], axis=1) > _APART_M
+            out[j] |= geo.rotation_angle(off[:, :3, :3]) > _APART_RAD
+    return out
+
+
+def _enough(posed: NDArray[np.bool_]) -> None:
+    """Raises ReconstructionError when fewer than half of the frames (T,) are posed."""
+    if posed.mean() < 0.5:
+        raise ReconstructionError(
+            f"only {int(posed.sum())} of {len(posed)} frames share enough tracked points with their neighbours",
+            "record with more texture and light in view, or move the camera more slowly",
+        )
 
 
 def estimate_cameras(
@@ -108,12 +149,12 @@ def estimate_cameras(
     Raises ReconstructionError when fewer than half of the frames can be posed.
     """
     start, posed = _start_poses(tracks, config, focal, progress)
-    if posed.mean() < 0.5:
-        raise ReconstructionError(
-            f"only {int(posed.sum())} of {len(posed)} frames share enough tracked points with their neighbours",
-            "record with more texture and light in view, or move the camera more slowly",
-        )
-    poses = _bundle(tracks, start, posed, config, focal)
+    _enough(posed)
+    return _from_first(_bundle(tracks, start, posed, config, focal), posed, times)
+
+
+def _from_first(poses: Array, posed: NDArray[np.bool_], times: Array) -> Trajectory:
+    """The posed frames of (T, 4, 4) in the first one's camera."""
     frames = np.flatnonzero(posed)
     return Trajectory(frames, times[frames], geo.invert_pose(poses[frames[0]]) @ poses[frames])
 
@@ -183,9 +224,17 @@ def _align(
 
 
 def _bundle(
-    tracks: Tracks, start: Array, posed: NDArray[np.bool_], config: CameraConfig, focal: float
+    tracks: Tracks,
+    start: Array,
+    posed: NDArray[np.bool_],
+    config: CameraConfig,
+    focal: float,
+    held: Array | None = None,
 ) -> Array:
-    """Robust alternation of landmarks and poses over every observation; returns poses (T, 4, 4)."""
+    """Robust alternation of landmarks and poses over every observation; returns poses (T, 4, 4).
+
+    held: information (T, 6, 6) by which each pose is held to its start.
+    """
     visible = tracks.visible & posed[:, None]
     frame_index, track_index = np.nonzero(visible)
     points = tracks.points_cam[frame_index, track_index]
@@ -205,6 +254,10 @@ def _bundle(
         weights *= track_weight[track_index] ** 2  # a point that moves part of the time is not static
         h, g = pose_systems(poses, frame_index, track_index, points, info, weights, landmarks)
         usable = np.flatnonzero(posed)
+        if held is not None:
+            h += held
+            off = geo.log_se3(geo.invert_pose(poses) @ start)
+            g -= (held @ off[..., None])[..., 0]
         step = -np.linalg.solve(h[usable] + 1e-6 * np.eye(6), g[usable][..., None])[..., 0]
         poses[usable] = poses[usable] @ geo.exp_se3(step)
         landmarks = landmarks_of(poses, frame_index, track_index, points, info, weights, len(tracks))
