@@ -23,6 +23,7 @@ from twin.geometry import Array
 from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
+_ALONG = 0.7  # cosine between a front's normal and the way of what slides along it
 _EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the thickness of a fridge door
 
 
@@ -53,7 +54,8 @@ class ClosedEndConfig(Settings):
 class ClosedEnd:
     """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the reason.
 
-    margin: by how much the shares of the cue that is asked first differ between the ends, where it decided; else 0.
+    margin: by how much the shares of the cue that decided differ between the ends, where it is asked first and nothing speaks against
+    it, or the way of a drawer speaks for it; else 0.
     """
 
     state: float
@@ -73,9 +75,10 @@ def find_closed_end(
 ) -> ClosedEnd:
     """Decide by what surrounds and what lies behind the part at both ends of its travel.
 
-    In this order: its face is flush with static surface there and not at the other end; it covers a cavity that is seen
-    when it is away; it covers more space; else the first rest pose. What slides in its own plane may be flush all along,
-    so there the cavity is asked first. part_mesh: at the part's state 0.
+    In this order: its face is flush with static surface there and not at the other end; of what slides along its front's normal, it is
+    farther from the viewer and nearer to static surface there, as a drawer comes out of its furniture; it covers a cavity that is seen
+    when it is away; it covers more space; else the first rest pose. What slides in its own plane may be flush all along, so there the
+    cavity is asked first. What is flush only where it is farther out is unsure. part_mesh: at the part's state 0.
     """
     ends = travel_ends(part.motion.state, config.quantile)
     surface = sample(part_mesh)
@@ -90,14 +93,18 @@ def find_closed_end(
         ]
         cavity = [float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth]
         cues = [(flush, "flush with its surroundings"), (cavity, "covers a cavity")]
+        inward = _inward(face, part.joint, ends, static)
         if isinstance(part.joint, Prismatic) and abs(face.normal @ part.joint.axis) < 0.5:
             cues.reverse()
+        elif inward is not None:
+            cues.insert(1, (inward, "nearer to its surroundings and farther from the viewer"))
         for number, (shares, what) in enumerate(cues):
             k = int(shares[1] > shares[0])
             margin = shares[k] - shares[1 - k]
             if margin > config.margin:
                 of = f"{100 * shares[k]:.0f} %, at the other end {100 * shares[1 - k]:.0f} %"
-                return replace(_end(ends, k, f"{what} ({of})"), margin=0.0 if number else margin)
+                sure = (inward is None and not number) or (inward is not None and inward[k] > 0)
+                return replace(_end(ends, k, f"{what} ({of})"), margin=margin if sure else 0.0)
         space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
         if abs(space[0] - space[1]) > config.margin * max(space):
             return _end(ends, int(space[1] > space[0]), "its rest pose shows less uncovered space")
@@ -138,7 +145,7 @@ def _front(surface: Surface, part: MovingPart, eyes: Array) -> _Face:
     """The part's front: the largest flat face; of a slide, rather one square to its motion when it has such a face."""
     faces = outer_faces(surface)
     if isinstance(part.joint, Prismatic):
-        square = [f for f in faces if abs(f.normal @ part.joint.axis) > 0.7]
+        square = [f for f in faces if abs(f.normal @ part.joint.axis) > _ALONG]
         if square and len(square[0].points) > 0.2 * len(faces[0].points):
             faces = square
     same = [f for f in faces if abs(f.normal @ faces[0].normal) > 0.9]
@@ -191,6 +198,22 @@ def _flush_shares(
         nearest = np.minimum(nearest, padded[near.reshape(len(nearest), -1)].min(axis=1))
         shares.append(float(moves @ (nearest < config.gap) / max(float(moves.sum()), 1e-9)))
     return shares
+
+
+def _inward(face: _Face, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float] | None:
+    """Of what slides along its front's normal: at the end that is farther from the viewer, by how much nearer its rim is to static surface
+    than at the other, over the travel (0 where it is not), and 0; else None."""
+    along = float(face.normal @ joint.axis) * (ends[1] - ends[0])
+    if not isinstance(joint, Prismatic) or abs(face.normal @ joint.axis) < _ALONG:
+        return None
+    rims = [geo.transform(joint.pose(e), face.rim) for e in ends]
+    beside = _cropped(static, np.concatenate(rims), abs(along) + 2 * _EDGE_M)
+    if not len(beside.faces):
+        return None
+    tree = cKDTree(sample(beside, 100_000).points)
+    near, far = (float(np.median(tree.query(rim)[0])) for rim in rims)
+    share = max(0.0, float(np.sign(along)) * (far - near) / max(abs(along), 1e-9))
+    return [share, 0.0] if along > 0 else [0.0, share]
 
 
 def _cropped(mesh: Mesh, points: Array, margin: float) -> Mesh:

@@ -17,6 +17,7 @@ from recon.verdict.explained import unexplained
 from recon.verdict.halves import Halves, halves
 from recon.verdict.hands import false_hand
 from recon.verdict.in_motion import InMotion, in_motion
+from recon.verdict.places import Places, places
 from recon.verdict.posed import PosedTwin
 from twin.scene import Mesh, Trajectory
 
@@ -71,6 +72,13 @@ class PartEvidence:
         if self.mesh is None or not len(self.mesh.faces):
             return None
         return in_motion(self.scene.posed, self.part)
+
+    @cached_property
+    def places(self) -> Places | None:
+        """What was seen of the places of its surface; None without one, or without motion."""
+        if self.mesh is None or not len(self.mesh.faces):
+            return None
+        return places(self.scene.posed, self.part, self.mesh)
 
     @cached_property
     def halves(self) -> Halves | None:

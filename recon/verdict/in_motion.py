@@ -70,7 +70,7 @@ def _count(twin: PosedTwin, part: MovingPart, frame: int) -> tuple[int, int, int
     """own, through, right and wrong in one frame."""
     states, first = twin.states(frame), part.motion.intervals[0][0]
     now, rest = (
-        twin.expected(frame, states),
+        twin.expected(frame),
         twin.expected(frame, states | {part.id: part_state(part, first)}),
     )
     seen = twin.seen(frame)

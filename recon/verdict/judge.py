@@ -20,7 +20,7 @@ from twin.runs.keys import Stage
 from twin.scene import Trajectory
 from twin.verdict import Reason, Verdict
 
-VERDICT = Stage("verdict", 4, ())
+VERDICT = Stage("verdict", 5, ())
 
 
 @dataclass(frozen=True)

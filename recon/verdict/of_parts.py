@@ -8,16 +8,17 @@ The limits are floors, chosen by us on 27 runs on recordings that the chain had 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from recon.parts.static_spans import REST_MARGIN
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.of_video import (
+    contradicted,
     hand_at_ends,
     motion_explained,
     motion_seen,
     same_in_halves,
     seen_through,
+    seen_to_move,
 )
 from twin import geometry as geo
 from twin.geometry import Array
@@ -35,9 +36,7 @@ from twin.verdict import (
     Reason,
     SmallSurface,
     TooShort,
-    TracksOffSurface,
     Unexplained,
-    UntrackedSurface,
     WithinDrift,
 )
 
@@ -62,11 +61,6 @@ DRIFT_DOUBTFUL, DRIFT_REFUSED, _FEWEST_TRACKS = 5.0, 2.0, 20
 RESTLESS = 0.9
 # m^2. Less than the palm that opens it.
 SMALL = 0.005
-# Labels against motion. Share of the surface that lies farther than REACH from every track that moved with it: 0 in seven runs
-# whose labels were right, .10 to .34 in five whose labels had leaked onto what is beside or behind the part. And share of those
-# tracks that lie farther than OFF from the surface: .03 to .19 in seven right ones, .03 to .13 with leaked labels, 1 in two missed.
-REACH_M, UNTRACKED = 0.3, 0.05
-OFF_M, OFF_SURFACE = 0.05, 0.5
 # Share of the picture at rest with another depth than the twin's. 0 in eleven right runs and in four with a right joint and one fault
 # of a sensor, .0003 with time of flight; .007 and .010 at the two ends of one whose part was missed. All of them recordings that were
 # looked at while this was built.
@@ -205,38 +199,6 @@ def surface(e: PartEvidence) -> Reason | None:
     return SmallSurface("doubtful", e.mesh.area, SMALL) if e.mesh.area < SMALL else None
 
 
-def tracked(e: PartEvidence) -> Reason | None:
-    """Labels against motion: surface far from everything that was seen to move with it."""
-    landmarks = _landmarks(e)
-    if e.mesh is None or not len(e.mesh.faces) or not len(landmarks):
-        return None
-    corners = e.mesh.vertices[e.mesh.faces]
-    area = geo.triangle_areas(corners)
-    far = cKDTree(landmarks).query(corners.mean(axis=1))[0] > REACH_M
-    share = float(area[far].sum() / max(area.sum(), 1e-12))
-    return None if share <= UNTRACKED else UntrackedSurface("doubtful", share, REACH_M, UNTRACKED)
-
-
-def on_surface(e: PartEvidence) -> Reason | None:
-    """Motion against labels: tracks that showed the joint and are not on the part."""
-    landmarks = _landmarks(e)
-    if e.mesh is None or not len(e.mesh.faces) or not len(landmarks):
-        return None
-    centres = e.mesh.vertices[e.mesh.faces].mean(axis=1)
-    share = float(np.mean(cKDTree(centres).query(landmarks)[0] > OFF_M))
-    return None if share <= OFF_SURFACE else TracksOffSurface("refused", share, OFF_M, OFF_SURFACE)
-
-
-def _landmarks(e: PartEvidence) -> Array:
-    """Where on the part its tracks are: points (n, 3) m at state 0, medians over the frames that see them."""
-    frames, movers = e.part.motion.frames, e.scene.found.movers
-    T_part_world = geo.invert_pose(e.part.joint.poses(e.part.motion.state))
-    points = movers.points_world[frames][:, e.tracks.members]
-    often = np.isfinite(points[..., 0]).any(axis=0)
-    at_rest = geo.transform(T_part_world, points[:, often])
-    return np.asarray(np.nanmedian(at_rest, axis=0))
-
-
 def labelled(e: PartEvidence) -> Reason | None:
     """How many label images show the part."""
     frames = sum(bool((image == e.part.id).any()) for image in e.scene.labels.values())
@@ -253,6 +215,6 @@ def explained(e: PartEvidence) -> Reason | None:
 
 
 OF_PARTS = (
-    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, surface, tracked, on_surface, labelled, hand_at_ends, explained,
+    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, surface, seen_to_move, contradicted, labelled, hand_at_ends, explained,
     seen_through, motion_explained, motion_seen, same_in_halves,
 )  # fmt: skip

@@ -12,10 +12,13 @@ from recon.verdict.evidence import PartEvidence
 from twin.verdict import (
     HalvesDisagree,
     HandWhereNobodyIs,
+    Level,
     MotionUnexplained,
     MotionUnseen,
     Reason,
     SeenThrough,
+    SurfaceContradicted,
+    SurfaceUnseen,
 )
 
 # Pixels that are seen through, over the part's own. Right: 0 in all, .0009 with stereo depth; wrong: .006, .013 and .20 in three,
@@ -27,6 +30,13 @@ WRONG, FEWEST = 0.2, 100
 # What is seen with another depth than at rest and with the twin's, over the part's own pixels. Right: .11 to .80; wrong: below in
 # 23 of 36 with a surface, most others with a right joint and the wrong closed end or labels.
 WITNESSED = 0.05
+# Share of the part's area that was seen to move, and that goes far enough to be told. Right: .47 to .96 in 30; wrong: 0 to .28 in 21, and
+# more in six whose surface is right and whose joint, path or closed end is not. Where hardly any was, and most was not even seen at two
+# places, what is called a part is none.
+MOVED, MOVED_REFUSED, FOLLOWED, TOLD = 0.3, 0.02, 0.5, 0.3
+# Share of the area that is seen not to be there, or to stay. Right: 0 to .03 in 30; wrong: .11 to .23 in four, less in those that are hidden
+# behind what they were labelled with. Above half of it, by us.
+CONTRADICTED, CONTRADICTED_REFUSED = 0.1, 0.5
 # rad and m by which the joints of the halves differ: twice and two and a half times what counts as success. Right: up to 3 deg and
 # 25 mm where they answer, 4 deg and 37 mm with a lidar. They do where three sigmas of the difference are within the limits `SURE`; that
 # of the hinge is narrower, as its sigma leaves out how tracks drift: right runs differ by up to nine of them.
@@ -60,6 +70,25 @@ def motion_seen(e: PartEvidence) -> Reason | None:
     if m is None or m.right >= WITNESSED * max(m.own, 1):
         return None
     return MotionUnseen("doubtful", m.right / max(m.own, 1), WITNESSED)
+
+
+def seen_to_move(e: PartEvidence) -> Reason | None:
+    """How much of its surface is seen at two places, and one of them empty in between; None where it hardly goes anywhere."""
+    p = e.places
+    if p is None or p.far < TOLD or p.witnessed >= MOVED:
+        return None
+    none = p.witnessed < MOVED_REFUSED and p.followed < FOLLOWED
+    untold = 1.0 - p.witnessed - p.contradicted
+    return SurfaceUnseen("refused" if none else "doubtful", p.witnessed, untold, MOVED)
+
+
+def contradicted(e: PartEvidence) -> Reason | None:
+    """How much of its surface is seen not to move with it: a wall, a table, a neighbour that were labelled part."""
+    p = e.places
+    if p is None or p.contradicted <= CONTRADICTED:
+        return None
+    level: Level = "refused" if p.contradicted > CONTRADICTED_REFUSED else "doubtful"
+    return SurfaceContradicted(level, p.contradicted, CONTRADICTED)
 
 
 def same_in_halves(e: PartEvidence) -> Reason | None:

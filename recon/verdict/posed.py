@@ -72,17 +72,24 @@ class PosedTwin:
         }
 
     def expected(self, frame: int, states: Mapping[int, float] | None = None) -> Expected:
-        """The view of a frame with a known camera. states: by part id; those of the frame where none are given."""
-        told = self.states(frame) if states is None else states
+        """The view of a frame with a known camera. states: by part id; those of the frame where none are given, and then it is kept."""
+        if states is None:
+            if frame not in self._kept:
+                self._kept[frame] = self.expected(frame, self.states(frame))
+            return self._kept[frame]
         T_world_cam = self.T_world_cam(frame)
         depth = _cast(self._static, self._rays, T_world_cam)
         owner = np.where(depth > 0, STATIC_LABEL, UNKNOWN_LABEL).astype(np.uint8)
         for part, scene in self._scenes:
-            pose = geo.invert_pose(part.joint.pose(told[part.id]))
+            pose = geo.invert_pose(part.joint.pose(states[part.id]))
             near = _cast(scene, self._rays, pose @ T_world_cam)
             first = (near > 0) & ((depth == 0) | (near < depth))
             depth, owner = np.where(first, near, depth), np.where(first, np.uint8(part.id), owner)
         return Expected(depth, owner)
+
+    @cached_property
+    def _kept(self) -> dict[int, Expected]:
+        return {}
 
     @cached_property
     def _static(self) -> Any:

@@ -22,7 +22,7 @@ from recon.evaluation.truth import load_truth
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from tests.recon.cabinets import TRAVEL, Clip, Kind, make_clip
-from tests.recon.tiny import box
+from tests.recon.tiny import box, merged
 from twin import geometry as geo
 from twin.errors import ConfigError
 from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute, Trajectory
@@ -51,6 +51,31 @@ def test_closed_end_is_found(kind: Kind, backwards: bool, axis_sign: int) -> Non
     closed = rebase_mesh(clip.mesh, clip.part, found)
     true = make_clip(kind).mesh  # its first frame is closed
     np.testing.assert_allclose(closed.vertices, true.vertices, atol=0.01)
+
+
+@pytest.mark.parametrize("axis_sign", [1, -1])
+@pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])
+def test_a_drawer_whose_front_is_not_flush_comes_out_towards_the_viewer(
+    backwards: bool, axis_sign: int
+) -> None:
+    """Its front stands 4 cm before its neighbours', and nothing is seen behind it."""
+    clip = make_clip("drawer", backwards=backwards, axis_sign=axis_sign)
+    front = box((0.0, -0.05 - clip.opening[0], 1.4), (0.596, 0.018, 0.2))
+    found = find_closed_end(clip.part, front, clip.static, clip.recording, clip.cameras, {})
+    assert found.source.startswith("nearer to its surroundings")
+    assert found.margin > 0.8
+    np.testing.assert_allclose(rebase(clip.part, found).motion.state, clip.opening, atol=0.003)
+
+
+def test_a_drawer_that_is_flush_only_where_it_is_out_is_unsure() -> None:
+    """As where what was labelled static is the drawer's own front."""
+    clip = make_clip("drawer")
+    y = -TRAVEL["drawer"]
+    beside = [box((x, y, 1.4), (0.3, 0.018, 0.2)) for x in (-0.45, 0.45)]
+    static = merged(*beside, *(box((0.0, y, z), (1.2, 0.018, 0.2)) for z in (1.2, 1.6)))
+    found = find_closed_end(clip.part, clip.mesh, static, clip.recording, clip.cameras, clip.labels)
+    assert found.source.startswith("flush")
+    assert found.margin == 0.0
 
 
 def test_a_door_that_never_closes_is_counted_from_its_most_closed_state() -> None:

@@ -16,11 +16,12 @@ from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts
 from recon.refine.observations import RefineConfig
 from recon.refine.refine_parts import polish_parts, refine_found
-from recon.verdict import of_parts
+from recon.verdict import of_parts, of_video
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.explained import other_depth
 from recon.verdict.judge import judge
 from recon.verdict.of_scenes import free_things
+from recon.verdict.places import Places
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import SPAN, movers_of, perfect
 from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute
@@ -74,27 +75,6 @@ def scaled(mesh: Mesh, area: float) -> Mesh:
     return Mesh(mesh.vertices * np.sqrt(area / mesh.area), mesh.faces)
 
 
-def grown(e: PartEvidence, clip: Clip, share: float) -> PartEvidence:
-    """A triangle 2 m away whose area makes up that share of the surface."""
-    side = np.sqrt(2 * clip.mesh.area * share / (1 - share))
-    far = np.array([[2.0, 2, 2], [2 + side, 2, 2], [2, 2 + side, 2]])
-    n = len(clip.mesh.vertices)
-    mesh = Mesh(
-        np.concatenate([clip.mesh.vertices, far]), np.concatenate([clip.mesh.faces, [[n, n + 1, n + 2]]])
-    )
-    return replace(e, mesh=mesh)
-
-
-def off(e: PartEvidence, share: float) -> PartEvidence:
-    """That share of the part's tracks lies a metre beside it, in the part's frame."""
-    points = e.scene.found.movers.points_world.copy()
-    poses = e.part.joint.poses(e.part.motion.state)
-    moved = round(share * int(e.tracks.members.sum()))
-    points[:, :moved] += (poses[:, :3, :3] @ np.array([1.0, 1.0, 1.0]))[:, None]
-    movers = replace(e.scene.found.movers, points_world=points)
-    return replace(e, scene=replace(e.scene, found=replace(e.scene.found, movers=movers)))
-
-
 def ranging(e: PartEvidence, span: float, kind: type[Joint] = Revolute) -> PartEvidence:
     """The same range and sigma over a shorter or longer way."""
     joint = e.part.joint
@@ -107,6 +87,13 @@ def with_known(e: PartEvidence, **known: Any) -> PartEvidence:
     scene = replace(e.scene)
     scene.__dict__.update(known)
     return replace(e, scene=scene)
+
+
+def with_places(e: PartEvidence, **shares: float) -> PartEvidence:
+    """Evidence with these shares of the surface, of one that is known well in all else."""
+    out = replace(e)
+    vars(out)["places"] = replace(Places(0.8, 0.0, 0.8, 1.0), **shares)
+    return out
 
 
 def backed_off(e: PartEvidence, away: float) -> PartEvidence:
@@ -133,8 +120,11 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Reason | None], Callable[..., P
     "drift, all": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT_REFUSED, "down", "refused"),
     "rest": (of_parts.rests, lambda e, _, x: moving_during(e, x), of_parts.RESTLESS, "up", "doubtful"),
     "surface": (of_parts.surface, lambda e, c, x: replace(e, mesh=scaled(c.mesh, x)), of_parts.SMALL, "down", "doubtful"),
-    "untracked": (of_parts.tracked, lambda e, c, x: grown(e, c, x), of_parts.UNTRACKED, "up", "doubtful"),
-    "off": (of_parts.on_surface, lambda e, _, x: off(e, x), of_parts.OFF_SURFACE, "up", "refused"),
+    "moved": (of_video.seen_to_move, lambda e, _, x: with_places(e, witnessed=x), of_video.MOVED, "down", "doubtful"),
+    "moved, none": (of_video.seen_to_move, lambda e, _, x: with_places(e, witnessed=x, followed=0.1), of_video.MOVED_REFUSED, "down", "refused"),
+    "followed": (of_video.seen_to_move, lambda e, _, x: with_places(e, witnessed=0.0, followed=x), of_video.FOLLOWED, "down", "refused"),
+    "contradicted": (of_video.contradicted, lambda e, _, x: with_places(e, contradicted=x), of_video.CONTRADICTED, "up", "doubtful"),
+    "contradicted, most": (of_video.contradicted, lambda e, _, x: with_places(e, contradicted=x), of_video.CONTRADICTED_REFUSED, "up", "refused"),
     "turn": (of_parts.far_enough, lambda e, _, x: ranging(e, x), of_parts.TURN_DOUBTFUL, "down", "doubtful"),
     "turn, none": (of_parts.far_enough, lambda e, _, x: ranging(e, x), of_parts.TURN_REFUSED, "down", "refused"),
     "way": (of_parts.far_enough, lambda e, _, x: ranging(e, x, Prismatic), of_parts.SLIDE_DOUBTFUL, "down", "doubtful"),
@@ -196,7 +186,9 @@ def test_what_can_not_be_told_gives_no_reason_but_a_joint_without_sigma_does(evi
     for mesh in (None, EMPTY):
         unseen = replace(evidence, mesh=mesh)
         assert of_parts.surface(unseen).level == "refused"  # type: ignore[union-attr]
-        assert [of_parts.tracked(unseen), of_parts.on_surface(unseen), of_parts.drift(unseen)] == [None] * 3
+        assert [of_video.seen_to_move(unseen), of_video.contradicted(unseen), of_parts.drift(unseen)] == [
+            None
+        ] * 3
 
 
 def test_things_are_counted_by_what_goes_far_together() -> None:

@@ -32,9 +32,9 @@ from twin.verdict.surface import (
     HandWhereNobodyIs,
     NoSurface,
     SmallSurface,
-    TracksOffSurface,
+    SurfaceContradicted,
+    SurfaceUnseen,
     Unexplained,
-    UntrackedSurface,
 )
 from twin.verdict.text import unjudged as unjudged
 from twin.verdict.text import verdict_line as verdict_line
@@ -65,9 +65,9 @@ __all__ = [
     "SmallSurface",
     "StatedReason",
     "TooShort",
-    "TracksOffSurface",
+    "SurfaceContradicted",
     "Unexplained",
-    "UntrackedSurface",
+    "SurfaceUnseen",
     "Verdict",
     "WithinDrift",
     "of_twin",

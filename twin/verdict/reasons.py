@@ -29,9 +29,9 @@ from twin.verdict.surface import (
     HandWhereNobodyIs,
     NoSurface,
     SmallSurface,
-    TracksOffSurface,
+    SurfaceContradicted,
+    SurfaceUnseen,
     Unexplained,
-    UntrackedSurface,
 )
 
 
@@ -101,8 +101,8 @@ REASONS: dict[str, type[Reason]] = {
         HandWhereNobodyIs,
         NoSurface,
         SmallSurface,
-        UntrackedSurface,
-        TracksOffSurface,
+        SurfaceUnseen,
+        SurfaceContradicted,
         Unexplained,
         SeenThrough,
         MotionUnexplained,

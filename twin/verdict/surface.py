@@ -68,43 +68,42 @@ class SmallSurface(Reason):
 
 
 @dataclass(frozen=True)
-class UntrackedSurface(Reason):
-    """`share` of the surface, more than `limit`, is farther than `reach_m` from everything that was seen to move with it."""
+class SurfaceUnseen(Reason):
+    """`share` of the surface, less than `limit`, was seen to move with the part; `untold` of it was neither seen to nor seen not to."""
 
     share: float
-    reach_m: float
+    untold: float
     limit: float
 
     @property
     def text(self) -> str:
-        far = f"is farther than {self.reach_m:g} m from all that was seen to move with it"
-        return f"{100 * self.share:.0f} % of its surface {far} (at most {100 * self.limit:g} %)"
+        told = f"{100 * self.share:.0f} % of its surface was seen to move with it, {100 * self.untold:.0f} % not told"
+        return f"{told} (at least {100 * self.limit:g} %)"
 
     @property
     def kind(self) -> str:
-        return "much of its surface was not seen to move"
+        return "hardly any of its surface was seen to move"
 
     @property
     def help(self) -> str:
-        return f"come nearer and light it well, stick some tape onto a plain part, or {POINT_AT_IT}"
+        return f"keep the whole part in view before, while and after it moves, or {POINT_AT_IT}"
 
 
 @dataclass(frozen=True)
-class TracksOffSurface(Reason):
-    """`share` of the tracks that showed its joint, more than `limit`, are farther than `off_m` from its surface."""
+class SurfaceContradicted(Reason):
+    """`share` of the surface, more than `limit`, is seen through where the part brings it, or stays when the part has left."""
 
     share: float
-    off_m: float
     limit: float
 
     @property
     def text(self) -> str:
-        far = f"is farther than {100 * self.off_m:g} cm from its surface"
-        return f"{100 * self.share:.0f} % of what showed its joint {far} (at most {100 * self.limit:g} %)"
+        told = f"{100 * self.share:.0f} % of its surface is seen not to move with it"
+        return f"{told} (at most {100 * self.limit:g} %)"
 
     @property
     def kind(self) -> str:
-        return "what showed its joint is not on its surface"
+        return "some of its surface is not the part's"
 
     @property
     def help(self) -> str:
