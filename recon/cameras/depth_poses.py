@@ -2,7 +2,7 @@
 
 Each frame is laid onto earlier ones, up to some 40 frames back, by its surfaces (point to plane: Chen and Medioni 1992) and its
 tracks. What moves agrees with the last of them only, and a near part covers much of the picture but little area: so a door that
-fills the view does not take the camera along.
+fills the view does not take the camera along. FunREC, supplement 1.2: without masks of what moves.
 """
 
 from __future__ import annotations
