@@ -34,15 +34,19 @@ def by_both(
         if w.by_tracks is not None and not any(p is found[w.by_tracks] for p in parts):
             parts.append(found[w.by_tracks])
         elif w.by_tracks is None:
-            parts.append(_of_depth(w, recording, cameras, config))
+            parts.append(_of_depth(w, recording, cameras, movers, config))
     return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
 
 
-def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, config: MotionConfig) -> PartTracks:
-    """A part that depth alone tells; residual and share of inliers are those of tracks, of which there may be none."""
+def _of_depth(
+    w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers, config: MotionConfig
+) -> PartTracks:
+    """A part that depth alone tells. Inliers: the share of the movers that follow it, 0 where there are none; its residual is that of
+    the refinement, which comes next."""
     spread = w.joint.sigma.state if w.joint.sigma is not None else 0.0
     spans = tuple(
         (i.first, i.last) for i in state_intervals(cameras.frames, w.state, spread, config.interval)
     )
-    motion = Motion(cameras.frames, recording.times[cameras.frames], w.state, spans, 0.0, 1.0)
+    inliers = float(w.followers.sum()) / max(int(movers.moving.sum()), 1)
+    motion = Motion(cameras.frames, recording.times[cameras.frames], w.state, spans, 0.0, inliers)
     return PartTracks(MovingPart(FIRST_PART_ID, w.joint, motion), w.followers, "depth")

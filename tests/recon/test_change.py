@@ -16,6 +16,8 @@ from recon.parts.changed.compete import witnessed
 from recon.parts.changed.proposals import Proposed, proposed_joints
 from recon.parts.changed.search import ChangedPart, changed_parts
 from recon.parts.config import MotionConfig
+from recon.parts.found import PartTracks
+from recon.parts.two_witnesses import by_both
 from tests.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
 from twin.scene import Joint, Prismatic, Revolute
@@ -128,6 +130,19 @@ def test_tracks_that_follow_a_joint_are_its_and_others_are_not() -> None:
     (found,) = witnessed(clip.recording, clip.cameras, seen, [], MotionConfig(), JointConfig())
     assert found.followers[:20].mean() > 0.8
     assert not found.followers[20:].any()
+
+
+def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip: Clip) -> None:
+    none = np.zeros(0, bool)
+    wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
+    told = [PartTracks(wrong, none, "motion"), PartTracks(clip.part, none, "motion")]
+    (kept,) = by_both(told, clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
+    assert kept.type_source == "motion"
+    assert kept.part.joint is clip.part.joint
+    (other,) = by_both(told[:1], clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
+    assert other.type_source == "depth"
+    assert other.part.joint.kind == clip.part.joint.kind
+    assert other.part.motion.inliers == 0.0  # no track follows it
 
 
 def test_a_rectangle_proposes_its_edges_and_its_normal() -> None:
