@@ -71,7 +71,8 @@ class Readings(NamedTuple):
 def look_up(
     depth: NDArray[np.floating], camera: Intrinsics, points_cam: Array, near: float = 0.1
 ) -> Readings:
-    """Project points (n, 3) m into a depth image (H, W) m and read the nearest pixel; in view are those over `near` m ahead.
+    """Project points (n, 3) m into a depth image (H, W) m and read the nearest pixel; in view are those over `near` m ahead,
+    and the others read 0, as where depth is unknown.
 
     Nearest and never between pixels: a mean over a depth edge lies on neither surface.
     """
@@ -79,7 +80,7 @@ def look_up(
     at = np.rint(camera.project(np.where(ahead[:, None], points_cam, [0.0, 0.0, 1.0]))).astype(np.int64)
     inside = ahead & (at >= 0).all(axis=1) & (at[:, 0] < camera.width) & (at[:, 1] < camera.height)
     x, y = np.where(inside, at.T, 0)
-    return Readings(inside, x, y, depth[y, x].astype(np.float64))
+    return Readings(inside, x, y, np.where(inside, depth[y, x], 0.0))
 
 
 def depth_normals(depth: NDArray[np.float32], camera: Intrinsics, max_depth: float) -> Array:

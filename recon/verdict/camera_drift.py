@@ -18,7 +18,7 @@ _FRAMES = 40  # looked at, evenly spread
 _APART = (0.0, 0.1, 0.25, 0.5, 0.8)  # of the recording, between the frames of a pair; 0: neighbours
 _PAIRS = 20  # of each distance
 QUANTILE = 0.3  # what was missed may fill two thirds of the picture
-_FEWEST = 200  # places that both frames see
+_COMMON = 0.1  # of the picture, seen by both frames at least; less may be one thing that moved. Chosen by us
 
 
 def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
@@ -54,6 +54,6 @@ def _apart(
     moved = geo.transform(geo.invert_pose(twin.T_world_cam(b)) @ twin.T_world_cam(a), points)
     seen = look_up(far, twin.camera, moved).z
     both = seen > 0
-    if both.sum() < _FEWEST:
+    if both.sum() < _COMMON * near.size:
         return 0.0
     return float(np.quantile(np.abs(seen[both] - moved[both, 2]), QUANTILE))

@@ -47,7 +47,7 @@ class SceneEvidence:
     @cached_property
     def unexplained(self) -> tuple[int, float]:
         """The frame of rest that the twin explains worst, and the share of the picture."""
-        return unexplained(self.posed)
+        return unexplained(self.posed, self.labels)
 
     @cached_property
     def false_hand(self) -> tuple[int, float]:

@@ -6,38 +6,45 @@ in the first frames where nothing is in the last ones, or the other way round, a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.verdict.hands import moving_hand
 from recon.verdict.posed import PosedTwin, gate, opened
 
-SHARE, FRAMES = (
-    1 / 12,
-    3,
-)  # of the recording at each end, and how many frames of it are looked at; chosen by us
+# Of the recording at each end, and how many frames of it are looked at, those with labels where there are any; chosen by us
+SHARE, FRAMES = 1 / 12, 3
 
 
-def unexplained(twin: PosedTwin) -> tuple[int, float]:
+def unexplained(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
     """The frame at one end of the recording in which the twin is worst, and the share of its pixels with another depth.
 
-    Of the two ends, the one that is worse on average.
+    Of the two ends, the one that is worse on average. What is labelled hand and moves is left out. labels: label images by frame.
     """
     posed = twin.cameras.frames
     count = max(FRAMES, round(SHARE * len(posed)))
-    ends = (np.arange(count), np.arange(len(posed) - count, len(posed)))
-    worst = (int(posed[0]), 0.0)
-    mean = -1.0
-    for rows in ends:
-        chosen = rows[np.linspace(0, count - 1, FRAMES).round().astype(int)]
-        shares = {int(f): _share(twin, int(f)) for f in posed[chosen]}
+    worst, mean = (int(posed[0]), 0.0), -1.0
+    for rows, sign in ((posed[:count], 1), (posed[len(posed) - count :], -1)):
+        shares = {f: _share(twin, f, labels.get(f), sign) for f in _looked_at(rows, labels)}
         if np.mean(list(shares.values())) > mean:
             mean = float(np.mean(list(shares.values())))
             worst = (max(shares, key=lambda f: shares[f]), mean)
     return worst
 
 
-def _share(twin: PosedTwin, frame: int) -> float:
-    return float(other_depth(twin.seen(frame), twin.expected(frame).depth).mean())
+def _looked_at(frames: NDArray[np.int64], labels: Mapping[int, NDArray[np.uint8]]) -> list[int]:
+    """Some of the frames, evenly spread."""
+    known = [int(f) for f in frames if f in labels] or [int(f) for f in frames]
+    return [known[k] for k in np.unique(np.linspace(0, len(known) - 1, FRAMES).round().astype(int))]
+
+
+def _share(twin: PosedTwin, frame: int, image: NDArray[np.uint8] | None, sign: int) -> float:
+    other = other_depth(twin.seen(frame), twin.expected(frame).depth)
+    if image is not None and other.any():
+        other &= ~moving_hand(twin, frame, image, sign)
+    return float(other.mean())
 
 
 def other_depth(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> NDArray[np.bool_]:

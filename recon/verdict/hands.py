@@ -38,16 +38,31 @@ def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tupl
     return worst
 
 
+def moving_hand(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int) -> NDArray[np.bool_]:
+    """Pixels (H, W) of a frame that are labelled hand, in pieces that mostly don't keep their place in the frames after (sign 1) or before
+    it (-1): no furniture at rest."""
+    hand = twin.thinned(image) == HAND_LABEL
+    if not hand.any():
+        return hand
+    seen = twin.seen(frame)
+    off = gate(seen, twin.expected(frame).depth)[1]
+    kept = hand & _keeps_place(twin, frame, seen, _near(twin, frame, sign), off)
+    pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1]
+    still = np.bincount(pieces.ravel(), kept.ravel()) > 0.5 * np.bincount(pieces.ravel())
+    return np.asarray(hand & ~still[pieces])
+
+
 def _ends(twin: PosedTwin, labelled: Sequence[int]) -> list[tuple[int, list[int]]]:
     """The first and the last labelled frame, each with the frames that tell whether something keeps its place."""
+    return [(frame, _near(twin, frame, sign)) for frame, sign in ((labelled[0], 1), (labelled[-1], -1))]
+
+
+def _near(twin: PosedTwin, frame: int, sign: int) -> list[int]:
+    """Some frames within `SECONDS` after (sign 1) or before (-1) a frame."""
     times, posed = twin.recording.times, twin.cameras.frames
-    ends = []
-    for frame, sign in ((labelled[0], 1), (labelled[-1], -1)):
-        since = sign * (times[posed] - times[frame])
-        wanted = SECONDS * np.arange(1, FRAMES + 1) / FRAMES
-        near = {int(posed[np.argmin(np.abs(since - t))]) for t in wanted}
-        ends.append((frame, sorted(near - {frame})))
-    return ends
+    since = sign * (times[posed] - times[frame])
+    wanted = SECONDS * np.arange(1, FRAMES + 1) / FRAMES
+    return sorted({int(posed[np.argmin(np.abs(since - t))]) for t in wanted} - {frame})
 
 
 def _false(twin: PosedTwin, frame: int, image: NDArray[np.uint8], others: Sequence[int]) -> NDArray[np.bool_]:

@@ -14,13 +14,18 @@ from recon.parts.find_parts import FoundParts
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.evidence import PartEvidence, SceneEvidence
+from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
-from twin.verdict import Reason, Verdict
+from twin.verdict import ManyDoubts, MovesWithRefused, Reason, Verdict
 
-VERDICT = Stage("verdict", 5, ())
+VERDICT = Stage("verdict", 6, ())
+# Reasons that each make doubtful. Right runs have at most 3 of them; what has more is likelier none. By us, on recordings that were looked at
+MOST_DOUBTS = 3
+# Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time. By us
+TOGETHER = 0.5
 
 
 @dataclass(frozen=True)
@@ -48,15 +53,35 @@ def judge(
     margins = {f.moving.id: f.closed_margin for f in finished}
     told = [written.get(p.id, (p, None)) for p in parts]
     scene = SceneEvidence(recording, cameras, labels, found, fused.static, told)
-    verdicts = {
+    alone = {
         part.id: verdict_on(PartEvidence(scene, part, mesh, tracks, margins.get(part.id)))
         for (part, mesh), tracks in zip(told, found.parts, strict=True)
     }
+    verdicts = _beside_refused(parts, alone)
     none = all(v.level == "refused" for v in verdicts.values())
     return Judged(verdicts, (nothing_articulated(found.movers),) if none else ())
 
 
+def _beside_refused(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:
+    """The verdicts, with a doubt for each part that moves when one does that was refused: either may have taken what moved of the other."""
+    moving = {p.id: set(p.motion.frames[moving_rows(p)]) for p in parts}
+    refused = [p.id for p in parts if verdicts[p.id].level == "refused"]
+    out = dict(verdicts)
+    for k in set(moving) - set(refused):
+        common = (len(moving[k] & moving[o]) / max(len(moving[k] | moving[o]), 1) for o in refused)
+        share = max(common, default=0.0)
+        if share > TOGETHER:
+            out[k] = _added_up((*verdicts[k].reasons, MovesWithRefused("doubtful", share, TOGETHER)))
+    return out
+
+
 def verdict_on(evidence: PartEvidence) -> Verdict:
     """All reasons against one part."""
-    reasons = (ask(evidence) for ask in OF_PARTS)
-    return Verdict(tuple(r for r in reasons if r is not None))
+    return _added_up(tuple(r for ask in OF_PARTS if (r := ask(evidence)) is not None))
+
+
+def _added_up(reasons: tuple[Reason, ...]) -> Verdict:
+    """These reasons, and that they are too many where none of them is enough to refuse."""
+    if len(reasons) > MOST_DOUBTS and all(r.level == "doubtful" for r in reasons):
+        return Verdict((ManyDoubts.told(reasons, MOST_DOUBTS), *reasons))
+    return Verdict(reasons)

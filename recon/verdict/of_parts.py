@@ -40,9 +40,10 @@ from twin.verdict import (
     WithinDrift,
 )
 
-# deg. Right: .08 to .41; right joint, wrong labels: .05 to .35; missed: .56 to 34, 11 of 12 from 1.5 up.
-AXIS_DOUBTFUL, AXIS_REFUSED = 0.5, 1.5
-# With a range below `RANGE_DOUBTFUL` too, as in all that were missed and in none of the others, half of it is enough to refuse.
+# deg. Right: .08 to .81; right joint, wrong labels: .05 to .35; missed: .52 to 131. Doubtful at a fifth of what counts as success, as the
+# sigma leaves out how tracks drift.
+AXIS_HALF_SURE, AXIS_DOUBTFUL, AXIS_REFUSED = 0.5, 1.0, 1.5
+# With a range below `RANGE_DOUBTFUL` too, as in all that were missed and in none of the others, half sure is enough to refuse.
 # The upper limit over its sigma. Right: 54 to 420; right joint, wrong labels: 8 to 330; missed: 0.5 to 27. What is below 5 can't
 # be told from rest by the chain's own word.
 RANGE_DOUBTFUL, RANGE_REFUSED = 40.0, 5.0
@@ -51,7 +52,7 @@ TURN_DOUBTFUL, TURN_REFUSED = np.radians(6.0), np.radians(3.0)
 SLIDE_DOUBTFUL, SLIDE_REFUSED = 0.02, 0.01
 # Shares by which the ends of the travel differ. Right: .35 and more in 24; wrong: 0 in one, which a cue of second rank decided.
 CLOSED_END = 0.25
-# m. Right paths (ATE up to 11 mm): 7 to 13; wrong ones (27 to 133 mm): 120 to 680. All of them recordings that were looked at.
+# m. Right paths (ATE up to 6 mm): 2 to 12; wrong ones (27 to 134 mm): 58 to 587. All of them recordings that were looked at.
 CAMERAS_DOUBTFUL, CAMERAS_REFUSED = 0.02, 0.05
 # m. The tuned recordings have less than 1 mm; a hand's grip forgives 1 cm, and a decimetre is no hinge of this part any more.
 PIVOT_DOUBTFUL, PIVOT_REFUSED = 0.01, 0.1
@@ -83,9 +84,9 @@ def axis(e: PartEvidence) -> Reason | None:
     if e.part.joint.sigma is None:
         return None
     sigma = float(np.rad2deg(e.part.joint.sigma.axis))
-    both = sigma > AXIS_DOUBTFUL and _short(e)
+    both = sigma > AXIS_HALF_SURE and _short(e)
     level = _graded(sigma > AXIS_DOUBTFUL, sigma > AXIS_REFUSED or both)
-    return None if level is None else AxisUnsure(level, sigma, AXIS_DOUBTFUL)
+    return None if level is None else AxisUnsure(level, sigma, AXIS_HALF_SURE if both else AXIS_DOUBTFUL)
 
 
 def pivot(e: PartEvidence) -> Reason | None:

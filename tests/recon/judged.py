@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
+from recon.recording import Recording
 from recon.verdict.evidence import PartEvidence, SceneEvidence
 from tests.recon.cabinets import Clip
+from twin.geometry import Array
 from twin.scene import JointSigma
 
 SPAN = 1.2  # rad, of the door
@@ -46,3 +49,10 @@ def perfect(clip: Clip, labels: Any = None) -> PartEvidence:
     images = clip.labels if labels is None else labels
     scene = SceneEvidence(clip.recording, clip.cameras, images, found, clip.static, ((part, clip.mesh),))
     return PartEvidence(scene, part, clip.mesh, tracks)
+
+
+def with_depth(e: PartEvidence, change: Callable[[Array], Array]) -> PartEvidence:
+    """The recording with its depth (H, W) m changed in every frame."""
+    read = e.scene.recording.read_depth
+    recording: Recording = replace(e.scene.recording, read_depth=lambda f: change(read(f)).astype(np.float32))
+    return replace(e, scene=replace(e.scene, recording=recording))

@@ -81,6 +81,7 @@ def test_what_is_beside_behind_or_too_near_is_not_in_view() -> None:
     near = CAMERA.backproject(np.full((2, 2), 60.0), np.array([0.09, 0.11]))
     found = look_up(depth, CAMERA, np.concatenate([outside, behind, near]))
     assert found.inside.tolist() == [False] * 6 + [True]
+    assert found.z.tolist() == [0.0] * 6 + [2.0]
     assert look_up(depth, CAMERA, near, near=0.05).inside.all()
     depth[60, 60] = 0.0
     assert look_up(depth, CAMERA, near[1:]).z.tolist() == [0.0]  # in view, and unknown

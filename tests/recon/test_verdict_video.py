@@ -10,19 +10,17 @@ import numpy as np
 import pytest
 
 from recon.parts.moving_part import MovingPart
-from recon.recording import Recording
 from recon.verdict import of_video
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.halves import Halves
 from recon.verdict.in_motion import InMotion, frames_by_travel, moving_rows
-from tests.recon.cabinets import FRAMES, Clip, Kind, make_clip
-from tests.recon.judged import perfect
+from tests.recon.cabinets import FRAMES, Kind, make_clip
+from tests.recon.judged import perfect, with_depth
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import HAND_LABEL, Mesh, Motion
+from twin.scene import Mesh, Motion
 from twin.verdict import (
     HalvesDisagree,
-    HandWhereNobodyIs,
     MotionUnexplained,
     MotionUnseen,
     Reason,
@@ -31,7 +29,6 @@ from twin.verdict import (
 
 VIDEO = (
     of_video.seen_through, of_video.motion_explained, of_video.motion_seen, of_video.same_in_halves,
-    of_video.hand_at_ends,
 )  # fmt: skip
 
 
@@ -50,18 +47,6 @@ def with_part(e: PartEvidence, part: MovingPart, mesh: Mesh | None) -> PartEvide
 
 def with_state(e: PartEvidence, state: Array) -> PartEvidence:
     return with_part(e, replace(e.part, motion=replace(e.part.motion, state=state)), e.mesh)
-
-
-def with_depth(e: PartEvidence, change: Callable[[Array], Array]) -> PartEvidence:
-    """The recording with its depth (H, W) m changed in every frame."""
-    read = e.scene.recording.read_depth
-    recording: Recording = replace(e.scene.recording, read_depth=lambda f: change(read(f)).astype(np.float32))
-    return replace(e, scene=replace(e.scene, recording=recording))
-
-
-def with_labels(e: PartEvidence, labels: dict[int, Any], mesh: Mesh | None) -> PartEvidence:
-    scene = replace(e.scene, labels=labels, parts=((e.part, mesh),))
-    return replace(e, scene=scene, mesh=mesh)
 
 
 @pytest.mark.parametrize("kind", ["door", "drawer", "slide"])
@@ -230,96 +215,3 @@ def test_each_limit_stands_where_it_is_said_to(name: str, door: PartEvidence) ->
     told = ask(with_seen(door, beyond))
     assert told is not None
     assert told.level == "doubtful"
-
-
-def hand_labels(clip: Clip, last: int) -> dict[int, Any]:
-    return {f: image for f, image in clip.labels.items() if f <= last}
-
-
-@pytest.mark.parametrize("kind", ["door", "slide"])
-def test_a_true_hand_at_an_end_is_no_reason(kind: Kind) -> None:
-    """The recording ends while the hand moves the part, with half an arm in view that does not reach the border."""
-    clip = make_clip(kind)
-    for last in (10, 12, 14, 16):
-        labels = hand_labels(clip, last)
-        assert (labels[last] == HAND_LABEL).mean() > of_video.HAND_AT_END
-        assert of_video.hand_at_ends(perfect(clip, labels)) is None
-
-
-def painted(clip: Clip, frame: int, what: Any) -> dict[int, Any]:
-    """The true labels, with hand in a frame where `what` (H, W) says so."""
-    return clip.labels | {frame: np.where(what, np.uint8(HAND_LABEL), clip.labels[frame])}
-
-
-def block(clip: Clip, share: float) -> Any:
-    """A block (H, W) in the middle of the picture that covers a share of it, rounded to whole pixels of the thinned one."""
-    image = np.zeros(next(iter(clip.labels.values())).shape, bool)
-    high, wide = (round(n * np.sqrt(share)) for n in image.shape)
-    image[70 : 70 + high, 110 : 110 + wide] = True
-    return image
-
-
-@pytest.mark.parametrize("frame", [0, FRAMES - 2])
-def test_hand_that_has_the_depth_of_the_twin_is_none(frame: int) -> None:
-    clip = make_clip("door")
-    told = of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.009))))
-    assert isinstance(told, HandWhereNobodyIs)
-    assert told.frame == frame
-    np.testing.assert_allclose(told.share, 0.009, rtol=0.15)
-    assert of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.004)))) is None
-
-
-@pytest.mark.parametrize("frame", [0, FRAMES - 2])
-def test_a_missed_part_that_was_labelled_hand_is_none(frame: int) -> None:
-    """It stands before all that the twin shows, and keeps its place."""
-    clip = make_clip("drawer")
-    missed = painted(clip, frame, clip.labels[frame] == 2)
-    e = with_labels(perfect(clip), missed, None)
-    told = of_video.hand_at_ends(e)
-    assert isinstance(told, HandWhereNobodyIs)
-    assert told.frame == frame
-
-
-def changing(e: PartEvidence, since: int, depth: Array) -> PartEvidence:
-    """The recording stands still at its first frame and has this depth (H, W) from frame `since` on."""
-    read = e.scene.recording.read_depth
-    first = np.asarray(read(0))
-    cameras = replace(e.scene.cameras, T_world_cam=np.repeat(e.scene.cameras.T_world_cam[:1], FRAMES, axis=0))
-    recording = replace(
-        e.scene.recording, read_depth=lambda f: (depth if f >= since else first).astype(np.float32)
-    )
-    return replace(e, scene=replace(e.scene, recording=recording, cameras=cameras))
-
-
-@pytest.mark.parametrize("since", [1, 6])
-def test_what_leaves_may_be_a_hand(since: int) -> None:
-    """Even if most of the frames still see it."""
-    clip = make_clip("drawer")
-    thing = clip.labels[0] == 2
-    e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
-    depth = clip.recording.depth(0)
-    assert isinstance(of_video.hand_at_ends(changing(e, since, depth)), HandWhereNobodyIs)
-    assert of_video.hand_at_ends(changing(e, since, np.where(thing, depth + 0.2, depth))) is None
-
-
-def test_fingers_may_rest_while_the_arm_moves() -> None:
-    clip = make_clip("drawer")
-    thing = clip.labels[0] == 2
-    column = np.quantile(np.nonzero(thing)[1], [0.3, 0.5])
-    e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
-    depth = clip.recording.depth(0)
-    fingers, half = (np.where(thing & (np.arange(thing.shape[1]) > x), depth + 0.2, depth) for x in column)
-    assert of_video.hand_at_ends(changing(e, 1, fingers)) is None
-    assert isinstance(of_video.hand_at_ends(changing(e, 1, half)), HandWhereNobodyIs)
-
-
-@pytest.mark.parametrize(("kind", "told"), [("drawer", False), ("door", True)])
-def test_what_reaches_the_border_may_be_an_arm_unless_it_is_too_large(kind: Kind, told: bool) -> None:
-    """The front of the drawer shows 0.12 m^2, the door 0.4 m^2."""
-    clip = make_clip(kind)
-    arm = (np.arange(clip.labels[0].shape[1]) == 100)[None] & (clip.labels[0] != 2)
-    near = with_depth(perfect(clip), lambda depth: np.where(arm, 0.5, depth))
-    labels = {0: painted(clip, 0, arm | (clip.labels[0] == 2))[0]}
-    e = changing(with_labels(near, labels, None), FRAMES, np.zeros(0))
-    assert (of_video.hand_at_ends(e) is not None) == told
-    assert of_video.hand_at_ends(with_labels(e, {}, None)) is None

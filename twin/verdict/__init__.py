@@ -26,7 +26,7 @@ from twin.verdict.reason import Level as Level
 from twin.verdict.reason import Reason as Reason
 from twin.verdict.reason import StatedReason as StatedReason
 from twin.verdict.reason import worst as worst
-from twin.verdict.reasons import REASONS, NothingArticulated, OfPart
+from twin.verdict.reasons import REASONS, ManyDoubts, MovesWithRefused, NothingArticulated, OfPart
 from twin.verdict.surface import (
     FewLabels,
     HandWhereNobodyIs,
@@ -51,8 +51,10 @@ __all__ = [
     "HalvesDisagree",
     "HandWhereNobodyIs",
     "Level",
+    "ManyDoubts",
     "MotionUnexplained",
     "MotionUnseen",
+    "MovesWithRefused",
     "NeverRests",
     "NoSurface",
     "NoUncertainty",

@@ -118,7 +118,8 @@ class ClosedEndUnsure(Reason):
 
 @dataclass(frozen=True)
 class CamerasDrift(Reason):
-    """Between `frame` and `other`, most of what stands still differs in depth by `off_m`, more than `limit_m`: the path is wrong."""
+    """Between `frame` and `other`, most of what should stand still differs in depth by `off_m`, more than `limit_m`: the path is wrong, or
+    what moved and was missed fills the view."""
 
     frame: int
     other: int
@@ -132,11 +133,11 @@ class CamerasDrift(Reason):
 
     @property
     def kind(self) -> str:
-        return "the path of the camera is wrong"
+        return "the path of the camera is wrong, or something that fills the view moved unnoticed"
 
     @property
     def help(self) -> str:
-        return f"move the camera slower and keep more of the room in view, or {CUT}"
+        return f"move the camera slower, from farther away, with more of the room in view, or {CUT}"
 
 
 @dataclass(frozen=True)

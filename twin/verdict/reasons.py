@@ -6,6 +6,7 @@ To add one: a type, its name in `REASONS`, and the function that tells it by its
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from twin.verdict.motion import (
@@ -53,6 +54,54 @@ class NothingArticulated(Reason):
     @property
     def help(self) -> str:
         return f"record a part being opened, from rest to rest, or {POINT_AT_IT}, or {CUT}"
+
+
+@dataclass(frozen=True)
+class MovesWithRefused(Reason):
+    """A part that was refused moves when this one does: in `share` of the frames in which either moves, more than `limit`."""
+
+    share: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"what was refused moves in {100 * self.share:.0f} % of the frames in which either does"
+        return f"{told} (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "something that was refused moves when it does"
+
+    @property
+    def help(self) -> str:
+        return f"open one part at a time, all of it in view, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class ManyDoubts(Reason):
+    """More than `limit` reasons, `count`, each of which would only make the part doubtful. said, cure: text and help of the first."""
+
+    count: int
+    limit: int
+    said: str
+    cure: str
+
+    @classmethod
+    def told(cls, doubts: Sequence[Reason], limit: int) -> ManyDoubts:
+        """The refusal that these doubts add up to."""
+        return cls("refused", len(doubts), limit, doubts[0].text, doubts[0].help)
+
+    @property
+    def text(self) -> str:
+        return f"{self.count} reasons speak against it (at most {self.limit}), the first: {self.said}"
+
+    @property
+    def kind(self) -> str:
+        return "too many reasons speak against it"
+
+    @property
+    def help(self) -> str:
+        return self.cure
 
 
 @dataclass(frozen=True)
@@ -109,6 +158,8 @@ REASONS: dict[str, type[Reason]] = {
         MotionUnseen,
         HalvesDisagree,
         FewLabels,
+        ManyDoubts,
+        MovesWithRefused,
         NothingArticulated,
         OfPart,
     )

@@ -1,0 +1,88 @@
+"""What reasons add up to, and what one part's verdict says of another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from recon.contact.finish_parts import FinishedPart
+from recon.fusion.fuse import FusedScene
+from recon.parts.find_parts import PartTracks
+from recon.verdict.evidence import PartEvidence
+from recon.verdict.judge import Judged, judge, verdict_on
+from tests.recon.cabinets import Clip, make_clip
+from tests.recon.judged import perfect
+from twin.verdict import ManyDoubts, MovesWithRefused
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return make_clip("door")
+
+
+def doubted(clip: Clip, times: int) -> PartEvidence:
+    """A door with so many doubts: hinge, time at rest, closed end, labels."""
+    e = perfect(clip)
+    sigma: Any = e.part.joint.sigma
+    if times > 0:
+        e = replace(e, part=replace(e.part, joint=replace(e.part.joint, sigma=replace(sigma, pivot=0.02))))
+    if times > 1:
+        e = replace(e, closed_margin=0.0)
+    if times > 2:
+        one = {f: image if f == 0 else np.ones_like(image) for f, image in e.scene.labels.items()}
+        e = replace(e, scene=replace(e.scene, labels=one))
+    if times > 3:
+        every = ((int(e.part.motion.frames[0]), int(e.part.motion.frames[-1])),)
+        e = replace(e, part=replace(e.part, motion=replace(e.part.motion, intervals=every)))
+    return e
+
+
+@pytest.mark.parametrize(
+    ("times", "level"), [(0, "trusted"), (1, "doubtful"), (3, "doubtful"), (4, "refused")]
+)
+def test_three_doubts_are_doubts_and_four_refuse(times: int, level: str, clip: Clip) -> None:
+    verdict = verdict_on(doubted(clip, times))
+    assert verdict.level == level
+    assert sum(r.level == "doubtful" for r in verdict.reasons) == times
+    if level == "refused":
+        main = verdict.main
+        assert isinstance(main, ManyDoubts)
+        assert main.count == times
+        assert verdict.reasons[1].text in main.text
+        assert main.help == verdict.reasons[1].help
+
+
+def test_what_is_refused_for_itself_is_not_refused_for_its_doubts(clip: Clip) -> None:
+    reasons = verdict_on(replace(doubted(clip, 4), mesh=None)).reasons
+    assert not any(isinstance(r, ManyDoubts) for r in reasons)
+
+
+def judged_beside(clip: Clip, frames: int) -> Judged:
+    """A door judged beside a part without a surface, which moves when it does for all but so many frames."""
+    e = perfect(clip)
+    (first, last), *_ = e.part.motion.intervals
+    motion = replace(e.part.motion, intervals=((first + frames, last + frames),))
+    other = replace(e.part, id=e.part.id + 1, motion=motion)
+    tracks = (e.tracks, PartTracks(other, e.tracks.members, "motion"))
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
+    fused = FusedScene(clip.static, {e.part.id: clip.mesh})
+    found = replace(e.scene.found, parts=tracks)
+    return judge(clip.recording, clip.cameras, clip.labels, found, (e.part, other), fused, finished)
+
+
+def test_what_moves_together_with_what_was_refused_is_doubtful(clip: Clip) -> None:
+    """Each frame of difference is one less in common and one more of either."""
+    span = clip.part.motion.intervals[0]
+    length = span[1] - span[0] + 1
+    few, many = 1, length // 2
+    assert (length - few) / (length + few) > 0.5 > (length - many) / (length + many)
+    told = judged_beside(clip, few)
+    assert told.parts[clip.part.id + 1].level == "refused"
+    (reason,) = told.parts[clip.part.id].reasons
+    assert isinstance(reason, MovesWithRefused)
+    assert reason.share == pytest.approx((length - few) / (length + few))
+    assert told.parts[clip.part.id].level == "doubtful"
+    assert judged_beside(clip, many).parts[clip.part.id].level == "trusted"
