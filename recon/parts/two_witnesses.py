@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from recon.parts.config import MotionConfig
 from recon.parts.found import PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
+from twin.describe import range_text
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
 
@@ -25,7 +27,7 @@ def by_both(
     joints: JointConfig,
 ) -> tuple[PartTracks, ...]:
     """The parts by both witnesses. A joint that both tell is taken from the tracks, which know it more finely; where depth tells any, one
-    that it does not confirm is none: corners that drift along edges follow some joint as well."""
+    that it does not confirm is none, and a warning says so: corners that drift along edges follow some joint as well."""
     seen = witnessed(recording, cameras, movers, [f.part.joint for f in found], config, joints)
     if not seen:
         return tuple(found)
@@ -35,7 +37,17 @@ def by_both(
             parts.append(found[w.by_tracks])
         elif w.by_tracks is None:
             parts.append(_of_depth(w, recording, cameras, movers, config))
+    for left in (f for k, f in enumerate(found) if all(w.by_tracks != k for w in seen)):
+        _warn(left)
     return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
+
+
+def _warn(left: PartTracks) -> None:
+    tracks = int(left.members.sum())
+    warnings.warn(
+        f"{tracks} tracks follow a joint ({range_text(left.part.joint)}) by which no changed surface moves: left out",
+        stacklevel=4,
+    )
 
 
 def _of_depth(

@@ -299,3 +299,17 @@ def test_noise_holes_and_edges_are_not_another_depth() -> None:
     np.testing.assert_allclose(other_depth(seen, expected)[30:45, 5:25].mean(), 1.0, atol=0.05)
     expected[30:45, 5:25] = 0.0
     assert other_depth(seen, expected).mean() < 0.001
+
+
+@pytest.mark.parametrize(("span", "told"), [(0.17, True), (0.2, False)])
+def test_a_short_slide_told_by_depth_may_lean_aside(span: float, told: bool, evidence: PartEvidence) -> None:
+    """8 mm aside are 2.7 deg of the one and 2.3 of the other."""
+    short = ranging(evidence, span, Prismatic)
+    assert of_parts.axis(short) is None
+    by_depth = replace(short, tracks=replace(short.tracks, type_source="depth"))
+    assert (of_parts.axis(by_depth) is not None) == told
+    lost = of_parts.axis(with_sigma(by_depth, axis=np.radians(2 * of_parts.AXIS_REFUSED)))
+    assert lost is not None
+    assert lost.level == "refused"
+    hinge = ranging(evidence, span)
+    assert of_parts.axis(replace(hinge, tracks=replace(hinge.tracks, type_source="depth"))) is None

@@ -52,11 +52,11 @@ def block(clip: Clip, share: float) -> Any:
 @pytest.mark.parametrize("frame", [0, FRAMES - 2])
 def test_hand_that_has_the_depth_of_the_twin_is_none(frame: int) -> None:
     clip = make_clip("door")
-    told = of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.009))))
+    told = of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.016))))
     assert isinstance(told, HandWhereNobodyIs)
     assert told.frame == frame
-    np.testing.assert_allclose(told.share, 0.009, rtol=0.15)
-    assert of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.004)))) is None
+    np.testing.assert_allclose(told.share, 0.016, rtol=0.15)
+    assert of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.008)))) is None
 
 
 @pytest.mark.parametrize("frame", [0, FRAMES - 2])

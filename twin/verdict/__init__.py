@@ -28,6 +28,7 @@ from twin.verdict.reason import StatedReason as StatedReason
 from twin.verdict.reason import worst as worst
 from twin.verdict.reasons import REASONS, ManyDoubts, MovesWithRefused, NothingArticulated, OfPart
 from twin.verdict.surface import (
+    AlongItself,
     FewLabels,
     HandWhereNobodyIs,
     NoSurface,
@@ -44,6 +45,7 @@ from twin.verdict.verdict import of_twin as of_twin
 __all__ = [
     "LEVELS",
     "REASONS",
+    "AlongItself",
     "AxisUnsure",
     "CamerasDrift",
     "ClosedEndUnsure",

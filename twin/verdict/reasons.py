@@ -26,6 +26,7 @@ from twin.verdict.motion import (
 )
 from twin.verdict.reason import CUT, POINT_AT_IT, Level, Reason
 from twin.verdict.surface import (
+    AlongItself,
     FewLabels,
     HandWhereNobodyIs,
     NoSurface,
@@ -152,6 +153,7 @@ REASONS: dict[str, type[Reason]] = {
         SmallSurface,
         SurfaceUnseen,
         SurfaceContradicted,
+        AlongItself,
         Unexplained,
         SeenThrough,
         MotionUnexplained,

@@ -154,3 +154,25 @@ class Unexplained(Reason):
     @property
     def help(self) -> str:
         return f"{POINT_AT_IT}; what stands elsewhere afterwards must be a part, or stay where it was"
+
+
+@dataclass(frozen=True)
+class AlongItself(Reason):
+    """Depth alone tells the joint, and the part moves along its own surface: a share `across` of its area, less than `limit`, moves across
+    itself. How far the rest went, only its borders show."""
+
+    across: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"it slides along its own surface ({100 * self.across:.0f} % of it moves across itself, at least {100 * self.limit:g} %)"
+        return f"{told}, which has too little texture to tell how far"
+
+    @property
+    def kind(self) -> str:
+        return "it slides along its own surface and has no texture"
+
+    @property
+    def help(self) -> str:
+        return f"stick something with a pattern on it, with its borders in view, or {POINT_AT_IT}"
