@@ -13,7 +13,7 @@ from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.camera_drift import camera_drift
-from recon.verdict.explained import unexplained
+from recon.verdict.explained import static_seen_through, unexplained
 from recon.verdict.halves import Halves, halves
 from recon.verdict.hands import false_hand
 from recon.verdict.in_motion import InMotion, in_motion
@@ -48,6 +48,11 @@ class SceneEvidence:
     def unexplained(self) -> tuple[int, float]:
         """The frame of rest that the twin explains worst, and the share of the picture."""
         return unexplained(self.posed, self.labels)
+
+    @cached_property
+    def static_seen_through(self) -> tuple[int, float]:
+        """The frame in which most of the static scene is seen through, and the share of the picture."""
+        return static_seen_through(self.posed)
 
     @cached_property
     def false_hand(self) -> tuple[int, float]:

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from recon.verdict.hands import moving_hand
 from recon.verdict.posed import PosedTwin, gate, opened
+from twin.scene import STATIC_LABEL
 
 # Of the recording at each end, and how many frames of it are looked at, those with labels where there are any; chosen by us
 SHARE, FRAMES = 1 / 12, 3
+THROUGHOUT = 24  # frames of the whole recording; chosen by us
 
 
 def unexplained(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
@@ -32,6 +34,22 @@ def unexplained(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tup
             mean = float(np.mean(list(shares.values())))
             worst = (max(shares, key=lambda f: shares[f]), mean)
     return worst
+
+
+def static_seen_through(twin: PosedTwin) -> tuple[int, float]:
+    """The frame, of some spread over the whole recording, in which most of what does not move is seen farther than the twin has it, and
+    that share of the picture: something stood there, and went while nobody looked, or was missed as it moved. No hand is farther."""
+    posed = twin.cameras.frames
+    rows = np.unique(np.linspace(0, len(posed) - 1, THROUGHOUT).round().astype(int))
+    shares = {int(f): _through(twin, int(f)) for f in posed[rows]}
+    worst = max(shares, key=lambda f: shares[f])
+    return worst, shares[worst]
+
+
+def _through(twin: PosedTwin, frame: int) -> float:
+    seen, expected = twin.seen(frame), twin.expected(frame)
+    known, off = gate(seen, expected.depth)
+    return float(opened(known & (seen > expected.depth + off) & (expected.owner == STATIC_LABEL)).mean())
 
 
 def _looked_at(frames: NDArray[np.int64], labels: Mapping[int, NDArray[np.uint8]]) -> list[int]:

@@ -22,11 +22,13 @@ from recon.verdict.of_video import (
 )
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.scene import Motion
 from twin.verdict import (
     AlongItself,
     AxisUnsure,
     CamerasDrift,
     ClosedEndUnsure,
+    CreepsAtRest,
     FewLabels,
     Level,
     NeverRests,
@@ -36,6 +38,7 @@ from twin.verdict import (
     RangeUnsure,
     Reason,
     SmallSurface,
+    StaticSeenThrough,
     TooShort,
     Unexplained,
     WithinDrift,
@@ -64,6 +67,9 @@ PIVOT_DOUBTFUL, PIVOT_REFUSED = 0.01, 0.1
 DRIFT_DOUBTFUL, DRIFT_REFUSED, _FEWEST_TRACKS = 5.0, 2.0, 20
 # Share of the frames in which the part moves: a recording needs rest before and after.
 RESTLESS = 0.9
+# rad and m by which the state changes while the part rests. Right: up to 1 deg and 4 mm in 30; wrong: 5 deg and 29 mm in two whose path ran
+# on while nothing told of them. By us
+CREEP_TURN, CREEP_SLIDE = np.radians(2.5), 0.01
 # m^2. Less than the palm that opens it.
 SMALL = 0.005
 # Share of the picture at rest with another depth than the twin's. 0 in eleven right runs and in four with a right joint and one fault
@@ -73,6 +79,8 @@ UNEXPLAINED, UNEXPLAINED_REFUSED = 0.002, 0.05
 # Share of the area that moves across itself, by more than this sine, about the middle of the range (half a share of it to either side).
 # Sliding panels have .02 to .1, doors and drawers above .6; by us.
 ACROSS, ACROSS_SINE, AJAR = 0.25, 0.25, 0.05
+# Share of the picture of any frame. Right: 0 in 27, .0005 in one; .0036 where another part was missed that is out of view at the end.
+STATIC_THROUGH = 0.001
 # Label images. Of two, each may be the moment at which something else moved.
 FEWEST_LABELS = 3
 
@@ -173,6 +181,27 @@ def rests(e: PartEvidence) -> Reason | None:
     return NeverRests("doubtful", float(moving.mean()), RESTLESS)
 
 
+def rests_still(e: PartEvidence) -> Reason | None:
+    """By how much the state changes in the frames in which the part rests."""
+    joint, motion = e.part.joint, e.part.motion
+    creep = max((float(np.ptp(np.quantile(s, [0.05, 0.95]))) for s in _at_rest(motion)), default=0.0)
+    if creep <= (CREEP_TURN if joint.kind == "revolute" else CREEP_SLIDE):
+        return None
+    if joint.kind == "revolute":
+        return CreepsAtRest("doubtful", float(np.rad2deg(creep)), "°", float(np.rad2deg(CREEP_TURN)))
+    return CreepsAtRest("doubtful", 1000 * creep, "mm", 1000 * CREEP_SLIDE)
+
+
+def _at_rest(motion: Motion) -> list[Array]:
+    """States of each stretch of frames between the intervals of motion, without two frames beside these."""
+    moving = np.zeros(len(motion.frames), dtype=bool)
+    for first, last in motion.intervals:
+        moving |= (motion.frames >= first - 2) & (motion.frames <= last + 2)
+    stretch = np.cumsum(np.diff(moving, prepend=moving[:1]))
+    out = [motion.state[~moving & (stretch == k)] for k in np.unique(stretch[~moving])]
+    return [s for s in out if len(s) >= 3]
+
+
 def drift(e: PartEvidence) -> Reason | None:
     """How far the part gets against how far the static scene seems to; None where too few tracks see both rests."""
     drifted = _drift(e)
@@ -249,7 +278,13 @@ def explained(e: PartEvidence) -> Reason | None:
     return None if level is None else Unexplained(level, frame, share, UNEXPLAINED)
 
 
+def static_stays(e: PartEvidence) -> Reason | None:
+    """The static scene against all frames: against each part, as what went may be a part of it or another one."""
+    frame, share = e.scene.static_seen_through
+    return None if share <= STATIC_THROUGH else StaticSeenThrough("doubtful", frame, share, STATIC_THROUGH)
+
+
 OF_PARTS = (
-    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, surface, across_itself, seen_to_move, contradicted, labelled, hand_at_ends, explained,
+    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, rests_still, surface, across_itself, seen_to_move, contradicted, labelled, hand_at_ends, explained, static_stays,
     seen_through, motion_explained, motion_seen, same_in_halves,
 )  # fmt: skip

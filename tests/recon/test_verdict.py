@@ -25,7 +25,15 @@ from recon.verdict.places import Places
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import SPAN, movers_of, perfect
 from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute
-from twin.verdict import CamerasDrift, NothingArticulated, OfPart, Reason, Unexplained, Verdict
+from twin.verdict import (
+    CamerasDrift,
+    NothingArticulated,
+    OfPart,
+    Reason,
+    StaticSeenThrough,
+    Unexplained,
+    Verdict,
+)
 
 EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
@@ -279,6 +287,26 @@ def test_a_twin_with_the_part_explains_the_rests_and_one_without_does_not(
     assert replace(evidence.scene, parts=((turned, clip.mesh),)).unexplained[1] > 2 * of_parts.UNEXPLAINED
 
 
+def test_what_never_moves_is_not_seen_through_but_what_was_missed_is(
+    evidence: PartEvidence, clip: Clip
+) -> None:
+    """The closed door in the static scene, as where it was missed: it opens in the middle of the recording."""
+    assert evidence.scene.static_seen_through[1] < of_parts.STATIC_THROUGH / 2
+    assert of_parts.static_stays(evidence) is None
+    room, door = clip.static, clip.mesh
+    both = Mesh(
+        np.concatenate([room.vertices, door.vertices]),
+        np.concatenate([room.faces, door.faces + len(room.vertices)]),
+    )
+    missed = replace(evidence.scene, static=both, parts=())
+    reason = of_parts.static_stays(replace(evidence, scene=missed))
+    assert isinstance(reason, StaticSeenThrough)
+    assert reason.level == "doubtful"
+    assert reason.share == missed.static_seen_through[1]
+    first = evidence.part.motion.intervals[0][0]
+    assert first < reason.frame
+
+
 def test_a_half_labelled_part_does_not_explain_the_rests(evidence: PartEvidence, clip: Clip) -> None:
     faces = clip.mesh.faces
     across = clip.mesh.vertices[faces].mean(axis=1)[:, 0]
@@ -313,3 +341,17 @@ def test_a_short_slide_told_by_depth_may_lean_aside(span: float, told: bool, evi
     assert lost.level == "refused"
     hinge = ranging(evidence, span)
     assert of_parts.axis(replace(hinge, tracks=replace(hinge.tracks, type_source="depth"))) is None
+
+
+@pytest.mark.parametrize(("kind", "limit"), [(Revolute, np.radians(2.5)), (Prismatic, 0.01)])
+def test_a_state_that_changes_while_the_part_rests_is_doubted(
+    kind: type[Joint], limit: float, evidence: PartEvidence
+) -> None:
+    e = ranging(evidence, SPAN, kind)
+    motion = e.part.motion
+    second = (motion.frames < motion.intervals[0][0]) & (motion.frames % 2 == 1)
+    for share, told in ((0.8, False), (1.2, True)):
+        creep = np.where(second, share * limit, 0.0)
+        crept = replace(e, part=replace(e.part, motion=replace(motion, state=motion.state + creep)))
+        reason = of_parts.rests_still(crept)
+        assert (reason is not None) == told

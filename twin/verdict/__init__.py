@@ -10,14 +10,11 @@ from twin.verdict.motion import (
     AxisUnsure,
     CamerasDrift,
     ClosedEndUnsure,
-    HalvesDisagree,
-    MotionUnexplained,
-    MotionUnseen,
+    CreepsAtRest,
     NeverRests,
     NoUncertainty,
     PivotUnsure,
     RangeUnsure,
-    SeenThrough,
     TooShort,
     WithinDrift,
 )
@@ -33,6 +30,7 @@ from twin.verdict.surface import (
     HandWhereNobodyIs,
     NoSurface,
     SmallSurface,
+    StaticSeenThrough,
     SurfaceContradicted,
     SurfaceUnseen,
     Unexplained,
@@ -41,6 +39,7 @@ from twin.verdict.text import unjudged as unjudged
 from twin.verdict.text import verdict_line as verdict_line
 from twin.verdict.verdict import Verdict as Verdict
 from twin.verdict.verdict import of_twin as of_twin
+from twin.verdict.video import HalvesDisagree, MotionUnexplained, MotionUnseen, SeenThrough
 
 __all__ = [
     "LEVELS",
@@ -49,6 +48,7 @@ __all__ = [
     "AxisUnsure",
     "CamerasDrift",
     "ClosedEndUnsure",
+    "CreepsAtRest",
     "FewLabels",
     "HalvesDisagree",
     "HandWhereNobodyIs",
@@ -68,6 +68,7 @@ __all__ = [
     "SeenThrough",
     "SmallSurface",
     "StatedReason",
+    "StaticSeenThrough",
     "TooShort",
     "SurfaceContradicted",
     "Unexplained",

@@ -96,6 +96,27 @@ class TooShort(Reason):
 
 
 @dataclass(frozen=True)
+class CreepsAtRest(Reason):
+    """The state changes by `creep` (deg or mm, see `unit`), more than `limit`, in frames in which it rests."""
+
+    creep: float
+    unit: str
+    limit: float
+
+    @property
+    def text(self) -> str:
+        return f"its state changes by {self.creep:.1f} {self.unit} while it rests (at most {self.limit:g} {self.unit})"
+
+    @property
+    def kind(self) -> str:
+        return "its state changes while it rests"
+
+    @property
+    def help(self) -> str:
+        return f"keep all of it in view from rest to rest, or {CUT}"
+
+
+@dataclass(frozen=True)
 class ClosedEndUnsure(Reason):
     """What tells which end of the travel is the closed one differs between them by `margin` (a share), less than `limit`."""
 
@@ -197,97 +218,3 @@ class NeverRests(Reason):
     @property
     def help(self) -> str:
         return f"record a second of rest before and after the opening, or {POINT_AT_IT}"
-
-
-@dataclass(frozen=True)
-class SeenThrough(Reason):
-    """While it moves, `share` of its pixels, more than `limit`, are seen farther than the twin in its state, most of them in `frame`."""
-
-    frame: int
-    share: float
-    limit: float
-
-    @property
-    def text(self) -> str:
-        told = f"as it moves, {100 * self.share:.1f} % of its pixels are seen through"
-        return f"{told}, most in frame {self.frame} (at most {100 * self.limit:g} %)"
-
-    @property
-    def kind(self) -> str:
-        return "as it moves, it is seen through"
-
-    @property
-    def help(self) -> str:
-        return f"open it slower, with all of it in view, or {POINT_AT_IT}"
-
-
-@dataclass(frozen=True)
-class MotionUnexplained(Reason):
-    """`share` of what has another depth as it moves than at rest, more than `limit`, has not the twin's depth either."""
-
-    share: float
-    limit: float
-
-    @property
-    def text(self) -> str:
-        told = (
-            f"{100 * self.share:.0f} % of what changes as it moves does not look like the twin in its state"
-        )
-        return f"{told} (at most {100 * self.limit:g} %)"
-
-    @property
-    def kind(self) -> str:
-        return "what changes as it moves does not look like the twin"
-
-    @property
-    def help(self) -> str:
-        return f"open one part at a time, slowly, or {POINT_AT_IT}"
-
-
-@dataclass(frozen=True)
-class MotionUnseen(Reason):
-    """As it moves, `share` of its pixels have another depth than at rest and that of the twin, less than `limit`."""
-
-    share: float
-    limit: float
-
-    @property
-    def text(self) -> str:
-        told = f"as it moves, {100 * self.share:.1f} % of its pixels are seen to come nearer or to go farther"
-        return f"{told} (at least {100 * self.limit:g} %)"
-
-    @property
-    def kind(self) -> str:
-        return "its surface is hardly seen to move"
-
-    @property
-    def help(self) -> str:
-        return f"open it farther, seen from where it comes towards the camera or goes away from it, or {POINT_AT_IT}"
-
-
-@dataclass(frozen=True)
-class HalvesDisagree(Reason):
-    """The joints of the first and the second half of its motion differ by `axis_deg`, more than `axis_limit_deg`, or their hinges are
-    `pivot_m` apart, more than `pivot_limit_m`; 0 where that is not known."""
-
-    axis_deg: float
-    axis_limit_deg: float
-    pivot_m: float
-    pivot_limit_m: float
-
-    @property
-    def text(self) -> str:
-        if self.axis_deg > self.axis_limit_deg:
-            return (
-                f"{self.kind}: their axes differ by {self.axis_deg:.1f}° (at most {self.axis_limit_deg:g}°)"
-            )
-        apart = f"their hinges are {1000 * self.pivot_m:.0f} mm apart"
-        return f"{self.kind}: {apart} (at most {1000 * self.pivot_limit_m:g} mm)"
-
-    @property
-    def kind(self) -> str:
-        return "the halves of its motion show different joints"
-
-    @property
-    def help(self) -> str:
-        return f"open it slower, with all of it in view all the time, or {CUT}, or {POINT_AT_IT}"

@@ -1,4 +1,4 @@
-"""All reasons, one type for each cause, which alone writes its text: against a part's motion (`motion.py`), its surface (`surface.py`), and
+"""All reasons, one type for each cause, which alone writes its text: against a part's motion (`motion.py`, `video.py`), its surface (`surface.py`), and
 against the twin.
 
 To add one: a type, its name in `REASONS`, and the function that tells it by its evidence in `recon/verdict/`.
@@ -13,14 +13,11 @@ from twin.verdict.motion import (
     AxisUnsure,
     CamerasDrift,
     ClosedEndUnsure,
-    HalvesDisagree,
-    MotionUnexplained,
-    MotionUnseen,
+    CreepsAtRest,
     NeverRests,
     NoUncertainty,
     PivotUnsure,
     RangeUnsure,
-    SeenThrough,
     TooShort,
     WithinDrift,
 )
@@ -31,10 +28,12 @@ from twin.verdict.surface import (
     HandWhereNobodyIs,
     NoSurface,
     SmallSurface,
+    StaticSeenThrough,
     SurfaceContradicted,
     SurfaceUnseen,
     Unexplained,
 )
+from twin.verdict.video import HalvesDisagree, MotionUnexplained, MotionUnseen, SeenThrough
 
 
 @dataclass(frozen=True)
@@ -147,6 +146,7 @@ REASONS: dict[str, type[Reason]] = {
         WithinDrift,
         NeverRests,
         ClosedEndUnsure,
+        CreepsAtRest,
         CamerasDrift,
         HandWhereNobodyIs,
         NoSurface,
@@ -154,6 +154,7 @@ REASONS: dict[str, type[Reason]] = {
         SurfaceUnseen,
         SurfaceContradicted,
         AlongItself,
+        StaticSeenThrough,
         Unexplained,
         SeenThrough,
         MotionUnexplained,

@@ -176,3 +176,25 @@ class AlongItself(Reason):
     @property
     def help(self) -> str:
         return f"stick something with a pattern on it, with its borders in view, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class StaticSeenThrough(Reason):
+    """A `share` of the picture of `frame`, more than `limit`, is seen farther than what the twin says never moves."""
+
+    frame: int
+    share: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"{100 * self.share:.1f} % of frame {self.frame} is farther than what never moves in the twin"
+        return f"{told} (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "what should never move is seen through"
+
+    @property
+    def help(self) -> str:
+        return f"open one part at a time, from rest to rest, with all of it in view, or {POINT_AT_IT}"
