@@ -19,7 +19,8 @@ from recon.cameras.gravity import GRAVITY, upright
 from recon.cameras.poses import CAMERAS, camera_poses
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
-from recon.fusion.fuse import FUSION, FusedScene, fuse
+from recon.dense.noise import NOISE, DepthNoise, measure_noise
+from recon.fusion.fuse import FUSION, fuse
 from recon.joints.clustering.clusters import require_hdbscan
 from recon.joints.type_selection import TypeHint
 from recon.labels.label_frames import LABELS, label_frames
@@ -130,30 +131,31 @@ def _run(
         *([hints] if hints else []),
         *([of_parts] if of_parts is not None else []),
     )
+    # How far depth scatters in this recording: refinement, labels and fusion assume no sensor.
+    noise = stage(NOISE, [cameras], lambda: measure_noise(recording, cameras.value))
+    sigma = noise.value
     refined = stage(
         REFINE,
-        [up, found],
-        lambda: refine_found(recording, up.value, found.value, c.refine, c.labels, moving, loop("refine")),
+        [up, found, noise],
+        lambda: refine_found(
+            recording, up.value, found.value, c.refine, c.labels, moving, sigma, loop("refine")
+        ),
     )
     # Pixel-aligned part segmentation (supplement 1.3).
     labels = stage(
         LABELS,
-        [up, refined],
-        lambda: label_frames(recording, up.value, refined.value, c.labels, progress=loop("labels")),
+        [up, refined, noise],
+        lambda: label_frames(recording, up.value, refined.value, c.labels, sigma, progress=loop("labels")),
     )
     polished = stage(
         POLISH,
-        [up, found, refined, labels],
-        lambda: polish_parts(recording, up.value, labels.value, found.value, refined.value, c.refine, moving),
-    )
-    # Truncated signed distances of the static scene and of each part.
-    fused = stage(
-        FUSION,
-        [up, polished, labels],
-        lambda: fuse(recording, up.value, labels.value, polished.value, c.fusion, progress=loop("fusion")),
+        [up, found, refined, labels, noise],
+        lambda: polish_parts(
+            recording, up.value, labels.value, found.value, refined.value, c.refine, moving, sigma
+        ),
     )
     made = _provenance(c, hints)
-    twin = _judged_twin(stage, recording, c, up, found, labels, polished, fused, made)
+    twin = _judged_twin(stage, recording, c, up, noise, found, labels, polished, made)
     return with_physics(twin, table=materials)
 
 
@@ -162,14 +164,21 @@ def _judged_twin(
     recording: Recording,
     c: ReconConfig,
     up: StageResult[Trajectory],
+    noise: StageResult[DepthNoise],
     found: StageResult[FoundParts],
     labels: StageResult[dict[int, NDArray[np.uint8]]],
     polished: StageResult[tuple[MovingPart, ...]],
-    fused: StageResult[FusedScene],
     made: Mapping[str, Any],
 ) -> Twin:
     """The last stages, and the twin of what they leave."""
-    cameras, images, parts, scene = up.value, labels.value, polished.value, fused.value
+    cameras, images, parts, told = up.value, labels.value, polished.value, stage.run.loop("fusion")
+    # Truncated signed distances of the static scene and of each part.
+    fused = stage(
+        FUSION,
+        [up, polished, labels, noise],
+        lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=told),
+    )
+    scene = fused.value
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,

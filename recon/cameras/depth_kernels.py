@@ -6,6 +6,9 @@ import numpy as np
 from numba import njit
 
 from recon.dense.depth import pixel_sigma
+from recon.dense.noise import GOOD_SENSOR
+
+GOOD = GOOD_SENSOR.curve  # poses come first: the recording's own noise is measured with them
 
 
 @njit(cache=True, nogil=True)
@@ -95,7 +98,7 @@ def depth_system(poses, rows, points, normals, plane, lens, gate, h, g, held):  
     jacobian, residual, agree = np.zeros((count, 6)), np.zeros(count), np.zeros(count)
     for i in range(len(points)):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        sigma = pixel_sigma(pz)
+        sigma = pixel_sigma(pz, GOOD)
         n, good = 0, 0.0
         for k in range(count):
             t = poses[k]
@@ -151,7 +154,7 @@ def track_system(poses, reference, starts, here, there, lateral, gate, h, g, hel
     for i in range(len(here)):
         px, py, pz = here[i, 0], here[i, 1], here[i, 2]
         n = starts[i + 1] - starts[i]
-        variance = 2.0 * (pixel_sigma(pz) ** 2 + (lateral * pz) ** 2)
+        variance = 2.0 * (pixel_sigma(pz, GOOD) ** 2 + (lateral * pz) ** 2)
         good = 0.0
         for o in range(starts[i], starts[i + 1]):
             t = poses[reference[o]]

@@ -29,10 +29,11 @@ def depth_sigma(z: ArrayLike) -> Array:
 
 
 @numba.njit(cache=True, inline="always")
-def pixel_sigma(z: float) -> Any:
-    """`depth_sigma` of one pixel, for compiled kernels."""
+def pixel_sigma(z: float, noise: F32) -> Any:
+    """`recon.dense.noise.DepthNoise.sigma` of one pixel, for compiled kernels; noise (2,): its `curve`."""
     d = z - np.float32(NEAR_M)
-    return np.float32(DEPTH_SIGMA_M) + np.float32(DEPTH_SIGMA_SLOPE) * d * d
+    good = np.float32(DEPTH_SIGMA_M) + np.float32(DEPTH_SIGMA_SLOPE) * d * d
+    return max(good, noise[0] + noise[1] * z * z)
 
 
 def mean_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
@@ -40,6 +41,20 @@ def mean_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.
     known = cv2.resize((depth > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     total = cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return np.where(known > 0.9, total / np.maximum(known, 1e-6), 0.0).astype(np.float32)
+
+
+def in_mid_air(depth: F32, sigma: Array, step: float) -> NDArray[np.bool_]:
+    """Pixels (h, w) that may lie between two surfaces and on neither (flying pixels, smeared edges), or on one seen edge-on.
+
+    sigma (h, w): standard deviation, m. Within 5x5, depths must differ by six of them and by `step` of the depth, and the pixel be nearer
+    than a quarter of that to neither end (chosen by us).
+    """
+    window = np.ones((5, 5), np.uint8)
+    near = cv2.erode(np.where(depth > 0, depth, np.float32(np.inf)), window)
+    far = cv2.dilate(depth, window)
+    gap = far - near
+    between = (depth - near > 0.25 * gap) & (far - depth > 0.25 * gap)
+    return np.asarray((depth > 0) & between & (gap > step * depth + 6.0 * sigma))
 
 
 def upsample_depth(depth: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:

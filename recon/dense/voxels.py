@@ -8,10 +8,12 @@ from typing import Any
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from recon.dense.depth import F32
 from twin.voxels import NEIGHBOURS, voxel_centres, voxel_keys, voxel_pieces
+
+_LARGE = 0.05  # share of the heaviest piece's weight
 
 
 def mean_evidence(
@@ -36,20 +38,26 @@ def near_piece(keys: NDArray[np.int64], piece: NDArray[np.int64]) -> NDArray[np.
     return np.isin(keys, np.unique(piece[:, None] + NEIGHBOURS))
 
 
-def solid_core(clouds: Sequence[F32], size: float, views: int = 3) -> F32:
-    """Centres (m, 3) of the voxels that hold points of at least `views` of the clouds (n, 3) and have such a neighbour.
+def solid_core(clouds: Sequence[F32], size: float, views: int = 3, reach: float = 0.1) -> F32:
+    """Centres (m, 3) of the voxels that hold points of at least `views` of the clouds (n, 3), have such a neighbour, and lie within
+    `reach` m of a large piece: one that weighs at least a twentieth of the heaviest.
 
-    Noise seldom falls twice into one voxel; three views and a neighbour are asked for (chosen by us).
+    Noise seldom falls twice into one voxel, but what belongs to the pixel does, again and again: in small pieces anywhere in the room
+    (0.37 m from the part and more in a recording where they drew the hull over a quarter of the room; a door's own edges lay within
+    0.06 m). Figures chosen by us.
     """
     if not clouds:
         return np.zeros((0, 3), np.float32)
     seen = np.concatenate([np.unique(voxel_keys(c, size)) for c in clouds])
     keys, n = np.unique(seen, return_counts=True)
-    keys = keys[n >= views]
+    keys, n = keys[n >= views], n[n >= views]
     if not len(keys):
         return np.zeros((0, 3), np.float32)
-    piece = voxel_pieces(keys)
-    return voxel_centres(keys[np.bincount(piece)[piece] > 1], size)
+    piece, centres = voxel_pieces(keys), voxel_centres(keys, size)
+    weight = np.bincount(piece, weights=n)
+    large = (weight >= _LARGE * weight.max())[piece]
+    near = cKDTree(centres[large]).query(centres, distance_upper_bound=reach)[0] < np.inf
+    return np.asarray(centres[near & (np.bincount(piece)[piece] > 1)])
 
 
 def in_hull_of(shell: F32) -> Callable[[F32], NDArray[np.bool_]]:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.depth import F32, depth_sigma, look_up
+from recon.dense.depth import F32, look_up
+from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
 from recon.parts.moving_part import MovingPart
@@ -26,7 +27,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import STATIC_LABEL, Mesh, Trajectory
 
-FUSION = Stage("fusion", 2, ("fusion",))
+FUSION = Stage("fusion", 3, ("fusion",))
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ def fuse(
     labels: Mapping[int, NDArray[np.uint8]],
     parts: Sequence[MovingPart],
     config: FusionConfig = FusionConfig(),
+    noise: DepthNoise = GOOD_SENSOR,
     *,
     progress: Loop | None = None,
 ) -> FusedScene:
@@ -91,6 +93,7 @@ def fuse(
 
     Args:
         labels: frame -> (H, W) label image. Frames without a camera pose are left out.
+        noise: of depth.
 
     Raises ReconstructionError when no labelled frame has a camera pose or none shows static scene.
     """
@@ -101,12 +104,12 @@ def fuse(
             "no labelled frame has a camera pose", "label frames which the cameras cover"
         )
     wrap = progress or untold
-    loaded = each(lambda f: _load(recording, cameras, labels[f], f, camera, config), frames)
+    loaded = each(lambda f: _load(recording, cameras, labels[f], f, camera, config, noise), frames)
     seen = dict(zip(wrap(frames, "depth"), loaded, strict=True))
     bodies: dict[int, MovingPart | None] = {STATIC_LABEL: None, **{p.id: p for p in parts}}
     meshes = {}
     for key, part in wrap(list(bodies.items()), "meshes"):
-        mesh = _fuse_body(seen, key, part, camera, config)
+        mesh = _fuse_body(seen, key, part, camera, config, noise)
         if mesh is not None:
             meshes[key] = mesh
     if STATIC_LABEL not in meshes:
@@ -121,17 +124,23 @@ def _load(
     frame: int,
     camera: Intrinsics,
     config: FusionConfig,
+    noise: DepthNoise,
 ) -> _Frame:
     color, depth = recording.frame(frame)
     z = np.where(depth <= config.max_depth, depth, 0).astype(np.float32)
-    cosine = ray_cosine(z, camera.vector, max(2, round(4 * z.shape[1] / 640)))
+    cosine = ray_cosine(z, camera.vector, max(2, round(4 * z.shape[1] / 640)), noise.curve)
     pose = cameras.pose(frame)
     assert pose is not None
     return _Frame(color, z, labels, cosine, pose)
 
 
 def _fuse_body(
-    seen: Mapping[int, _Frame], key: int, part: MovingPart | None, camera: Intrinsics, config: FusionConfig
+    seen: Mapping[int, _Frame],
+    key: int,
+    part: MovingPart | None,
+    camera: Intrinsics,
+    config: FusionConfig,
+    noise: DepthNoise,
 ) -> Mesh | None:
     """Mesh of one body in the world at state 0; None when no labelled pixel shows it."""
     voxel = config.static_voxel if part is None else config.part_voxel
@@ -150,12 +159,12 @@ def _fuse_body(
     if len(cloud) < 100:
         return None
     typical = float(np.median(np.concatenate([o.depth[o.own] for o in observations])))
-    sigma = float(depth_sigma(typical))
+    sigma = float(noise.sigma(typical))
     truncation = max(3.0 * voxel, min(2.5 * sigma, 4.0 * voxel))
     field = allocate(cloud, voxel, truncation)
     del cloud  # a hundred megabytes that nothing needs any more
     for o in observations:
-        integrate(field, o, truncation, 0.5)
+        integrate(field, o, truncation, 0.5, noise.curve)
     vertices, faces = surface(field, config.min_views * 1e-5 / sigma**2)
     share = config.static_min_share if part is None else config.min_share
     gap = np.inf if part is None else config.max_gap

@@ -90,8 +90,11 @@ def _touch(touched: NDArray[np.bool_], points: Array, low: Array, margin: float,
                 touched[x, y, z0] = touched[x, y, z1] = True
 
 
-def integrate(field: Field, seen: Observation, truncation: float, carve_weight: float) -> None:
-    """Average one frame into the field (Curless and Levoy 1996), with distances taken along the surface normal."""
+def integrate(field: Field, seen: Observation, truncation: float, carve_weight: float, noise: F32) -> None:
+    """Average one frame into the field (Curless and Levoy 1996), with distances taken along the surface normal.
+
+    noise (2,): curve of depth noise (`recon.dense.depth.pixel_sigma`).
+    """
     _integrate(
         field.origin,
         field.voxel,
@@ -105,6 +108,7 @@ def integrate(field: Field, seen: Observation, truncation: float, carve_weight: 
         np.ascontiguousarray(seen.T_cam_body),
         truncation,
         carve_weight,
+        noise,
     )
 
 
@@ -122,6 +126,7 @@ def _integrate(
     T: Array,
     truncation: float,
     carve_weight: float,
+    noise: F32,
 ) -> None:
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
@@ -132,12 +137,10 @@ def _integrate(
         bz = origin[2] + blocks[n, 2] * BLOCK * voxel
         mx, my, mz = bx + half, by + half, bz + half
         qz = T[2, 0] * mx + T[2, 1] * my + T[2, 2] * mz + T[2, 3]
-        if qz < radius:
-            continue
-        u = (T[0, 0] * mx + T[0, 1] * my + T[0, 2] * mz + T[0, 3]) / qz * fx + cx
-        v = (T[1, 0] * mx + T[1, 1] * my + T[1, 2] * mz + T[1, 3]) / qz * fy + cy
-        reach = radius / (qz - 0.99 * radius) * max(fx, fy)
-        if u < -reach or v < -reach or u > w + reach or v > h + reach:
+        u = (T[0, 0] * mx + T[0, 1] * my + T[0, 2] * mz + T[0, 3]) / max(qz, radius) * fx + cx
+        v = (T[1, 0] * mx + T[1, 1] * my + T[1, 2] * mz + T[1, 3]) / max(qz, radius) * fy + cy
+        reach = radius / (max(qz, radius) - 0.99 * radius) * max(fx, fy)
+        if qz < radius or u < -reach or v < -reach or u > w + reach or v > h + reach:
             continue
         for i in range(BLOCK):
             for j in range(BLOCK):
@@ -159,11 +162,11 @@ def _integrate(
                     if own[b, a]:
                         if gap < -truncation:
                             continue
-                        sigma = pixel_sigma(zo)
+                        sigma = pixel_sigma(zo, noise)
                         gain = max(cosine[b, a], 0.05) * 1e-5 / (sigma * sigma)
                         d = min(gap / truncation, 1.0)
                     elif gap > truncation:
-                        gain, d = carve_weight * 1e-5 / pixel_sigma(zo) ** 2, 1.0
+                        gain, d = carve_weight * 1e-5 / pixel_sigma(zo, noise) ** 2, 1.0
                     else:
                         continue
                     old = weight[n, i, j, k]
@@ -172,7 +175,7 @@ def _integrate(
 
 
 @numba.njit(cache=True, nogil=True)
-def ray_cosine(depth: F32, camera: Array, reach: int) -> F32:
+def ray_cosine(depth: F32, camera: Array, reach: int, noise: F32) -> F32:
     """Cosine (h, w) of the angle between each pixel's ray and the surface normal, 0 where no plane is found.
 
     Slopes are central differences over `reach` px of inverse depth, which is linear over an image of a plane, each end
@@ -186,8 +189,8 @@ def ray_cosine(depth: F32, camera: Array, reach: int) -> F32:
             z = depth[y, x]
             if z <= 0:
                 continue
-            du, ok_u = _slope(depth, y, x, 0, reach)
-            dv, ok_v = _slope(depth, y, x, 1, reach)
+            du, ok_u = _slope(depth, y, x, 0, reach, noise)
+            dv, ok_v = _slope(depth, y, x, 1, reach, noise)
             if not (ok_u and ok_v):
                 continue
             rx, ry = (x - cx) / fx, (y - cy) / fy
@@ -200,10 +203,10 @@ def ray_cosine(depth: F32, camera: Array, reach: int) -> F32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _slope(depth: F32, y: int, x: int, direction: int, reach: int) -> tuple[float, bool]:
+def _slope(depth: F32, y: int, x: int, direction: int, reach: int, noise: F32) -> tuple[float, bool]:
     z = depth[y, x]
-    before, count_before = _end(depth, y, x, direction, -reach)
-    after, count_after = _end(depth, y, x, direction, reach)
+    before, count_before = _end(depth, y, x, direction, -reach, noise)
+    after, count_after = _end(depth, y, x, direction, reach, noise)
     if count_before > 0 and count_after > 0:
         return (after / count_after - before / count_before) / (2.0 * reach), True
     if count_before > 0:
@@ -214,7 +217,7 @@ def _slope(depth: F32, y: int, x: int, direction: int, reach: int) -> tuple[floa
 
 
 @numba.njit(cache=True, inline="always")
-def _end(depth: F32, y: int, x: int, direction: int, step: int) -> tuple[float, float]:
+def _end(depth: F32, y: int, x: int, direction: int, step: int, noise: F32) -> tuple[float, float]:
     """Sum and number of the inverse depths of three pixels across the direction, `step` px along it, on the same surface."""
     h, w = depth.shape
     z, total, count = depth[y, x], 0.0, 0.0
@@ -224,7 +227,7 @@ def _end(depth: F32, y: int, x: int, direction: int, step: int) -> tuple[float, 
         if not (0 <= a < w and 0 <= b < h) or depth[b, a] <= 0:
             continue
         # a plane at 80 degrees changes its depth by about six times its sideways extent
-        if abs(depth[b, a] - z) < 0.015 * abs(step) * z + 6.0 * pixel_sigma(z):
+        if abs(depth[b, a] - z) < 0.015 * abs(step) * z + 6.0 * pixel_sigma(z, noise):
             total += 1.0 / depth[b, a]
             count += 1.0
     return total, count

@@ -42,7 +42,7 @@ def median_depth(depth: F32, factor: int) -> F32:
 
 @numba.njit(cache=True, inline="always")
 def _row(
-    depth: F32, wanted: NDArray[np.bool_], y: int, camera: F32, slack: float,
+    depth: F32, wanted: NDArray[np.bool_], y: int, camera: F32, slack: float, noise: F32,
     column: NDArray[np.int32], points: F32, variance: F32,
 ) -> Any:  # fmt: skip
     """How many pixels of a row are wanted and known: their `column`, `points` (3, w) in the camera and `variance` of depth."""
@@ -53,14 +53,14 @@ def _row(
             points[0, n] = (np.float32(x) - camera[2]) / camera[0] * z
             points[1, n] = (np.float32(y) - camera[3]) / camera[1] * z
             points[2, n] = z
-            sigma = pixel_sigma(z)
+            sigma = pixel_sigma(z, noise)
             column[n], variance[n] = x, sigma * sigma + slack2
             n += 1
     return n
 
 
 @numba.njit(cache=True, inline="always")
-def _landings(m: F32, r: int, points: F32, n: int, camera: F32, variance: F32, out: F32) -> None:
+def _landings(m: F32, r: int, points: F32, n: int, camera: F32, noise: F32, variance: F32, out: F32) -> None:
     """Where n points of a row (3, w) lie in reference camera r: `out` (4, w) takes pixel x, y, depth m and the inverse variance
     of a difference in depth; `variance` (w,) is that of the points."""
     for i in range(n):
@@ -73,7 +73,7 @@ def _landings(m: F32, r: int, points: F32, n: int, camera: F32, variance: F32, o
             1
         ] + camera[3]
         out[2, i] = qz
-        sigma = pixel_sigma(qz)
+        sigma = pixel_sigma(qz, noise)
         out[3, i] = np.float32(1.0) / (variance[i] + sigma * sigma)
 
 
@@ -135,6 +135,7 @@ def compare(
     side: NDArray[np.int8],
     color_sigma: float,
     slack: float,
+    noise: F32,
     out: F32,
 ) -> None:
     """Sum over reference frames how far each supports and violates one rigid motion at each pixel.
@@ -147,7 +148,7 @@ def compare(
     at. The references have `ref_depth` (R, h, w), `ref_color` (R, h, w, 3) and the `ref_range` of their depth (`depth_range`); `moves`
     (R, 3, 4) takes the frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only violate; `side` (R,) is
     -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0: only the sides tell a part from static scene.
-    `color_sigma` is one standard deviation of colour, `slack` (m) the depth error that poses may cause.
+    `color_sigma` is one standard deviation of colour, `slack` (m) the depth error that poses may cause, `noise` (2,) the curve of `pixel_sigma`.
 
     `out` (4, h, w) takes the sums of weights 0..1: support, violation, support by frames at lower and at higher states. Once
     `ENOUGH` frames support a pixel, those on no side are not asked any more.
@@ -159,11 +160,11 @@ def compare(
     column, points = np.empty(w, np.int32), np.empty((3, w), np.float32)
     variance, landed = np.empty(w, np.float32), np.empty((4, w), np.float32)
     for y in range(h):
-        n = _row(depth, wanted, y, camera, slack, column, points, variance)
+        n = _row(depth, wanted, y, camera, slack, noise, column, points, variance)
         for r in range(moves.shape[0]):
             if np.isnan(moves[r, 0, 0]):
                 continue
-            _landings(moves, r, points, n, camera, variance, landed)
+            _landings(moves, r, points, n, camera, noise, variance, landed)
             for i in range(n):
                 u, v, qz, inv_var = landed[0, i], landed[1, i], landed[2, i], landed[3, i]
                 if not (qz >= 0.05 and u >= 0.5 and v >= 0.5 and u <= w - 1.6 and v <= h - 1.6):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import F32
+from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.labels.crf import agree, upsample_labels
 from recon.labels.evidence import ENOUGH
 from recon.labels.pooling import SURE, pool_color, world_points
@@ -29,6 +30,7 @@ from recon.labels.reference_frames import (
     halved,
     lab,
     relative_moves,
+    says_nothing,
     view,
 )
 from recon.labels.spreading import pool_in_space
@@ -43,7 +45,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 3, ("labels",))
+LABELS = Stage("labels", 4, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ def label_frames(
     cameras: Trajectory,
     parts: Sequence[MovingPart],
     config: LabelConfig = LabelConfig(),
+    noise: DepthNoise = GOOD_SENSOR,
     *,
     frames: Sequence[int] | None = None,
     progress: Loop | None = None,
@@ -85,6 +88,7 @@ def label_frames(
     """Label images (H, W) at colour resolution: 0 unknown, 1 static, part ids, 255 hand with sleeve and forearm.
 
     Args:
+        noise: of depth.
         frames: which frames; default every `config.every`-th one that has a camera pose.
 
     Warns when no frame before or after the motion is free of the hand. Raises ReconstructionError when none of the
@@ -94,31 +98,31 @@ def label_frames(
     wanted = range(0, len(recording), config.every) if frames is None else frames
     chosen = [int(f) for f in wanted if int(f) in known]
     if not chosen:
-        raise ReconstructionError(
-            "no frame to label has a camera pose", "label frames which the cameras cover"
-        )
+        raise ReconstructionError("no frame to label has a camera pose", "label frames the cameras cover")
     factor = max(1, round(recording.intrinsics.width / config.working_width))
+    slack = config.pose_error
     refs = find_references(
         recording,
         cameras,
         parts,
         factor=factor,
-        slack=config.pose_error,
+        slack=slack,
+        noise=noise,
         per_phase=config.references,
         witnesses=config.witnesses,
     )
     _warn(refs)
     wrap = progress or untold
     camera = recording.intrinsics.binned(factor)
-    boxes = [_part_box(refs, cameras, p, camera, config.pose_error) for p in parts]
+    boxes = [_part_box(refs, cameras, p, camera, slack, noise) for p in parts]
 
     def look(frame: int) -> tuple[View, F32, NDArray[np.bool_]]:
         seen = view(recording, frame, factor)
-        return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, config.pose_error)
+        return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, slack, noise)
 
     looks = [seen for _, seen in zip(wrap(chosen, "labels"), each(look, chosen), strict=True)]
     views, scores, stays = (list(column) for column in zip(*looks, strict=True))
-    pool_in_space(views, scores, stays, cameras, parts, camera, COLOR_SIGMAS * refs.color_sigma)
+    pool_in_space(views, scores, stays, cameras, parts, camera, COLOR_SIGMAS * refs.color_sigma, noise)
     for score in scores:
         score[1:-1] += _PRIOR_PART
     pool_color(views, scores)
@@ -157,7 +161,12 @@ def _warn_of_ends(labels: dict[int, NDArray[np.uint8]]) -> None:
 
 
 def _part_box(
-    refs: References, cameras: Trajectory, part: MovingPart, camera: Intrinsics, slack: float
+    refs: References,
+    cameras: Trajectory,
+    part: MovingPart,
+    camera: Intrinsics,
+    slack: float,
+    noise: DepthNoise,
 ) -> tuple[Array, Array] | None:
     """Lower and upper corner (3,) that surely hold the part at state 0; None when nothing is known of it.
 
@@ -172,7 +181,7 @@ def _part_box(
             return np.zeros((0, 3))
         moves = relative_moves(cameras, (), seen.frame, refs.frames)[0]
         moves[k] = np.nan
-        violation = gather(seen, small, moves, half, slack)[1]
+        violation = gather(seen, small, moves, half, slack, noise)[1]
         moved = replace(seen, depth=np.where(violation > 1.5, seen.depth, np.float32(0)))
         return geo.transform(geo.invert_pose(pose), world_points(moved, half, cameras.pose(seen.frame)))
 
@@ -193,6 +202,7 @@ def _first_scores(
     boxes: Sequence[tuple[Array, Array] | None],
     camera: Intrinsics,
     slack: float,
+    noise: DepthNoise,
 ) -> tuple[F32, NDArray[np.bool_]]:
     """Log scores (1 + P + 1, h, w) of static, parts, hand from the reference frames alone; the masks
     (1 + P, h, w) of what surely moved and, for each part, of what surely stays (see `_stays`)."""
@@ -202,16 +212,18 @@ def _first_scores(
     world = world_points(seen, camera, cameras.pose(seen.frame))
     within = [_within(p.pose(seen.frame), box, known, world) for p, box in zip(parts, boxes, strict=True)]
     nowhere = known & ~np.logical_or.reduce(within)
-    planes = [_score(gather(seen, refs, moves[0], camera, slack, nowhere))]
+    planes = [_score(gather(seen, refs, moves[0], camera, slack, noise, nowhere))]
     stays = []
     for part, inside, move in zip(parts, within, moves[1:], strict=True):
         side = _side(part, seen.frame, refs)
-        still = gather(seen, refs, moves[0], camera, slack, inside, side)
+        still = gather(seen, refs, moves[0], camera, slack, noise, inside, side)
         planes[0][inside] = _score(still)[inside]
         stays.append(_stays(still, side))
-        score = _score(gather(seen, refs, move, camera, slack, inside, side))
+        score = _score(gather(seen, refs, move, camera, slack, noise, inside, side))
         score[known & ~inside] = -_VIOLATION
         planes.append(score)
+    untold = says_nothing(seen, noise) & (np.max(planes, axis=0) < _HAND)
+    planes = [np.where(untold, np.float32(0), p) for p in planes]
     planes.append(np.full(known.shape, _HAND, np.float32))
     return np.stack(planes).astype(np.float32), np.array([planes[0] < -SURE, *stays])
 

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.depth import F32, look_up
+from recon.dense.depth import F32, in_mid_air, look_up
+from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.labels.evidence import compare, depth_range, median_depth
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
@@ -24,6 +25,7 @@ from twin.scene import Trajectory
 # Chosen by us: lightness changes with shading when a part turns, hue and chroma hardly do.
 _LIGHTNESS_WEIGHT = 0.5
 _MIN_COLOR_SIGMA = 2.0
+_STEP = 0.05  # of the depth, within five pixels: more is an edge; chosen by us
 COLOR_SIGMAS = 3.0  # a surface that moves changes its shading: three times the noise is still alike
 
 
@@ -80,6 +82,11 @@ def view(recording: Recording, frame: int, factor: int) -> View:
     return View(frame, z, lab(np.asarray(small, np.uint8)))
 
 
+def says_nothing(seen: View, noise: DepthNoise) -> NDArray[np.bool_]:
+    """Pixels (h, w) whose depth may be no surface's: that nothing explains them makes them no hand."""
+    return in_mid_air(seen.depth, noise.sigma(seen.depth), _STEP)
+
+
 def halved(seen: View) -> View:
     """Every other pixel of a view."""
     return View(seen.frame, seen.depth[::2, ::2].copy(), seen.color[::2, ::2].copy())
@@ -120,6 +127,7 @@ def gather(
     moves: Array,
     camera: Intrinsics,
     slack: float,
+    noise: DepthNoise,
     wanted: NDArray[np.bool_] | None = None,
     side: NDArray[np.int8] | None = None,
 ) -> F32:
@@ -141,6 +149,7 @@ def gather(
         none if side is None else side,
         COLOR_SIGMAS * refs.color_sigma,
         slack,
+        noise.curve,
         out,
     )
     return out
@@ -171,6 +180,7 @@ def _unexplained(
     camera: Intrinsics,
     sigma: float,
     slack: float,
+    noise: DepthNoise,
 ) -> list[NDArray[np.bool_]]:
     """For each view the pixels (h, w) that neither the static scene nor any part explains, by the other views.
 
@@ -183,9 +193,9 @@ def _unexplained(
         seen = views[k]
         moves = relative_moves(cameras, parts, seen.frame, refs.frames)
         moves[:, k] = np.nan
-        odd = seen.depth > 0
+        odd = (seen.depth > 0) & ~says_nothing(seen, noise)
         for move in moves:
-            odd &= gather(seen, refs, move, camera, slack, odd)[1] > enough
+            odd &= gather(seen, refs, move, camera, slack, noise, odd)[1] > enough
         return odd
 
     return list(each(odd_pixels, range(len(views))))
@@ -213,6 +223,7 @@ def find_references(
     *,
     factor: int,
     slack: float,
+    noise: DepthNoise = GOOD_SENSOR,
     per_phase: int = 6,
     witnesses: int = 8,
     hand_share: float = 0.003,
@@ -225,6 +236,7 @@ def find_references(
     Args:
         factor: shrinking of the working grid.
         slack: m, depth error that poses may cause.
+        noise: of depth.
         per_phase: reference frames for each rest phase.
         witnesses: frames of the motion, and half as many of the whole recording, that may only violate.
         hand_share: share of unexplained pixels up to which a frame counts as without hand (chosen by us: a third of
@@ -236,7 +248,7 @@ def find_references(
     camera = recording.intrinsics.binned(factor)
     sigma = _estimate_color_sigma(candidates, pools, cameras, camera)
     coarse = [halved(v) for v in candidates]
-    masks = _unexplained(coarse, cameras, parts, camera.strided(2), sigma, slack)
+    masks = _unexplained(coarse, cameras, parts, camera.strided(2), sigma, slack, noise)
     share = np.array([m.sum() / max(int((v.depth > 0).sum()), 1) for m, v in zip(masks, coarse, strict=True)])
     chosen, clean, start = [], [], 0
     for pool in pools:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import F32
+from recon.dense.noise import DepthNoise
 from recon.labels.crf import geodesic
 from recon.labels.pooling import SURE, VoxelPool, enclosed_by_parts
 from recon.labels.reference_frames import View
@@ -45,15 +46,17 @@ def pool_in_space(
     parts: Sequence[MovingPart],
     camera: Intrinsics,
     scale: float,
+    noise: DepthNoise,
 ) -> None:
     """Let what all views say about a voxel, and what is sure along a surface, count in the scores of each view.
 
     Args:
         sure: masks (1 + P, h, w) of what surely moved and of what surely stays, as `spread_along_surfaces` takes them.
         scale: standard deviation of colour within a surface.
+        noise: of depth.
     """
-    enclosed = enclosed_by_parts(views, scores, sure, cameras, parts, camera)
-    pool = VoxelPool(views, cameras, parts, camera)
+    enclosed = enclosed_by_parts(views, scores, sure, cameras, parts, camera, noise)
+    pool = VoxelPool(views, cameras, parts, camera, noise)
     pool.add_to(scores)
 
     def spread(k: int) -> None:

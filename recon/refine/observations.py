@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.depth import depth_normals, depth_sigma, look_up, mean_depth
+from recon.dense.depth import depth_normals, look_up, mean_depth
+from recon.dense.noise import DepthNoise
 from recon.dense.voxels import distinct
 from recon.motion.movers import Movers
 from recon.parts.moving_part import MovingPart
@@ -173,6 +174,7 @@ def surfel_terms(
     joint: Joint,
     state: Array,
     gate: float,
+    noise: DepthNoise,
     config: RefineConfig,
 ) -> Terms:
     """Look every surfel up in every frame's depth."""
@@ -191,7 +193,7 @@ def surfel_terms(
         k = np.flatnonzero(inside & (cosine > config.grazing) & (z > 0) & (np.abs(distance) < gate))
         # a plane seen at an angle: axial noise counts by its cosine, half a pixel of offset by the sine
         half = 0.5 * z[k] / views.camera.fx
-        sigma = np.sqrt((depth_sigma(z[k]) * cosine[k]) ** 2 + half**2 * (1 - cosine[k] ** 2))
+        sigma = np.sqrt((noise.sigma(z[k]) * cosine[k]) ** 2 + half**2 * (1 - cosine[k] ** 2))
         return k, np.full(len(k), i), geo.transform(views.T_world_cam[row], seen[k]), sigma
 
     found = zip(*each(look, range(len(rows))), strict=True)
@@ -208,6 +210,7 @@ def track_terms(
     joint: Joint,
     state: Array,
     focal: float,
+    noise: DepthNoise,
     config: RefineConfig,
 ) -> Terms:
     """Three scalar terms per track, along directions square and parallel to its mean viewing ray."""
@@ -227,7 +230,7 @@ def track_terms(
     term = (3 * k[:, None] + np.arange(3)).ravel()
     cosine2 = (normals[term].reshape(-1, 3, 3) @ ray_part[:, :, None])[..., 0] ** 2
     lateral = config.pixel_sigma * depth / focal
-    sigma = np.sqrt(cosine2 * depth_sigma(depth)[:, None] ** 2 + (1 - cosine2) * lateral[:, None] ** 2)
+    sigma = np.sqrt(cosine2 * noise.sigma(depth)[:, None] ** 2 + (1 - cosine2) * lateral[:, None] ** 2)
     return Terms(term, np.repeat(i, 3), np.repeat(q, 3, axis=0), sigma.ravel(), normals)
 
 

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.labels.label_frames import LabelConfig, label_frames
 from recon.motion.intervals import IntervalConfig, state_intervals
 from recon.motion.movers import Movers
@@ -42,8 +43,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 9, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 3, ("refine", "motion.interval"))
+REFINE = Stage("refine", 10, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 4, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 
 
@@ -54,6 +55,7 @@ def refine_found(
     config: RefineConfig,
     of_labels: LabelConfig,
     interval: IntervalConfig,
+    noise: DepthNoise,
     progress: Loop = untold,
 ) -> tuple[MovingPart, ...]:
     """Labels with the joints found so far, then joints and states refined with every labelled pixel."""
@@ -62,8 +64,8 @@ def refine_found(
         return ()
     # As dense as the final ones: a door's far face is in few frames. Denser adds time and no accuracy.
     first = replace(of_labels, every=max(of_labels.every, 4))
-    labels = label_frames(recording, cameras, parts, first, progress=progress)
-    return refine_parts(recording, cameras, labels, found, config, interval)
+    labels = label_frames(recording, cameras, parts, first, noise, progress=progress)
+    return refine_parts(recording, cameras, labels, found, config, interval, noise)
 
 
 def polish_parts(
@@ -74,11 +76,12 @@ def polish_parts(
     refined: Sequence[MovingPart],
     config: RefineConfig,
     interval: IntervalConfig,
+    noise: DepthNoise,
 ) -> tuple[MovingPart, ...]:
     """Refined once more with the final labels, which show what the first ones missed, by the last, tight gates."""
     tracks = tuple(replace(t, part=p) for t, p in zip(found.parts, refined, strict=True))
     tight = replace(config, gates=config.gates[-3:])
-    return refine_parts(recording, cameras, labels, replace(found, parts=tracks), tight, interval)
+    return refine_parts(recording, cameras, labels, replace(found, parts=tracks), tight, interval, noise)
 
 
 def refine_parts(
@@ -88,18 +91,20 @@ def refine_parts(
     found: FoundParts,
     config: RefineConfig = _DEFAULT,
     interval: IntervalConfig = _INTERVAL,
+    noise: DepthNoise = GOOD_SENSOR,
 ) -> tuple[MovingPart, ...]:
     """All parts with refined joints, states, uncertainties and intervals.
 
     Args:
         labels: label images of some frames, from a first pass with the joints in `found`.
+        noise: of depth.
     """
     if not found.parts:
         return ()
     views = load_views(recording, cameras, config)
     out = []
     for tracks in found.parts:
-        fit = _refine_one(views, labels, tracks, found.movers, recording.intrinsics.fx, config)
+        fit = _refine_one(views, labels, tracks, found.movers, recording.intrinsics.fx, config, noise)
         spans = state_intervals(tracks.part.motion.frames, fit.state, fit.jitter, interval)
         joint = replace(fit.joint, covariance=fit.covariance, sigma=fit.sigma)
         motion = replace(
@@ -119,6 +124,7 @@ def _refine_one(
     movers: Movers,
     focal: float,
     config: RefineConfig,
+    noise: DepthNoise,
 ) -> Refined:
     """Alternate association and Gauss-Newton; `focal` is the recording's, px."""
     part = tracks.part
@@ -130,8 +136,8 @@ def _refine_one(
     for gate in config.gates:
         surfels = build_surfels(views, patches, rows, joint, state, config)
         terms = join(
-            surfel_terms(views, surfels, rows, joint, state, gate, config),
-            track_terms(views, movers, tracks.members, part, rows, joint, state, focal, config),
+            surfel_terms(views, surfels, rows, joint, state, gate, noise, config),
+            track_terms(views, movers, tracks.members, part, rows, joint, state, focal, noise, config),
         )
         for _ in range(STEPS):
             joint, state = step(joint, state, part.motion.state, rests, terms)

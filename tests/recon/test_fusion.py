@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from recon.dense.noise import GOOD_SENSOR
 from recon.evaluation.metrics import Surface
 from recon.evaluation.surface_scores import sampled
 from recon.evaluation.truth import Truth, load_truth
@@ -89,7 +90,7 @@ def test_cosine_of_a_plane_is_exact(tilt_deg: float) -> None:
     depth, normal = plane(np.deg2rad(tilt_deg))
     rays = np.stack([(np.arange(160) - CAMERA.cx) / CAMERA.fx, np.zeros(160), np.ones(160)], axis=1)
     true = np.abs(rays @ normal) / np.linalg.norm(rays, axis=1)
-    cosine = ray_cosine(depth, CAMERA.vector, 3)[60]
+    cosine = ray_cosine(depth, CAMERA.vector, 3, GOOD_SENSOR.curve)[60]
     assert cosine[20:140] == pytest.approx(true[20:140], abs=0.01)
 
 
@@ -98,9 +99,9 @@ def test_a_plane_is_fused_where_it_is(tilt_deg: float) -> None:
     depth, normal = plane(np.deg2rad(tilt_deg))
     own = np.zeros(depth.shape, bool)
     own[20:100, 40:120] = True
-    seen = Observation(depth, own, ray_cosine(depth, CAMERA.vector, 3), CAMERA, np.eye(4))
+    seen = Observation(depth, own, ray_cosine(depth, CAMERA.vector, 3, GOOD_SENSOR.curve), CAMERA, np.eye(4))
     field = allocate(own_points(seen, 1), 0.005, 0.015)
-    integrate(field, seen, 0.015, 0.5)
+    integrate(field, seen, 0.015, 0.5, GOOD_SENSOR.curve)
     vertices, faces = surface(field, 1e-6)
     assert len(faces) > 100
     assert np.abs((vertices - [0, 0, 1.0]) @ normal).max() < 0.003
@@ -114,10 +115,10 @@ def test_what_others_see_through_is_carved_away() -> None:
     ghost = Observation(near, own, cosine, CAMERA, np.eye(4))
     through = Observation(far, ~own, cosine, CAMERA, np.eye(4))
     field = allocate(own_points(ghost, 2), 0.01, 0.03)
-    integrate(field, ghost, 0.03, 0.5)
+    integrate(field, ghost, 0.03, 0.5, GOOD_SENSOR.curve)
     assert len(surface(field, 1e-6)[1]) > 0
     for _ in range(12):
-        integrate(field, through, 0.03, 0.5)
+        integrate(field, through, 0.03, 0.5, GOOD_SENSOR.curve)
     assert len(surface(field, 1e-6)[1]) == 0
 
 

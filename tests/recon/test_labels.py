@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from recon.dense.depth import depth_sigma
+from recon.dense.noise import GOOD_SENSOR
 from recon.dense.voxels import distinct, in_hull_of, largest_piece, near_piece, solid_core
 from recon.evaluation.truth import Truth, load_truth
 from recon.labels.crf import agree, geodesic, upsample_labels
@@ -166,6 +167,7 @@ def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float,
         np.array([1], np.int8),
         5.0,
         0.003,
+        GOOD_SENSOR.curve,
         out,
     )
     assert out[:, 4, 4] == pytest.approx([support, violation, 0.0, support])
@@ -203,6 +205,11 @@ def test_a_core_is_what_several_views_agree_on() -> None:
     assert np.array_equal(
         voxel_keys(core, size), voxel_keys(voxel_centres(voxel_keys(core, size), size), size)
     )
+    far = np.array([[200, 0, 0], [201, 0, 0]], np.float32) * size + 0.004  # noise that stays, 2 m off
+    wall = np.stack(np.meshgrid(np.arange(10), np.arange(10), [0]), axis=-1).reshape(-1, 3) * size + 0.004
+    near = solid_core([np.concatenate([wall, far]).astype(np.float32)] * 3, size)
+    assert len(near) == 100
+    assert near[:, 0].max() < 0.2
     assert solid_core([], size).shape == (0, 3)
     assert solid_core([solid, solid], size).shape == (0, 3)
 

@@ -1,0 +1,189 @@
+"""How far depth scatters in this very recording, measured between frames that see the same surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
+
+from recon.dense.depth import F32, depth_sigma, look_up
+from recon.recording import Intrinsics, Recording
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.robust import MAD_SIGMA
+from twin.runs.keys import Stage
+from twin.runs.threads import each
+from twin.scene import Trajectory
+
+NOISE = Stage("noise", 1, ())
+
+# Chosen by us and the same for every recording.
+_WIDTH = 160  # points looked at in each row of pixels
+_PAIRS, _OTHERS = 14, 24  # frames compared, each with that of so many others that sees it most differently
+_SHARED = 0.5  # of the points that both must have in view
+_BINS, _FEWEST = 8, 150  # of depth, and points of a pair in each
+_SLOPE_PX, _EDGE = (
+    3,
+    0.06,
+)  # a step of 6 % of the depth within 3 px to each side is an edge: an error of its own
+_WORST = 0.08  # of the depth: what differs by more has moved
+_TRIM = 3.0  # standard deviations beyond which a difference is no noise, but something that moved
+
+
+@dataclass(frozen=True)
+class DepthNoise:
+    """Standard deviation of a depth reading at z: `base` + `slope` z^2, m, with all that does not belong to the surface: the error of the
+    camera's pose as well, and what stays alike between successive frames. slow: that share of the variance, 0..1: it does not average
+    out over frames. lost: share of the pixels without depth.
+
+    What is the same from every side of a surface, as the mixed light in a corner, can't be told without truth and is missing.
+    """
+
+    base: float
+    slope: float
+    slow: float
+    lost: float
+
+    def measured(self, z: ArrayLike) -> Array:
+        """Standard deviation, m, at depths z m, as measured."""
+        return np.asarray(self.base + self.slope * np.asarray(z, dtype=float) ** 2)
+
+    def sigma(self, z: ArrayLike) -> Array:
+        """Standard deviation, m, to reckon with at depths z m: as measured, never below that of a good sensor (`depth_sigma`)."""
+        return np.maximum(depth_sigma(z), self.measured(z))
+
+    @property
+    def poor(self) -> bool:
+        """Whether a reading at 1 m is worse than a good sensor's: then errors that belong to pixels look like surfaces."""
+        return bool(self.measured(1.0) > depth_sigma(1.0))
+
+    @property
+    def curve(self) -> F32:
+        """(base, slope), for `recon.dense.depth.pixel_sigma` in compiled kernels."""
+        return np.array([self.base, self.slope], np.float32)
+
+
+GOOD_SENSOR = DepthNoise(0.0, 0.0, 0.0, 0.0)  # nothing beyond `depth_sigma`
+
+
+def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
+    """Measured between pairs of frames of the cameras; what moves in them differs by more than noise and is left out.
+
+    Frames far apart tell all of the noise, successive ones what is drawn anew in each. Where the frames share too little, it is
+    `GOOD_SENSOR` with the drop-outs.
+    """
+    count = len(cameras.frames)
+    first = np.unique(np.linspace(0, count - 2, _PAIRS).round().astype(int)).tolist() if count > 1 else []
+    found = list(each(lambda a: _three(recording, cameras, a), first))
+    far, near = [f[0] for f in found], [f[1] for f in found]
+    lost = float(np.mean([f[2] for f in found])) if found else 0.0
+    depth = np.concatenate([z for z, _ in far]) if far else np.zeros(0)
+    if len(depth) < _BINS * _FEWEST:
+        return DepthNoise(0.0, 0.0, 0.0, lost)
+    edges = np.quantile(depth, np.linspace(0.01, 0.99, _BINS + 1))
+    z = 0.5 * (edges[1:] + edges[:-1])
+    total, fresh = _scatter(far, edges), _scatter(near, edges)
+    known = np.isfinite(total) & (total > 0)
+    if not known.any():
+        return DepthNoise(0.0, 0.0, 0.0, lost)
+    weight = 1.0 / total[known]  # relative errors count
+    rows = np.stack([weight, weight * z[known] ** 2], axis=1)
+    base, slope = nnls(rows, np.ones(len(rows)))[0]
+    share = (
+        1.0 - float(np.nanmedian((fresh[known] / total[known]) ** 2))
+        if np.isfinite(fresh[known]).any()
+        else 0.0
+    )
+    return DepthNoise(float(base), float(slope), float(np.clip(share, 0.0, 1.0)), lost)
+
+
+def _three(
+    recording: Recording, cameras: Trajectory, a: int
+) -> tuple[tuple[Array, Array], tuple[Array, Array], float]:
+    """Differences of frame number a of the cameras to the one that sees it most differently and to the next, and its share of
+    unknown pixels."""
+    camera, seen = recording.intrinsics, recording.depth(int(cameras.frames[a]))
+    points = _points(seen, camera)
+    T_other_a = geo.invert_pose(cameras.T_world_cam) @ cameras.T_world_cam[a]
+    far, near = (
+        _differences(geo.transform(T_other_a[b], points), recording.depth(int(cameras.frames[b])), camera)
+        for b in (_most_different(points, T_other_a, a, camera), a + 1)
+    )
+    return far, near, float(np.mean(seen <= 0))
+
+
+def _most_different(points: Array, T_other_a: Array, a: int, camera: Intrinsics) -> int:
+    """The frame number in which the points (n, 3) of frame a lie farthest from where they lie in it, in pixels: an error that belongs to
+    the pixel, and not to the surface, is another one there."""
+    some = points[:: max(1, len(points) // 300)]
+    best, most = a + 1, -1.0
+    for b in np.unique(np.linspace(0, len(T_other_a) - 1, _OTHERS).round().astype(int)).tolist():
+        moved = geo.transform(T_other_a[b], some)
+        ahead = moved[:, 2] > 0.1
+        at = camera.project(np.where(ahead[:, None], moved, [0.0, 0.0, 1.0]))
+        inside = ahead & (at >= 0).all(axis=1) & (at[:, 0] < camera.width) & (at[:, 1] < camera.height)
+        if b != a and inside.mean() >= _SHARED:
+            shift = float(np.median(np.linalg.norm(at - camera.project(some), axis=1)[inside]))
+            best, most = (b, shift) if shift > most else (best, most)
+    return int(best)
+
+
+def _points(depth: F32, camera: Intrinsics) -> Array:
+    """Points (n, 3) m of some of a picture's pixels, off edges."""
+    step = max(1, camera.width // _WIDTH)
+    fine = _off_edges(depth)[step // 2 :: step, step // 2 :: step]
+    y, x = (step * k + step // 2 for k in np.nonzero(fine))
+    return camera.backproject(np.stack([x, y], axis=1).astype(float), depth[y, x].astype(float))
+
+
+def _off_edges(depth: F32) -> NDArray[np.bool_]:
+    """Pixels (h, w) within known and steady depth."""
+    window = np.ones((2 * _SLOPE_PX + 1, 2 * _SLOPE_PX + 1), np.uint8)
+    near, far = cv2.erode(depth, window), cv2.dilate(depth, window)
+    return np.asarray((near > 0) & (far - near < _EDGE * depth))
+
+
+def _differences(points: Array, depth: F32, camera: Intrinsics) -> tuple[Array, Array]:
+    """Depth (n,) of points (m, 3) in a camera that see known and steady depth there, and what is read beyond that (n,), m.
+
+    The reading is that of the nearest pixel, carried to the point by the slope of the depth around it.
+    """
+    inside, x, y, seen = look_up(depth, camera, points)
+    k = np.flatnonzero(inside & _off_edges(depth)[y, x])
+    z, x, y, seen = points[k, 2], x[k], y[k], seen[k]
+    at = camera.project(points[k])
+    h, w = depth.shape
+    for along, (dx, dy) in enumerate(((_SLOPE_PX, 0), (0, _SLOPE_PX))):
+        a = depth[np.clip(y - dy, 0, h - 1), np.clip(x - dx, 0, w - 1)]
+        b = depth[np.clip(y + dy, 0, h - 1), np.clip(x + dx, 0, w - 1)]
+        seen = seen + (b - a) / (2.0 * _SLOPE_PX) * (at[:, along] - (x, y)[along])
+    off = seen - z
+    same = np.abs(off) < _WORST * z
+    return z[same], off[same]
+
+
+def _scatter(pairs: list[tuple[Array, Array]], edges: Array) -> Array:
+    """Standard deviation (B,) of one reading in each bin of depth, the median over the pairs; NaN where no pair has enough points."""
+    out = np.full((len(pairs), len(edges) - 1), np.nan)
+    for p, (z, off) in enumerate(pairs):
+        at = np.searchsorted(edges, z, side="right") - 1
+        for k in range(len(edges) - 1):
+            d = off[at == k]
+            if len(d) >= _FEWEST:
+                out[p, k] = _deviation(d) / np.sqrt(2.0)
+    known = np.isfinite(out).any(axis=0)
+    return np.array([np.nanmedian(out[:, k]) if known[k] else np.nan for k in range(out.shape[1])])
+
+
+def _deviation(d: Array) -> float:
+    """Robust standard deviation of differences around 0, of those within `_TRIM` of them."""
+    sigma = np.inf
+    for _ in range(4):
+        kept = np.abs(d[np.abs(d) < _TRIM * sigma])
+        if not len(kept):
+            break
+        sigma = MAD_SIGMA * float(np.median(kept))
+    return sigma

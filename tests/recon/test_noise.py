@@ -1,0 +1,75 @@
+"""Depth noise measured in a recording: against noise that was put there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from recon.dense.depth import depth_sigma, in_mid_air, pixel_sigma
+from recon.dense.noise import GOOD_SENSOR, DepthNoise, measure_noise
+from recon.recording import Intrinsics, Recording
+from twin.geometry import Array
+from twin.scene import Trajectory
+
+CAMERA = Intrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
+FRAMES = 16
+
+
+def clip(fresh: Array, fixed: Array, mover: bool = False) -> tuple[Recording, Trajectory]:
+    """A room's corner of a wall turned away, 0.8 to 3 m off, seen by a camera that moves sideways. fresh, fixed (2,): noise base + slope z^2
+    drawn in each pixel of each frame, and once for all frames. mover: a box takes a quarter of the picture from the middle on."""
+    rng = np.random.default_rng(0)
+    x = (np.arange(160) - CAMERA.cx) / CAMERA.fx
+    pose = np.tile(np.eye(4), (FRAMES, 1, 1))
+    pose[:, 0, 3] = np.linspace(0.0, 0.15, FRAMES)
+    pattern = rng.standard_normal((120, 160))
+    images = []
+    for k in range(FRAMES):
+        z = np.tile((1.6 + pose[k, 0, 3] * 0.9) / (1.0 - 0.9 * x), (120, 1))
+        if mover and k >= FRAMES // 2:
+            z[30:90, 40:120] -= 0.3
+        for (base, slope), draw in ((fresh, rng.standard_normal(z.shape)), (fixed, pattern)):
+            z = z + (base + slope * z**2) * draw
+        images.append(z.astype(np.float32))
+    colour = np.zeros((FRAMES, 120, 160, 3), np.uint8)
+    recording = Recording.from_arrays(colour, np.stack(images), CAMERA, fps=15.0)
+    return recording, Trajectory(np.arange(FRAMES), recording.times, pose)
+
+
+@pytest.mark.parametrize("mover", [False, True])
+@pytest.mark.parametrize(("base", "slope"), [(0.0005, 0.0), (0.006, 0.0), (0.001, 0.003)])
+def test_noise_is_what_was_put_there(base: float, slope: float, mover: bool) -> None:
+    found = measure_noise(*clip(np.array([base, slope]), np.zeros(2), mover))
+    z = np.array([1.2, 2.0, 2.5])
+    assert found.measured(z) == pytest.approx(base + slope * z**2, rel=0.2)
+    assert found.slow < 0.25
+
+
+def test_what_belongs_to_the_pixel_counts_and_is_slow() -> None:
+    found = measure_noise(*clip(np.array([0.001, 0.0]), np.array([0.006, 0.0])))
+    assert found.measured(1.5) == pytest.approx(np.hypot(0.006, 0.001), rel=0.25)
+
+
+def test_without_shared_views_it_is_a_good_sensor() -> None:
+    recording, cameras = clip(np.array([0.006, 0.0]), np.zeros(2))
+    alone = Trajectory(cameras.frames[:1], cameras.times[:1], cameras.T_world_cam[:1])
+    assert measure_noise(recording, alone) == GOOD_SENSOR
+
+
+def test_gates_never_fall_below_a_good_sensor() -> None:
+    z = np.linspace(0.3, 5.0, 20)
+    assert np.array_equal(GOOD_SENSOR.sigma(z), depth_sigma(z))
+    bad = DepthNoise(0.004, 0.002, 0.0, 0.0)
+    assert (bad.sigma(z) >= depth_sigma(z)).all()
+    assert (bad.sigma(z) >= bad.measured(z)).all()
+    compiled = [pixel_sigma.py_func(np.float32(d), bad.curve) for d in z]
+    assert np.array(compiled) == pytest.approx(bad.sigma(z), rel=1e-5)
+
+
+def test_mid_air_lies_between_two_surfaces_only() -> None:
+    depth = np.full((20, 20), 1.0, np.float32)
+    depth[:, 10:] = 1.5
+    sigma = np.full(depth.shape, 0.003)
+    assert not in_mid_air(depth, sigma, 0.05).any()
+    depth[:, 10] = 1.25
+    assert np.array_equal(np.nonzero(in_mid_air(depth, sigma, 0.05).any(axis=0))[0], [10])
