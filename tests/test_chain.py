@@ -20,7 +20,7 @@ from twin.verdict import Verdict
 
 RECORDING = asset("recordings/cabinet_drawer")
 STAGES = [
-    "tracks", "cameras", "gravity", "motion", "refine", "labels", "polish", "fusion", "contact", "verdict",
+    "tracks", "cameras", "gravity", "motion", "noise", "refine", "labels", "polish", "fusion", "contact", "verdict",
 ]  # fmt: skip
 
 
@@ -91,13 +91,13 @@ def test_an_interrupted_run_ends_with_the_same_bytes(
     """What a killed process leaves: the first stages, and half of another in a temporary folder. The number of threads is another."""
     monkeypatch.setenv("OMP_NUM_THREADS", "2" if threads() == 1 else "1")
     resumed = tmp_path / "run"
-    for stage in sorted((finished / "stages").glob("[0-9]*"))[:5]:
+    for stage in sorted((finished / "stages").glob("[0-9]*"))[:6]:
         shutil.copytree(stage, resumed / "stages" / stage.name)
-    half = resumed / "stages" / ".06_labels.tmp"
+    half = resumed / "stages" / ".07_labels.tmp"
     half.mkdir()
     (half / "arrays.npz").write_bytes(b"PK")
     assert reconstruct(resumed) == 0
-    assert list(computed(resumed)) == STAGES[5:]
+    assert list(computed(resumed)) == STAGES[6:]
     assert twin_bytes(resumed) == twin_bytes(finished)
 
 

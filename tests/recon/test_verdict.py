@@ -262,8 +262,8 @@ def test_a_refused_part_is_told_but_not_written(
 def test_refinement_of_no_part_is_none(clip: Clip, evidence: PartEvidence) -> None:
     none = replace(evidence.scene.found, parts=())
     nothing: Any = None
-    assert refine_found(clip.recording, clip.cameras, none, nothing, nothing, nothing) == ()
-    assert polish_parts(clip.recording, clip.cameras, {}, none, (), RefineConfig(), nothing) == ()
+    assert refine_found(clip.recording, clip.cameras, none, nothing, nothing, nothing, nothing) == ()
+    assert polish_parts(clip.recording, clip.cameras, {}, none, (), RefineConfig(), nothing, nothing) == ()
 
 
 def test_motion_without_frames_never_rests_nor_moves(evidence: PartEvidence) -> None:
