@@ -26,8 +26,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from benchmarks.unseen_counts import counts
 from benchmarks.unseen_page import write_row
-from recon.evaluation.outcome import outcome
 from recon.evaluation.truth import Truth, load_truth
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import Stratum, sealed_set
@@ -121,7 +121,7 @@ def _clip_alone(seed: int, index: int, codes: Sequence[Path]) -> list[dict[str, 
             told = []
     if len(told) != len(codes):
         return [{"clips": 1, "broken": 1} for _ in codes]
-    return [{k: int(v) for k, v in counts.items()} for counts in told]
+    return [{k: int(v) for k, v in row.items()} for row in told]
 
 
 def clip(seed: int, index: int, place: Path, codes: Sequence[Path]) -> list[dict[str, int]]:
@@ -144,20 +144,9 @@ def _measured(recording: Path, run: Path, truth: Truth, code: Path) -> dict[str,
         return {
             "no twin": 1, "cause missed": len(truth.parts), "exit not 0 where failed": int(said_so), "failed clips": 1
         }  # fmt: skip
-    found, counts = outcome(load(run), truth), Counter[str]()
-    for part in found.parts:
-        counts["success" if part.cause is None else f"cause {part.cause}"] += 1
-        counts["trusted"] += part.trusted
-        counts["trusted success"] += part.trusted and part.cause is None
-    counts["invented"] = len(found.invented)
-    counts["invented trusted"] = sum(found.invented)
-    counts["trusted"] += sum(found.invented)
-    counts["doubtful"] = found.doubtful
-    counts["up wrong"] = int(not found.up_right)
-    failed = bool(found.invented) or any(p.cause is not None for p in found.parts)
-    counts["failed clips"] = int(failed)
-    counts["exit not 0 where failed"] = int(failed and said_so)
-    return dict(counts)
+    found = counts(load(run), truth)
+    found["exit not 0 where failed"] = int(bool(found["failed clips"]) and said_so)
+    return dict(found)
 
 
 def open_clips(first: int, last: int, out: Path) -> int:
@@ -230,8 +219,8 @@ def main() -> int:
             return sealed(args.baseline)
         if args.verb == "open":
             return open_clips(args.first, args.last, args.out)
-        for counts in clip(args.seed, args.index, args.place, args.codes):
-            print(json.dumps(counts))
+        for row in clip(args.seed, args.index, args.place, args.codes):
+            print(json.dumps(row))
     except FuntwinError as error:
         print(error, file=sys.stderr)
         return 1

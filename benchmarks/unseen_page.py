@@ -18,6 +18,11 @@ COLUMNS = (
     "group", "clips", "parts", "success", "trusted", "trusted that succeed", "successes that are trusted", "invented", "doubtful",
     "failed clips with exit 1 or 2", "causes", "up wrong", "broken",
 )  # fmt: skip
+# of all true parts; a median is below a limit where half of them are
+EXACT = (
+    "group", "axis ≤ 0.3° / 0.7°", "pivot ≤ 3 / 6 mm", "state ≤ 0.3° or 2 mm / 0.5° or 3 mm",
+    "axis within 1 / 2 σ", "pivot within 1 / 2 σ", "states within 1 / 2 σ",
+)  # fmt: skip
 GROUPS = ("ordinary", "hard", "negative")
 CAUSES = ("cameras", "missed", "type", "axis", "path", "labels")
 
@@ -34,6 +39,9 @@ def section(commit: str, baseline: str | None, clips: int, counts: Mapping[str, 
     rows = [_cells(group, counts) for group in GROUPS]
     head = [f"| {' | '.join(COLUMNS)} |", "|" + "---|" * len(COLUMNS)]
     lines = [title, "", f"{clips} clips.", "", *head, *(f"| {' | '.join(r)} |" for r in rows), ""]
+    lines += ["| " + " | ".join(EXACT) + " |", "|" + "---|" * len(EXACT)]
+    lines += [f"| {' | '.join(_exact(group, counts))} |" for group in GROUPS[:2]]
+    lines += ["", *_hands(counts), ""]
     lines += ["| factor | parts | success |", "|---|---|---|"]
     for name in sorted({k.partition(": ")[0] for k in counts} - set(GROUPS)):
         parts, good = counts.get(f"{name}: parts", 0), counts.get(f"{name}: success", 0)
@@ -52,6 +60,40 @@ def _cells(group: str, counts: Mapping[str, int]) -> list[str]:
         f"{n('invented')}, {n('invented trusted')} trusted", str(n("doubtful")),
         _rate(n("exit not 0 where failed"), n("failed clips")), causes or "-", str(n("up wrong")), str(n("broken")),
     ]  # fmt: skip
+
+
+def _exact(group: str, counts: Mapping[str, int]) -> list[str]:
+    """Shares of all true parts, failures counted as beyond; coverage of successes."""
+
+    def n(key: str) -> int:
+        return counts.get(f"{group}: {key}", 0)
+
+    def share(what: str, of: int) -> str:
+        return " / ".join(_percent(n(f"{what} {word}"), of) for word in ("fine", "good"))
+
+    def held(what: str) -> str:
+        of = n(f"{what} components")
+        return " / ".join(_percent(n(f"{what} within {k} sigma"), of) for k in (1, 2))
+
+    states = " / ".join(_percent(n(f"states within {k} sigma, ppm"), 1_000_000 * n("states")) for k in (1, 2))
+    return [
+        group, share("axis", n("parts")), share("pivot", n("hinges")), share("state", n("parts")),
+        held("axis"), held("pivot"), states,
+    ]  # fmt: skip
+
+
+def _hands(counts: Mapping[str, int]) -> list[str]:
+    """One line on false hands."""
+    seen, ppm, many = (
+        sum(counts.get(f"{group}: {key}", 0) for group in GROUPS)
+        for key in ("hand-free", "hand, ppm", "hand above 3 %")
+    )
+    mean = f"{ppm / seen / 10_000:.2f} %" if seen else "-"
+    return [f"Hand on hand-free frames: mean {mean} of the picture over {seen} clips, above 3 % in {many}."]
+
+
+def _percent(part: int, of: int) -> str:
+    return f"{100 * part / of:.0f} %" if of else "-"
 
 
 def _rate(good: int, of: int) -> str:
