@@ -48,7 +48,7 @@ def finish_parts(
     parts: those of `found`, refined.
     """
     finished = []
-    for tracks, part in zip(found.parts, parts, strict=True):
+    for tracks, part in zip(found.of(parts), parts, strict=True):
         mesh = fused.parts.get(part.id)
         if mesh is None:
             warnings.warn(

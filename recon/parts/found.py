@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,3 +28,8 @@ class FoundParts:
     movers: Movers
     hand: NDArray[np.bool_]
     parts: tuple[PartTracks, ...]
+
+    def of(self, parts: Sequence[MovingPart]) -> tuple[PartTracks, ...]:
+        """The tracks of these parts, refined ones or some of them, by their ids."""
+        known = {tracks.part.id: tracks for tracks in self.parts}
+        return tuple(known[part.id] for part in parts)

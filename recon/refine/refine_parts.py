@@ -21,6 +21,7 @@ from recon.motion.intervals import IntervalConfig, state_intervals
 from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
+from recon.parts.same_motion import distinct
 from recon.parts.static_spans import REST_MARGIN
 from recon.recording import Recording
 from recon.refine.observations import (
@@ -43,8 +44,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 10, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 4, ("refine", "motion.interval"))
+REFINE = Stage("refine", 11, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 5, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 
 
@@ -58,14 +59,14 @@ def refine_found(
     noise: DepthNoise,
     progress: Loop = untold,
 ) -> tuple[MovingPart, ...]:
-    """Labels with the joints found so far, then joints and states refined with every labelled pixel."""
+    """Labels with the joints found so far, then joints and states refined with every labelled pixel; what moves alike is one part."""
     parts = [p.part for p in found.parts]
     if not parts:
         return ()
     # As dense as the final ones: a door's far face is in few frames. Denser adds time and no accuracy.
     first = replace(of_labels, every=max(of_labels.every, 4))
     labels = label_frames(recording, cameras, parts, first, noise, progress=progress)
-    return refine_parts(recording, cameras, labels, found, config, interval, noise)
+    return distinct(refine_parts(recording, cameras, labels, found, config, interval, noise))
 
 
 def polish_parts(
@@ -79,7 +80,7 @@ def polish_parts(
     noise: DepthNoise,
 ) -> tuple[MovingPart, ...]:
     """Refined once more with the final labels, which show what the first ones missed, by the last, tight gates."""
-    tracks = tuple(replace(t, part=p) for t, p in zip(found.parts, refined, strict=True))
+    tracks = tuple(replace(t, part=p) for t, p in zip(found.of(refined), refined, strict=True))
     tight = replace(config, gates=config.gates[-3:])
     return refine_parts(recording, cameras, labels, replace(found, parts=tracks), tight, interval, noise)
 

@@ -25,6 +25,9 @@ def step(
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
     d = jac.shape[1] - 1
     h, g = add_priors(h, g, d, state, start, rests)
+    # The zero of the states is free: their mean stays. A single frame that is held, and that a hand hides, would let all others turn
+    # away from it, as the planes' normals are not eliminated and gain by it.
+    h[d:, d:] += float(np.diag(h)[d:].mean())
     delta = -np.linalg.solve(h, g)
     return joint.plus(delta[:d]), state + delta[d:]
 
@@ -69,8 +72,8 @@ def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:
 def add_priors(
     h: Array, g: Array, d: int, state: Array, start: Array, rests: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Fix the zero of the state (gauge); where the data say little, ask for small second differences, and for states
-    within a fifth of the range from where they started, so that unseen frames at the ends don't run away."""
+    """Where the data say little, ask for small second differences, and for states within a fifth of the range from where they started, so
+    that unseen frames at the ends don't run away."""
     n = len(state)
     second = np.diff(state, 2)
     noise = mad_sigma(second)
@@ -90,8 +93,8 @@ def add_priors(
     g[d:] += rows.T @ np.diff(state)[k] / still**2
     every = d + np.arange(n)
     h[every, every] += 1.0 / anchor**2
-    g[every] += (state - state[0] - start + start[0]) / anchor**2
-    h[d, d] += 1e8 * max(1.0, float(np.abs(np.diag(h)).max()) * 1e-6)
+    away = state - start
+    g[every] += (away - away.mean()) / anchor**2
     scale = float(np.diag(h).mean())
     h[np.diag_indices_from(h)] += 1e-9 * scale
     return h, g

@@ -45,6 +45,10 @@ def with_uncertainty(
     d = jac.shape[1] - 1
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
     h, _ = add_priors(h, g, d, state, start, rests)
+    held = d + int(
+        np.argmax(np.diag(h)[d:])
+    )  # errors of states are told against the frame that is known best
+    h[held, held] += 1e8 * max(1.0, float(np.abs(np.diag(h)).max()) * 1e-6)
     score = weight * (value - mean[terms.term])
     blocks = terms.frame // _BLOCK
     scores = np.zeros((int(blocks.max(initial=0)) + 1, len(h)))
@@ -60,7 +64,8 @@ def with_uncertainty(
     rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0
     second = np.diff(state, 2)
     noise = mad_sigma(second) / np.sqrt(6.0)
-    drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", pushed[:, d + 1 :], pushed[:, d + 1 :]))))
+    of_states = np.delete(pushed[:, d:], held - d, axis=1)
+    drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", of_states, of_states))))
     covariance = 0.5 * (covariance + covariance.T)
     sigma = JointSigma.of(covariance, float(np.hypot(noise, drift)))
     return Refined(joint, state, covariance, sigma, rms, noise)

@@ -55,7 +55,7 @@ def judge(
     scene = SceneEvidence(recording, cameras, labels, found, fused.static, told)
     alone = {
         part.id: verdict_on(PartEvidence(scene, part, mesh, tracks, margins.get(part.id)))
-        for (part, mesh), tracks in zip(told, found.parts, strict=True)
+        for (part, mesh), tracks in zip(told, found.of(parts), strict=True)
     }
     verdicts = _beside_refused(parts, alone)
     none = all(v.level == "refused" for v in verdicts.values())

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tracks import minimum_jerk
 from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
-from recon.refine.observations import RefineConfig
+from recon.refine.observations import RefineConfig, Terms
 from recon.refine.refine_parts import refine_parts
+from recon.refine.solver import step
 from tests.recon import tiny
 from twin import geometry as geo
 from twin.scene import Motion, Revolute, Trajectory
@@ -105,3 +107,31 @@ def test_a_part_at_rest_does_not_creep_where_nothing_of_it_is_seen(door: Path) -
         crept[end] = float(np.ptp(found.motion.state[last + 4 :]))
     with_rest, without = crept.values()
     assert with_rest < 0.5 * without
+
+
+def test_a_frame_that_is_hardly_seen_comes_along() -> None:
+    """A board whose planes are all tilted by the same 6 deg: turning it about its hinge fits them better, and the first frame, in which a hand
+    hides most of it, must turn as the others do. All start at the true states."""
+    rng = np.random.default_rng(0)
+    joint = Revolute(np.array([0.0, 0.0, 1.0]), upper=1.0, pivot=np.array([0.2, 0.0, 0.1]))
+    frames, planes = 60, 60
+    state = minimum_jerk(frames)
+    normal = np.array([0.0, 1.0, 0.0])
+    term, frame = np.nonzero((rng.random((planes, frames)) < 0.5) | (np.arange(planes) < 3)[:, None])
+    hidden = (frame == 0) & (term >= 3)
+    term, frame = term[~hidden], frame[~hidden]
+    on_board = rng.uniform(-0.3, 0.3, (planes, 3)) * [1.0, 0.0, 1.0]
+    seen = on_board[term] + rng.uniform(-0.02, 0.02, (len(term), 3)) * [
+        1.0,
+        0.0,
+        1.0,
+    ]  # another pixel each time
+    poses = joint.poses(state)[frame]
+    q = np.einsum("nij,nj->ni", poses[:, :3, :3], seen) + poses[:, :3, 3] + rng.normal(0.0, 0.002, seen.shape)
+    tilted = geo.exp_so3(np.array([0.0, 0.0, np.radians(6.0)])) @ normal
+    terms = Terms(term, frame, q, np.full(len(q), 0.002), np.tile(tilted, (planes, 1)))
+    rests = np.zeros(frames, bool)
+    found, s = joint, state
+    for _ in range(8):
+        found, s = step(found, s, state, rests, terms)
+    assert np.abs((s - s[0]) - state)[:10].max() < 0.03
