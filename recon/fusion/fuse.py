@@ -163,8 +163,7 @@ def _fuse_body(
     truncation = max(3.0 * voxel, min(2.5 * sigma, 4.0 * voxel))
     field = allocate(cloud, voxel, truncation)
     del cloud  # a hundred megabytes that nothing needs any more
-    for o in observations:
-        integrate(field, o, truncation, 0.5, noise.curve)
+    integrate(field, observations, truncation, 0.5, noise.curve)
     vertices, faces = surface(field, config.min_views * 1e-5 / sigma**2)
     share = config.static_min_share if part is None else config.min_share
     gap = np.inf if part is None else config.max_gap

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba
@@ -12,8 +13,10 @@ from recon.dense.depth import F32, pixel_sigma
 from recon.recording import Intrinsics
 from twin.errors import ReconstructionError
 from twin.geometry import Array
+from twin.runs.threads import each
 
 BLOCK = 8
+_CHUNK = 512  # blocks of a thread's task, for each of which all frames are averaged in turn
 _MAX_INDEX = 64_000_000  # blocks in the dense index, 256 MB; a hall of 30 m at 1 cm has fewer
 _MAX_WEIGHT = 1000.0
 
@@ -90,29 +93,38 @@ def _touch(touched: NDArray[np.bool_], points: Array, low: Array, margin: float,
                 touched[x, y, z0] = touched[x, y, z1] = True
 
 
-def integrate(field: Field, seen: Observation, truncation: float, carve_weight: float, noise: F32) -> None:
-    """Average one frame into the field (Curless and Levoy 1996), with distances taken along the surface normal.
+def integrate(
+    field: Field, seen: Sequence[Observation], truncation: float, carve_weight: float, noise: F32
+) -> None:
+    """Average frames into the field (Curless and Levoy 1996), with distances taken along the surface normal.
 
     noise (2,): curve of depth noise (`recon.dense.depth.pixel_sigma`).
     """
-    _integrate(
-        field.origin,
-        field.voxel,
-        field.blocks,
-        field.distance,
-        field.weight,
-        seen.depth,
-        seen.own,
-        seen.cosine,
-        seen.camera.vector,
-        np.ascontiguousarray(seen.T_cam_body),
-        truncation,
-        carve_weight,
-        noise,
-    )
+
+    def some(blocks: slice) -> None:
+        for o in seen:
+            _integrate(
+                field.origin,
+                field.voxel,
+                field.blocks[blocks],
+                field.distance[blocks],
+                field.weight[blocks],
+                o.depth,
+                o.own,
+                o.cosine,
+                o.camera.vector,
+                np.ascontiguousarray(o.T_cam_body),
+                truncation,
+                carve_weight,
+                noise,
+            )
+
+    starts = range(0, len(field.blocks), _CHUNK)
+    for _ in each(some, [slice(k, k + _CHUNK) for k in starts]):
+        pass
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def _integrate(
     origin: Array,
     voxel: float,
@@ -131,7 +143,7 @@ def _integrate(
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
     half, radius = 0.5 * BLOCK * voxel, BLOCK * voxel * 0.87  # of a block: half its side, and its diagonal
-    for n in numba.prange(blocks.shape[0]):
+    for n in range(blocks.shape[0]):
         bx = origin[0] + blocks[n, 0] * BLOCK * voxel
         by = origin[1] + blocks[n, 1] * BLOCK * voxel
         bz = origin[2] + blocks[n, 2] * BLOCK * voxel

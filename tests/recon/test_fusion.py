@@ -101,7 +101,7 @@ def test_a_plane_is_fused_where_it_is(tilt_deg: float) -> None:
     own[20:100, 40:120] = True
     seen = Observation(depth, own, ray_cosine(depth, CAMERA.vector, 3, GOOD_SENSOR.curve), CAMERA, np.eye(4))
     field = allocate(own_points(seen, 1), 0.005, 0.015)
-    integrate(field, seen, 0.015, 0.5, GOOD_SENSOR.curve)
+    integrate(field, [seen], 0.015, 0.5, GOOD_SENSOR.curve)
     vertices, faces = surface(field, 1e-6)
     assert len(faces) > 100
     assert np.abs((vertices - [0, 0, 1.0]) @ normal).max() < 0.003
@@ -115,10 +115,9 @@ def test_what_others_see_through_is_carved_away() -> None:
     ghost = Observation(near, own, cosine, CAMERA, np.eye(4))
     through = Observation(far, ~own, cosine, CAMERA, np.eye(4))
     field = allocate(own_points(ghost, 2), 0.01, 0.03)
-    integrate(field, ghost, 0.03, 0.5, GOOD_SENSOR.curve)
+    integrate(field, [ghost], 0.03, 0.5, GOOD_SENSOR.curve)
     assert len(surface(field, 1e-6)[1]) > 0
-    for _ in range(12):
-        integrate(field, through, 0.03, 0.5, GOOD_SENSOR.curve)
+    integrate(field, [through] * 12, 0.03, 0.5, GOOD_SENSOR.curve)
     assert len(surface(field, 1e-6)[1]) == 0
 
 
