@@ -44,8 +44,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 11, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 5, ("refine", "motion.interval"))
+REFINE = Stage("refine", 12, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 6, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 
 

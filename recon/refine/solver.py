@@ -24,10 +24,11 @@ def step(
     weight, _ = robust_weights(value, terms)
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
     d = jac.shape[1] - 1
+    seen = np.diag(h)[d:] / max(float(np.diag(h)[d:].mean()), 1e-12)
     h, g = add_priors(h, g, d, state, start, rests)
-    # The zero of the states is free: their mean stays. A single frame that is held, and that a hand hides, would let all others turn
-    # away from it, as the planes' normals are not eliminated and gain by it.
-    h[d:, d:] += float(np.diag(h)[d:].mean())
+    # The zero of the states is free: their mean stays, each frame weighed by what it sees. The planes' normals are not eliminated and gain
+    # by turning all frames; where one frame is held that a hand hides, or where each counts alike, those that see little pay for it.
+    h[d:, d:] += float(np.diag(h)[d:].mean()) * np.outer(seen, seen)
     delta = -np.linalg.solve(h, g)
     return joint.plus(delta[:d]), state + delta[d:]
 
