@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.verdict.hands import moving_hand
+from recon.verdict.hands import hand_in_view
 from recon.verdict.posed import PosedTwin, gate, opened
 from twin.scene import STATIC_LABEL
 
@@ -61,7 +61,7 @@ def _looked_at(frames: NDArray[np.int64], labels: Mapping[int, NDArray[np.uint8]
 def _share(twin: PosedTwin, frame: int, image: NDArray[np.uint8] | None, sign: int) -> float:
     other = other_depth(twin.seen(frame), twin.expected(frame).depth)
     if image is not None and other.any():
-        other &= ~moving_hand(twin, frame, image, sign)
+        other &= ~hand_in_view(twin, frame, image, sign)
     return float(other.mean())
 
 

@@ -8,6 +8,7 @@ An arm that slides along itself, without reaching the border, would be taken for
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,6 +27,9 @@ SECONDS, FRAMES = 0.5, 3
 STILL = 0.4
 # m^2 across the view. Two arms with sleeves, hand to elbow, 45 cm by 12 cm each, have half of it
 ARMS_M2 = 0.2
+# An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it opens seldom farther than 1.3 m.
+# Chosen by us
+REACHES_IN = 0.7
 
 
 def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
@@ -38,9 +42,9 @@ def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tupl
     return worst
 
 
-def moving_hand(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int) -> NDArray[np.bool_]:
-    """Pixels (H, W) of a frame that are labelled hand, in pieces that mostly don't keep their place in the frames after (sign 1) or before
-    it (-1): no furniture at rest."""
+def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int) -> NDArray[np.bool_]:
+    """Pixels (H, W) of a frame that are labelled hand and are no furniture at rest: pieces that mostly don't keep their place in the frames
+    after (sign 1) or before it (-1), and arms that reach in from the border."""
     hand = twin.thinned(image) == HAND_LABEL
     if not hand.any():
         return hand
@@ -48,8 +52,29 @@ def moving_hand(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int
     off = gate(seen, twin.expected(frame).depth)[1]
     kept = hand & _keeps_place(twin, frame, seen, _near(twin, frame, sign), off)
     pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1]
-    still = np.bincount(pieces.ravel(), kept.ravel()) > 0.5 * np.bincount(pieces.ravel())
+    count = np.bincount(pieces.ravel())
+    still = np.bincount(pieces.ravel(), kept.ravel()) > 0.5 * count
+    area = np.square(seen.astype(np.float64)) / (twin.camera.fx * twin.camera.fy)
+    arm = _at_border(pieces) & (np.bincount(pieces.ravel(), area.ravel()) <= ARMS_M2)
+    for k in np.flatnonzero(arm & still):
+        still[k] = not _reaches_in(pieces == k, seen)
     return np.asarray(hand & ~still[pieces])
+
+
+def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:
+    """Which of the numbered pieces (H, W) reach the border of the picture."""
+    out = np.zeros(int(pieces.max()) + 1, bool)
+    out[[*pieces[0], *pieces[-1], *pieces[:, 0], *pieces[:, -1]]] = True
+    return out
+
+
+def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32]) -> bool:
+    """Whether a piece (H, W) comes from the viewer: where it leaves the picture it is much nearer than at its far end."""
+    at_border = np.zeros_like(piece)
+    at_border[[0, -1]], at_border[:, [0, -1]] = piece[[0, -1]], piece[:, [0, -1]]
+    there = seen[at_border & (seen > 0)]
+    near = float(np.median(there)) if len(there) else 0.0  # nearer than the sensor can see
+    return near < REACHES_IN * float(np.quantile(seen[piece], 0.95))
 
 
 def _ends(twin: PosedTwin, labelled: Sequence[int]) -> list[tuple[int, list[int]]]:
@@ -81,7 +106,7 @@ def _furniture(hand: NDArray[np.bool_], kept: NDArray[np.bool_], area: Array) ->
     """Of what keeps its place (H, W) that in pieces of the hand which mostly keep theirs, and don't reach the border of the picture or
     are too large for arms. area (H, W): m^2 across the view that a pixel shows."""
     pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1]
-    out = [*pieces[0], *pieces[-1], *pieces[:, 0], *pieces[:, -1]]
+    out = _at_border(pieces)
     still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
     large = np.bincount(pieces.ravel(), area.ravel()) > ARMS_M2
     still[out] &= large[out]

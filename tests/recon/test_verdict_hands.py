@@ -139,3 +139,22 @@ def test_a_missed_part_that_was_labelled_hand_needs_an_explanation() -> None:
     clip = make_clip("drawer")
     missed = {f: np.where(image == 2, np.uint8(HAND_LABEL), image) for f, image in clip.labels.items()}
     assert isinstance(of_parts.explained(with_labels(perfect(clip), missed, None)), Unexplained)
+
+
+@pytest.mark.parametrize(("border_m", "explained"), [(0.4, True), (0.0, True), (1.0, False)])
+def test_an_arm_that_rests_reaches_in_and_a_board_at_the_border_does_not(
+    border_m: float, explained: bool
+) -> None:
+    """It lies still in all frames, from the lower border to 1 m; 0 m: too near for the sensor there."""
+    clip = make_clip("drawer")
+    rows, columns = np.indices(clip.labels[0].shape)
+    arm = (rows >= 80) & (np.abs(columns - 30) < 6)
+    depth = np.where(rows > 140, border_m, 1.0 + (border_m - 1.0) * (rows - 80) / 70) if border_m else np.where(
+        rows > 140, 0.0, 1.0
+    )  # fmt: skip
+    e = with_depth(perfect(clip), lambda seen: np.where(arm & (seen > 1.1), depth, seen))
+    assert (clip.recording.depth(0)[arm] > 1.1).mean() > 0.9
+    labels = {f: painted(clip, f, arm)[f] for f in clip.labels}
+    shut = replace(e.part, motion=replace(e.part.motion, state=np.zeros(FRAMES)))
+    still = changing(with_labels(replace(e, part=shut), labels, e.mesh), FRAMES, np.zeros(0))
+    assert (of_parts.explained(still) is None) == explained
