@@ -104,20 +104,10 @@ def integrate(
     def some(blocks: slice) -> None:
         for o in seen:
             _integrate(
-                field.origin,
-                field.voxel,
-                field.blocks[blocks],
-                field.distance[blocks],
-                field.weight[blocks],
-                o.depth,
-                o.own,
-                o.cosine,
-                o.camera.vector,
-                np.ascontiguousarray(o.T_cam_body),
-                truncation,
-                carve_weight,
-                noise,
-            )
+                field.origin, field.voxel, field.blocks[blocks], field.distance[blocks], field.weight[blocks],
+                o.depth, o.own, o.cosine, o.camera.vector, np.ascontiguousarray(o.T_cam_body),
+                truncation, carve_weight, noise,
+            )  # fmt: skip
 
     starts = range(0, len(field.blocks), _CHUNK)
     for _ in each(some, [slice(k, k + _CHUNK) for k in starts]):

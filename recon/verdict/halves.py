@@ -26,12 +26,13 @@ _NOISE_M, _STEPS = 0.003, 30
 @dataclass(frozen=True)
 class Halves:
     """How far the two joints are from each other, with one standard deviation of that: axes in rad; the hinges' distance beside the
-    part in m, None of a slide."""
+    part in m, None of a slide. off: by how much the axis of the half that is nearer to it differs from the part's, rad."""
 
     axis: float
     axis_sigma: float
     pivot: float | None
     pivot_sigma: float | None
+    off: float = 0.0
 
 
 def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | None:
@@ -48,12 +49,13 @@ def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | Non
     a, b = _sigma(first), _sigma(second)
     angle = float(geo.line_angle(first.model.axis, second.model.axis))
     sigma = float(np.hypot(a.axis, b.axis))
+    off = min(float(geo.line_angle(fit.model.axis, part.joint.axis)) for fit in (first, second))
     if a.pivot is None or b.pivot is None:
-        return Halves(angle, sigma, None, None)
+        return Halves(angle, sigma, None, None, off)
     centre = 0.5 * (first.landmarks.mean(axis=0) + second.landmarks.mean(axis=0))
     here = geo.nearest_point_on_line(centre, first.model.pivot, first.model.axis)
     there = geo.nearest_point_on_line(here, second.model.pivot, second.model.axis)
-    return Halves(angle, sigma, float(np.linalg.norm(here - there)), float(np.hypot(a.pivot, b.pivot)))
+    return Halves(angle, sigma, float(np.linalg.norm(here - there)), float(np.hypot(a.pivot, b.pivot)), off)
 
 
 def _fit(movers: Movers, part: MovingPart, tracks: PartTracks, rows: NDArray[np.int64]) -> Bundle | None:

@@ -12,6 +12,7 @@ import numpy as np
 from recon.parts.static_spans import REST_MARGIN
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.of_video import (
+    as_its_tracks,
     contradicted,
     hand_at_ends,
     motion_explained,
@@ -286,5 +287,5 @@ def static_stays(e: PartEvidence) -> Reason | None:
 
 OF_PARTS = (
     uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, rests_still, surface, across_itself, seen_to_move, contradicted, labelled, hand_at_ends, explained, static_stays,
-    seen_through, motion_explained, motion_seen, same_in_halves,
+    seen_through, motion_explained, motion_seen, same_in_halves, as_its_tracks,
 )  # fmt: skip

@@ -19,6 +19,7 @@ from twin.verdict import (
     SeenThrough,
     SurfaceContradicted,
     SurfaceUnseen,
+    TracksDisagree,
 )
 
 # Pixels that are seen through, over the part's own. Right: 0 in all, .0009 with stereo depth; wrong: .006, .013 and .20 in three,
@@ -42,6 +43,9 @@ CONTRADICTED, CONTRADICTED_REFUSED = 0.1, 0.5
 # of the hinge is narrower, as its sigma leaves out how tracks drift: right runs differ by up to nine of them.
 HALVES_AXIS, HALVES_PIVOT = np.radians(10.0), 0.05
 SURE_AXIS, SURE_PIVOT, _SIGMAS = np.radians(10.0), 0.02, 3.0
+# rad. By how much halves that agree with each other may differ from the part's axis. Right: up to 2.3 deg in twelve that agree; one of a
+# drawer whose plain front slipped sideways in depth, 8.2.
+AGREED, TRACKS_AXIS = np.radians(3.0), np.radians(4.0)
 # Share of the first or last labelled frame. Right: 0 to .009, with time of flight most, .0014 at most in 24 recordings that are cut at
 # some 700 frames with a true hand in view; wrong: .008 to .59, from .02 in 25 of 31 that have as much labelled hand there.
 HAND_AT_END = 0.012
@@ -103,6 +107,14 @@ def same_in_halves(e: PartEvidence) -> Reason | None:
     return HalvesDisagree(
         "doubtful", float(np.rad2deg(h.axis)), float(np.rad2deg(HALVES_AXIS)), pivot, HALVES_PIVOT
     )
+
+
+def as_its_tracks(e: PartEvidence) -> Reason | None:
+    """Whether the part's tracks tell its axis, where both halves agree on another one."""
+    h = e.halves
+    if h is None or _SIGMAS * h.axis_sigma > SURE_AXIS or h.axis > AGREED or h.off <= TRACKS_AXIS:
+        return None
+    return TracksDisagree("doubtful", float(np.rad2deg(h.off)), float(np.rad2deg(TRACKS_AXIS)))
 
 
 def hand_at_ends(e: PartEvidence) -> Reason | None:

@@ -25,6 +25,7 @@ from twin.verdict import (
     MotionUnseen,
     Reason,
     SeenThrough,
+    TracksDisagree,
 )
 
 VIDEO = (
@@ -187,6 +188,19 @@ def test_halves_that_are_too_short_tell_nothing(door: PartEvidence) -> None:
     assert with_part(bent(door, 12.0, 0.0), brief, door.mesh).halves is None
 
 
+def test_tracks_that_tell_another_axis_in_both_halves_are_heard() -> None:
+    e = perfect(make_clip("drawer"))
+    assert of_video.as_its_tracks(e) is None
+    aside = geo.orthogonal_basis(e.part.joint.axis)[:, 0]
+    for deg, told in ((3.0, False), (6.0, True)):
+        joint = replace(e.part.joint, axis=geo.exp_so3(np.radians(deg) * aside) @ e.part.joint.axis)
+        reason = of_video.as_its_tracks(replace(e, part=replace(e.part, joint=joint)))
+        assert (reason is not None) == told
+        if reason is not None:
+            assert isinstance(reason, TracksDisagree)
+            np.testing.assert_allclose(reason.axis_deg, deg, atol=0.2)
+
+
 def with_seen(e: PartEvidence, seen: Any) -> PartEvidence:
     """Evidence with these figures of the video."""
     out = replace(e)
@@ -203,6 +217,9 @@ BOTH_SIDES: dict[str, tuple[Callable[[PartEvidence], Reason | None], Any, Any]] 
     "witnessed": (of_video.motion_seen, InMotion(1000, 0, 55, 0, 7), InMotion(1000, 0, 45, 0, 7)),
     "axes": (of_video.same_in_halves, Halves(D(9), D(0.1), None, None), Halves(D(11), D(0.1), None, None)),
     "axes, sure": (of_video.same_in_halves, Halves(D(45), D(3.6), None, None), Halves(D(45), D(3.1), None, None)),
+    "own axis": (of_video.as_its_tracks, Halves(D(2.9), D(0.1), None, None, D(3.9)), Halves(D(2.9), D(0.1), None, None, D(4.1))),
+    "own axis, agreed": (of_video.as_its_tracks, Halves(D(3.1), D(0.1), None, None, D(9)), Halves(D(2.9), D(0.1), None, None, D(9))),
+    "own axis, sure": (of_video.as_its_tracks, Halves(D(1), D(3.6), None, None, D(9)), Halves(D(1), D(3.1), None, None, D(9))),
     "hinges": (of_video.same_in_halves, Halves(0, D(0.1), 45 * P, P), Halves(0, D(0.1), 55 * P, P)),
     "hinges, sure": (of_video.same_in_halves, Halves(0, D(0.1), 90 * P, 7.5 * P), Halves(0, D(0.1), 90 * P, 6 * P)),
 }  # fmt: skip

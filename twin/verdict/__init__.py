@@ -39,7 +39,7 @@ from twin.verdict.text import unjudged as unjudged
 from twin.verdict.text import verdict_line as verdict_line
 from twin.verdict.verdict import Verdict as Verdict
 from twin.verdict.verdict import of_twin as of_twin
-from twin.verdict.video import HalvesDisagree, MotionUnexplained, MotionUnseen, SeenThrough
+from twin.verdict.video import HalvesDisagree, MotionUnexplained, MotionUnseen, SeenThrough, TracksDisagree
 
 __all__ = [
     "LEVELS",
@@ -70,6 +70,7 @@ __all__ = [
     "StatedReason",
     "StaticSeenThrough",
     "TooShort",
+    "TracksDisagree",
     "SurfaceContradicted",
     "Unexplained",
     "SurfaceUnseen",

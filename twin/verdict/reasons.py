@@ -33,7 +33,7 @@ from twin.verdict.surface import (
     SurfaceUnseen,
     Unexplained,
 )
-from twin.verdict.video import HalvesDisagree, MotionUnexplained, MotionUnseen, SeenThrough
+from twin.verdict.video import HalvesDisagree, MotionUnexplained, MotionUnseen, SeenThrough, TracksDisagree
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,7 @@ REASONS: dict[str, type[Reason]] = {
         MotionUnexplained,
         MotionUnseen,
         HalvesDisagree,
+        TracksDisagree,
         FewLabels,
         ManyDoubts,
         MovesWithRefused,

@@ -99,3 +99,23 @@ class HalvesDisagree(Reason):
     @property
     def help(self) -> str:
         return f"open it slower, with all of it in view all the time, or {CUT}, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
+class TracksDisagree(Reason):
+    """The part's own tracks tell, in both halves of its motion alike, an axis that is `axis_deg` away, more than `limit_deg`."""
+
+    axis_deg: float
+    limit_deg: float
+
+    @property
+    def text(self) -> str:
+        return f"its tracks tell an axis {self.axis_deg:.1f}° away in both halves of its motion (at most {self.limit_deg:g}°)"
+
+    @property
+    def kind(self) -> str:
+        return "its tracks tell another axis"
+
+    @property
+    def help(self) -> str:
+        return f"open it farther, with all of it and its borders in view, or {POINT_AT_IT}"
