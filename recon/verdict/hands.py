@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.dense.depth import look_up
 from recon.verdict.posed import PosedTwin, gate, opened
 from twin import geometry as geo
 from twin.geometry import Array
@@ -52,8 +53,7 @@ def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: in
     off = gate(seen, twin.expected(frame).depth)[1]
     kept = hand & _keeps_place(twin, frame, seen, _near(twin, frame, sign), off)
     pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1]
-    count = np.bincount(pieces.ravel())
-    still = np.bincount(pieces.ravel(), kept.ravel()) > 0.5 * count
+    still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
     area = np.square(seen.astype(np.float64)) / (twin.camera.fx * twin.camera.fy)
     arm = _at_border(pieces) & (np.bincount(pieces.ravel(), area.ravel()) <= ARMS_M2)
     for k in np.flatnonzero(arm & still):
@@ -130,13 +130,5 @@ def _keeps_place(
 
 def _looked_up(twin: PosedTwin, frame: int, points: Array) -> Array:
     """Depth (H, W) m recorded where points (H, W, 3) of the camera's frame are; NaN out of view and where unknown."""
-    camera, image = twin.camera, twin.seen(frame)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = (
-            np.rint(points[..., k] / points[..., 2] * f + c)
-            for k, f, c in ((0, camera.fx, camera.cx), (1, camera.fy, camera.cy))
-        )
-    inside = (points[..., 2] > 0) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
-    out = np.full(points.shape[:2], np.nan)
-    out[inside] = image[y[inside].astype(int), x[inside].astype(int)]
-    return np.where(out > 0, out, np.nan)
+    found = look_up(twin.seen(frame), twin.camera, points.reshape(-1, 3), near=0.0).z
+    return np.where(found > 0, found, np.nan).reshape(points.shape[:2])

@@ -11,6 +11,7 @@ import numpy as np
 
 from recon.parts.static_spans import REST_MARGIN
 from recon.verdict.evidence import PartEvidence
+from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_video import (
     as_its_tracks,
     contradicted,
@@ -52,9 +53,9 @@ AXIS_HALF_SURE, AXIS_DOUBTFUL, AXIS_REFUSED = 0.5, 1.0, 1.5
 # at). Doubtful at half of what counts as success, deg.
 BORDERS_M, SIDEWAYS_DOUBTFUL = 0.008, 2.5
 # With a range below `RANGE_DOUBTFUL` too, as in all that were missed and in none of the others, half sure is enough to refuse.
-# The upper limit over its sigma. Right: 54 to 420; right joint, wrong labels: 8 to 330; missed: 0.5 to 27. What is below 5 can't
-# be told from rest by the chain's own word.
-RANGE_DOUBTFUL, RANGE_REFUSED = 40.0, 5.0
+# The upper limit over its sigma. Right: 54 to 420; right joint, wrong labels: 8 to 330; missed: 0.5 to 27, by sigmas against the first frame,
+# at least twice those of today: the limits are doubled with them. What is below the second can't be told from rest.
+RANGE_DOUBTFUL, RANGE_REFUSED = 80.0, 10.0
 # rad and m of range, whatever its error. What rattles, and corners that drift, go as far; a cupboard that opens goes farther. By us.
 TURN_DOUBTFUL, TURN_REFUSED = np.radians(6.0), np.radians(3.0)
 SLIDE_DOUBTFUL, SLIDE_REFUSED = 0.02, 0.01
@@ -173,13 +174,8 @@ def _short(e: PartEvidence) -> bool:
 
 def rests(e: PartEvidence) -> Reason | None:
     """How much of the time the part moves: what never rests drifts."""
-    frames = e.part.motion.frames
-    moving = np.zeros(len(frames), dtype=bool)
-    for first, last in e.part.motion.intervals:
-        moving |= (frames >= first) & (frames <= last)
-    if not len(frames) or moving.mean() <= RESTLESS:
-        return None
-    return NeverRests("doubtful", float(moving.mean()), RESTLESS)
+    share = len(moving_rows(e.part)) / max(len(e.part.motion.frames), 1)
+    return None if share <= RESTLESS else NeverRests("doubtful", share, RESTLESS)
 
 
 def rests_still(e: PartEvidence) -> Reason | None:

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.depth import F32
+from recon.dense.depth import F32, look_up
+from recon.dense.noise import DepthNoise
 from recon.motion.change.kernels import look
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
@@ -25,14 +26,6 @@ ROWS = (
 _PAIRS, _BINS = 12, 6  # of frames that are compared, and of depth, for the noise
 _FEWEST = 50  # differences in a bin
 _SIGMA_LEAST = 0.0015  # m; no depth camera is better over a whole picture
-
-
-@dataclass(frozen=True)
-class DepthNoise:
-    """Scatter of depth between frames, camera poses included, measured in the recording: `base` + `slope` z^2, m, one sigma."""
-
-    base: float
-    slope: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,29 +82,26 @@ class Depths:
 
     @cached_property
     def noise(self) -> DepthNoise:
-        """Measured between pairs of frames, a sixth of the recording or less apart: most of what they see rests meanwhile."""
+        """Base and slope of the scatter, camera poses included, between pairs of frames a sixth of the recording or less apart: most of what
+        they see rests meanwhile. Its slow part and the drop-outs are not measured."""
         apart = max(1, len(self.frames) // 6)
         first = np.unique(np.linspace(0, len(self.frames) - 1 - apart, _PAIRS).round().astype(int))
         depth, off = (
             np.concatenate(c) for c in zip(*(self._differences(a, a + apart) for a in first), strict=True)
         )
         if len(depth) < 100 * _BINS:
-            return DepthNoise(_SIGMA_LEAST, _SIGMA_LEAST)
+            return DepthNoise(_SIGMA_LEAST, _SIGMA_LEAST, 0.0, 0.0)
         edges = np.quantile(depth, np.linspace(0, 1, _BINS + 1))
         at = np.clip(np.searchsorted(edges, depth, side="right") - 1, 0, _BINS - 1)
         full = np.flatnonzero(np.bincount(at, minlength=_BINS) >= _FEWEST)
         z = np.array([np.median(depth[at == k]) for k in full])
         sigma = np.array([mad_sigma(off[at == k]) for k in full])
         slope = max(float(np.polyfit(z**2, sigma, 1)[0]), 0.0) if np.ptp(z) > 0.1 else 0.0
-        return DepthNoise(max(float(np.median(sigma - slope * z**2)), _SIGMA_LEAST), slope)
+        return DepthNoise(max(float(np.median(sigma - slope * z**2)), _SIGMA_LEAST), slope, 0.0, 0.0)
 
     def _differences(self, a: int, b: int) -> tuple[Array, Array]:
         """Depth (n,) that row b should have where it sees the points of row a, and what it has beyond that."""
         known = self.depth[a] > 0
         p = geo.transform(self.T_cam_world[b], self.points(a)[known][::3])
-        p = p[p[:, 2] > 0.1]
-        x, y = np.rint(self.camera.project(p)).astype(int).T
-        inside = (x >= 0) & (y >= 0) & (x < self.camera.width) & (y < self.camera.height)
-        seen = self.depth[b][y[inside], x[inside]].astype(float)
-        z = p[inside, 2]
+        seen, z = look_up(self.depth[b], self.camera, p).z, p[:, 2]
         return z[seen > 0], (seen - z)[seen > 0]
