@@ -88,7 +88,12 @@ def smoothness(information: Array, state: Array) -> Array:
 
 
 def refine(
-    obs: Observations, start: Model, sigma: float, iterations: int, negligible: float = _NEGLIGIBLE
+    obs: Observations,
+    start: Model,
+    sigma: float,
+    iterations: int,
+    negligible: float = _NEGLIGIBLE,
+    farthest: float = np.inf,
 ) -> Bundle:
     """Levenberg-Marquardt on the Cauchy cost, noise scale rescaled from the data three times or more.
 
@@ -98,6 +103,7 @@ def refine(
         sigma: first noise scale, m.
         iterations: at most.
         negligible: change of chi-square that ends it.
+        farthest: distance (m) of a hinge's axis from its landmarks that ends it, too: on the tracks of a slide it moves away for ever.
     """
     model = start
     n = 4 if model.kind == "revolute" else 2
@@ -129,11 +135,19 @@ def refine(
         model, square, weight, marks = trial, t_square, t_weight, t_marks
         damping = max(damping / 10.0, 1e-12)
         settled = bool(change < negligible * sigma**2)
-        if settled and rescaled >= len(rescale_at):
+        if (settled and rescaled >= len(rescale_at)) or _radius(model, marks) > farthest:
             break
     covariance = _covariance(obs, square, weight, model, sigma, unknowns)
     residual = np.where(obs.weight > 0, np.sqrt(square), np.nan)
     return Bundle(model, marks, residual, weight, sigma, covariance)
+
+
+def _radius(model: Model, landmarks: Array) -> float:
+    """Distance (m) of a hinge's axis from its landmarks' mean; 0 for a slide."""
+    if model.kind == "prismatic":
+        return 0.0
+    away = landmarks.mean(axis=0) - model.pivot
+    return float(np.linalg.norm(away - (away @ model.axis) * model.axis))
 
 
 def _system(obs: Observations, weight: Array, model: Model, sigma: float) -> tuple[Array, Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from recon.joints.config import MOST_STEPS, JointConfig
 from recon.joints.hypotheses import Hypothesis, pair_hypotheses, travel_and_noise
 from recon.joints.initial_states import states_of
 from recon.joints.inliers import follows, track_support
-from recon.joints.observations import Kind, Model, Observations, residuals
+from recon.joints.observations import KINDS, Kind, Model, Observations, residuals
 from recon.joints.pose_graph.fit_tracks import pose_graph_of_tracks
 from recon.joints.type_selection import TypeEvidence, delta_bic, truncated_chi2
 from twin.errors import ReconstructionError
@@ -20,6 +21,9 @@ from twin.geometry import Array
 from twin.runs.threads import each
 
 _WIDEST = 2.0  # times the noise known beforehand (by us)
+_TOO_FAR = (
+    3.0  # times the greatest distance of a hinge: it is a slide's, however it is refined further (by us)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,18 +50,22 @@ def movers(travel: Array, noise: float, config: JointConfig) -> NDArray[np.int64
     return moving
 
 
-def fit_kinds(obs: Observations, noise: float, config: JointConfig) -> dict[Kind, TrackFit]:
+def fit_kinds(
+    obs: Observations, noise: float, config: JointConfig, kinds: Sequence[Kind] = KINDS
+) -> dict[Kind, TrackFit]:
     """The best joint of each kind on moving tracks; a kind that too few tracks follow is missing.
 
     noise: of one coordinate in metres.
     """
     sigma = max(noise, config.search_sigma)
-    candidates = _candidates(obs, sigma, config)
+    candidates = _candidates(obs, sigma, config, kinds)
     settled = each(lambda model: _settle(obs, model, noise, sigma, config), candidates.values())
     return {kind: fit for kind, fit in zip(candidates, settled, strict=True) if fit is not None}
 
 
-def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Kind, Model]:
+def _candidates(
+    obs: Observations, sigma: float, config: JointConfig, kinds: Sequence[Kind]
+) -> dict[Kind, Model]:
     """The joint of each kind that most tracks follow over the whole motion, refined on a part of the tracks."""
     rng = np.random.default_rng(config.seed)
     travel, _ = travel_and_noise(obs)
@@ -69,7 +77,7 @@ def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Ki
         frames = np.unique(np.linspace(0, len(frames) - 1, config.search_frames).astype(np.int64))
     some = obs.take(tracks)
     few = obs.take(tracks, frames)
-    proposals = pair_hypotheses(some, sigma, config, rng)
+    proposals = [h for h in pair_hypotheses(some, sigma, config, rng) if h.kind in kinds]
     _ = few.unrest, some.unrest  # found once, before the threads ask for them
 
     def score(joint: Hypothesis) -> float:
@@ -77,7 +85,6 @@ def _candidates(obs: Observations, sigma: float, config: JointConfig) -> dict[Ki
         return float(track_support(few, model, sigma, config).sum())
 
     ranked = sorted(zip(each(score, proposals), proposals, strict=True), key=lambda row: -row[0])
-    kinds: tuple[Kind, Kind] = ("prismatic", "revolute")
     of_kind = [[h for worth, h in ranked if worth > 0 and h.kind == k][: config.candidates] for k in kinds]
     chosen = [h for joints in of_kind for h in joints]
     out: dict[Kind, tuple[float, Model]] = {}
@@ -103,13 +110,13 @@ def _settle(
     obs: Observations, model: Model, noise: float, sigma: float, config: JointConfig
 ) -> TrackFit | None:
     """Refine, prune the tracks which do not follow, refine again; nothing when too few tracks follow."""
-    members = _supporters(obs, model, sigma, config)
+    members, far = _supporters(obs, model, sigma, config), _TOO_FAR * config.max_radius
     scale = sigma
     fit: TrackFit | None = None
     for _ in range(6):
         if members.sum() < config.min_tracks:
             break
-        bundle = refine(obs.take(members), model, scale, MOST_STEPS, ROUGHLY)
+        bundle = refine(obs.take(members), model, scale, MOST_STEPS, ROUGHLY, far)
         fit, model = TrackFit(bundle, members), bundle.model
         scale = fit.scale(noise, config)
         again = follows(obs, model, scale, config)
@@ -121,7 +128,7 @@ def _settle(
     of_members = obs.take(fit.members)
     if config.method == "pose_graph":
         return TrackFit(pose_graph_of_tracks(of_members, fit.bundle.model, scale), fit.members)
-    return TrackFit(refine(of_members, fit.bundle.model, scale, MOST_STEPS), fit.members)
+    return TrackFit(refine(of_members, fit.bundle.model, scale, MOST_STEPS, farthest=far), fit.members)
 
 
 def _supporters(obs: Observations, model: Model, sigma: float, config: JointConfig) -> NDArray[np.bool_]:

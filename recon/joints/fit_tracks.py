@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from recon.joints.candidates import TrackFit, agreeing_rms, compare_kinds, fit_kinds, movers
 from recon.joints.config import JointConfig
 from recon.joints.hypotheses import travel_and_noise
-from recon.joints.observations import Kind, Observations
+from recon.joints.observations import KINDS, Kind, Observations
 from recon.joints.pose_graph.fit_poses import fit_motion_poses
 from recon.joints.result import MotionFit
 from recon.joints.sign_and_limits import orient
@@ -61,23 +61,51 @@ def fit_motion(
     """
     points, seen, trust = _checked(points_world, visible, confidence)
     everything = Observations.of(points, seen, trust)
-    travel, noise = travel_and_noise(everything)
-    moving = movers(travel, noise, config)
-    obs = everything.take(moving)
-    fits = fit_kinds(obs, noise, config)
-    least = max(config.min_tracks, int(config.min_share * len(moving)))
-    fits = {kind: fit for kind, fit in fits.items() if fit.members.sum() >= least}
+    moving, fits = _fits(everything, KINDS, config)
     if fits:
-        evidence = compare_kinds(obs, fits, config)
+        evidence = compare_kinds(everything.take(moving), fits, config)
         tightest = min(fits.values(), key=lambda f: f.bundle.sigma)
         hint = hint_about(hints, tightest.bundle.model.state)
         kind, source = decide(evidence, config, hint) if joint_type is None else (joint_type, "given")
     if not fits or kind not in fits:
-        raise ReconstructionError(
-            f"{len(moving)} tracks move but no {joint_type or 'slide or hinge'} carries {least} of them together",
-            "check that the interval holds one part's motion, or cluster the tracks first",
-        )
+        raise _none_carries(joint_type or "slide or hinge", moving, config)
     return _motion_fit(fits[kind], moving, everything, evidence, source, config)
+
+
+def fit_again(
+    fit: MotionFit, points_world: Array, visible: NDArray[np.bool_], config: JointConfig = _DEFAULT
+) -> MotionFit:
+    """The joint of a fit's type on other tracks, (T, K, 3) m and (T, K); what told the type stays with it.
+
+    Raises ReconstructionError: nothing moves, or no such joint explains what moves.
+    """
+    everything, kind = Observations.of(points_world, visible), fit.joint.kind
+    moving, fits = _fits(everything, (kind,), config)
+    if kind not in fits:
+        raise _none_carries(kind, moving, config)
+    return _motion_fit(fits[kind], moving, everything, fit.evidence, fit.type_source, config)
+
+
+def _fits(
+    everything: Observations, kinds: Sequence[Kind], config: JointConfig
+) -> tuple[NDArray[np.int64], dict[Kind, TrackFit]]:
+    """Which tracks move, and the joint of each kind that enough of them follow."""
+    travel, noise = travel_and_noise(everything)
+    moving = movers(travel, noise, config)
+    fits = fit_kinds(everything.take(moving), noise, config, kinds)
+    least = _least(moving, config)
+    return moving, {kind: fit for kind, fit in fits.items() if fit.members.sum() >= least}
+
+
+def _least(moving: NDArray[np.int64], config: JointConfig) -> int:
+    return max(config.min_tracks, int(config.min_share * len(moving)))
+
+
+def _none_carries(joint: str, moving: NDArray[np.int64], config: JointConfig) -> ReconstructionError:
+    return ReconstructionError(
+        f"{len(moving)} tracks move but no {joint} carries {_least(moving, config)} of them together",
+        "check that the interval holds one part's motion, or cluster the tracks first",
+    )
 
 
 def _checked(

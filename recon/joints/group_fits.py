@@ -6,17 +6,18 @@ A group is a choice among the movers (`recon.motion.movers`); who chooses it is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.joints.config import JointConfig
-from recon.joints.fit_tracks import MotionFit, fit_motion
+from recon.joints.fit_tracks import MotionFit, fit_again, fit_motion
 from recon.joints.inliers import track_support
 from recon.joints.observations import Model, Observations
 from recon.joints.type_selection import TypeHint
 from recon.motion.movers import Movers
+from recon.motion.spread import spread
 from twin import geometry as geo
 from twin.errors import ReconstructionError
 from twin.geometry import Array
@@ -85,16 +86,14 @@ def on_course(fit: MotionFit, movers: Movers, tolerance: float) -> NDArray[np.bo
     That needs no state, so it finds the part's points in frames of which the fit knows none.
     """
     joint, out = fit.joint, np.zeros(movers.moving.shape, bool)
-    basis = geo.orthogonal_basis(joint.axis)
-    for k in np.flatnonzero(movers.moving):
-        p = movers.points_world[movers.visible[:, k], k]
-        if isinstance(joint, Revolute):
-            q = (p - joint.pivot) @ basis
-            course = np.stack([np.hypot(q[:, 0], q[:, 1]), q[:, 2]], axis=1)
-        else:
-            course = p @ basis[:, :2]
-        off = np.linalg.norm(course - np.median(course, axis=0), axis=1)
-        out[k] = np.quantile(off, 0.9) < tolerance
+    course = movers.points_world[:, movers.moving] @ geo.orthogonal_basis(joint.axis)
+    if isinstance(joint, Revolute):
+        off = course - joint.pivot @ geo.orthogonal_basis(joint.axis)
+        course = np.stack([np.hypot(off[..., 0], off[..., 1]), off[..., 2]], axis=-1)
+    else:
+        course = course[..., :2]
+    strays, _ = spread(np.ascontiguousarray(course), movers.visible[:, movers.moving], 0.9)
+    out[movers.moving] = strays < tolerance
     return out
 
 
@@ -108,10 +107,9 @@ def widened(
     """
     points, visible = movers.points_world[:, group], movers.visible[:, group]
     try:
-        wide = fit_motion(points, visible, config=config, joint_type=fit.joint.kind)
+        wide = fit_again(fit, points, visible, config)
     except ReconstructionError:
         return fit
     better = len(wide.frames) > len(fit.frames) and wide.residual <= max_residual
     before, after = (float(support(f, group, movers, config).sum()) for f in (fit, wide))
-    # its type was handed on, not given by anybody: what decided the first fit's type still does
-    return replace(wide, type_source=fit.type_source) if better and after >= AS_WELL * before else fit
+    return wide if better and after >= AS_WELL * before else fit

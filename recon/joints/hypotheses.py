@@ -161,6 +161,26 @@ class Hypothesis:
     pivot: Array
 
 
+@njit(cache=True, nogil=True)
+def _ways(points, seen, gap):  # type: ignore[no-untyped-def]
+    """For each frame (T - gap,): how many tracks are seen in it and `gap` frames on, and how far (m) a quarter of them moves at least."""
+    tracks, frames = seen.shape
+    count, way = np.zeros(frames - gap, np.int64), np.zeros(frames - gap)
+    square = np.empty(tracks)
+    for i in range(frames - gap):
+        n = 0
+        for k in range(tracks):
+            if seen[k, i] and seen[k, i + gap]:
+                square[n] = 0.0
+                for d in range(3):
+                    square[n] += (points[k, i + gap, d] - points[k, i, d]) ** 2
+                n += 1
+        count[i] = n
+        if n:
+            way[i] = np.quantile(np.sqrt(square[:n]), 0.75)
+    return count, way
+
+
 def frame_pairs(obs: Observations, config: JointConfig, least: float) -> NDArray[np.int64]:
     """Pairs of frames (P, 2) between which the tracks move by more than `least` metres, long motions preferred."""
     n_frames = obs.weight.shape[1]
@@ -168,16 +188,11 @@ def frame_pairs(obs: Observations, config: JointConfig, least: float) -> NDArray
     rows: list[tuple[int, int]] = []
     worth: list[float] = []
     for gap in sorted({min(g, n_frames - 1) for g in (*config.pair_gaps, n_frames // 2) if n_frames > 1}):
-        for i in range(n_frames - gap):
-            both = seen[:, i] & seen[:, i + gap]
-            if both.sum() < 3:
-                continue
-            # a quarter that moves will do: background that moves at another time is at rest now
-            way = np.linalg.norm(obs.points[both, i + gap] - obs.points[both, i], axis=1)
-            moved = float(np.quantile(way, 0.75))
-            if moved > least:
+        # a quarter that moves will do: background that moves at another time is at rest now
+        for i, (both, moved) in enumerate(zip(*_ways(obs.points, seen, gap), strict=True)):
+            if both >= 3 and moved > least:
                 rows.append((i, i + gap))
-                worth.append(moved * float(both.sum()))
+                worth.append(float(moved * both))
     order = np.argsort(-np.asarray(worth), kind="stable")
     if len(order) > config.pairs:  # half the best, half spread over the others
         half = config.pairs // 2

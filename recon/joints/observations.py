@@ -20,6 +20,7 @@ from twin.geometry import Array
 from twin.robust import CAUCHY_95, LENGTH3_MEDIAN, cauchy
 
 Kind = Literal["prismatic", "revolute"]
+KINDS: tuple[Kind, ...] = ("prismatic", "revolute")
 
 CAUCHY = 3.0 * CAUCHY_95**2  # length^2 adds three coordinates
 SIGMA_MIN = 1e-5  # m; keeps weights finite on exact data

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from recon.joints.result import MotionFit
 from recon.motion.intervals import Interval, state_intervals
 from recon.motion.movers import Movers
+from recon.motion.spread import spread
 from recon.parts.config import MotionConfig
 
 REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
@@ -50,10 +51,8 @@ def restless(
 ) -> NDArray[np.bool_]:
     """Tracks (K,) that move while the part rests: on the hand, or drifting."""
     out = np.zeros_like(chosen)
-    for k in np.flatnonzero(chosen):
-        for first, last in rests:
-            p = movers.points_world[first : last + 1, k][movers.visible[first : last + 1, k]]
-            if len(p) >= 6:
-                d = np.linalg.norm(p - np.median(p, axis=0), axis=1)
-                out[k] |= bool(np.quantile(d, 0.9) > config.rest_tolerance)
+    points, visible = movers.points_world[:, chosen], movers.visible[:, chosen]
+    for first, last in rests:
+        strays, count = spread(points[first : last + 1], visible[first : last + 1], 0.9)
+        out[chosen] |= (strays > config.rest_tolerance) & (count >= 6)
     return out

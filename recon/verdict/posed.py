@@ -9,7 +9,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 from recon.parts.moving_part import MovingPart
@@ -122,6 +121,8 @@ def opened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _scene(mesh: Mesh) -> Any:
+    import open3d as o3d  # takes long, and nothing before the verdict needs it
+
     core: Any = o3d.core  # its stubs know no array
     scene = o3d.t.geometry.RaycastingScene()
     if len(mesh.faces):
@@ -133,6 +134,8 @@ def _scene(mesh: Mesh) -> Any:
 
 def _cast(scene: Any, rays: Array, T_scene_cam: Array) -> NDArray[np.float32]:
     """Depth (H, W) along z of the nearest surface, metres, 0 where there is none. rays (H, W, 3): points at 1 m depth."""
+    import open3d as o3d
+
     core: Any = o3d.core
     ahead = geo.rotate(T_scene_cam, rays)
     both = np.concatenate([np.broadcast_to(T_scene_cam[:3, 3], ahead.shape), ahead], axis=-1)

@@ -106,6 +106,23 @@ def test_refine_recovers_from_a_poor_start() -> None:
     assert found.sigma == pytest.approx(0.005, rel=0.25)
 
 
+def test_a_hinge_on_the_tracks_of_a_slide_ends_where_no_part_has_its_axis() -> None:
+    """It moves away for ever; on the tracks of a door the same limit changes nothing."""
+    scene = track_scene("drawer", "none", seed=2, tracks=60, noise=0.002)
+    obs, middle = Observations.of(scene.points, scene.visible), np.nanmean(scene.points, axis=(0, 1))
+    across = geo.orthogonal_basis(scene.joint.axis)
+    near = Model("revolute", across[:, 0], middle + 2.0 * across[:, 1], scene.state / 2.0)
+
+    def away(model: Model) -> float:
+        return float(np.linalg.norm(np.cross(middle - model.pivot, model.axis)))
+
+    ended, on = (away(refine(obs, near, 0.002, 30, farthest=f).model) for f in (4.0, np.inf))
+    assert 4.0 < ended < on
+    door, model = scene_model("revolute")
+    a, b = (refine(door, model, 0.005, 30, farthest=f).model for f in (9.0, np.inf))
+    np.testing.assert_array_equal(a.state, b.state)
+
+
 def test_solver_is_lapack_s() -> None:
     rng = np.random.default_rng(2)
     a = rng.normal(size=(20, 20))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.scenes.tracks import minimum_jerk, moved_points
+from benchmarks.scenes.tracks import minimum_jerk, moved_points, track_scene
 from recon.joints.config import JointConfig
-from recon.joints.hypotheses import Hypothesis
+from recon.joints.hypotheses import Hypothesis, frame_pairs
 from recon.joints.initial_states import states_of
 from recon.joints.inliers import follows, predicted_travel
 from recon.joints.observations import (
+    KINDS,
     Kind,
     Model,
     Observations,
@@ -20,10 +21,9 @@ from recon.joints.observations import (
     weighted_means,
 )
 from recon.joints.sign_and_limits import orient
+from recon.motion.spread import spread
 from tests.laws import part_points, random_joint
 from twin.scene import Revolute
-
-KINDS: tuple[Kind, Kind] = ("prismatic", "revolute")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -55,6 +55,30 @@ def test_landmarks_and_residuals_are_numpys_over_what_was_seen() -> None:
     square = np.where(seen, ((z - marks[:, None]) ** 2).sum(-1), 0.0)
     np.testing.assert_allclose(squared_residuals(z, weight, marks), square)
     assert not median_landmarks(z, weight)[4].any()
+
+
+def test_how_far_tracks_stray_is_numpys_over_what_was_seen() -> None:
+    rng = np.random.default_rng(2)
+    points, seen = rng.normal(size=(12, 9, 3)), rng.random((12, 9)) < 0.7
+    seen[:, 4], points[~seen] = False, np.nan
+    strays, count = spread(points, seen, 0.9)
+    np.testing.assert_array_equal(count, seen.sum(axis=0))
+    assert (strays[4], count[4]) == (0.0, 0)
+    for k in np.delete(np.arange(9), 4):
+        p = points[seen[:, k], k]
+        off = np.linalg.norm(p - np.median(p, axis=0), axis=1)
+        assert strays[k] == pytest.approx(np.quantile(off, 0.9))
+
+
+def test_frame_pairs_are_those_between_which_a_quarter_moves() -> None:
+    scene = track_scene("drawer", "static", seed=4, outlier_share=0.7, noise=0.0005)
+    obs, config = Observations.of(scene.points, scene.visible), JointConfig()
+    pairs = frame_pairs(obs, config, config.min_travel)
+    assert len(pairs)
+    for i, j in pairs:
+        way = np.linalg.norm(scene.points[j] - scene.points[i], axis=1)
+        assert np.nanquantile(way, 0.75) > config.min_travel
+    assert frame_pairs(obs, config, 1.0).shape == (0, 2)
 
 
 def test_what_was_fitted_is_counted_in_the_noise() -> None:

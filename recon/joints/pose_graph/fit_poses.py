@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recon.joints.config import JointConfig
-from recon.joints.observations import Kind, Model
+from recon.joints.observations import KINDS, Kind, Model
 from recon.joints.pose_graph.bundle import FLOOR, PoseBundle, chi2, refine_poses
 from recon.joints.pose_graph.edges import edges_from_poses, graph_pairs
 from recon.joints.pose_graph.screws import twist_of
@@ -46,8 +46,7 @@ def fit_motion_poses(
     T_world_part, numbers = _checked(poses, frames)
     sigma, sigma_rad = config.sigma_floor, config.sigma_floor_rad
     fits: dict[Kind, PoseBundle] = {}
-    kinds: tuple[Kind, Kind] = ("prismatic", "revolute")
-    for kind in kinds:
+    for kind in KINDS:
         try:
             fits[kind] = _fit(T_world_part, kind, sigma, sigma_rad)
         except ReconstructionError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,12 +66,22 @@ class Surface:
 
     def scores(self, poses: Array, rows: NDArray[np.int64]) -> Array:
         """What agrees less twice what is seen through (rows, n), as shares of the points, at poses (rows, n, 4, 4) of each row's own."""
-        d = self.depths
+        T_cam_world, depth, colour, new = self._compared if rows is self.rows else self._pictures(rows)
         good, through = agreements(
-            self.points, self.tint, d.T_cam_world[rows], np.ascontiguousarray(poses), d.depth[rows], d.colour[rows], self.new[rows],
-            *d.lens, *self._gate,
+            self.points, self.tint, T_cam_world, np.ascontiguousarray(poses), depth, colour, new, *self.depths.lens, *self._gate
         )  # fmt: skip
         return np.asarray(good - _THROUGH * through)
+
+    def _pictures(
+        self, rows: NDArray[np.int64]
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Cameras, depths, colours and what is new, in some rows."""
+        d = self.depths
+        return d.T_cam_world[rows], d.depth[rows], d.colour[rows], self.new[rows]
+
+    @cached_property
+    def _compared(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+        return self._pictures(self.rows)
 
     def along(self, poses: Array, rows: NDArray[np.int64]) -> Array:
         """The same (rows,) at one pose (rows, 4, 4) each."""

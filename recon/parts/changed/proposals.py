@@ -26,12 +26,13 @@ class Proposed:
 
     def poses(self, states: Array) -> Array:
         """World motions (n, 4, 4) of the states (n,), rad or m."""
+        out = np.tile(np.eye(4), (len(states), 1, 1))
         if self.kind == "prismatic":
-            out = np.tile(np.eye(4), (len(states), 1, 1))
             out[:, :3, 3] = states[:, None] * self.axis
-            return out
-        turns = geo.exp_so3(states[:, None] * self.axis)
-        return np.stack([geo.make_pose(r, self.pivot - r @ self.pivot) for r in turns])
+        else:
+            out[:, :3, :3] = geo.exp_so3(states[:, None] * self.axis)
+            out[:, :3, 3] = self.pivot - out[:, :3, :3] @ self.pivot
+        return out
 
 
 def proposed_joints(points: Array) -> list[Proposed]:
