@@ -18,7 +18,7 @@ from twin.runs.keys import Stage
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-NOISE = Stage("noise", 1, ())
+NOISE = Stage("noise", 2, ())
 
 # Chosen by us and the same for every recording.
 _WIDTH = 160  # points looked at in each row of pixels
@@ -37,7 +37,8 @@ _TRIM = 3.0  # standard deviations beyond which a difference is no noise, but so
 class DepthNoise:
     """Standard deviation of a depth reading at z: `base` + `slope` z^2, m, with all that does not belong to the surface: the error of the
     camera's pose as well, and what stays alike between successive frames. slow: that share of the variance, 0..1: it does not average
-    out over frames. lost: share of the pixels without depth.
+    out over frames. lost: share of the pixels without depth. drift: m by which all that a frame sees together lies off, along its view: the
+    error of its pose, and what its readings share.
 
     What is the same from every side of a surface, as the mixed light in a corner, can't be told without truth and is missing.
     """
@@ -46,6 +47,7 @@ class DepthNoise:
     slope: float
     slow: float
     lost: float
+    drift: float = 0.0
 
     def measured(self, z: ArrayLike) -> Array:
         """Standard deviation, m, at depths z m, as measured."""
@@ -83,12 +85,13 @@ def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
     depth = np.concatenate([z for z, _ in far]) if far else np.zeros(0)
     if len(depth) < _BINS * _FEWEST:
         return DepthNoise(0.0, 0.0, 0.0, lost)
+    drift = _drift([off for _, off in far])
     edges = np.quantile(depth, np.linspace(0.01, 0.99, _BINS + 1))
     z = 0.5 * (edges[1:] + edges[:-1])
     total, fresh = _scatter(far, edges), _scatter(near, edges)
     known = np.isfinite(total) & (total > 0)
     if not known.any():
-        return DepthNoise(0.0, 0.0, 0.0, lost)
+        return DepthNoise(0.0, 0.0, 0.0, lost, drift)
     weight = 1.0 / total[known]  # relative errors count
     rows = np.stack([weight, weight * z[known] ** 2], axis=1)
     base, slope = nnls(rows, np.ones(len(rows)))[0]
@@ -97,7 +100,7 @@ def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
         if np.isfinite(fresh[known]).any()
         else 0.0
     )
-    return DepthNoise(float(base), float(slope), float(np.clip(share, 0.0, 1.0)), lost)
+    return DepthNoise(float(base), float(slope), float(np.clip(share, 0.0, 1.0)), lost, drift)
 
 
 def _three(
@@ -176,6 +179,12 @@ def _scatter(pairs: list[tuple[Array, Array]], edges: Array) -> Array:
                 out[p, k] = _deviation(d) / np.sqrt(2.0)
     known = np.isfinite(out).any(axis=0)
     return np.array([np.nanmedian(out[:, k]) if known[k] else np.nan for k in range(out.shape[1])])
+
+
+def _drift(pairs: list[Array]) -> float:
+    """Root mean square over frames of what the differences (n,) of a pair have in common, m; half of a pair's square is each frame's."""
+    common = [float(np.median(off)) for off in pairs if len(off) >= _FEWEST]
+    return float(np.sqrt(0.5 * np.mean(np.square(common)))) if common else 0.0
 
 
 def _deviation(d: Array) -> float:

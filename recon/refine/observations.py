@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import cv2
@@ -48,20 +48,27 @@ class RefineConfig(Settings):
     )
     drift: float = setting(
         2e-4,
-        "slow error of the cameras as it shows at the part, one standard deviation in each direction; measured 0.17 mm on the "
-        "recordings of benchmarks/reconstruct.md",
+        "slow error of the cameras as it shows at the part, one standard deviation in each direction, where the recording itself shows "
+        "no larger one (`recon.dense.noise`); measured 0.17 mm on the recordings of benchmarks/reconstruct.md",
         unit="m",
         at_least=0,
     )
     drift_angle: float = setting(
         float(np.radians(0.015)),
-        "the same of its angle; measured 0.014 degrees there",
+        "the same of its angle, which grows with a larger drift; measured 0.014 degrees there",
         unit="rad",
         at_least=0,
         at_most=np.pi,
     )
 
     FORMERLY: ClassVar[Former] = {"steps": Left(STEPS)}
+
+    def with_drift(self, measured: float) -> RefineConfig:
+        """With a drift that was measured (m) in place of a smaller one, and an angle that is as much larger."""
+        if not 0.0 < self.drift < measured:
+            return self
+        angle = min(self.drift_angle * measured / self.drift, np.pi)
+        return replace(self, drift=measured, drift_angle=angle)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ from recon.refine.observations import (
     track_terms,
 )
 from recon.refine.parallel_faces import face_step
+from recon.refine.settling import settle
 from recon.refine.solver import step
 from recon.refine.uncertainty import Refined, with_uncertainty
 from twin.geometry import Array
@@ -44,8 +46,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 12, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 6, ("refine", "motion.interval"))
+REFINE = Stage("refine", 13, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 7, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 
 
@@ -127,14 +129,15 @@ def _refine_one(
     config: RefineConfig,
     noise: DepthNoise,
 ) -> Refined:
-    """Alternate association and Gauss-Newton; `focal` is the recording's, px."""
+    """Alternate association and Gauss-Newton until the joint settles; `focal` is the recording's, px."""
     part = tracks.part
     rows = np.array([views.row[int(f)] for f in part.motion.frames])
     state = np.array(part.motion.state)
     rests = _rests(part.motion)
     joint: Joint = replace(part.joint, covariance=None, sigma=None)
     patches = part_patches(views, labels, part)
-    for gate in config.gates:
+
+    def one_round(gate: float, joint: Joint, state: Array) -> tuple[Joint, Array, Terms]:
         surfels = build_surfels(views, patches, rows, joint, state, config)
         terms = join(
             surfel_terms(views, surfels, rows, joint, state, gate, noise, config),
@@ -142,10 +145,16 @@ def _refine_one(
         )
         for _ in range(STEPS):
             joint, state = step(joint, state, part.motion.state, rests, terms)
-        state = _with_parallel_faces(joint, state, surfels, terms)
+        return joint, _with_parallel_faces(joint, state, surfels, terms), terms
+
+    *wider, last = config.gates
+    for gate in wider:
+        joint, state, _ = one_round(gate, joint, state)
+    end = settle(partial(one_round, last), joint, state)
     # States are counted from the first frame, whose pose is the part's frame.
-    state = state - state[0]
-    return with_uncertainty(joint, state, part.motion.state, rests, terms, config)
+    state = end.state - end.state[0]
+    drifting = config.with_drift(noise.drift)
+    return with_uncertainty(end.joint, state, part.motion.state, rests, end.terms, end.left, drifting)
 
 
 def _rests(motion: Motion) -> NDArray[np.bool_]:

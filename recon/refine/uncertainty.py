@@ -32,13 +32,19 @@ class Refined:
 
 
 def with_uncertainty(
-    joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms, config: RefineConfig
+    joint: Joint,
+    state: Array,
+    start: Array,
+    rests: NDArray[np.bool_],
+    terms: Terms,
+    left: Array,
+    config: RefineConfig,
 ) -> Refined:
     """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
 
     Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all pixels of a few
     neighbouring frames counts once, not once a pixel. Errors that grow over the whole recording leave no residual; they
-    are added as `_drift`.
+    are added as `_drift`, and what the joint has `left` to go (`recon.refine.settling`) as an error of that size.
     """
     value, jac = linearise(joint, state, terms)
     weight, mean = robust_weights(value, terms)
@@ -59,6 +65,7 @@ def with_uncertainty(
     pushed = scores @ inverse
     drifted = _drift(joint, state, terms, weight, jac, config) @ inverse
     covariance = pushed[:, :d].T @ pushed[:, :d] + drifted[:, :d].T @ drifted[:, :d] + inverse[:d, :d]
+    covariance += np.outer(left, left)
     residual = np.abs(value - mean[terms.term])
     inlier = weight * terms.sigma**2 > 0.25 * np.median(weight * terms.sigma**2)
     rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0

@@ -50,6 +50,17 @@ def test_what_belongs_to_the_pixel_counts_and_is_slow() -> None:
     assert found.measured(1.5) == pytest.approx(np.hypot(0.006, 0.001), rel=0.25)
 
 
+@pytest.mark.parametrize("size", [0.0, 0.004])
+def test_what_a_frame_is_off_by_as_a_whole_is_its_drift(size: float) -> None:
+    """Depth that is off by as much in all of a frame, drawn anew in each; the pixels' own noise is none."""
+    recording, cameras = clip(np.array([0.003, 0.0]), np.zeros(2))
+    colour, found = np.zeros((FRAMES, 120, 160, 3), np.uint8), []
+    for off in size * np.random.default_rng(3).standard_normal((8, FRAMES)):
+        shifted = np.stack([recording.depth(k) + np.float32(off[k]) for k in range(FRAMES)])
+        found.append(measure_noise(Recording.from_arrays(colour, shifted, CAMERA, fps=15.0), cameras).drift)
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(size, rel=0.25, abs=2e-4)
+
+
 def test_without_shared_views_it_is_a_good_sensor() -> None:
     recording, cameras = clip(np.array([0.006, 0.0]), np.zeros(2))
     alone = Trajectory(cameras.frames[:1], cameras.times[:1], cameras.T_world_cam[:1])

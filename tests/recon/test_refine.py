@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.tracks import minimum_jerk
+from recon.dense.noise import GOOD_SENSOR
 from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
@@ -77,14 +78,16 @@ def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(door: Path) -> No
     drifting[:, 1, 3] += size * np.sqrt(2.0) * np.cos(np.pi * (np.arange(n) + 0.5) / n)
     cameras = Trajectory(np.arange(n), recording.times, drifting)
     sigma = {}
-    for said in (0.0, size):
+    for said, measured in ((1e-5, 0.0), (size, 0.0), (1e-5, size)):
         config = RefineConfig(width=96, voxel=0.02, drift=said, drift_angle=0.0)
-        (found,) = refine_parts(recording, cameras, labels, _found(part, n), config)
+        noise = replace(GOOD_SENSOR, drift=measured)
+        (found,) = refine_parts(recording, cameras, labels, _found(part, n), config, noise=noise)
         assert isinstance(found.joint, Revolute)
         assert found.joint.sigma is not None
-        sigma[said] = found.joint.sigma.pivot
+        sigma[said + measured] = found.joint.sigma.pivot
         error = geo.line_distance(found.joint.pivot, found.joint.axis, joint.pivot, joint.axis)
-    assert sigma[0.0] < 0.3 * sigma[size]
+    assert sigma[1e-5] < 0.3 * sigma[size]
+    assert sigma[size + 1e-5] == pytest.approx(sigma[size])
     assert 0.2 * sigma[size] < error < 4.0 * sigma[size]
 
 

@@ -46,7 +46,8 @@ def refined(name: str, seed: int, noise: float, shared: float) -> tuple[Joint, R
     for _ in range(6):
         found, s = step(found, s, state, no_rest, terms)
     config = RefineConfig(drift=0.0, drift_angle=0.0)
-    return joint, with_uncertainty(found, s - s[0], state, no_rest, terms, config)
+    settled = np.zeros(len(joint.minus(joint)))
+    return joint, with_uncertainty(found, s - s[0], state, no_rest, terms, settled, config)
 
 
 @pytest.mark.parametrize("name", JOINTS)
@@ -102,7 +103,7 @@ def test_the_residual_is_that_of_what_agrees() -> None:
     wild = np.where((np.arange(len(terms.q)) % 20 == 0)[:, None], rng.normal(0, 0.3, terms.q.shape), 0.0)
     config = RefineConfig(drift=0.0, drift_angle=0.0)
     clean, spoilt = (
-        with_uncertainty(joint, state, state, np.zeros(FRAMES, bool), t, config).residual
+        with_uncertainty(joint, state, state, np.zeros(FRAMES, bool), t, np.zeros(2), config).residual
         for t in (terms, replace(terms, q=terms.q + wild))
     )
     assert clean == pytest.approx(0.004, rel=0.15)
