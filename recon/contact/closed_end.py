@@ -12,9 +12,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
-from recon.contact.faces import Surface, outer_faces, sample
+from recon.contact.faces import Surface, sample
+from recon.contact.front import ALONG, Front, front_of
 from recon.dense.depth import look_up
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
@@ -23,7 +24,7 @@ from twin.geometry import Array
 from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
-_ALONG = 0.7  # cosine between a front's normal and the way of what slides along it
+_AT_WALL = 0.5  # share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding doors
 _EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the thickness of a fridge door
 
 
@@ -77,13 +78,14 @@ def find_closed_end(
 
     In this order: its face is flush with static surface there and not at the other end; of what slides along its front's normal, it is
     farther from the viewer and nearer to static surface there, as a drawer comes out of its furniture; it covers a cavity that is seen
-    when it is away; it covers more space; else the first rest pose. What slides in its own plane may be flush all along, so there the
-    cavity is asked first. What is flush only where it is farther out is unsure. part_mesh: at the part's state 0.
+    when it is away; it covers more space; else the first rest pose. What slides in its own plane may be flush all along: there its edge
+    ahead is asked first, which stops at a wall of the furniture, then the cavity. What is flush only where it is farther out is unsure.
+    part_mesh: at the part's state 0.
     """
     ends = travel_ends(part.motion.state, config.quantile)
     surface = sample(part_mesh)
     if len(surface.points):
-        face = _front(surface, part, cameras.T_world_cam[:, :3, 3])
+        face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
         flush = _flush_shares(surface, face, part.joint, ends, static, config)
         depth = [
             _depth_behind(
@@ -96,6 +98,9 @@ def find_closed_end(
         inward = _inward(face, part.joint, ends, static)
         if isinstance(part.joint, Prismatic) and abs(face.normal @ part.joint.axis) < 0.5:
             cues.reverse()
+            ahead = _nearer_ahead(face, part.joint, ends, static)
+            if max(ahead) > _AT_WALL:
+                cues.insert(0, (ahead, "nearer to a wall with its edge ahead"))
         elif inward is not None:
             cues.insert(1, (inward, "nearer to its surroundings and farther from the viewer"))
         for number, (shares, what) in enumerate(cues):
@@ -132,46 +137,9 @@ def travel_ends(state: Array, quantile: float) -> tuple[float, float]:
     return float(np.median(s[s <= low + near])), float(np.median(s[s >= high - near]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Face:
-    """Points (n, 3) of the part's large outer face at state 0 and the rim (r, 3) around it."""
-
-    points: Array
-    rim: Array
-    normal: Array
-
-
-def _front(surface: Surface, part: MovingPart, eyes: Array) -> _Face:
-    """The part's front: the largest flat face; of a slide, rather one square to its motion when it has such a face."""
-    faces = outer_faces(surface)
-    if isinstance(part.joint, Prismatic):
-        square = [f for f in faces if abs(f.normal @ part.joint.axis) > _ALONG]
-        if square and len(square[0].points) > 0.2 * len(faces[0].points):
-            faces = square
-    same = [f for f in faces if abs(f.normal @ faces[0].normal) > 0.9]
-    middle = eyes.mean(axis=0)
-    face = max(same, key=lambda f: float(middle @ f.normal - f.offset))
-    return _Face(face.points, _rim(face.points, face.normal), face.normal)
-
-
-def _rim(points: Array, normal: Array, step: float = 0.01) -> Array:
-    """Points (r, 3) every `step` m on the convex outline of a flat face."""
-    basis = geo.orthogonal_basis(normal)
-    local = points @ basis
-    try:
-        corners = local[ConvexHull(local[:, :2]).vertices]
-    except QhullError:
-        return points
-    rim = []
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        n = max(1, round(float(np.linalg.norm(b - a)) / step))
-        rim.append(a + (b - a) * (np.arange(n) / n)[:, None])
-    return np.asarray(np.concatenate(rim) @ basis.T)
-
-
 def _flush_shares(
     surface: Surface,
-    face: _Face,
+    face: Front,
     joint: Joint,
     ends: tuple[float, float],
     static: Mesh,
@@ -200,11 +168,11 @@ def _flush_shares(
     return shares
 
 
-def _inward(face: _Face, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float] | None:
+def _inward(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float] | None:
     """Of what slides along its front's normal: at the end that is farther from the viewer, by how much nearer its rim is to static surface
     than at the other, over the travel (0 where it is not), and 0; else None."""
     along = float(face.normal @ joint.axis) * (ends[1] - ends[0])
-    if not isinstance(joint, Prismatic) or abs(face.normal @ joint.axis) < _ALONG:
+    if not isinstance(joint, Prismatic) or abs(face.normal @ joint.axis) < ALONG:
         return None
     rims = [geo.transform(joint.pose(e), face.rim) for e in ends]
     beside = _cropped(static, np.concatenate(rims), abs(along) + 2 * _EDGE_M)
@@ -214,6 +182,26 @@ def _inward(face: _Face, joint: Joint, ends: tuple[float, float], static: Mesh) 
     near, far = (float(np.median(tree.query(rim)[0])) for rim in rims)
     share = max(0.0, float(np.sign(along)) * (far - near) / max(abs(along), 1e-9))
     return [share, 0.0] if along > 0 else [0.0, share]
+
+
+def _nearer_ahead(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float]:
+    """Of what slides in its own plane: by how much of the other's its outer edge is nearer to static surface at each end, the edge that
+    goes ahead there. At both ends of a door that closes on either side it is as near, and both shares are small."""
+    out = np.cross(np.roll(face.rim, -1, axis=0) - np.roll(face.rim, 1, axis=0), face.normal)
+    out *= np.sign(((face.rim - face.rim.mean(axis=0)) * out).sum(axis=1, keepdims=True))
+    along = (out @ joint.axis) / np.maximum(np.linalg.norm(out, axis=1), 1e-9)
+    edges = [
+        geo.transform(joint.pose(e), face.rim[sign * along > ALONG])
+        for e, sign in zip(ends, (-1.0, 1.0), strict=True)
+    ]
+    if not all(len(e) for e in edges):
+        return [0.0, 0.0]
+    beside = _cropped(static, np.concatenate(edges), abs(ends[1] - ends[0]))
+    if not len(beside.faces):
+        return [0.0, 0.0]
+    tree = cKDTree(sample(beside, 100_000).points)
+    low, high = (float(np.median(tree.query(e)[0])) for e in edges)
+    return [max(0.0, 1.0 - low / max(high, 1e-9)), max(0.0, 1.0 - high / max(low, 1e-9))]
 
 
 def _cropped(mesh: Mesh, points: Array, margin: float) -> Mesh:
@@ -244,7 +232,7 @@ def _share(state: float, ends: tuple[float, float], k: int) -> float:
 
 def _depth_behind(
     part: MovingPart,
-    face: _Face,
+    face: Front,
     end: float,
     frames: list[int],
     recording: Recording,

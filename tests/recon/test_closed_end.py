@@ -11,13 +11,13 @@ import pytest
 from recon.contact.closed_end import (
     ClosedEnd,
     ClosedEndConfig,
-    _front,
     find_closed_end,
     rebase,
     rebase_mesh,
     travel_ends,
 )
 from recon.contact.faces import sample
+from recon.contact.front import front_of
 from recon.evaluation.truth import load_truth
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
@@ -106,13 +106,38 @@ def test_frames_in_which_the_part_is_half_way_tell_nothing_of_the_cavity() -> No
     assert closed_of(told) == clean
 
 
+@pytest.mark.parametrize("axis_sign", [1, -1])
+@pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])
+@pytest.mark.parametrize("gap", [0.0, 0.4], ids=["walls at both ends", "room left at the open end"])
+def test_a_sliding_door_before_an_open_shelf_closes_at_the_wall(
+    gap: float, backwards: bool, axis_sign: int
+) -> None:
+    """It hides as much of the shelf wherever it stands: only the wall at which its edge stops tells the ends apart."""
+    clip = make_clip("slide", backwards=backwards, axis_sign=axis_sign)
+    at, joint = int(np.argmin(clip.opening)), clip.part.joint
+    door = clip.mesh.transformed(joint.pose(float(clip.part.motion.state[at])))  # closed
+    low, high = door.vertices.min(axis=0), door.vertices.max(axis=0)
+    way = np.sign(clip.true_joint.axis[0])
+    y, z = 0.5 * (low + high)[1:] + [0.03, 0.0]
+    ends = (low[0], high[0]) if way > 0 else (high[0], low[0])
+    walls = (ends[0] - 0.01 * way, ends[1] + way * (TRAVEL["slide"] + gap + 0.01))
+    static = merged(*(box((x, y, z), (0.018, 0.03, high[2] - low[2])) for x in walls))
+    found = find_closed_end(clip.part, clip.mesh, static, clip.recording, clip.cameras, {})
+    if gap:
+        assert found.source.startswith("nearer to a wall")
+        assert found.margin > 0.8
+        assert rebase(clip.part, found).joint.axis @ clip.true_joint.axis > 0
+    else:
+        assert found.margin == 0.0
+
+
 @pytest.mark.parametrize("side", [-3.0, 3.0])
 def test_the_front_is_the_large_face_also_for_a_camera_far_aside(side: float) -> None:
     """A thick hinged part; its flanks face the camera, and lie farther from it along their normals."""
     joint = Revolute(np.array([0.0, 0.0, 1.0]), pivot=np.array([-0.35, 0.0, 1.0]))
     part = MovingPart(2, joint, Motion(np.arange(3), np.arange(3) / 15.0, np.zeros(3)))
     eyes = np.array([[side, -0.6, 1.2]])
-    face = _front(sample(box((0.0, 0.0, 1.0), (0.7, 0.3, 0.8))), part, eyes)
+    face = front_of(sample(box((0.0, 0.0, 1.0), (0.7, 0.3, 0.8))), part, eyes)
     np.testing.assert_allclose(face.normal, [0.0, -1.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(face.rim[:, 1], -0.15, atol=2e-3)
 
