@@ -17,6 +17,7 @@ from recon.verdict.explained import static_seen_through, unexplained
 from recon.verdict.halves import Halves, halves
 from recon.verdict.hands import false_hand
 from recon.verdict.in_motion import InMotion, in_motion
+from recon.verdict.lost_labels import least_labelled
 from recon.verdict.places import Places, places
 from recon.verdict.posed import PosedTwin
 from twin.scene import Mesh, Trajectory
@@ -84,6 +85,13 @@ class PartEvidence:
         if self.mesh is None or not len(self.mesh.faces):
             return None
         return places(self.scene.posed, self.part, self.mesh)
+
+    @cached_property
+    def least_labelled(self) -> tuple[int, float] | None:
+        """A frame at the end of its travel where less of its surface is labelled as it, and that share; None without one in view."""
+        if self.mesh is None or not len(self.mesh.faces):
+            return None
+        return least_labelled(self.scene.posed, self.part, self.scene.labels)
 
     @cached_property
     def halves(self) -> Halves | None:

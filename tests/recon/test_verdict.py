@@ -24,9 +24,10 @@ from recon.verdict.of_scenes import free_things
 from recon.verdict.places import Places
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import SPAN, movers_of, perfect
-from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute
+from twin.scene import STATIC_LABEL, Joint, Mesh, Motion, Prismatic, Revolute
 from twin.verdict import (
     CamerasDrift,
+    LabelledElsewhere,
     NothingArticulated,
     OfPart,
     Reason,
@@ -305,6 +306,26 @@ def test_what_never_moves_is_not_seen_through_but_what_was_missed_is(
     assert reason.share == missed.static_seen_through[1]
     first = evidence.part.motion.intervals[0][0]
     assert first < reason.frame
+
+
+@pytest.mark.parametrize("end", [0, -1], ids=["closed", "open"])
+def test_a_part_is_labelled_wherever_the_twin_brings_it(evidence: PartEvidence, clip: Clip, end: int) -> None:
+    """At one end it is labelled static, as where it went elsewhere."""
+    assert evidence.least_labelled is not None
+    assert evidence.least_labelled[1] > 0.95
+    assert of_video.labelled_at_ends(evidence) is None
+    there = clip.opening[end]
+    lost = {
+        f: np.where(image == evidence.part.id, STATIC_LABEL, image).astype(np.uint8)
+        if abs(clip.opening[f] - there) < 0.1 * np.ptp(clip.opening)
+        else image
+        for f, image in evidence.scene.labels.items()
+    }
+    reason = of_video.labelled_at_ends(with_labels(evidence, lost))
+    assert isinstance(reason, LabelledElsewhere)
+    assert reason.level == "doubtful"
+    assert reason.share == 0.0
+    assert clip.opening[reason.frame] == pytest.approx(there, abs=0.1 * np.ptp(clip.opening))
 
 
 def test_a_half_labelled_part_does_not_explain_the_rests(evidence: PartEvidence, clip: Clip) -> None:

@@ -179,6 +179,28 @@ class AlongItself(Reason):
 
 
 @dataclass(frozen=True)
+class LabelledElsewhere(Reason):
+    """Where the twin brings the part in `frame`, at one end of its travel, a `share` of it is labelled as it, less than `limit`."""
+
+    frame: int
+    share: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"only {100 * self.share:.0f} % of what frame {self.frame} should show of it is labelled as it"
+        return f"{told} (at least {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "it is labelled elsewhere than the twin has it"
+
+    @property
+    def help(self) -> str:
+        return f"keep all of it in view where it is open and where it is closed, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
 class StaticSeenThrough(Reason):
     """A `share` of the picture of `frame`, more than `limit`, is seen farther than what the twin says never moves."""
 
