@@ -32,7 +32,7 @@ def doubted(clip: Clip, times: int) -> PartEvidence:
     if times > 1:
         e = replace(e, closed_margin=0.0)
     if times > 2:
-        one = {f: image if f == 0 else np.ones_like(image) for f, image in e.scene.labels.items()}
+        one = {0: e.scene.labels[0]}
         e = replace(e, scene=replace(e.scene, labels=one))
     if times > 3:
         every = ((int(e.part.motion.frames[0]), int(e.part.motion.frames[-1])),)
