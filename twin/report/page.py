@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
 from twin.runs.manifest import MANIFEST
+from twin.runs.threads import each
 from twin.scene import Part, Twin
 from twin.storage import load
 from twin.verdict import unjudged
@@ -121,13 +122,17 @@ def _drawn(twin: Twin) -> dict[str, Any]:
 
 
 def _pictures(twin: Twin) -> dict[str, Any]:
-    """The twin from closed to open, and the scene with the camera path."""
+    """The twin from closed to open, and the scene with the camera path; drawn at the same time."""
     from twin.report.meshes import dollhouse, opening
 
     if not len(twin.static.mesh.faces) and not any(len(p.mesh.faces) for p in twin.parts):
         return {"opening": [], "dollhouse": ""}
     steps = STEPS if twin.parts else 1
-    return {"opening": [_jpeg(i) for i in opening(twin, steps)], "dollhouse": _jpeg(dollhouse(twin))}
+    draw: dict[str, Callable[[], Any]] = {
+        "opening": lambda: [_jpeg(i) for i in opening(twin, steps)],
+        "dollhouse": lambda: _jpeg(dollhouse(twin)),
+    }
+    return dict(zip(draw, each(lambda one: one(), draw.values()), strict=True))
 
 
 def _plot(part: Part) -> str:
