@@ -19,9 +19,9 @@ from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
-from twin.verdict import ManyDoubts, MovesWithRefused, Reason, Verdict
+from twin.verdict import ManyDoubts, MovesWithDoubted, Reason, Verdict
 
-VERDICT = Stage("verdict", 8, ())
+VERDICT = Stage("verdict", 9, ())
 # Reasons that each make doubtful. Right runs have at most 3 of them; what has more is likelier none. By us, on recordings that were looked at
 MOST_DOUBTS = 3
 # Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time. By us
@@ -57,21 +57,23 @@ def judge(
         part.id: verdict_on(PartEvidence(scene, part, mesh, tracks, margins.get(part.id)))
         for (part, mesh), tracks in zip(told, found.of(parts), strict=True)
     }
-    verdicts = _beside_refused(parts, alone)
+    verdicts = _beside_doubted(parts, alone)
     none = all(v.level == "refused" for v in verdicts.values())
     return Judged(verdicts, (nothing_articulated(found.movers),) if none else ())
 
 
-def _beside_refused(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:
-    """The verdicts, with a doubt for each part that moves when one does that was refused: either may have taken what moved of the other."""
+def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:
+    """The verdicts, with a doubt for each part that moves when one does that is not trusted: either may have taken what moved of the other,
+    or both are one."""
     moving = {p.id: set(p.motion.frames[moving_rows(p)]) for p in parts}
-    refused = [p.id for p in parts if verdicts[p.id].level == "refused"]
+    doubted = [p.id for p in parts if verdicts[p.id].level != "trusted"]
     out = dict(verdicts)
-    for k in set(moving) - set(refused):
-        common = (len(moving[k] & moving[o]) / max(len(moving[k] | moving[o]), 1) for o in refused)
+    for k in (p.id for p in parts if verdicts[p.id].level != "refused"):
+        others = (o for o in doubted if o != k)
+        common = (len(moving[k] & moving[o]) / max(len(moving[k] | moving[o]), 1) for o in others)
         share = max(common, default=0.0)
         if share > TOGETHER:
-            out[k] = _added_up((*verdicts[k].reasons, MovesWithRefused("doubtful", share, TOGETHER)))
+            out[k] = _added_up((*verdicts[k].reasons, MovesWithDoubted("doubtful", share, TOGETHER)))
     return out
 
 

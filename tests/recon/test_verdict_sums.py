@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.parts.find_parts import PartTracks
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.judge import Judged, judge, verdict_on
+from recon.verdict.judge import Judged, _beside_doubted, judge, verdict_on
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import perfect
-from twin.verdict import ManyDoubts, MovesWithRefused
+from twin.verdict import ClosedEndUnsure, Level, ManyDoubts, MovesWithDoubted, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +81,17 @@ def test_what_moves_together_with_what_was_refused_is_doubtful(clip: Clip) -> No
     told = judged_beside(clip, few)
     assert told.parts[clip.part.id + 1].level == "refused"
     (reason,) = told.parts[clip.part.id].reasons
-    assert isinstance(reason, MovesWithRefused)
+    assert isinstance(reason, MovesWithDoubted)
     assert reason.share == pytest.approx((length - few) / (length + few))
     assert told.parts[clip.part.id].level == "doubtful"
     assert judged_beside(clip, many).parts[clip.part.id].level == "trusted"
+
+
+@pytest.mark.parametrize("level", ["trusted", "doubtful", "refused"])
+def test_what_moves_together_with_a_doubtful_part_is_doubtful(level: Level, clip: Clip) -> None:
+    """As where one door was found as two, each with half of its motion. Two that are trusted may move together: a person has two hands."""
+    one, other = clip.part, replace(clip.part, id=clip.part.id + 1)
+    doubt = () if level == "trusted" else (ClosedEndUnsure(level, 0.0, 0.25),)
+    verdicts = _beside_doubted((one, other), {one.id: Verdict(()), other.id: Verdict(doubt)})
+    assert verdicts[one.id].level == ("trusted" if level == "trusted" else "doubtful")
+    assert verdicts[other.id] == Verdict(doubt)

@@ -58,20 +58,20 @@ class NothingArticulated(Reason):
 
 
 @dataclass(frozen=True)
-class MovesWithRefused(Reason):
-    """A part that was refused moves when this one does: in `share` of the frames in which either moves, more than `limit`."""
+class MovesWithDoubted(Reason):
+    """A part that is not trusted moves when this one does: in `share` of the frames in which either moves, more than `limit`."""
 
     share: float
     limit: float
 
     @property
     def text(self) -> str:
-        told = f"what was refused moves in {100 * self.share:.0f} % of the frames in which either does"
+        told = f"what is not trusted moves in {100 * self.share:.0f} % of the frames in which either does"
         return f"{told} (at most {100 * self.limit:g} %)"
 
     @property
     def kind(self) -> str:
-        return "something that was refused moves when it does"
+        return "something that is not trusted moves when it does"
 
     @property
     def help(self) -> str:
@@ -165,7 +165,7 @@ REASONS: dict[str, type[Reason]] = {
         TracksDisagree,
         FewLabels,
         ManyDoubts,
-        MovesWithRefused,
+        MovesWithDoubted,
         NothingArticulated,
         OfPart,
     )
