@@ -5,7 +5,8 @@
     python -m benchmarks.unseen open FIRST LAST OUT     # clips of the open seeds 0 to 9999, kept and told one by one
 
 A sealed clip's seed follows from the commit, so nobody can have seen it; its recording, run and logs are deleted before the next one,
-and what is kept says only how many of which kind succeeded. A stopped run goes on with the next clip. Every finished run is a row of
+and what is kept says only how many of which kind succeeded. As many clips as there are cores are measured at a time, which changes no
+result. A stopped run goes on with the next clip. Every finished run is a row of
 the page; none is taken off.
 """
 
@@ -33,6 +34,7 @@ from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import Stratum, sealed_set
 from twin.errors import FuntwinError, InputError
 from twin.files.text import read_json, write_json
+from twin.runs.threads import each
 from twin.storage import load
 
 ROOT = Path(__file__).parents[1]
@@ -61,14 +63,15 @@ def sealed(baseline: str | None) -> int:
             f"the run of {commit} was begun with --baseline {state['of']}", "go on with that one"
         )
     every = len(strata) // BASELINE
+    left = [i for i in range(len(strata)) if i not in state["done"]]
     with _code(baseline) as code:
-        for i in range(len(strata)):
-            if i in state["done"]:
-                continue
+
+        def measured(i: int) -> list[dict[str, int]]:
             codes = [ROOT, code] if baseline is not None and i % every == 0 else [ROOT]
-            for name, found in zip(
-                ("counts", "baseline"), _clip_alone(sealed_seed(commit, i), i, codes), strict=False
-            ):
+            return _clip_alone(sealed_seed(commit, i), i, codes)
+
+        for i, rows in zip(left, each(measured, left), strict=True):
+            for name, found in zip(("counts", "baseline"), rows, strict=False):
                 state[name] = dict(sorted((Counter(state[name]) + counted(found, strata[i])).items()))
             state["done"] = sorted([*state["done"], i])
             write_json(path, state)
