@@ -19,7 +19,7 @@ import pytest
 
 from benchmarks import stray_scanner
 from recon.readers import READERS, UNREAD, open_recording
-from tests.recon.test_readers import write_r3d
+from tests.recon.test_record3d import write_r3d
 from tests.recon.tiny import FRAMES, read_image, write_recording
 from twin.cli.main import run
 from twin.errors import InputError

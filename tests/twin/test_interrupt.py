@@ -8,6 +8,8 @@ import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -80,18 +82,25 @@ BUSY = {
 }
 
 
-def command(tmp_path: Path, body: str) -> subprocess.Popen[str]:
-    """The command line with a verb that does `body`, in a session of its own."""
+@contextmanager
+def command(tmp_path: Path, body: str) -> Iterator[subprocess.Popen[str]]:
+    """The command line with a verb that does `body`, in a session of its own; what is left of it at the end is killed."""
     (tmp_path / "busy.py").write_text(
         "def ready():\n    print('ready', flush=True)\n\ndef busy(**_):\n"
         + textwrap.indent(textwrap.dedent(body), "    ")
     )
     start = "import sys; from twin.cli import main as cli; cli.VERBS['doctor'] = ('busy:busy', 'wait'); sys.argv[1:] = ['doctor']; cli.main()"
     path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])
-    return subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", start], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONPATH": path}, start_new_session=True,
-    )  # fmt: skip
+    ) as process:  # fmt: skip
+        try:
+            yield process
+        finally:
+            for line in running_in(process.pid):
+                with suppress(ProcessLookupError):
+                    os.kill(int(line.split()[0]), signal.SIGKILL)
 
 
 def running_in(session: int) -> list[str]:
@@ -102,18 +111,18 @@ def running_in(session: int) -> list[str]:
 
 @pytest.mark.parametrize("place", BUSY)
 def test_ctrl_c_is_one_line_and_exit_code_130(tmp_path: Path, place: str) -> None:
-    process = command(tmp_path, BUSY[place])
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n"
-    time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all
-    _, err = process.communicate(timeout=30)
-    assert err == "twin: interrupted; run the same command again to go on\n"
-    assert process.returncode == 130
-    started = time.monotonic()
-    while left := running_in(process.pid):  # killed processes take a moment to go on a busy machine
-        assert time.monotonic() - started < 10, f"what it started is gone: {left}"
-        time.sleep(0.05)
+    with command(tmp_path, BUSY[place]) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all
+        _, err = process.communicate(timeout=30)
+        assert err == "twin: interrupted; run the same command again to go on\n"
+        assert process.returncode == 130
+        started = time.monotonic()
+        while left := running_in(process.pid):  # killed processes take a moment to go on a busy machine
+            assert time.monotonic() - started < 10, f"what it started is gone: {left}"
+            time.sleep(0.05)
 
 
 @pytest.mark.parametrize("options", [["--json"], []])
