@@ -50,6 +50,13 @@ def _of_outcome(found: Outcome) -> Counter[str]:
         out["success" if part.cause is None else f"cause {part.cause}"] += 1
         out["trusted"] += part.trusted
         out["trusted success"] += part.trusted and part.cause is None
+        if part.trusted and part.cause is not None:
+            out[f"wrong but trusted {part.cause}"] += 1
+        if part.cause is None:
+            out.update(f"doubt {name}" for name in part.doubts)
+    if any(part.cause == "missed" for part in found.parts):
+        out["missed where a part was refused"] = int(bool(found.refused))
+        out.update(f"refused {name}" for name in found.refused)
     out["invented"] = len(found.invented)
     out["invented trusted"] = sum(found.invented)
     out["trusted"] += sum(found.invented)

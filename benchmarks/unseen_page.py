@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -41,7 +42,7 @@ def section(commit: str, baseline: str | None, clips: int, counts: Mapping[str, 
     lines = [title, "", f"{clips} clips.", "", *head, *(f"| {' | '.join(r)} |" for r in rows), ""]
     lines += ["| " + " | ".join(EXACT) + " |", "|" + "---|" * len(EXACT)]
     lines += [f"| {' | '.join(_exact(group, counts))} |" for group in GROUPS[:2]]
-    lines += ["", *_hands(counts), ""]
+    lines += ["", *_hands(counts), "", *_reasons(counts), ""]
     lines += ["| factor | parts | success |", "|---|---|---|"]
     for name in sorted({k.partition(": ")[0] for k in counts} - set(GROUPS)):
         parts, good = counts.get(f"{name}: parts", 0), counts.get(f"{name}: success", 0)
@@ -90,6 +91,24 @@ def _hands(counts: Mapping[str, int]) -> list[str]:
     )
     mean = f"{ppm / seen / 10_000:.2f} %" if seen else "-"
     return [f"Hand on hand-free frames: mean {mean} of the picture over {seen} clips, above 3 % in {many}."]
+
+
+def _reasons(counts: Mapping[str, int]) -> list[str]:
+    """A line each on what was wrong in spite of trust, right in spite of doubt, and refused where a part was missed."""
+
+    def told(word: str) -> str:
+        total = Counter[str]()
+        for group in GROUPS:
+            start = f"{group}: {word} "
+            total.update({k.removeprefix(start): n for k, n in counts.items() if k.startswith(start) and n})
+        return ", ".join(f"{name} {n}" for name, n in total.most_common()) or "none"
+
+    clips = sum(counts.get(f"{group}: missed where a part was refused", 0) for group in GROUPS)
+    return [
+        f"- Trusted that fail, by cause: {told('wrong but trusted')}.",
+        f"- Successes that are doubtful, by reason: {told('doubt')}.",
+        f"- Clips with a missed part in which a part was refused: {clips}; by reason: {told('refused')}.",
+    ]
 
 
 def _percent(part: int, of: int) -> str:

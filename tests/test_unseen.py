@@ -11,14 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import unseen, unseen_page
+from benchmarks import unseen, unseen_counts, unseen_page
 from benchmarks.scenes.boards import cabinet_twin
-from recon.evaluation.outcome import outcome
+from recon.evaluation.outcome import Outcome, PartOutcome, outcome
 from recon.evaluation.truth import Truth, TruthPart
 from recon.simulate.random.strata import sealed_set
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.scene import Trajectory, Twin
+from twin.verdict import NoSurface, PivotUnsure, Verdict
+from twin.verdict.verdict import of_twin
 
 GOOD = {"clips": 1, "parts": 1, "success": 1, "trusted": 1, "trusted success": 1}
 BAD = {"clips": 1, "parts": 1, "cause axis": 1, "trusted": 1, "failed clips": 1}
@@ -182,6 +184,11 @@ def test_outcomes_name_the_cause_and_count_what_is_invented() -> None:
     tilted = replace(first, joint=replace(first.joint, axis=axis, covariance=None))
     assert outcome(replace(twin, parts=(tilted, *others)), truth).parts[0].cause == "axis"
     assert outcome(replace(twin, parts=tuple(others)), truth).parts[0].cause == "missed"
+    short, gone = PivotUnsure("doubtful", 0.01, 0.005), NoSurface("refused")
+    doubted = replace(first, verdict=Verdict((short,)))
+    assert outcome(replace(twin, parts=(doubted, *others)), truth).parts[0].doubts == ("PivotUnsure",)
+    left_out = of_twin({}, {first.name: Verdict((short, gone))})
+    assert outcome(replace(twin, parts=tuple(others), verdict=left_out), truth).refused == ("NoSurface",)
     blind = {k: np.ones_like(v) for k, v in twin.labels.items()}
     assert outcome(replace(twin, labels=blind), truth).parts[0].cause == "labels"
     nothing = replace(truth, parts=())
@@ -193,6 +200,27 @@ def test_outcomes_name_the_cause_and_count_what_is_invented() -> None:
     assert outcome(lost, truth).parts[0].cause == "cameras"
     turned = twin.cameras.transformed(geo.make_pose(geo.exp_so3(np.array([0.2, 0, 0]))))
     assert not outcome(replace(twin, cameras=turned), truth).up_right
+
+
+def test_reasons_are_counted_where_the_verdict_was_wrong() -> None:
+    parts = (
+        PartOutcome("path", True),
+        PartOutcome(None, False, ("AxisUnsure", "PivotUnsure")),
+        PartOutcome("axis", False, ("AxisUnsure",)),
+        PartOutcome("missed", False),
+    )
+    found = unseen_counts._of_outcome(Outcome(parts, (), True, 2, ("NoSurface",)))
+    assert {k for k in found if k.startswith(("doubt ", "refused ", "wrong "))} == {
+        "doubt AxisUnsure", "doubt PivotUnsure", "refused NoSurface", "wrong but trusted path",
+    }  # fmt: skip
+    assert found["missed where a part was refused"] == 1
+    complete = unseen_counts._of_outcome(Outcome(parts[:3], (), True, 2, ("NoSurface",)))
+    assert "refused NoSurface" not in complete
+    counts = {f"{group}: {k}": n for group in unseen_page.GROUPS for k, n in found.items()}
+    page = unseen_page.section("abc", None, 160, counts)
+    assert "by cause: path 3." in page
+    assert "by reason: AxisUnsure 3, PivotUnsure 3." in page
+    assert "a part was refused: 3; by reason: NoSurface 3." in page
 
 
 def test_a_clip_that_says_nothing_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from recon.evaluation.scores import JointErrors, camera_errors, joint_errors, la
 from recon.evaluation.truth import Truth, TruthPart
 from twin.geometry import Array, line_angle, rotate
 from twin.scene import Part, Twin
+from twin.verdict import OfPart
 
 Cause = Literal["cameras", "missed", "type", "axis", "path", "labels"]
 CAUSES: tuple[Cause, ...] = ("cameras", "missed", "type", "axis", "path", "labels")
@@ -25,22 +26,25 @@ INVENTED_AXIS_DEG, INVENTED_MIOU = 15.0, 0.2
 
 @dataclass(frozen=True)
 class PartOutcome:
-    """A true part: why it failed, None for a success; and whether the twin calls it trusted."""
+    """A true part: why it failed, None for a success; whether the twin calls it trusted; and by which types of reason it doesn't."""
 
     cause: Cause | None
     trusted: bool
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Outcome:
     """parts: one for each true part. invented: of the parts of the twin that are none, whether each is trusted. up_right: whether up is
-    within UP_DEG. doubtful: parts of the twin that are neither trusted nor refused.
+    within UP_DEG. doubtful: parts of the twin that are neither trusted nor refused. refused: types of the reasons against parts that the
+    twin leaves out, each once a part.
     """
 
     parts: tuple[PartOutcome, ...]
     invented: tuple[bool, ...]
     up_right: bool
     doubtful: int
+    refused: tuple[str, ...] = ()
 
 
 def outcome(twin: Twin, truth: Truth) -> Outcome:
@@ -54,7 +58,9 @@ def outcome(twin: Twin, truth: Truth) -> Outcome:
     for i, true in enumerate(truth.parts):
         found = twin.parts[pairs[i]] if i in pairs else None
         cause = "cameras" if lost else _cause(found, true, truth, twin, T)
-        parts.append(PartOutcome(cause, found is not None and is_trusted(found)))
+        doubts = () if found is None or found.verdict is None else found.verdict.reasons
+        kinds = tuple(sorted({type(r).__name__ for r in doubts}))
+        parts.append(PartOutcome(cause, found is not None and is_trusted(found), kinds))
     matched = set(pairs.values())
     invented = [
         is_trusted(p)
@@ -62,7 +68,15 @@ def outcome(twin: Twin, truth: Truth) -> Outcome:
         if j not in matched and not _is_some_part(p, truth, twin, T)
     ]
     doubtful = sum(not is_trusted(p) for p in twin.parts)
-    return Outcome(tuple(parts), tuple(invented), cameras.up_deg <= UP_DEG, doubtful)
+    return Outcome(tuple(parts), tuple(invented), cameras.up_deg <= UP_DEG, doubtful, _refused(twin))
+
+
+def _refused(twin: Twin) -> tuple[str, ...]:
+    """Types of the reasons against parts that are not written, each once a part."""
+    told = () if twin.verdict is None else twin.verdict.reasons
+    return tuple(
+        of for _, of in sorted({(r.part, r.of) for r in told if isinstance(r, OfPart) and not r.written})
+    )
 
 
 def is_trusted(part: Part) -> bool:
