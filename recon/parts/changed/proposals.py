@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -13,6 +14,9 @@ from twin.geometry import Array
 
 _ON_PLANE_M = 0.02
 _TRIES = 200  # of three points, for the plane
+# How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so that the surface seen to leave ends
+# before it, by the gap that counts as left over the sine of the opening. Chosen by us.
+_BEYOND_M = (0.0, 0.05, 0.1)
 _LENGTH = 0.98  # the edges hold this share of the points, so that single ones do not shift them; chosen by us
 
 
@@ -36,7 +40,7 @@ class Proposed:
 
 
 def proposed_joints(points: Array) -> list[Proposed]:
-    """Four hinges and three slides of the rectangle about a surface's points (n, 3)."""
+    """Three slides of the rectangle about a surface's points (n, 3), and hinges at its four edges and beyond them."""
     normal, on = _plane(points)
     basis = geo.orthogonal_basis(normal)[:, :2]
     flat = (on - on.mean(axis=0)) @ basis
@@ -48,8 +52,9 @@ def proposed_joints(points: Array) -> list[Proposed]:
     middle = on.mean(axis=0) + sides @ (0.5 * (low + high))
     out = [Proposed("prismatic", d, middle) for d in (normal, sides[:, 0], sides[:, 1])]
     for k in range(2):
-        for end in (low[k], high[k]):
-            edge = middle + sides[:, k] * (end - 0.5 * (low[k] + high[k]))
+        half = 0.5 * (high[k] - low[k])
+        for beyond, sign in product(_BEYOND_M, (-1.0, 1.0)):
+            edge = middle + sides[:, k] * sign * (half + beyond)
             out.append(Proposed("revolute", sides[:, 1 - k], edge))
     return out
 

@@ -19,7 +19,7 @@ from twin.geometry import Array
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-_FROM = 3  # surfaces whose shape proposes joints
+_FROM = 2  # surfaces whose own shape proposes joints
 _IMPROVED = 3  # joints that are searched around, of each round
 # Gain of a surface's mean score over leaving for nobody knows where: less tells nothing; and by which a further surface is the part's.
 # Chosen by us.
@@ -91,9 +91,19 @@ def changed_parts(
 
 def _best(surfaces: Surfaces, known: Sequence[Proposed]) -> Explained:
     """The joint that explains most."""
-    proposed = [j for s in surfaces.surfaces[:_FROM] for j in proposed_joints(s.points)]
+    proposed = [j for points in _shapes(surfaces.surfaces) for j in proposed_joints(points)]
     first = sorted(each(surfaces.explained, [*proposed, *known]), key=_worth, reverse=True)
     return max(each(surfaces.improved, first[:_IMPROVED]), key=_worth)
+
+
+def _shapes(surfaces: Sequence[Surface]) -> list[Array]:
+    """Points (n, 3) of the largest surfaces, and of all that changed at one end together: noise and glare cut a door into pieces."""
+    out = [s.points for s in surfaces[:_FROM]]
+    for rest in sorted({s.rest for s in surfaces}):
+        pieces = [s.points for s in surfaces if s.rest == rest]
+        if len(pieces) > 1:
+            out.append(np.concatenate(pieces))
+    return out
 
 
 def _worth(explained: Explained) -> float:
