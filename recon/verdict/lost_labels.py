@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,11 +36,12 @@ def least_labelled(
 def _labelled(
     twin: PosedTwin, part: MovingPart, labels: Mapping[int, NDArray[np.uint8]], frames: Array
 ) -> list[tuple[int, float]]:
-    """Frame and share of each frame that shows enough of the part."""
+    """Frame and share of each frame that shows enough of the part. Pixels at its rim are not asked: a board seen edge-on is little else."""
     out = []
     for frame in frames.tolist():
         image = twin.thinned(labels[frame])
-        shown = (twin.expected(frame).owner == part.id) & (twin.seen(frame) > 0)
+        mine = (twin.expected(frame).owner == part.id).astype(np.uint8)
+        shown = (cv2.erode(mine, np.ones((3, 3), np.uint8)) > 0) & (twin.seen(frame) > 0)
         shown &= (image >= STATIC_LABEL) & (image < HAND_LABEL)
         if shown.sum() >= _FEWEST:
             out.append((frame, float((image[shown] == part.id).mean())))
