@@ -48,6 +48,7 @@ ONLY_PARSED = {
     "make wheel": ITSELF,
     "pip install ./dist/funtwin-*.whl": ITSELF,
     "python .ci/settings_page.py": "writes docs/settings.md; tests/test_settings_law.py compares",
+    "python -m benchmarks.unseen sealed": "takes two hours; tests/test_unseen.py has its parts",
     "python benchmarks/reconstruct.py RUNS RECORDING...": MINUTES,
     "twin check RUN --engines all": ENGINES,
     "twin check RUN --engines validators": ENGINES,
@@ -123,7 +124,8 @@ def test_every_command_of_the_documents_is_understood(page: str, command: str) -
     if program == "make":
         assert re.search(rf"^{words[0]}:.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     elif program == "python":
-        assert (ROOT / words[0]).is_file()
+        file = words[1].replace(".", "/") + ".py" if words[0] == "-m" else words[0]
+        assert (ROOT / file).is_file()
     elif program == "pip":
         assert words[-1] in (ROOT / "Makefile").read_text(encoding="utf-8"), "what `make wheel` leaves"
     else:

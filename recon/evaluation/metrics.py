@@ -48,9 +48,9 @@ def relative_pose_error(T_true_cam: Array, T_recon_cam: Array) -> tuple[float, f
         return 0.0, 0.0
     true = geo.invert_pose(T_true_cam[:-1]) @ T_true_cam[1:]
     recon = geo.invert_pose(T_recon_cam[:-1]) @ T_recon_cam[1:]
-    error = geo.invert_pose(true) @ recon
-    translation = np.linalg.norm(error[:, :3, 3], axis=1)
-    rotation = geo.rotation_angle(error[:, :3, :3])
+    # the length of the error's translation, without the turn into the camera's axes, which rounds: equal motions give exactly 0
+    translation = np.linalg.norm(recon[:, :3, 3] - true[:, :3, 3], axis=1)
+    rotation = geo.rotation_angle(np.swapaxes(true[:, :3, :3], 1, 2) @ recon[:, :3, :3])
     return float(np.sqrt(np.mean(translation**2))), float(np.sqrt(np.mean(rotation**2)))
 
 

@@ -79,7 +79,7 @@ def test_exact_twin_scores_zero_or_one_everywhere(truth: Truth, exact: Twin) -> 
         "screw path",
         "handle path",
     ):
-        assert values[metric] == 0.0
+        assert values[metric] == 0.0, metric
 
 
 def test_moved_world_scores_the_same(truth: Truth, exact: Twin) -> None:
