@@ -48,7 +48,7 @@ def test_depth_alone_tells_joint_and_states(clip: Clip, parts: list[ChangedPart]
     assert found.joint.kind == true.joint.kind
     angle, away = apart(found.joint, true.joint)
     assert angle < 3.0
-    assert away < 0.04  # twice the sigma that it states
+    assert away < 0.03
     moved, truth = np.abs(found.state - found.state[0]), np.abs(true.motion.state)
     assert np.all(moved[:7] < 0.02)  # it rests
     if clip.recording.depth(0).any() and true.joint.kind == "revolute":

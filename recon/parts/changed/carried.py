@@ -36,6 +36,7 @@ _ROUNDS = (
     (np.deg2rad(3.0), 0.05),
     (np.deg2rad(1.5), 0.025),
     (np.deg2rad(0.75), 0.012),
+    (np.deg2rad(0.4), 0.006),
 )
 
 
