@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32, pixel_sigma
 
 ENOUGH = 2.0  # supporting references; more make nothing surer
+# Cosines between normal and ray: below the first a surface is seen edge-on, above the second well; chosen by us.
+_EDGE_ON, _FACING = np.float32(0.15), np.float32(0.35)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -121,10 +123,30 @@ def _agreement(
     return one / least
 
 
+@numba.njit(cache=True, inline="always")
+def _seen_through(t: float, move: F32, points: F32, i: int, normal: F32) -> Any:
+    """How surely point i of a row (3, w) with a normal (3,) is seen through, 0..1, where what is read lies t standard deviations behind it.
+
+    Less where it is seen edge-on, as a board is then thinner than the error of its place.
+    """
+    one, dot, length2 = np.float32(1.0), np.float32(0), np.float32(0)
+    surely = min(max((t - one) / np.float32(1.5), np.float32(0)), one)
+    if surely == 0 or (normal[0] == 0 and normal[1] == 0 and normal[2] == 0):
+        return surely
+    for k in range(3):
+        # from the reference camera's centre, -R^T t
+        way = points[k, i] + move[0, k] * move[0, 3] + move[1, k] * move[1, 3] + move[2, k] * move[2, 3]
+        dot += way * normal[k]
+        length2 += way * way
+    cosine = abs(dot) / np.sqrt(max(length2, np.float32(1e-12)))
+    return surely * min(max((cosine - _EDGE_ON) / (_FACING - _EDGE_ON), np.float32(0)), one)
+
+
 @numba.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"})
 def compare(
     depth: F32,
     color: F32,
+    normals: F32,
     wanted: NDArray[np.bool_],
     camera: F32,
     moves: F32,
@@ -140,23 +162,22 @@ def compare(
 ) -> None:
     """Sum over reference frames how far each supports and violates one rigid motion at each pixel.
 
-    A pixel's point is moved into a reference camera. A reading there that agrees in depth supports (weighted by the
-    likeness of colour, best of 3x3); readings behind the point in all of 3x3 violate, for then the point would have
-    hidden them; readings in front say nothing.
+    A pixel's point is moved into a reference camera. A reading there that agrees in depth supports (weighted by the likeness of colour,
+    best of 3x3); readings behind the point in all of 3x3 violate, for then the point would have hidden them, less so where it is seen
+    edge-on (`_seen_through`); readings in front say nothing.
 
-    The frame has `depth` (h, w) m, 0 unknown, `color` (h, w, 3) and a `camera` (fx, fy, cx, cy); `wanted` (h, w) are the pixels to look
-    at. The references have `ref_depth` (R, h, w), `ref_color` (R, h, w, 3) and the `ref_range` of their depth (`depth_range`); `moves`
-    (R, 3, 4) takes the frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only violate; `side` (R,) is
-    -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0: only the sides tell a part from static scene.
-    `color_sigma` is one standard deviation of colour, `slack` (m) the depth error that poses may cause, `noise` (2,) the curve of `pixel_sigma`.
+    The frame has `depth` (h, w) m and `normals` (h, w, 3), 0 where unknown, `color` (h, w, 3) and a `camera` (fx, fy, cx, cy); `wanted`
+    (h, w) are the pixels to look at. The references have `ref_depth` (R, h, w), `ref_color` (R, h, w, 3) and the `ref_range` of their depth
+    (`depth_range`); `moves` (R, 3, 4) takes the frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only
+    violate; `side` (R,) is -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0: only the sides tell a part
+    from static scene. `color_sigma` is one standard deviation, `slack` (m) the depth error of poses, `noise` (2,) for `pixel_sigma`.
 
-    `out` (4, h, w) takes the sums of weights 0..1: support, violation, support by frames at lower and at higher states. Once
-    `ENOUGH` frames support a pixel, those on no side are not asked any more.
+    `out` (4, h, w) takes the sums of weights 0..1: support (once `ENOUGH`, only by frames on a side), violation, support by lower and by
+    higher states.
     """
     h, w = depth.shape
-    one = np.float32(1.0)
+    one, (near, far) = np.float32(1.0), ref_range
     inv_color = one / np.float32(color_sigma * color_sigma)
-    near, far = ref_range
     column, points = np.empty(w, np.int32), np.empty((3, w), np.float32)
     variance, landed = np.empty(w, np.float32), np.empty((4, w), np.float32)
     for y in range(h):
@@ -181,4 +202,4 @@ def compare(
                         out[2 if side[r] < 0 else 3, y, x] += best
                 if nearest > 0:
                     t = nearest * np.sqrt(inv_var)
-                    out[1, y, x] += min(max((t - one) / np.float32(1.5), np.float32(0)), one)
+                    out[1, y, x] += _seen_through(t, moves[r], points, i, normals[y, x])

@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +18,7 @@ from recon.dense.depth import F32
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.labels.crf import agree, upsample_labels
 from recon.labels.evidence import ENOUGH
+from recon.labels.hand_pieces import Rests, drop_crumbs
 from recon.labels.pooling import SURE, pool_color, world_points
 from recon.labels.reference_frames import (
     COLOR_SIGMAS,
@@ -45,7 +45,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 4, ("labels",))
+LABELS = Stage("labels", 5, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,6 @@ _SUPPORT, _VIOLATION = 1.5, 4.0
 _PRIOR_PART, _HAND = -0.5, -0.7
 _BOX_MARGIN_M = 0.1
 _MOVED_SHARE = 0.15
-_MIN_HAND = 0.001
 _HAND_AT_END = 0.003  # share of the picture, as for references
 
 
@@ -112,7 +111,6 @@ def label_frames(
         witnesses=config.witnesses,
     )
     _warn(refs)
-    wrap = progress or untold
     camera = recording.intrinsics.binned(factor)
     boxes = [_part_box(refs, cameras, p, camera, slack, noise) for p in parts]
 
@@ -120,16 +118,17 @@ def label_frames(
         seen = view(recording, frame, factor)
         return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, slack, noise)
 
-    looks = [seen for _, seen in zip(wrap(chosen, "labels"), each(look, chosen), strict=True)]
+    looks = [seen for _, seen in zip((progress or untold)(chosen, "labels"), each(look, chosen), strict=True)]
     views, scores, stays = (list(column) for column in zip(*looks, strict=True))
     pool_in_space(views, scores, stays, cameras, parts, camera, COLOR_SIGMAS * refs.color_sigma, noise)
     for score in scores:
         score[1:-1] += _PRIOR_PART
     pool_color(views, scores)
+    rests = Rests.of(views, cameras, parts, camera, refs.color_sigma, slack, noise)
     ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
 
     def final(k: int) -> NDArray[np.uint8]:
-        return _final(recording, views[k], scores[k], factor, ids, refs.color_sigma)
+        return _final(recording, views[k], scores[k], factor, ids, rests)
 
     out = dict(zip(chosen, each(final, range(len(views))), strict=True))
     if frames is None:
@@ -269,12 +268,18 @@ def _score(evidence: F32) -> F32:
 
 
 def _final(
-    recording: Recording, seen: View, score: F32, factor: int, ids: NDArray[np.uint8], color_sigma: float
+    recording: Recording,
+    seen: View,
+    score: F32,
+    factor: int,
+    ids: NDArray[np.uint8],
+    rests: Rests,
 ) -> NDArray[np.uint8]:
     """Neighbours agree, then the full grid follows colour and depth."""
-    scale = COLOR_SIGMAS * color_sigma
+    scale = COLOR_SIGMAS * rests.color_sigma
     belief = agree(score, seen.color, seen.depth, scale, 3, 6, 3.0)
-    _drop_crumbs(belief)
+    drop_crumbs(belief)
+    rests.drop_armless(belief, seen)
     color, depth = recording.frame(seen.frame)
     labels = upsample_labels(
         belief, seen.color, seen.depth, lab(color), np.asarray(depth, np.float32), factor, scale, ids
@@ -282,13 +287,3 @@ def _final(
     if not (depth > 0).any():
         labels[:] = UNKNOWN_LABEL
     return labels
-
-
-def _drop_crumbs(belief: F32) -> None:
-    """Take the hand label from pieces smaller than `_MIN_HAND` of the image: neither noise nor a thin handle is a hand."""
-    hand = belief.argmax(axis=0) == len(belief) - 1
-    if not hand.any():
-        return
-    _, pieces, stats, _ = cv2.connectedComponentsWithStats(hand.astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < _MIN_HAND * hand.size
-    belief[-1][small[pieces] & hand] = 0.0

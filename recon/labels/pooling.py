@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from recon.dense.depth import F32
 from recon.dense.noise import DepthNoise
-from recon.dense.voxels import distinct, in_hull_of, largest_piece, mean_evidence, near_piece, solid_core
+from recon.dense.voxels import distinct, largest_piece, mean_evidence, near_piece
 from recon.labels.reference_frames import View
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics
@@ -25,7 +25,6 @@ from twin.voxels import voxel_keys
 
 # Chosen by us and the same for every recording.
 _VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
-_REACH_M = 0.1
 SURE = 1.0  # lead of a log score that counts as certain
 
 
@@ -44,7 +43,7 @@ def lead_of(score: F32, k: int) -> F32:
     return np.asarray(score[k] - others)
 
 
-def _voxel_size(views: list[View], noise: DepthNoise) -> float:
+def voxel_size(views: list[View], noise: DepthNoise) -> float:
     """m; two standard deviations of typical depth."""
     typical = float(np.median(np.concatenate([v.depth[v.depth > 0][::97] for v in views])))
     return float(np.clip(2.0 * noise.sigma(typical), 0.006, 0.02))
@@ -61,7 +60,7 @@ class VoxelPool:
         camera: Intrinsics,
         noise: DepthNoise,
     ) -> None:
-        size = _voxel_size(views, noise)
+        size = voxel_size(views, noise)
         self._known = [v.depth > 0 for v in views]
         self._frames = [_Voxels.of(views, None, cameras, camera, size)]
         self._frames += [_Voxels.of(views, part, cameras, camera, size) for part in parts]
@@ -118,46 +117,6 @@ class _Voxels:
 
         keys, of_pixel = distinct(np.concatenate(list(each(keys_of, rows))))
         return cls(keys, of_pixel, rows)
-
-
-def enclosed_by_parts(
-    views: list[View],
-    scores: list[F32],
-    sure: list[NDArray[np.bool_]],
-    cameras: Trajectory,
-    parts: Sequence[MovingPart],
-    camera: Intrinsics,
-    noise: DepthNoise,
-) -> list[NDArray[np.bool_]]:
-    """Masks (2, P, h, w) of what lies inside the convex hull, and inside the box, of what surely is a part, in its frame.
-
-    Between the walls of a drawer that slides there is no room for anything static. Sure is what references at rest see
-    through where it is now and see again where it was; scores are those of the references alone, before any pooling.
-    """
-    size = _voxel_size(views, noise)
-    world = list(each(lambda v: world_points(v, camera, cameras.pose(v.frame)), views))
-    out = [np.zeros((len(parts), *v.depth.shape), bool) for v in views]
-    near = [np.zeros_like(o) for o in out]
-    for k, part in enumerate(parts):
-        points: dict[int, F32] = {}
-        certain: list[F32] = []
-        for v, (seen, score, moved) in enumerate(zip(views, scores, sure, strict=True)):
-            pose = part.pose(seen.frame)
-            if pose is None:
-                continue
-            inv = geo.invert_pose(pose)
-            points[v] = geo.transform(inv, world[v]).astype(np.float32)
-            mine = (lead_of(score, k + 1) > SURE) & moved[0]
-            certain.append(points[v][mine[seen.depth > 0]])
-        # A drawer's back wall is far from its front; only where noise is poor such pieces are more often noise.
-        shell = solid_core(certain, size, reach=_REACH_M if noise.poor else np.inf)
-        inside = each(in_hull_of(shell), points.values())
-        for (v, p), held in zip(points.items(), inside, strict=True):
-            out[v][k][views[v].depth > 0] = held
-            if len(shell):
-                box = (p >= shell.min(axis=0) - size) & (p <= shell.max(axis=0) + size)
-                near[v][k][views[v].depth > 0] = box.all(axis=1)
-    return [np.stack(pair) for pair in zip(out, near, strict=True)]
 
 
 _BINS = 16

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.depth import F32, in_mid_air, look_up
+from recon.dense.depth import F32, depth_normals, in_mid_air, look_up
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.labels.evidence import compare, depth_range, median_depth
 from recon.parts.moving_part import MovingPart
@@ -139,6 +139,7 @@ def gather(
     compare(
         seen.depth,
         seen.color,
+        np.nan_to_num(depth_normals(seen.depth, camera, np.inf)).astype(np.float32),
         everywhere,
         camera.vector.astype(np.float32),
         moves.astype(np.float32),

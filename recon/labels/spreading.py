@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32
 from recon.dense.noise import DepthNoise
 from recon.labels.crf import geodesic
-from recon.labels.pooling import SURE, VoxelPool, enclosed_by_parts
+from recon.labels.enclosed import enclosed_by_parts
+from recon.labels.pooling import SURE, VoxelPool
 from recon.labels.reference_frames import View
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics

@@ -16,6 +16,7 @@ from recon.dense.voxels import distinct
 from recon.motion.movers import Movers
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
+from recon.refine.terms import Terms
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.setting import Former, Left, Settings, setting
@@ -81,17 +82,6 @@ class Views:
     row: dict[int, int]  # recording frame -> row
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """Scalar observations: distance of a world point q to the plane of term k in the part's frame."""
-
-    term: NDArray[np.int64]
-    frame: NDArray[np.int64]  # row
-    q: Array
-    sigma: Array
-    normals: Array  # (K, 3) of the terms
-
-
 def load_views(recording: Recording, cameras: Trajectory, config: RefineConfig) -> Views:
     """Read every posed frame's depth once, at the working width."""
     width = min(config.width, recording.intrinsics.width)
@@ -115,8 +105,11 @@ class Patches:
     normals: list[Array]
 
 
-def part_patches(views: Views, labels: Mapping[int, NDArray[np.uint8]], part: MovingPart) -> Patches:
-    """What the labelled frames show of a part, a pixel away from its outline; neither joint nor states matter."""
+def part_patches(
+    views: Views, labels: Mapping[int, NDArray[np.uint8]], part: MovingPart, also: int | None = None
+) -> Patches:
+    """What the labelled frames show of a part, and of `also`, another label, a pixel away from its outline; neither joint nor states
+    matter."""
     h, w = views.depth.shape[1:]
     v, u = np.mgrid[0:h, 0:w]
     pixels = np.stack([u, v], axis=-1).astype(float)
@@ -124,9 +117,8 @@ def part_patches(views: Views, labels: Mapping[int, NDArray[np.uint8]], part: Mo
     frames = [f for f in labels if f in index]
 
     def patch(frame: int) -> tuple[Array, Array]:
-        mask = cv2.resize(
-            (labels[frame] == part.id).astype(np.uint8), (w, h), interpolation=cv2.INTER_NEAREST
-        )
+        wanted = np.isin(labels[frame], [part.id, part.id if also is None else also])
+        mask = cv2.resize(wanted.astype(np.uint8), (w, h), interpolation=cv2.INTER_NEAREST)
         mask = cv2.erode(mask, np.ones((3, 3), np.uint8))
         depth = views.depth[views.row[frame]]
         n = depth_normals(cv2.GaussianBlur(depth, (5, 5), 1.2), views.camera, 6.0)
@@ -174,6 +166,17 @@ def build_surfels(
     return mean[keep], normal[keep] / length[keep][:, None]
 
 
+def in_part(
+    views: Views, patches: Patches, rows: NDArray[np.int64], joint: Joint, state: Array
+) -> list[tuple[int, Array, Array]]:
+    """Each patch as row of the motion, points (n, 3) in the part's frame and in the world's."""
+    out = []
+    for k, at in zip(patches.index, patches.points, strict=True):
+        world = geo.transform(views.T_world_cam[rows[k]], at)
+        out.append((k, geo.transform(geo.invert_pose(joint.pose(float(state[k]))), world), world))
+    return out
+
+
 def surfel_terms(
     views: Views,
     surfels: tuple[Array, Array],
@@ -208,6 +211,24 @@ def surfel_terms(
     return Terms(term, frame, q, sigma, normals)
 
 
+def pixels_on(
+    views: Views,
+    rows: NDArray[np.int64],
+    joint: Joint,
+    state: Array,
+    frame: int,
+    points: Array,
+    normal: Array,
+) -> tuple[NDArray[np.bool_], float]:
+    """Whether points (n, 3) of the part are inside the picture of one of the part's frames, and how long (m) a pixel there is on a plane
+    through them with a `normal` (3,), in the middle of them all."""
+    T_cam_part = geo.invert_pose(views.T_world_cam[rows[frame]]) @ joint.pose(float(state[frame]))
+    x = geo.transform(T_cam_part, points)
+    cosine = np.abs(x @ (T_cam_part[:3, :3] @ normal)) / np.linalg.norm(x, axis=1)
+    footprint = x[:, 2] / views.camera.fx / np.maximum(cosine, 1e-3)
+    return look_up(views.depth[0], views.camera, x)[0], float(np.median(footprint))
+
+
 def track_terms(
     views: Views,
     movers: Movers,
@@ -239,16 +260,3 @@ def track_terms(
     lateral = config.pixel_sigma * depth / focal
     sigma = np.sqrt(cosine2 * noise.sigma(depth)[:, None] ** 2 + (1 - cosine2) * lateral[:, None] ** 2)
     return Terms(term, np.repeat(i, 3), np.repeat(q, 3, axis=0), sigma.ravel(), normals)
-
-
-def join(a: Terms, b: Terms) -> Terms:
-    """Both sets, sorted by term, terms of `b` numbered after those of `a`."""
-    term = np.concatenate([a.term, b.term + len(a.normals)])
-    order = np.argsort(term, kind="stable")
-    return Terms(
-        term[order],
-        np.concatenate([a.frame, b.frame])[order],
-        np.concatenate([a.q, b.q])[order],
-        np.concatenate([a.sigma, b.sigma])[order],
-        np.concatenate([a.normals, b.normals]),
-    )

@@ -25,29 +25,30 @@ from recon.parts.moving_part import MovingPart
 from recon.parts.same_motion import distinct
 from recon.parts.static_spans import REST_MARGIN
 from recon.recording import Recording
+from recon.refine.board import edge_tie, find_board, with_board
 from recon.refine.observations import (
     STEPS,
     RefineConfig,
-    Terms,
     Views,
     build_surfels,
-    join,
+    in_part,
     load_views,
     part_patches,
+    pixels_on,
     surfel_terms,
     track_terms,
 )
-from recon.refine.parallel_faces import face_step
 from recon.refine.settling import settle
 from recon.refine.solver import step
+from recon.refine.terms import Terms, join
 from recon.refine.uncertainty import Refined, with_uncertainty
 from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
-from twin.scene import Joint, Motion, Trajectory
+from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 13, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 7, ("refine", "motion.interval"))
+REFINE = Stage("refine", 14, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 8, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 
 
@@ -136,25 +137,31 @@ def _refine_one(
     rests = _rests(part.motion)
     joint: Joint = replace(part.joint, covariance=None, sigma=None)
     patches = part_patches(views, labels, part)
+    # Where a wrong joint puts the rim of a board beside what is seen, it is taken for the hand.
+    outlines = part_patches(views, labels, part, also=HAND_LABEL)
 
     def one_round(gate: float, joint: Joint, state: Array) -> tuple[Joint, Array, Terms]:
         surfels = build_surfels(views, patches, rows, joint, state, config)
+        seen = surfel_terms(views, surfels, rows, joint, state, gate, noise, config)
+        board = find_board(joint, *surfels, noise)
+        if board is not None:
+            shown = in_part(views, outlines, rows, joint, state)
+            edges = edge_tie(board, shown, state, rests, partial(pixels_on, views, rows, joint, state))
+            seen = with_board(seen, board, edges)
         terms = join(
-            surfel_terms(views, surfels, rows, joint, state, gate, noise, config),
+            seen,
             track_terms(views, movers, tracks.members, part, rows, joint, state, focal, noise, config),
         )
         for _ in range(STEPS):
             joint, state = step(joint, state, part.motion.state, rests, terms)
-        return joint, _with_parallel_faces(joint, state, surfels, terms), terms
+        return joint, state, terms
 
     *wider, last = config.gates
     for gate in wider:
         joint, state, _ = one_round(gate, joint, state)
     end = settle(partial(one_round, last), joint, state)
-    # States are counted from the first frame, whose pose is the part's frame.
-    state = end.state - end.state[0]
     drifting = config.with_drift(noise.drift)
-    return with_uncertainty(end.joint, state, part.motion.state, rests, end.terms, end.left, drifting)
+    return with_uncertainty(end.joint, end.state, part.motion.state, rests, end.terms, end.left, drifting)
 
 
 def _rests(motion: Motion) -> NDArray[np.bool_]:
@@ -163,22 +170,3 @@ def _rests(motion: Motion) -> NDArray[np.bool_]:
     for first, last in motion.intervals:
         out &= (motion.frames < first - REST_MARGIN) | (motion.frames > last + REST_MARGIN)
     return out
-
-
-def _with_parallel_faces(joint: Joint, state: Array, surfels: tuple[Array, Array], terms: Terms) -> Array:
-    """Take the step between the frames that see a board's one face and those that see the other out of the state."""
-    found = face_step(joint, *surfels)
-    if found is None:
-        return state
-    step, near, far = found
-    of_surfels = terms.term < len(near)
-    term, frame = terms.term[of_surfels], terms.frame[of_surfels]
-    sees_near = np.bincount(frame, near[term], len(state))
-    sees_far = np.bincount(frame, far[term], len(state))
-    known = sees_near + sees_far > 0
-    if not known.any():
-        return state
-    share = sees_far[known] / (sees_near + sees_far)[known]
-    every = np.interp(np.arange(len(state)), np.flatnonzero(known), share)
-    # Seen in the part's frame, a state that is too large turns what is seen backwards by as much.
-    return np.asarray(state + step * every)

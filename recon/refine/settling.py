@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.refine.observations import Terms
+from recon.refine.terms import Terms
 from twin.geometry import Array
 from twin.joint import Joint
 

@@ -6,11 +6,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.refine.observations import Terms
-from twin import geometry as geo
+from recon.refine.terms import Terms, dof, linearise
+from recon.refine.ties import add_board
 from twin.geometry import Array
 from twin.robust import chi2_scale, geman_mcclure, mad_sigma
-from twin.scene import Joint, Revolute
+from twin.scene import Joint
 
 # Share of the range by which a part at rest may seem to move in a frame; chosen by us, ten times what good data leave.
 _REST_SHARE = 0.002
@@ -19,41 +19,19 @@ _REST_SHARE = 0.002
 def step(
     joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms
 ) -> tuple[Joint, Array]:
-    """One robust Gauss-Newton step over the joint's tangent and all states."""
+    """One robust Gauss-Newton step over the joint's tangent, all states, and a board's normal, which the next association finds anew."""
     value, jac = linearise(joint, state, terms)
     weight, _ = robust_weights(value, terms)
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
     d = jac.shape[1] - 1
+    h, g = add_board(h, g, joint, state, weight, terms)
     seen = np.diag(h)[d:] / max(float(np.diag(h)[d:].mean()), 1e-12)
     h, g = add_priors(h, g, d, state, start, rests)
     # The zero of the states is free: their mean stays, each frame weighed by what it sees. The planes' normals are not eliminated and gain
     # by turning all frames; where one frame is held that a hand hides, or where each counts alike, those that see little pay for it.
     h[d:, d:] += float(np.diag(h)[d:].mean()) * np.outer(seen, seen)
     delta = -np.linalg.solve(h, g)
-    return joint.plus(delta[:d]), state + delta[d:]
-
-
-def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
-    """Values n.y (n,) and their derivatives (n, d + 1) by the joint's tangent and by the frame's own state.
-
-    y = T(s)^-1 q is the observed point in the part frame.
-    """
-    n = terms.normals[terms.term]
-    s = state[terms.frame]
-    basis = geo.orthogonal_basis(joint.axis)[:, :2]
-    if isinstance(joint, Revolute):
-        back = geo.exp_so3(-joint.axis * state[:, None])[terms.frame]
-        v = terms.q - joint.pivot
-        rv = np.einsum("nij,nj->ni", back, v)
-        dy = [np.cross(b, rv) - np.einsum("nij,nj->ni", back, np.cross(b, v)) for b in basis.T]
-        dy += [b - back @ b for b in basis.T]
-        dy.append(-np.cross(joint.axis, rv))
-        y = rv + joint.pivot
-    else:
-        y = terms.q - s[:, None] * joint.axis
-        dy = [-s[:, None] * np.cross(b, joint.axis) for b in basis.T]
-        dy.append(np.broadcast_to(-joint.axis, y.shape))
-    return (n * y).sum(axis=1), np.stack([(n * d).sum(axis=1) for d in dy], axis=-1)
+    return joint.plus(delta[: dof(joint)]), state + delta[d:]
 
 
 def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:
@@ -110,6 +88,7 @@ def reduced(term, frame, weight, value, jac, n_states):  # type: ignore[no-untyp
     g = np.zeros(size)
     a = np.zeros(size)
     used = np.empty(size, np.int64)
+    listed = np.zeros(size, np.bool_)
     start = 0
     while start < len(term):
         stop = start
@@ -126,9 +105,8 @@ def reduced(term, frame, weight, value, jac, n_states):  # type: ignore[no-untyp
                 used[i] = i
             count = d
             for o in range(start, stop):
-                r = value[o] - mean
-                s = d + frame[o]
-                a[s] = 0.0
+                a[d + frame[o]] = 0.0
+                listed[d + frame[o]] = False
             for o in range(start, stop):
                 r = value[o] - mean
                 s = d + frame[o]
@@ -144,8 +122,10 @@ def reduced(term, frame, weight, value, jac, n_states):  # type: ignore[no-untyp
                 g[s] += w * jac[o, d] * r
                 h[s, s] += w * jac[o, d] * jac[o, d]
                 a[s] += w * jac[o, d]
-                used[count] = s
-                count += 1
+                if not listed[s]:
+                    listed[s] = True
+                    used[count] = s
+                    count += 1
             for i in range(count):
                 for k in range(count):
                     h[used[i], used[k]] -= a[used[i]] * a[used[k]] / total

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.refine.observations import RefineConfig, Terms
-from recon.refine.solver import add_priors, linearise, reduced, robust_weights
+from recon.refine.observations import RefineConfig
+from recon.refine.solver import add_priors, reduced, robust_weights
+from recon.refine.terms import Terms, dof, linearise
+from recon.refine.ties import with_board_known
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import Joint, JointSigma, Revolute
 from twin.robust import mad_sigma
 
 _BLOCK = 8  # frames whose errors count as one; about half a second, the time scale of head sway
+_TOLD = 0.1  # of what a span tells in its best direction
 _DRIFT_SHARES = (0.74, 0.18, 0.08)  # of the cosines, which fall like a random walk's
 
 
@@ -63,9 +67,12 @@ def with_uncertainty(
     np.add.at(scores, (blocks, d + terms.frame), score * jac[:, d])
     inverse = np.linalg.inv(h)
     pushed = scores @ inverse
-    drifted = _drift(joint, state, terms, weight, jac, config) @ inverse
-    covariance = pushed[:, :d].T @ pushed[:, :d] + drifted[:, :d].T @ drifted[:, :d] + inverse[:d, :d]
-    covariance += np.outer(left, left)
+    slow = _drift(joint, state, terms, weight, jac, config) @ inverse
+    spans = _of_spans(joint, state, terms, weight, value - mean[terms.term], jac, blocks) @ inverse
+    whole = pushed.T @ pushed + slow.T @ slow + spans.T @ spans + inverse
+    joint, state, whole = with_board_known(joint, state, whole, terms)
+    state = state - state[0]  # counted from the first frame, whose pose is the part's frame
+    covariance = whole[: dof(joint), : dof(joint)] + np.outer(left, left)
     residual = np.abs(value - mean[terms.term])
     inlier = weight * terms.sigma**2 > 0.25 * np.median(weight * terms.sigma**2)
     rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0
@@ -82,21 +89,63 @@ def _drift(
     joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array, config: RefineConfig
 ) -> Array:
     """Scores (modes, d + n) of unseen slow errors: cosines over the recording, in six directions about the part."""
+    way, turn = _moves(joint, state, terms)
+    moves = np.concatenate([config.drift * way, config.drift_angle * turn], axis=1)
+    time = (np.arange(len(state)) + 0.5) / len(state)
+    shapes = [
+        np.sqrt(2.0 * share) * np.cos(np.pi * (k + 1) * time)[terms.frame]
+        for k, share in enumerate(_DRIFT_SHARES)
+    ]
+    return _scores([shape * move for shape in shapes for move in moves.T], terms, weight, jac, len(state))
+
+
+def _of_spans(
+    joint: Joint,
+    state: Array,
+    terms: Terms,
+    weight: Array,
+    residual: Array,
+    jac: Array,
+    blocks: NDArray[np.int64],
+) -> Array:
+    """Scores (modes, d + n) of errors that all pixels of a span of frames share, in three directions, as large as spans show (`_shared`).
+
+    A joint that moves within a single span fits that one's error without a residual: the sandwich sees none there.
+    """
+    way, _ = _moves(joint, state, terms)
+    size = _shared(way, weight, residual, blocks)
+    shared = (np.where(blocks == b, size * move, 0.0) for b in np.unique(blocks) for move in way.T)
+    return _scores(shared, terms, weight, jac, len(state))
+
+
+def _shared(way: Array, weight: Array, residual: Array, blocks: NDArray[np.int64]) -> float:
+    """Root mean square, m, over spans and directions, of the shift that explains a span's residuals (n,) best; `way` (n, 3) is how they change
+    by one. Directions in which a span tells less than a tenth of what it tells in others are left out."""
+    shifts = []
+    for b in np.unique(blocks):
+        of = blocks == b
+        weighed = way[of] * weight[of][:, None]
+        told, along = np.linalg.eigh(weighed.T @ way[of])
+        shift = along.T @ (weighed.T @ residual[of]) / np.maximum(told, 1e-12)
+        shifts.append(shift[told > _TOLD * told[-1]])
+    return float(np.sqrt(np.mean(np.concatenate(shifts) ** 2))) if shifts else 0.0
+
+
+def _moves(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
+    """How much (n, 3) each value changes by a metre along the world's axes, and by a radian about them through the middle of the part."""
     n = terms.normals[terms.term]
     if isinstance(joint, Revolute):
         n = np.einsum("nij,nj->ni", geo.exp_so3(joint.axis * state[:, None])[terms.frame], n)
-    turn = np.cross(terms.q - terms.q.mean(axis=0), n)
-    moves = np.concatenate([config.drift * n, config.drift_angle * turn], axis=1)
+    return n, np.cross(terms.q - terms.q.mean(axis=0), n)
+
+
+def _scores(errors: Iterable[Array], terms: Terms, weight: Array, jac: Array, frames: int) -> Array:
+    """What errors (n,) of the values do to the normal equations' right side (d + frames,), each after its terms' offsets."""
     total = np.maximum(np.bincount(terms.term, weight, len(terms.normals)), 1e-12)
-    time = (np.arange(len(state)) + 0.5) / len(state)
-    d = jac.shape[1] - 1
-    out = []
-    for k, share in enumerate(_DRIFT_SHARES):
-        shape = np.sqrt(2.0 * share) * np.cos(np.pi * (k + 1) * time)[terms.frame]
-        for move in moves.T:
-            value = shape * move
-            mean = np.bincount(terms.term, weight * value, len(total)) / total
-            score = weight * (value - mean[terms.term])
-            of_states = np.bincount(terms.frame, score * jac[:, d], len(state))
-            out.append(np.concatenate([score @ jac[:, :d], of_states]))
+    d, out = jac.shape[1] - 1, []
+    for value in errors:
+        mean = np.bincount(terms.term, weight * value, len(total)) / total
+        score = weight * (value - mean[terms.term])
+        of_states = np.bincount(terms.frame, score * jac[:, d], frames)
+        out.append(np.concatenate([score @ jac[:, :d], of_states]))
     return np.stack(out)

@@ -157,6 +157,7 @@ def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float,
     compare(
         np.full(shape, 1.0, np.float32),
         color,
+        np.zeros((*shape, 3), np.float32),
         np.ones(shape, bool),
         np.array([10, 10, 4, 4], np.float32),
         np.eye(4, dtype=np.float32)[None, :3],

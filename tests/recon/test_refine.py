@@ -14,9 +14,10 @@ from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
-from recon.refine.observations import RefineConfig, Terms
+from recon.refine.observations import RefineConfig
 from recon.refine.refine_parts import refine_parts
 from recon.refine.solver import step
+from recon.refine.terms import Terms
 from tests.recon import tiny
 from twin import geometry as geo
 from twin.scene import Motion, Revolute, Trajectory

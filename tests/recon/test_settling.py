@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.refine.observations import RefineConfig, Terms
+from recon.refine.observations import RefineConfig
 from recon.refine.settling import MOST_ROUNDS, Mixing, settle
+from recon.refine.terms import Terms
 from recon.refine.uncertainty import with_uncertainty
 from tests.recon.test_refine_uncertainty import FRAMES, JOINTS, STATE, observed
 from twin.geometry import Array

@@ -1,0 +1,89 @@
+"""Which pieces of what nothing explains are no hand: crumbs, and at rest what stays where it is and has no arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.dense.depth import F32
+from recon.dense.noise import DepthNoise
+from recon.labels.reference_frames import View, as_references, gather, relative_moves, rest_phases
+from recon.parts.moving_part import MovingPart
+from recon.recording import Intrinsics
+from twin.scene import Trajectory
+
+Bits = NDArray[np.bool_]
+
+# Chosen by us: share of the picture; px of the working grid within which a piece reaches the picture's border; share of its pixels that must
+# stay where they are, each in that share of the other labelled frames of the same rest; and the fewest of these, as a hand may linger.
+_MIN_HAND, _BORDER_PX, _STAYS, _OFTEN, _FEWEST = 0.001, 3, 0.5, 0.6, 5
+
+
+def drop_crumbs(belief: F32) -> None:
+    """Take the hand, last of the beliefs (n, h, w), from pieces smaller than `_MIN_HAND` of the picture: neither noise nor a thin handle is
+    a hand. The next best label takes their place."""
+    hand = belief.argmax(axis=0) == len(belief) - 1
+    _, pieces, stats, _ = cv2.connectedComponentsWithStats(hand.astype(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] < _MIN_HAND * hand.size
+    belief[-1][small[pieces] & hand] = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """The labelled frames by the rests in which no part moves."""
+
+    views: Sequence[View]
+    cameras: Trajectory
+    phases: Sequence[NDArray[np.int64]]
+    camera: Intrinsics
+    color_sigma: float
+    slack: float
+    noise: DepthNoise
+
+    @classmethod
+    def of(
+        cls,
+        views: Sequence[View],
+        cameras: Trajectory,
+        parts: Sequence[MovingPart],
+        camera: Intrinsics,
+        color_sigma: float,
+        slack: float,
+        noise: DepthNoise,
+    ) -> Rests:
+        """Split the views; frames in which a part moves are in none."""
+        phases = rest_phases(parts, np.array([v.frame for v in views])) if parts else []
+        return cls(views, cameras, phases, camera, color_sigma, slack, noise)
+
+    def drop_armless(self, belief: F32, seen: View) -> None:
+        """Take the hand from pieces that stay where they are while nothing moves and that no arm joins to the picture's border: a part's rim
+        that a joint puts a little aside, or what another state hides.
+
+        An arm may be too near for depth: it also runs across unknown pixels. Fingers beside a part that moves may have their arm behind it.
+        """
+        others = [v for phase in self.phases if seen.frame in phase for v in self.views if v.frame in phase]
+        others = [v for v in others if v.frame != seen.frame]
+        hand = belief.argmax(axis=0) == len(belief) - 1
+        armless = hand & ~_with_arm(hand, seen.depth)
+        if len(others) < _FEWEST or not armless.any():
+            return
+        refs = as_references(others, np.zeros(len(others), bool), self.color_sigma)
+        moves = relative_moves(self.cameras, (), seen.frame, refs.frames)[0]
+        above = np.ones(len(others), np.int8)
+        there = gather(seen, refs, moves, self.camera, self.slack, self.noise, armless, above)[3]
+        _, pieces = cv2.connectedComponents(armless.astype(np.uint8), connectivity=8)
+        size = np.bincount(pieces.ravel())
+        stay = np.bincount(pieces[there > _OFTEN * len(others)], minlength=len(size)) > _STAYS * size
+        belief[-1][armless & stay[pieces]] = 0.0
+
+
+def _with_arm(hand: Bits, depth: F32) -> Bits:
+    """Pixels (h, w) of the hand or of unknown depth in pieces that reach the picture's border."""
+    _, pieces = cv2.connectedComponents((hand | (depth <= 0)).astype(np.uint8), connectivity=8)
+    inner = pieces[_BORDER_PX:-_BORDER_PX, _BORDER_PX:-_BORDER_PX]
+    reaches = np.bincount(pieces.ravel()) > np.bincount(inner.ravel(), minlength=int(pieces.max()) + 1)
+    return np.asarray(reaches[pieces] & (pieces > 0))

@@ -1,0 +1,97 @@
+"""What is known of a hinged board beside what is seen of it, as errors of a joint and its states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from recon.refine.terms import Terms, dof, linearise
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Joint, Revolute
+
+_PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standard deviation; chosen by us
+
+
+@dataclass(frozen=True, eq=False)
+class BoardErrors:
+    """By how much (k,), m, a joint and its states are beyond the limits of what is known, and how far from its middle; the derivatives
+    (k, d + n), and standard deviations (k,)."""
+
+    beyond: Array
+    away: Array
+    rows: Array
+    sigmas: Array
+
+
+def board_errors(joint: Joint, state: Array, terms: Terms) -> BoardErrors:
+    """Errors of what is known: the hinge's axis is parallel to the faces of its board, and its ties hold."""
+    board, of_joint = terms.board, dof(joint)
+    if board is None:
+        none = np.zeros(0)
+        return BoardErrors(none, none, np.zeros((0, of_joint + len(state))), none)
+    d = of_joint + (0 if board.planes is None else 2)
+    lever = board.length / np.sqrt(12.0)
+    basis = geo.orthogonal_basis(joint.axis)[:, :2]
+    row = np.zeros(d + len(state))
+    row[:2] = [lever * float(board.normal @ np.cross(b, joint.axis)) for b in basis.T]
+    row[of_joint:d] = lever * (joint.axis @ board.tilts)[: d - of_joint]
+    beyond, rows, sigmas = [lever * float(board.normal @ joint.axis)], [row], [lever * _PARALLEL]
+    away = [beyond[0]]
+    for tie in board.ties:
+        tilting = replace(
+            tie.observed, board=replace(board, planes=0 if tie.across and d > of_joint else None)
+        )
+        value, jac = linearise(joint, state, tilting)
+        of_states = np.bincount(tie.observed.frame, tie.share * jac[:, -1], len(state))
+        shared, total = np.zeros(d), float(tie.share @ value)
+        shared[: jac.shape[1] - 1] = tie.share @ jac[:, :-1]
+        if tie.of_hinge and isinstance(joint, Revolute):
+            total -= float(board.normal @ joint.pivot)
+            shared[2:4] -= board.normal @ basis
+            shared[of_joint:d] -= (joint.pivot @ board.tilts)[: d - of_joint]
+        beyond.append(total - float(np.clip(total, tie.low, tie.high)))
+        away.append(total - tie.middle)
+        rows.append(np.concatenate([shared, of_states]))
+        sigmas.append(tie.sigma)
+    return BoardErrors(np.array(beyond), np.array(away), np.stack(rows), np.array(sigmas))
+
+
+def add_board(
+    h: Array, g: Array, joint: Joint, state: Array, weight: Array, terms: Terms
+) -> tuple[Array, Array]:
+    """Normal equations `h` and `g` with what is known of a board where a joint and its states are beyond it.
+
+    Each counts as much as everything that was seen of its faces: depth that is biased at outlines is no less so for being seen often.
+    """
+    errors = board_errors(joint, state, terms)
+    broken = errors.beyond != 0
+    rows, total = errors.rows[broken], _weight_of_faces(weight, terms)
+    return h + total * rows.T @ rows, g + total * rows.T @ errors.beyond[broken]
+
+
+def with_board_known(
+    joint: Joint, state: Array, covariance: Array, terms: Terms
+) -> tuple[Joint, Array, Array]:
+    """Joint, states (n,) and their covariance (d + n, d + n) with what is known of a board as further observations (Kalman 1960): it counts
+    where the recording says less.
+
+    Where the two disagree by more than both claim, the recording's errors are larger than it shows: they grow by Birge's ratio (1932).
+    """
+    errors = board_errors(joint, state, terms)
+    of_ties = np.sqrt(np.einsum("ki,ij,kj->k", errors.rows, covariance, errors.rows) + errors.sigmas**2)
+    covariance = covariance * max(
+        1.0, float(np.mean((errors.away / of_ties)[1:] ** 2)) if len(of_ties) > 1 else 0.0
+    )
+    seen = errors.rows @ covariance
+    gain = np.linalg.solve(seen @ errors.rows.T + np.diag(errors.sigmas**2), seen).T
+    delta = -gain @ errors.away
+    return joint.plus(delta[: dof(joint)]), state + delta[-len(state) :], np.asarray(covariance - gain @ seen)
+
+
+def _weight_of_faces(weight: Array, terms: Terms) -> float:
+    """Sum of the weights (n,) of all that is seen of a board's faces."""
+    if terms.board is None:
+        return 0.0
+    return float(weight[np.isin(terms.term, np.flatnonzero(terms.board.of_faces))].sum())

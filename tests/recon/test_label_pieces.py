@@ -1,0 +1,151 @@
+"""What is no hand, what lies behind a drawer's front, and what is seen edge-on: laws of the labels on closed-form pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from recon.dense.depth import F32
+from recon.dense.noise import GOOD_SENSOR
+from recon.dense.voxels import in_hull_of
+from recon.labels.enclosed import with_box
+from recon.labels.evidence import compare, depth_range
+from recon.labels.hand_pieces import Rests, drop_crumbs
+from recon.labels.reference_frames import View
+from recon.parts.moving_part import MovingPart
+from recon.recording import Intrinsics
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import Motion, Prismatic, Revolute, Trajectory
+
+CAMERA = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
+SHAPE, FRAMES = (48, 64), 30
+DOOR = Revolute(np.array([0.0, 0.0, 1.0]), upper=1.0, pivot=np.zeros(3))
+
+
+def _cameras() -> Trajectory:
+    return Trajectory(np.arange(FRAMES), np.arange(FRAMES) / 15.0, np.tile(np.eye(4), (FRAMES, 1, 1)))
+
+
+def _part() -> MovingPart:
+    state = np.clip((np.arange(FRAMES) - 16) / 4.0, 0.0, 1.0)
+    return MovingPart(2, DOOR, Motion(np.arange(FRAMES), np.arange(FRAMES) / 15.0, state, ((16, 20),)))
+
+
+def _views(spot: F32, frames: Sequence[int]) -> list[View]:
+    """A wall 2 m away with something in front of it, in these frames only."""
+    wall = np.full(SHAPE, 2.0, np.float32)
+    grey = np.zeros((*SHAPE, 3), np.float32)
+    return [View(f, spot if f in frames else wall, grey) for f in range(0, FRAMES, 2)]
+
+
+def _belief(hand: np.ndarray) -> F32:
+    """Static, part, hand: the part is second where the hand is first."""
+    belief = np.zeros((3, *SHAPE), np.float32)
+    belief[0], belief[1][hand], belief[2][hand] = 0.2, 0.3, 0.6
+    return belief
+
+
+def _hand_left(
+    spot: tuple[slice, slice], there: Sequence[int], frame: int, holes: tuple[slice, slice] | None = None
+) -> bool:
+    """Whether a piece that is labelled hand in a frame and seen at its place in others stays one; else it is the part's."""
+    depth = np.full(SHAPE, 2.0, np.float32)
+    depth[spot] = 1.5
+    if holes is not None:
+        depth[holes] = 0.0
+    hand = np.zeros(SHAPE, bool)
+    hand[spot] = True
+    belief = _belief(hand)
+    views = _views(depth, there)
+    rests = Rests.of(views, _cameras(), [_part()], CAMERA, 5.0, 0.003, GOOD_SENSOR)
+    rests.drop_armless(belief, View(frame, depth, np.zeros((*SHAPE, 3), np.float32)))
+    labels = belief.argmax(axis=0)[hand]
+    assert len(np.unique(labels)) == 1
+    assert labels[0] in (1, 2)
+    return bool(labels[0] == 2)
+
+
+MIDDLE, BORDER = (slice(20, 28), slice(20, 40)), (slice(20, 28), slice(0, 40))
+BEFORE = range(0, 16, 2)
+
+
+def test_what_stays_without_an_arm_while_all_rests_is_no_hand() -> None:
+    assert not _hand_left(MIDDLE, BEFORE, 4)
+
+
+@pytest.mark.parametrize(
+    ("why", "arguments"),
+    [
+        ("an arm joins it to the border", (BORDER, BEFORE, 4)),
+        ("the arm is too near for depth", (MIDDLE, BEFORE, 4, (slice(22, 26), slice(0, 20)))),
+        ("it is there in one frame only", (MIDDLE, [4], 4)),
+        ("a part moves, which may hide the arm", (MIDDLE, range(0, FRAMES, 2), 18)),
+        ("the rest is too short to tell a hand that lingers", (MIDDLE, range(20, FRAMES, 2), 28)),
+    ],
+)
+def test_a_hand_stays_one(why: str, arguments: tuple) -> None:  # type: ignore[type-arg]
+    assert _hand_left(*arguments), why
+
+
+def test_crumbs_are_no_hand() -> None:
+    for size, kept in ((1, False), (3, True)):
+        hand = np.zeros(SHAPE, bool)
+        hand[5 : 5 + size, 5 : 5 + size] = True
+        belief = _belief(hand)
+        drop_crumbs(belief)
+        assert bool((belief.argmax(axis=0) == 2).any()) == kept
+
+
+def _drawer(axis: Array) -> MovingPart:
+    motion = Motion(np.arange(2), np.arange(2) / 15.0, np.array([0.0, 0.1]))
+    return MovingPart(2, Prismatic(axis, upper=0.1), motion)
+
+
+def _front(thick: float = 0.02) -> F32:
+    """A grid of points on a board 0.4 m wide and 0.2 m high that faces -y, and its rim."""
+    x, y, z = np.meshgrid(np.linspace(-0.2, 0.2, 41), np.arange(0, thick, 0.01), np.linspace(0, 0.2, 21))
+    return np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1).astype(np.float32)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_front_drags_behind_it_is_inside_the_drawer(sign: float, seed: int) -> None:
+    """Whichever way the axis points and however the scene lies; what is beside, under or before the front is not."""
+    rng = np.random.default_rng(seed)
+    T = geo.make_pose(geo.exp_so3(rng.normal(size=3)), rng.normal(size=3))
+    eye, floor = geo.transform(T, [[0.1, -1.5, 0.8], [0.0, 0.3, 0.02]])
+    part = _drawer(sign * T[:3, :3] @ [0.0, 1.0, 0.0])
+    front = geo.transform(T, _front()).astype(np.float32)
+    inside = in_hull_of(with_box(front, part, eye))
+    assert inside(floor[None].astype(np.float32))[0]
+    others = geo.transform(T, [[0.25, 0.3, 0.1], [0.0, 0.3, -0.05], [0.0, -0.1, 0.1], [0.0, 0.9, 0.1]])
+    assert not inside(others.astype(np.float32)).any()
+
+
+def test_a_panel_that_slides_along_itself_drags_nothing() -> None:
+    front = _front()
+    along = _drawer(np.array([1.0, 0.0, 0.0]))
+    assert with_box(front, along, np.array([0.1, -1.5, 0.8])) is front
+    hinge = replace(_part(), joint=DOOR)
+    assert with_box(front, hinge, np.array([0.1, -1.5, 0.8])) is front
+
+
+@pytest.mark.parametrize(("cosine", "weight"), [(0.05, 0.0), (0.25, 0.5), (0.6, 1.0), (None, 1.0)])
+def test_what_is_seen_edge_on_is_hardly_seen_through(cosine: float | None, weight: float) -> None:
+    """A point 1 m away, a wall read 0.2 m behind it; its own surface leans so far from the ray. None: its normal is not known."""
+    shape = (9, 9)
+    normals = np.zeros((*shape, 3), np.float32)
+    if cosine is not None:
+        normals[:] = [np.sqrt(1 - cosine**2), 0.0, -cosine]
+    color, walls = np.zeros((*shape, 3), np.float32), np.full(shape, 1.2, np.float32)
+    out = np.zeros((4, *shape), np.float32)
+    compare(
+        np.ones(shape, np.float32), color, normals, np.ones(shape, bool), np.array([500, 500, 4, 4], np.float32),
+        np.eye(4, dtype=np.float32)[None, :3], walls[None], color[None], tuple(d[None] for d in depth_range(walls)),
+        np.array([True]), np.array([1], np.int8), 5.0, 0.003, GOOD_SENSOR.curve, out,
+    )  # fmt: skip
+    assert out[1, 4, 4] == pytest.approx(weight, abs=0.01)
