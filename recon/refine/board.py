@@ -35,6 +35,10 @@ _EDGE, _COARSEST, _OTHER_EDGE = 0.006, 0.02, 0.08
 # The edge is told by so many pieces of its length, with so many points within that distance (m) of a face in each, of which that quantile is
 # the end; the strip along it is so wide (m) to both sides, and so far beside it must be in the picture.
 _PIECES, _FEWEST, _ON, _OUTER, _STRIP, _BESIDE = 10, 8, 0.006, 0.98, 0.03, 0.02
+_MANY, _SEVERAL = (
+    4000,
+    100,
+)  # observations of a face, and of a frame's edge, that tell a mean as well as all do
 
 InPart = Iterable[tuple[int, Array, Array]]
 # Of a frame, points (n, 3) of the part and a normal (3,): which points are in the picture, and the footprint (m) of a pixel on that plane.
@@ -166,12 +170,13 @@ def with_board(terms: Terms, board: Board, edges: Tie | None) -> Terms:
         np.hypot(terms.sigma[seen], board.rms),
         np.tile(board.normal, (2, 1)),
     )
-    near = (of == 0) / max(np.sum(of == 0), 1)
-    ties = [Tie(faces, near, *_HINGE, of_hinge=True)]
+    some = _some(faces)
+    near, far = ((some.term == k) / max(np.sum(some.term == k), 1) for k in (0, 1))
+    ties = [Tie(some, near, *_HINGE, of_hinge=True)]
     if edges is not None:
         ties.append(edges)
     if board.far is not None:
-        ties.append(Tie(faces, near - (of == 1) / max(np.sum(of == 1), 1), *_APART))
+        ties.append(Tie(some, near - far, *_APART))
     return replace(
         join(terms, faces) if board.far is not None else terms,
         board=BoardTies(
@@ -181,6 +186,14 @@ def with_board(terms: Terms, board: Board, edges: Tie | None) -> Terms:
             tuple(ties),
             None if board.far is None else len(terms.normals),
         ),
+    )
+
+
+def _some(terms: Terms) -> Terms:
+    """As many of the observations as tell a mean, evenly chosen."""
+    every = slice(None, None, max(1, len(terms.term) // _MANY))
+    return replace(
+        terms, term=terms.term[every], frame=terms.frame[every], q=terms.q[every], sigma=terms.sigma[every]
     )
 
 
@@ -246,4 +259,5 @@ def _strip(board: Board, frame: int, x: Array, q: Array, pixels: Pixels) -> _Str
     )
     if np.mean(inside) < 0.9 or footprint > _COARSEST:
         return None
-    return _Strip(frame, q[on][outer], reach[outer], end, float(np.hypot(_EDGE, footprint)))
+    every = slice(None, None, max(1, int(outer.sum()) // _SEVERAL))
+    return _Strip(frame, q[on][outer][every], reach[outer][every], end, float(np.hypot(_EDGE, footprint)))

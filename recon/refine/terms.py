@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from twin import geometry as geo
@@ -76,26 +77,61 @@ def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
 
     y = T(s)^-1 q is the observed point in the part frame. All share the joint's tangent, and a board's tilts where its planes are terms.
     """
-    n = terms.normals[terms.term]
-    s = state[terms.frame]
+    value, jac, y = (_of_hinge if isinstance(joint, Revolute) else _of_slide)(joint, state, terms)
+    if terms.board is None or terms.board.planes is None:
+        return value, jac
+    of_planes = (terms.term >= terms.board.planes) & (terms.term < terms.board.planes + 2)
+    tilts = np.where(of_planes[:, None], y @ terms.board.tilts, 0.0)
+    return value, np.concatenate([jac[:, :-1], tilts, jac[:, -1:]], axis=1)
+
+
+def _of_hinge(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array, Array]:
+    """Values (n,), derivatives (n, 5) and points in the part frame (n, 3)."""
+    assert isinstance(joint, Revolute)
+    basis = np.ascontiguousarray(geo.orthogonal_basis(joint.axis)[:, :2].T)
+    back = geo.exp_so3(-joint.axis * state[:, None])
+    value, jac, y = np.empty(len(terms.term)), np.empty((len(terms.term), 5)), np.empty((len(terms.term), 3))
+    _hinge(
+        terms.term, terms.frame, terms.q, terms.normals, joint.axis, joint.pivot, basis, back, value, jac, y
+    )
+    return value, jac, y
+
+
+@njit(cache=True, nogil=True)
+def _hinge(term, frame, q, normals, axis, pivot, basis, back, value, jac, y):  # type: ignore[no-untyped-def]
+    """`value` (n,), `jac` (n, 5) and `y` (n, 3) for the rotations `back` (frames, 3, 3) of -s about the axis.
+
+    With r = R (q - p) a tilt by b changes y by b x r - R (b x (q - p)), and n.(b x r) = b.(r x n).
+    """
+    m, v, r = np.empty(3), np.empty(3), np.empty(3)
+    for o in range(len(term)):
+        n, turn = normals[term[o]], back[frame[o]]
+        for k in range(3):
+            v[k] = q[o, k] - pivot[k]
+        for k in range(3):
+            r[k] = turn[k, 0] * v[0] + turn[k, 1] * v[1] + turn[k, 2] * v[2]
+            m[k] = turn[0, k] * n[0] + turn[1, k] * n[1] + turn[2, k] * n[2]
+        value[o] = 0.0
+        for k in range(5):
+            jac[o, k] = 0.0
+        for k in range(3):
+            a, b = (k + 1) % 3, (k + 2) % 3
+            turned, still = r[a] * n[b] - r[b] * n[a], v[a] * m[b] - v[b] * m[a]
+            y[o, k] = r[k] + pivot[k]
+            value[o] += n[k] * y[o, k]
+            for i in range(2):
+                jac[o, i] += basis[i, k] * (turned - still)
+                jac[o, 2 + i] += basis[i, k] * (n[k] - m[k])
+            jac[o, 4] -= axis[k] * turned
+
+
+def _of_slide(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array, Array]:
+    """Values (n,), derivatives (n, 3) and points in the part frame (n, 3)."""
+    n, s = terms.normals[terms.term], state[terms.frame]
+    y = terms.q - s[:, None] * joint.axis
     basis = geo.orthogonal_basis(joint.axis)[:, :2]
-    if isinstance(joint, Revolute):
-        back = geo.exp_so3(-joint.axis * state[:, None])[terms.frame]
-        v = terms.q - joint.pivot
-        rv = np.einsum("nij,nj->ni", back, v)
-        dy = [np.cross(b, rv) - np.einsum("nij,nj->ni", back, np.cross(b, v)) for b in basis.T]
-        dy += [b - back @ b for b in basis.T]
-        by_state = -np.cross(joint.axis, rv)
-        y = rv + joint.pivot
-    else:
-        y = terms.q - s[:, None] * joint.axis
-        dy = [-s[:, None] * np.cross(b, joint.axis) for b in basis.T]
-        by_state = np.broadcast_to(-joint.axis, y.shape)
-    columns = [(n * d).sum(axis=1) for d in dy]
-    if terms.board is not None and terms.board.planes is not None:
-        of_planes = (terms.term >= terms.board.planes) & (terms.term < terms.board.planes + 2)
-        columns += [np.where(of_planes, y @ t, 0.0) for t in terms.board.tilts.T]
-    return (n * y).sum(axis=1), np.stack([*columns, (n * by_state).sum(axis=1)], axis=-1)
+    columns = [-s * (n @ np.cross(b, joint.axis)) for b in basis.T]
+    return (n * y).sum(axis=1), np.stack([*columns, -(n @ joint.axis)], axis=1), y
 
 
 def dof(joint: Joint) -> int:

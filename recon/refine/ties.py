@@ -73,21 +73,21 @@ def add_board(
 
 def with_board_known(
     joint: Joint, state: Array, covariance: Array, terms: Terms
-) -> tuple[Joint, Array, Array]:
+) -> tuple[Joint, Array, Array, Array]:
     """Joint, states (n,) and their covariance (d + n, d + n) with what is known of a board as further observations (Kalman 1960): it counts
-    where the recording says less.
+    where the recording says less. And what that leaves of an error of theirs, as a matrix (d + n, d + n).
 
     Where the two disagree by more than both claim, the recording's errors are larger than it shows: they grow by Birge's ratio (1932).
     """
     errors = board_errors(joint, state, terms)
     of_ties = np.sqrt(np.einsum("ki,ij,kj->k", errors.rows, covariance, errors.rows) + errors.sigmas**2)
-    covariance = covariance * max(
-        1.0, float(np.mean((errors.away / of_ties)[1:] ** 2)) if len(of_ties) > 1 else 0.0
-    )
+    ratio = float(np.mean((errors.away / of_ties)[1:] ** 2)) if len(of_ties) > 1 else 1.0
+    covariance = covariance * max(ratio, 1.0)
     seen = errors.rows @ covariance
     gain = np.linalg.solve(seen @ errors.rows.T + np.diag(errors.sigmas**2), seen).T
     delta = -gain @ errors.away
-    return joint.plus(delta[: dof(joint)]), state + delta[-len(state) :], np.asarray(covariance - gain @ seen)
+    left = np.eye(len(delta)) - gain @ errors.rows
+    return joint.plus(delta[: dof(joint)]), state + delta[-len(state) :], np.asarray(left @ covariance), left
 
 
 def _weight_of_faces(weight: Array, terms: Terms) -> float:

@@ -70,7 +70,7 @@ def with_uncertainty(
     slow = _drift(joint, state, terms, weight, jac, config) @ inverse
     spans = _of_spans(joint, state, terms, weight, value - mean[terms.term], jac, blocks) @ inverse
     whole = pushed.T @ pushed + slow.T @ slow + spans.T @ spans + inverse
-    joint, state, whole = with_board_known(joint, state, whole, terms)
+    joint, state, whole, kept = with_board_known(joint, state, whole, terms)
     state = state - state[0]  # counted from the first frame, whose pose is the part's frame
     covariance = whole[: dof(joint), : dof(joint)] + np.outer(left, left)
     residual = np.abs(value - mean[terms.term])
@@ -78,7 +78,7 @@ def with_uncertainty(
     rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0
     second = np.diff(state, 2)
     noise = mad_sigma(second) / np.sqrt(6.0)
-    of_states = np.delete(pushed[:, d:], held - d, axis=1)
+    of_states = np.delete((pushed @ kept.T)[:, d:], held - d, axis=1)
     drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", of_states, of_states))))
     covariance = 0.5 * (covariance + covariance.T)
     sigma = JointSigma.of(covariance, float(np.hypot(noise, drift)))

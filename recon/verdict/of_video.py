@@ -11,6 +11,7 @@ import numpy as np
 from recon.verdict.evidence import PartEvidence
 from twin.verdict import (
     HalvesDisagree,
+    HandMovesNothing,
     HandWhereNobodyIs,
     LabelledElsewhere,
     Level,
@@ -134,3 +135,9 @@ def hand_at_ends(e: PartEvidence) -> Reason | None:
         return None
     frame, share = e.scene.false_hand
     return None if share <= HAND_AT_END else HandWhereNobodyIs("doubtful", frame, share, HAND_AT_END)
+
+
+def hand_moves_something(e: PartEvidence) -> Reason | None:
+    """Whether a part moves whenever a hand comes into view: against each part, as what was missed may be a piece of it or another one."""
+    visit = e.scene.idle_visit
+    return None if visit is None else HandMovesNothing("doubtful", *visit)

@@ -14,7 +14,7 @@ from tests.recon.cabinets import FRAMES, Clip, Kind, make_clip
 from tests.recon.judged import perfect, with_depth
 from twin.geometry import Array
 from twin.scene import HAND_LABEL, Mesh
-from twin.verdict import HandWhereNobodyIs, Unexplained
+from twin.verdict import HandMovesNothing, HandWhereNobodyIs, Unexplained
 
 
 def with_labels(e: PartEvidence, labels: dict[int, Any], mesh: Mesh | None) -> PartEvidence:
@@ -158,3 +158,31 @@ def test_an_arm_that_rests_reaches_in_and_a_board_at_the_border_does_not(
     shut = replace(e.part, motion=replace(e.part.motion, state=np.zeros(FRAMES)))
     still = changing(with_labels(replace(e, part=shut), labels, e.mesh), FRAMES, np.zeros(0))
     assert (of_parts.explained(still) is None) == explained
+
+
+@pytest.mark.parametrize("kind", ["door", "slide"])
+def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
+    """The true hand's does; were the part to rest or only to shake meanwhile, something would be missing. A short look in is no visit."""
+    clip = make_clip(kind)
+    e = perfect(clip)
+    assert of_video.hand_moves_something(e) is None
+    (part, mesh), *_ = e.scene.parts
+    motion = part.motion
+    hands = [f for f in clip.labels if (clip.labels[f] == HAND_LABEL).mean() > 0.004]
+    shake = np.where(motion.frames == motion.frames[1], 1.0, 0.1 * motion.state / np.ptp(motion.state))
+    for other in (
+        replace(motion, intervals=()),
+        replace(motion, state=shake * np.ptp(motion.state)),
+    ):
+        scene = replace(e.scene, parts=((replace(part, motion=other), mesh),))
+        told = of_video.hand_moves_something(replace(e, scene=scene))
+        assert isinstance(told, HandMovesNothing)
+        assert (told.first, told.last) == (min(hands), max(hands))
+    brief = {
+        f: np.where(image == HAND_LABEL, 1, image) if f != hands[1] else image
+        for f, image in clip.labels.items()
+    }
+    scene = replace(
+        e.scene, labels=brief, parts=((replace(part, motion=replace(motion, intervals=())), mesh),)
+    )
+    assert of_video.hand_moves_something(replace(e, scene=scene)) is None

@@ -27,6 +27,7 @@ from twin.verdict.reasons import REASONS, ManyDoubts, MovesWithDoubted, NothingA
 from twin.verdict.surface import (
     AlongItself,
     FewLabels,
+    HandMovesNothing,
     HandWhereNobodyIs,
     LabelledElsewhere,
     NoSurface,
@@ -52,6 +53,7 @@ __all__ = [
     "CreepsAtRest",
     "FewLabels",
     "HalvesDisagree",
+    "HandMovesNothing",
     "HandWhereNobodyIs",
     "LabelledElsewhere",
     "Level",

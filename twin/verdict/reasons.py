@@ -25,6 +25,7 @@ from twin.verdict.reason import CUT, POINT_AT_IT, Level, Reason
 from twin.verdict.surface import (
     AlongItself,
     FewLabels,
+    HandMovesNothing,
     HandWhereNobodyIs,
     LabelledElsewhere,
     NoSurface,
@@ -150,6 +151,7 @@ REASONS: dict[str, type[Reason]] = {
         CreepsAtRest,
         CamerasDrift,
         HandWhereNobodyIs,
+        HandMovesNothing,
         NoSurface,
         SmallSurface,
         SurfaceUnseen,

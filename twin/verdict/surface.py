@@ -31,6 +31,26 @@ class HandWhereNobodyIs(Reason):
 
 
 @dataclass(frozen=True)
+class HandMovesNothing(Reason):
+    """From the frame `first` to `last` a hand is in view, and no part of the twin moves."""
+
+    first: int
+    last: int
+
+    @property
+    def text(self) -> str:
+        return f"a hand is in view from frame {self.first} to {self.last}, and nothing in the twin moves: what it moved may be missing"
+
+    @property
+    def kind(self) -> str:
+        return "a hand is in view and nothing in the twin moves"
+
+    @property
+    def help(self) -> str:
+        return f"{CUT}, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
 class NoSurface(Reason):
     """The part has no mesh."""
 
