@@ -27,11 +27,11 @@ MIN_SURFELS, MAX_RMS, MIN_LENGTH = 40, 0.006, 0.10
 MAX_TURN, MAX_TILT, MAX_SPREAD = np.radians(25.0), np.radians(12.0), np.radians(10.0)
 
 # What is known of hinged boards, chosen by us, m: middle, standard deviation and limits. Lids of laptops are 6 mm thick, doors of furniture
-# 12 to 40, with frames and seals up to 60.
-_APART = (0.022, 0.010, 0.005, 0.060)
+# 12 to 40, with frames and seals up to 80.
+_APART = (0.025, 0.015, 0.005, 0.080)
 _HINGE = (0.0, 0.025, -0.060, 0.060)  # of the face above the hinge
 # Its outer edge is found as exactly as this, and as a pixel's footprint on it; what ends further off is another edge.
-_EDGE, _COARSEST, _OTHER_EDGE = 0.006, 0.02, 0.08
+_EDGE, _COARSEST, _OTHER_EDGE, _SCATTER = 0.006, 0.02, 0.08, 2.0
 # The edge is told by so many pieces of its length, with so many points within that distance (m) of a face in each, of which that quantile is
 # the end; the strip along it is so wide (m) to both sides, and so far beside it must be in the picture.
 _PIECES, _FEWEST, _ON, _OUTER, _STRIP, _BESIDE = 10, 8, 0.006, 0.98, 0.03, 0.02
@@ -210,7 +210,11 @@ def edge_tie(
     if not (groups[0] and groups[1]):
         return None
     ends = [float(np.median([s.end for s in g])) for g in groups]
-    errors = [float(np.median([s.error for s in g])) for g in groups]
+    # Where its frames do not agree on it, the outline is that of the labels, not the board's.
+    errors = [
+        float(np.median([np.hypot(s.error, _SCATTER * (s.end - end)) for s in g]))
+        for g, end in zip(groups, ends, strict=True)
+    ]
     gap, sigma = ends[0] - ends[1], float(np.linalg.norm(errors))
     if abs(gap) > _OTHER_EDGE:
         return None

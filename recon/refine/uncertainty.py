@@ -18,7 +18,6 @@ from twin.joint import Joint, JointSigma, Revolute
 from twin.robust import mad_sigma
 
 _BLOCK = 8  # frames whose errors count as one; about half a second, the time scale of head sway
-_TOLD = 0.1  # of what a span tells in its best direction
 _DRIFT_SHARES = (0.74, 0.18, 0.08)  # of the cosines, which fall like a random walk's
 
 
@@ -119,16 +118,17 @@ def _of_spans(
 
 
 def _shared(way: Array, weight: Array, residual: Array, blocks: NDArray[np.int64]) -> float:
-    """Root mean square, m, over spans and directions, of the shift that explains a span's residuals (n,) best; `way` (n, 3) is how they change
-    by one. Directions in which a span tells less than a tenth of what it tells in others are left out."""
-    shifts = []
+    """Root mean square, m, over spans and directions, of the shift that explains a span's residuals (n,) best, each counted by how much the
+    span tells of it; `way` (n, 3) is how the residuals change by a shift of one."""
+    square, total = 0.0, 0.0
     for b in np.unique(blocks):
         of = blocks == b
         weighed = way[of] * weight[of][:, None]
         told, along = np.linalg.eigh(weighed.T @ way[of])
-        shift = along.T @ (weighed.T @ residual[of]) / np.maximum(told, 1e-12)
-        shifts.append(shift[told > _TOLD * told[-1]])
-    return float(np.sqrt(np.mean(np.concatenate(shifts) ** 2))) if shifts else 0.0
+        told = np.maximum(told, 1e-12)
+        shift = along.T @ (weighed.T @ residual[of]) / told
+        square, total = square + float(told @ shift**2), total + float(told.sum())
+    return float(np.sqrt(square / total)) if total else 0.0
 
 
 def _moves(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
