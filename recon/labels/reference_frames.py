@@ -31,11 +31,13 @@ COLOR_SIGMAS = 3.0  # a surface that moves changes its shading: three times the 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A frame on the working grid: depth (h, w) m, 0 unknown; color (h, w, 3) Lab with damped lightness."""
+    """A frame on the working grid: depth (h, w) m, 0 unknown; color (h, w, 3) Lab with damped lightness; normals (h, w, 3), 0 unknown, None
+    where nobody has asked for them yet."""
 
     frame: int
     depth: F32
     color: F32
+    normals: F32 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +81,12 @@ def view(recording: Recording, frame: int, factor: int) -> View:
     z = median_depth(np.ascontiguousarray(depth, dtype=np.float32), factor)
     h, w = z.shape
     small = cv2.resize(color[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
-    return View(frame, z, lab(np.asarray(small, np.uint8)))
+    return View(frame, z, lab(np.asarray(small, np.uint8)), _normals(z, recording.intrinsics.binned(factor)))
+
+
+def _normals(depth: F32, camera: Intrinsics) -> F32:
+    """Unit normals (h, w, 3), 0 where they are unknown."""
+    return np.nan_to_num(depth_normals(depth, camera, np.inf)).astype(np.float32)
 
 
 def says_nothing(seen: View, noise: DepthNoise) -> NDArray[np.bool_]:
@@ -89,7 +96,8 @@ def says_nothing(seen: View, noise: DepthNoise) -> NDArray[np.bool_]:
 
 def halved(seen: View) -> View:
     """Every other pixel of a view."""
-    return View(seen.frame, seen.depth[::2, ::2].copy(), seen.color[::2, ::2].copy())
+    normals = None if seen.normals is None else seen.normals[::2, ::2].copy()
+    return View(seen.frame, seen.depth[::2, ::2].copy(), seen.color[::2, ::2].copy(), normals)
 
 
 def _views(recording: Recording, frames: NDArray[np.int64], factor: int) -> list[View]:
@@ -139,7 +147,7 @@ def gather(
     compare(
         seen.depth,
         seen.color,
-        np.nan_to_num(depth_normals(seen.depth, camera, np.inf)).astype(np.float32),
+        _normals(seen.depth, camera) if seen.normals is None else seen.normals,
         everywhere,
         camera.vector.astype(np.float32),
         moves.astype(np.float32),
@@ -287,4 +295,4 @@ def _without(seen: View, mask: NDArray[np.bool_]) -> View:
     h, w = seen.depth.shape
     big = cv2.resize(mask.astype(np.uint8), (w, h), interpolation=cv2.INTER_NEAREST)
     wide = cv2.dilate(big, np.ones((7, 7), np.uint8)) > 0
-    return View(seen.frame, np.where(wide, np.float32(0), seen.depth), seen.color)
+    return replace(seen, depth=np.where(wide, np.float32(0), seen.depth))

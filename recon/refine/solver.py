@@ -38,6 +38,8 @@ def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:
     """Geman-McClure weights (n,) about each term's weighted mean (K,); the scale comes from the data."""
     weight = 1.0 / terms.sigma**2
     robust = np.ones_like(weight)
+    if not len(weight):
+        return weight, np.zeros(len(terms.normals))
     count = len(terms.normals)
     for _ in range(3):
         total = np.bincount(terms.term, weight * robust, count)

@@ -18,6 +18,7 @@ from twin.joint import Joint, JointSigma, Revolute
 from twin.robust import mad_sigma
 
 _BLOCK = 8  # frames whose errors count as one; about half a second, the time scale of head sway
+_UNKNOWN = np.array([np.pi, np.pi, 10.0, 10.0])  # rad and m, of a joint of which nothing was observed
 _DRIFT_SHARES = (0.74, 0.18, 0.08)  # of the cosines, which fall like a random walk's
 
 
@@ -49,6 +50,10 @@ def with_uncertainty(
     neighbouring frames counts once, not once a pixel. Errors that grow over the whole recording leave no residual; they
     are added as `_drift`, and what the joint has `left` to go (`recon.refine.settling`) as an error of that size.
     """
+    if not len(terms.term):
+        covariance = np.diag(_UNKNOWN[: dof(joint)] ** 2)
+        sigma = JointSigma.of(covariance, max(float(np.ptp(state)), 1e-3))
+        return Refined(joint, state - state[0], covariance, sigma, 0.0, 0.0)
     value, jac = linearise(joint, state, terms)
     weight, mean = robust_weights(value, terms)
     d = jac.shape[1] - 1

@@ -7,6 +7,7 @@ import pytest
 
 from recon.refine.observations import RefineConfig
 from recon.refine.settling import MOST_ROUNDS, Mixing, settle
+from recon.refine.solver import step
 from recon.refine.terms import Terms
 from recon.refine.uncertainty import with_uncertainty
 from tests.recon.test_refine_uncertainty import FRAMES, JOINTS, STATE, observed
@@ -58,8 +59,8 @@ def test_a_joint_at_its_place_takes_two_rounds_and_stays() -> None:
 def test_what_a_joint_has_left_to_go_is_part_of_its_uncertainty() -> None:
     """It turns half a degree a round, for ever."""
     joint, state = JOINTS["drawer"], JOINTS["drawer"].upper * STATE
-    step = np.array([np.radians(0.5), 0.0])
-    end = settle(lambda at, s: (at.plus(step), s, NO_TERMS), joint, state)
+    turn = np.array([np.radians(0.5), 0.0])
+    end = settle(lambda at, s: (at.plus(turn), s, NO_TERMS), joint, state)
     assert abs(float(end.left[0])) == pytest.approx(np.radians(5.0))
     terms, rests = observed(joint, state, np.random.default_rng(0), 0.002, 0.0), np.zeros(FRAMES, bool)
     sure, unsure = (
@@ -79,3 +80,15 @@ def test_mixing_ends_a_linear_iteration_of_two_slow_directions() -> None:
     for _ in range(7):
         plain = plain + slow @ (fixed - plain)
     assert np.linalg.norm(x - fixed) < 1e-3 * np.linalg.norm(plain - fixed)
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_a_joint_of_which_nothing_was_observed_stays_and_is_as_unsure_as_can_be(name: str) -> None:
+    """No label shows the part, or depth is lost: nothing breaks, and the verdict refuses it."""
+    joint, state, rests = JOINTS[name], JOINTS[name].upper * STATE, np.zeros(FRAMES, bool)
+    after, states = step(joint, state, state, rests, NO_TERMS)
+    np.testing.assert_allclose(after.minus(joint), 0.0, atol=1e-12)
+    left = np.zeros(len(joint.minus(joint)))
+    found = with_uncertainty(after, states, state, rests, NO_TERMS, left, RefineConfig())
+    assert found.sigma.axis > np.radians(90.0)
+    assert found.residual == 0.0
