@@ -91,6 +91,11 @@ class Joint(Described, ABC):
                 raise SceneError("joint covariance must be symmetric and not negative")
             _set(self, "covariance", c)
 
+    @property
+    def dof(self) -> int:
+        """Unknowns of its tangent: two tilts, and two shifts of a pivot."""
+        return self._dof
+
     @abstractmethod
     def pose(self, state: float) -> Array:
         """Pose (4, 4) of the part at `state` relative to state 0, in the world frame."""

@@ -58,6 +58,8 @@ def enclosed_by_parts(
                 eyes.append(geo.transform(inv, camera_at[:3, 3]))
             mine = (lead_of(score, k + 1) > SURE) & moved[0]
             certain.append(points[v][mine[seen.depth > 0]])
+        if not eyes:
+            continue
         # A drawer's back wall is far from its front; only where noise is poor such pieces are more often noise.
         shell = solid_core(certain, size, reach=_REACH_M if noise.poor else np.inf)
         inside = each(in_hull_of(with_box(shell, part, np.mean(eyes, axis=0))), points.values())

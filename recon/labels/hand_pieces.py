@@ -57,6 +57,8 @@ class Rests:
     ) -> Rests:
         """Split the views; frames in which a part moves are in none."""
         phases = rest_phases(parts, np.array([v.frame for v in views])) if parts else []
+        moving = [i for p in parts for i in p.motion.intervals]
+        phases = [p for p in phases if not any(a <= p[0] <= b for a, b in moving)]
         return cls(views, cameras, phases, camera, color_sigma, slack, noise)
 
     def drop_armless(self, belief: F32, seen: View) -> None:

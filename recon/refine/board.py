@@ -171,12 +171,13 @@ def with_board(terms: Terms, board: Board, edges: Tie | None) -> Terms:
         np.tile(board.normal, (2, 1)),
     )
     some = _some(faces)
-    near, far = ((some.term == k) / max(np.sum(some.term == k), 1) for k in (0, 1))
-    ties = [Tie(some, near, *_HINGE, of_hinge=True)]
-    if edges is not None:
-        ties.append(edges)
-    if board.far is not None:
-        ties.append(Tie(some, near - far, *_APART))
+    near, far = some.term == 0, some.term == 1
+    # A face that no frame was found to show has no height.
+    ties = [] if edges is None else [edges]
+    if near.any():
+        ties.append(Tie(some, near / near.sum(), *_HINGE, of_hinge=True))
+    if near.any() and far.any():
+        ties.append(Tie(some, near / near.sum() - far / far.sum(), *_APART))
     return replace(
         join(terms, faces) if board.far is not None else terms,
         board=BoardTies(

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recon.refine.terms import Terms, dof, linearise
+from recon.refine.terms import Terms, linearise
 from recon.refine.ties import add_board
 from twin.geometry import Array
 from twin.robust import chi2_scale, geman_mcclure, mad_sigma
@@ -31,7 +31,7 @@ def step(
     # by turning all frames; where one frame is held that a hand hides, or where each counts alike, those that see little pay for it.
     h[d:, d:] += float(np.diag(h)[d:].mean()) * np.outer(seen, seen)
     delta = -np.linalg.solve(h, g)
-    return joint.plus(delta[: dof(joint)]), state + delta[d:]
+    return joint.plus(delta[: joint.dof]), state + delta[d:]
 
 
 def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:

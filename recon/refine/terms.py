@@ -132,8 +132,3 @@ def _of_slide(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array, A
     basis = geo.orthogonal_basis(joint.axis)[:, :2]
     columns = [-s * (n @ np.cross(b, joint.axis)) for b in basis.T]
     return (n * y).sum(axis=1), np.stack([*columns, -(n @ joint.axis)], axis=1), y
-
-
-def dof(joint: Joint) -> int:
-    """Unknowns of a joint's tangent."""
-    return 4 if isinstance(joint, Revolute) else 2

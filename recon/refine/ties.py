@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recon.refine.terms import Terms, dof, linearise
+from recon.refine.terms import Terms, linearise
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
@@ -27,7 +27,7 @@ class BoardErrors:
 
 def board_errors(joint: Joint, state: Array, terms: Terms) -> BoardErrors:
     """Errors of what is known: the hinge's axis is parallel to the faces of its board, and its ties hold."""
-    board, of_joint = terms.board, dof(joint)
+    board, of_joint = terms.board, joint.dof
     if board is None:
         none = np.zeros(0)
         return BoardErrors(none, none, np.zeros((0, of_joint + len(state))), none)
@@ -87,7 +87,7 @@ def with_board_known(
     gain = np.linalg.solve(seen @ errors.rows.T + np.diag(errors.sigmas**2), seen).T
     delta = -gain @ errors.away
     left = np.eye(len(delta)) - gain @ errors.rows
-    return joint.plus(delta[: dof(joint)]), state + delta[-len(state) :], np.asarray(left @ covariance), left
+    return joint.plus(delta[: joint.dof]), state + delta[-len(state) :], np.asarray(left @ covariance), left
 
 
 def _weight_of_faces(weight: Array, terms: Terms) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recon.refine.observations import RefineConfig
 from recon.refine.solver import add_priors, reduced, robust_weights
-from recon.refine.terms import Terms, dof, linearise
+from recon.refine.terms import Terms, linearise
 from recon.refine.ties import with_board_known
 from twin import geometry as geo
 from twin.geometry import Array
@@ -48,10 +48,11 @@ def with_uncertainty(
 
     Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all pixels of a few
     neighbouring frames counts once, not once a pixel. Errors that grow over the whole recording leave no residual; they
-    are added as `_drift`, and what the joint has `left` to go (`recon.refine.settling`) as an error of that size.
+    are added as `_drift`, those that a span alone may fit as `_of_spans`, and what the joint has `left` to go (`recon.refine.settling`) as
+    an error of that size. What is known of a board moves joint and states where these are unsure (`recon.refine.ties`).
     """
     if not len(terms.term):
-        covariance = np.diag(_UNKNOWN[: dof(joint)] ** 2)
+        covariance = np.diag(_UNKNOWN[: joint.dof] ** 2)
         sigma = JointSigma.of(covariance, max(float(np.ptp(state)), 1e-3))
         return Refined(joint, state - state[0], covariance, sigma, 0.0, 0.0)
     value, jac = linearise(joint, state, terms)
@@ -76,7 +77,7 @@ def with_uncertainty(
     whole = pushed.T @ pushed + slow.T @ slow + spans.T @ spans + inverse
     joint, state, whole, kept = with_board_known(joint, state, whole, terms)
     state = state - state[0]  # counted from the first frame, whose pose is the part's frame
-    covariance = whole[: dof(joint), : dof(joint)] + np.outer(left, left)
+    covariance = whole[: joint.dof, : joint.dof] + np.outer(left, left)
     residual = np.abs(value - mean[terms.term])
     inlier = weight * terms.sigma**2 > 0.25 * np.median(weight * terms.sigma**2)
     rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0

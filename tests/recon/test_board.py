@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from benchmarks.scenes.tracks import minimum_jerk
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.parts.static_spans import REST_MARGIN
+from recon.recording import Intrinsics
 from recon.refine.board import Board, edge_tie, find_board, with_board
+from recon.refine.observations import Views, pixels_on
 from recon.refine.refine_parts import _rests
 from recon.refine.solver import step
-from recon.refine.terms import Terms
+from recon.refine.terms import Terms, Tie
 from recon.refine.ties import board_errors, with_board_known
 from tests.laws import random_pose
 from twin import geometry as geo
@@ -193,13 +195,17 @@ def _shown(joint: Revolute, width: float = WIDTH, hand: bool = False) -> list[tu
     return out
 
 
-def _tie_away(joint: Revolute, shown: list[tuple[int, Array, Array]], inside: bool = True) -> float | None:
+def _edge(shown: list[tuple[int, Array, Array]], inside: bool = True) -> Tie | None:
     points, normals = _board(np.random.default_rng(0), noise=0.0)
     board = replace(_known(points, normals), offsets=(0.05, -0.05))
     board = replace(
         board, offsets=tuple(float(np.median(x @ board.normal)) for _, x, _ in (shown[0], shown[-1]))
     )
-    found = edge_tie(board, shown, TRUE, REST, lambda _, at, __: (np.full(len(at), inside), 0.005))
+    return edge_tie(board, shown, TRUE, REST, lambda _, at, __: (np.full(len(at), inside), 0.005))
+
+
+def _tie_away(joint: Revolute, shown: list[tuple[int, Array, Array]], inside: bool = True) -> float | None:
+    found = _edge(shown, inside)
     if found is None:
         return None
     terms = _terms(HINGE, TRUE, np.random.default_rng(3))
@@ -223,6 +229,43 @@ def test_an_edge_out_of_the_picture_or_of_something_else_ties_nothing() -> None:
     shown = _shown(HINGE)
     other = [*shown[:4], *_shown(HINGE, width=0.35)[4:]]
     assert _tie_away(HINGE, other) is None
+
+
+def test_an_outline_is_as_unsure_as_its_frames_disagree() -> None:
+    sure = _edge(_shown(HINGE))
+    ragged = [_shown(HINGE, width=w)[k] for k, w in enumerate((0.5, 0.4, 0.45, 0.5, 0.5, 0.42, 0.5, 0.46))]
+    unsure = _edge(ragged)
+    assert sure is not None
+    assert unsure is not None
+    assert sure.sigma < 0.015
+    assert unsure.sigma > 0.04
+
+
+@pytest.mark.parametrize("lean", [0.0, 60.0])
+def test_a_pixel_covers_more_of_a_plane_that_leans(lean: float) -> None:
+    """2 m away, at 100 px a radian: 20 mm head-on, 40 mm at 60 degrees."""
+    camera = Intrinsics(64, 48, 100.0, 100.0, 31.5, 23.5)
+    views = Views(camera, np.ones((1, 48, 64), np.float32), np.eye(4)[None], {0: 0})
+    slide = Prismatic(np.array([0.0, 0.0, 1.0]))
+    normal = geo.exp_so3([np.radians(lean), 0.0, 0.0]) @ [0.0, 0.0, -1.0]
+    points = np.array([[0.0, 0.0, 1.5], [0.001, 0.0, 1.5], [9.0, 0.0, 1.5]])
+    inside, footprint = pixels_on(views, np.array([0]), slide, np.array([0.5]), 0, points[:2], normal)
+    assert inside.all()
+    assert footprint == pytest.approx(0.02 / np.cos(np.radians(lean)), rel=0.01)
+    inside, _ = pixels_on(views, np.array([0]), slide, np.array([0.5]), 0, points, normal)
+    assert inside.tolist() == [True, True, False]
+
+
+def test_a_face_that_no_frame_shows_ties_nothing() -> None:
+    points, normals = _board(np.random.default_rng(0), noise=0.0)
+    board = _known(points, normals)
+    assert board.far is not None
+    for unseen, count in ((board.far, 1), (board.near, 0)):
+        term = np.flatnonzero(~unseen)
+        seen = Terms(term, np.zeros(len(term), np.int64), points[term], np.full(len(term), 0.002), normals)
+        found = with_board(seen, board, None).board
+        assert found is not None
+        assert len(found.ties) == count
 
 
 def test_rest_keeps_its_distance_from_the_motion_on_both_sides() -> None:

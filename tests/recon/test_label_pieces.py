@@ -91,6 +91,20 @@ def test_a_hand_stays_one(why: str, arguments: tuple) -> None:  # type: ignore[t
     assert _hand_left(*arguments), why
 
 
+def test_where_a_part_never_rests_no_hand_is_dropped() -> None:
+    """Nothing tells the hand from what it moves there."""
+    depth = np.full(SHAPE, 2.0, np.float32)
+    depth[MIDDLE] = 1.5
+    hand = np.zeros(SHAPE, bool)
+    hand[MIDDLE] = True
+    belief = _belief(hand)
+    restless = replace(_part(), motion=replace(_part().motion, intervals=((0, FRAMES - 1),)))
+    views = _views(depth, range(0, FRAMES, 2))
+    rests = Rests.of(views, _cameras(), [restless], CAMERA, 5.0, 0.003, GOOD_SENSOR)
+    rests.drop_armless(belief, views[2])
+    assert (belief.argmax(axis=0)[hand] == 2).all()
+
+
 def test_crumbs_are_no_hand() -> None:
     for size, kept in ((1, False), (3, True)):
         hand = np.zeros(SHAPE, bool)
