@@ -16,6 +16,7 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -120,11 +121,21 @@ def _clip_alone(seed: int, index: int, codes: Sequence[Path]) -> list[dict[str, 
                 env=_environment(ROOT),
             )
             told = [json.loads(line) for line in done.stdout.decode().strip().splitlines()[-len(codes) :]]
-        except (subprocess.TimeoutExpired, ValueError):
-            told = []
+            broken = _error_kind(done.stderr.decode(errors="replace"), done.returncode)
+        except subprocess.TimeoutExpired:
+            told, broken = [], "time"
+        except ValueError:
+            told, broken = [], "output"
     if len(told) != len(codes):
-        return [{"clips": 1, "broken": 1} for _ in codes]
+        return [{"clips": 1, "broken": 1, f"broken {broken}": 1} for _ in codes]
     return [{k: int(v) for k, v in row.items()} for row in told]
+
+
+def _error_kind(stderr: str, code: int) -> str:
+    """The name of the error that ended a clip's process, which tells nothing of the clip; its exit code where it names none."""
+    last = stderr.strip().splitlines()[-1:]
+    named = re.match(r"([A-Za-z_.]+(?:Error|Exception|Interrupt))\b", last[0]) if last else None
+    return named.group(1).rpartition(".")[2] if named else f"exit {code}"
 
 
 def clip(seed: int, index: int, place: Path, codes: Sequence[Path]) -> list[dict[str, int]]:
@@ -217,17 +228,17 @@ def main() -> int:
     single.add_argument("place", type=Path)
     single.add_argument("codes", type=Path, nargs="+")
     args = parser.parse_args()
+    if args.verb == "clip":  # its error's name is counted
+        for row in clip(args.seed, args.index, args.place, args.codes):
+            print(json.dumps(row))
+        return 0
     try:
         if args.verb == "sealed":
             return sealed(args.baseline)
-        if args.verb == "open":
-            return open_clips(args.first, args.last, args.out)
-        for row in clip(args.seed, args.index, args.place, args.codes):
-            print(json.dumps(row))
+        return open_clips(args.first, args.last, args.out)
     except FuntwinError as error:
         print(error, file=sys.stderr)
         return 1
-    return 0
 
 
 if __name__ == "__main__":

@@ -108,6 +108,7 @@ def _reasons(counts: Mapping[str, int]) -> list[str]:
         f"- Trusted that fail, by cause: {told('wrong but trusted')}.",
         f"- Successes that are doubtful, by reason: {told('doubt')}.",
         f"- Clips with a missed part in which a part was refused: {clips}; by reason: {told('refused')}.",
+        f"- Clips without a result, by error: {told('broken')}.",
     ]
 
 

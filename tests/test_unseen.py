@@ -225,13 +225,24 @@ def test_reasons_are_counted_where_the_verdict_was_wrong() -> None:
 
 def test_a_clip_that_says_nothing_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
     class Done:
-        stdout = b"Traceback"
+        stdout, stderr, returncode = b"Traceback", b"", 9
+
+    def broken(why: str) -> dict[str, int]:
+        return {"clips": 1, "broken": 1, f"broken {why}": 1}
 
     monkeypatch.setattr(unseen.subprocess, "run", lambda *_, **__: Done())
-    assert unseen._clip_alone(1, 2, [Path()]) == [{"clips": 1, "broken": 1}]
+    assert unseen._clip_alone(1, 2, [Path()]) == [broken("output")]
     monkeypatch.setattr(Done, "stdout", b"noise\n" + json.dumps(GOOD).encode())
     assert unseen._clip_alone(1, 2, [Path()]) == [GOOD]
-    assert unseen._clip_alone(1, 2, [Path(), Path()]) == [{"clips": 1, "broken": 1}] * 2
+    assert unseen._clip_alone(1, 2, [Path(), Path()]) == [broken("output")] * 2
+    monkeypatch.setattr(Done, "stdout", b"")
+    assert unseen._clip_alone(1, 2, [Path()]) == [broken("exit 9")]
+    told = b"  File x\nnumpy.linalg.LinAlgError: Singular matrix of clip 7\n"
+    monkeypatch.setattr(Done, "stderr", told)
+    assert unseen._clip_alone(1, 2, [Path()]) == [broken("LinAlgError")]
+    assert "without a result, by error: LinAlgError 1." in unseen_page.section(
+        "abc", None, 160, {f"negative: {k}": n for k, n in broken("LinAlgError").items()}
+    )
     monkeypatch.setattr(
         Done, "stdout", b"noise\n" + json.dumps(GOOD).encode() + b"\n" + json.dumps(BAD).encode()
     )
