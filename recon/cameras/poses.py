@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.cameras.depth_poses import poses_by_depth
-from recon.cameras.kernels import best_pose, chi_squares, landmarks_of, pose_systems
-from recon.dense.depth import depth_sigma
+from recon.cameras.kernels import chi_squares, landmarks_of, pose_systems
+from recon.cameras.rigid import point_sigmas, ransac_pose
+from recon.cameras.rival import followed_part
 from recon.recording import Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
@@ -30,12 +31,13 @@ from twin.runs.loop import Loop, untold
 from twin.runs.setting import Former, Left, Settings, setting
 from twin.scene import Trajectory
 
-CAMERAS = Stage("cameras", 2, ("cameras",))
+CAMERAS = Stage("cameras", 3, ("cameras",))
 _BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
 _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
 # Frames since which two paths are compared, and by how much (m, rad) they then differ: ten times what both are wrong by where
 # they work (measured).
 _SINCE, _APART_M, _APART_RAD = (1, 10, 40), 0.01, float(np.radians(0.5))
+_AS_MANY = 0.9  # of the frames that all tracks pose are posed without those of a part, or they are kept; chosen by us
 _BETTER = 1.1  # by what the other path then agrees more with the frames before; chosen by us: noise makes 3 %, a lost camera 20
 
 
@@ -97,8 +99,26 @@ def camera_poses(
 
 
 def _checked(recording: Recording, tracks: Tracks, config: CameraConfig, progress: Loop) -> Trajectory:
-    """The tracks' poses where those from depth and tracks agree with them; else those that explain more of the depth, bundled."""
-    times, focal = recording.times, recording.intrinsics.fx
+    """The poses by which the room keeps its place: where they follow a part that fills the view, those by all other tracks."""
+    lateral, rng = config.pixel_sigma / recording.intrinsics.fx, np.random.default_rng(0)
+    poses, posed = _of_two(recording, tracks, config, progress)
+    sigma = np.sqrt((np.square(point_sigmas(tracks.points_cam, lateral))).sum(axis=0))
+    part = followed_part(tracks, poses, posed, sigma, rng)
+    if part.any():
+        others = tracks.without(part)
+        room, known = _of_two(recording, others, config, progress)
+        if known.sum() >= _AS_MANY * posed.sum() and not followed_part(others, room, known, sigma, rng).any():
+            poses, posed = room, known
+    _enough(posed)
+    return _from_first(poses, posed, recording.times)
+
+
+def _of_two(
+    recording: Recording, tracks: Tracks, config: CameraConfig, progress: Loop
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Poses (T, 4, 4) and which of them are known (T,): the tracks' where those from depth and tracks agree with them; else those that
+    explain more of the depth, bundled."""
+    focal = recording.intrinsics.fx
     start, posed = _start_poses(tracks, config, focal, progress)
     poses = _bundle(tracks, start, posed, config, focal) if posed.any() else start
     depth = poses_by_depth(recording, tracks, poses, config.pixel_sigma / focal, progress)
@@ -106,8 +126,7 @@ def _checked(recording: Recording, tracks: Tracks, config: CameraConfig, progres
     if (apart & (depth.good > _BETTER * depth.theirs)).any() or depth.posed.sum() > posed.sum():
         posed = depth.posed
         poses = _bundle(tracks, depth.T_world_cam, posed, config, focal, depth.information)
-    _enough(posed)
-    return _from_first(poses, posed, times)
+    return poses, posed
 
 
 def _apart(a: Array, b: Array, both: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -159,27 +178,6 @@ def _from_first(poses: Array, posed: NDArray[np.bool_], times: Array) -> Traject
     return Trajectory(frames, times[frames], geo.invert_pose(poses[frames[0]]) @ poses[frames])
 
 
-def _sigmas(points: Array, focal: float, config: CameraConfig) -> tuple[Array, Array]:
-    """Lateral and axial standard deviations (...) of camera points (..., 3)."""
-    z = points[..., 2]
-    return config.pixel_sigma * z / focal, depth_sigma(z)
-
-
-def ransac_pose(
-    source: Array, target: Array, sigma: Array, config: CameraConfig, rng: np.random.Generator
-) -> Array:
-    """Robust T_target_source from point pairs (n, 3); sigma (n,) m is one standard deviation of their distance."""
-    n = len(source)
-    picks = rng.integers(0, n, size=(config.ransac_iterations, 3))
-    hypotheses = geo.fit_rigid(source[picks], target[picks])
-    pose = hypotheses[best_pose(hypotheses, source, target, sigma**2, config.inlier_sigma**2)]
-    for _ in range(6):
-        d2 = ((source @ pose[:3, :3].T + pose[:3, 3] - target) ** 2).sum(-1) / sigma**2
-        w = geman_mcclure(d2, config.inlier_sigma**2) / sigma**2
-        pose = geo.fit_rigid(source, target, w)
-    return np.asarray(pose)
-
-
 def _start_poses(
     tracks: Tracks, config: CameraConfig, focal: float, progress: Loop
 ) -> tuple[Array, NDArray[np.bool_]]:
@@ -215,11 +213,12 @@ def _align(
     if both.sum() < config.min_correspondences:
         return None
     a, b = tracks.points_cam[frame, both], tracks.points_cam[key, both]
-    lateral_a, axial_a = _sigmas(a, focal, config)
-    lateral_b, axial_b = _sigmas(b, focal, config)
+    lateral_a, axial_a = point_sigmas(a, config.pixel_sigma / focal)
+    lateral_b, axial_b = point_sigmas(b, config.pixel_sigma / focal)
     sigma = np.sqrt(axial_a**2 + axial_b**2 + lateral_a**2 + lateral_b**2)
-    pose = ransac_pose(a, b, sigma, config, rng)
-    inlier = np.linalg.norm(geo.transform(pose, a) - b, axis=-1) < config.inlier_sigma * sigma
+    gate = config.inlier_sigma
+    pose = ransac_pose(a, b, sigma, rng, tries=config.ransac_iterations, gate=gate)
+    inlier = np.linalg.norm(geo.transform(pose, a) - b, axis=-1) < gate * sigma
     return (pose, float(inlier.mean())) if inlier.sum() >= config.min_correspondences else None
 
 
@@ -238,7 +237,7 @@ def _bundle(
     visible = tracks.visible & posed[:, None]
     frame_index, track_index = np.nonzero(visible)
     points = tracks.points_cam[frame_index, track_index]
-    lateral, axial = _sigmas(points, focal, config)
+    lateral, axial = point_sigmas(points, config.pixel_sigma / focal)
     info = np.stack([1 / lateral**2, 1 / axial**2], axis=-1)
     poses = start.copy()
     weights = np.ones(len(points))

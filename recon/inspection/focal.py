@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.cameras.poses import CameraConfig, ransac_pose
+from recon.cameras.rigid import ransac_pose
 from recon.dense.depth import depth_sigma
 from recon.inspection.glance import Stretch
 from recon.recording import Intrinsics
@@ -101,8 +101,8 @@ def _system(a: Array, b: Array, k: Array, first: bool) -> tuple[Array, Array]:
     pa, pb = _points(a, k), _points(b, k)
     depth = np.sqrt(depth_sigma(a[:, 2]) ** 2 + depth_sigma(b[:, 2]) ** 2)
     lateral = _PIXEL / k[0] * np.hypot(a[:, 2], b[:, 2])
-    config = CameraConfig(ransac_iterations=60)
-    pose = ransac_pose(pa, pb, np.hypot(depth, lateral), config, np.random.default_rng(0))
+    sigma = np.hypot(depth, lateral)
+    pose = ransac_pose(pa, pb, sigma, np.random.default_rng(0), tries=60, gate=4.0)
     turn = pose[:3, :3]
     q = geo.transform(pose, pa)
     z = q[:, 2]

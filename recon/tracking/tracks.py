@@ -45,6 +45,12 @@ class Tracks:
     def __len__(self) -> int:
         return self.visible.shape[1]
 
+    def without(self, some: NDArray[np.bool_]) -> Tracks:
+        """The same tracks, of which some (K,) are never visible."""
+        seen = self.visible & ~some
+        points, pixels = (np.where(seen[..., None], a, np.nan) for a in (self.points_cam, self.pixels))
+        return Tracks(points, pixels, seen, self.confidence)
+
 
 @dataclass(frozen=True)
 class TrackConfig(Settings):
