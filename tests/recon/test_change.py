@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import HIDDEN, SAME, THROUGH, UNKNOWN, best_path, look
 from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
 from recon.motion.movers import Movers
+from recon.parts.changed.carried import Surface
 from recon.parts.changed.compete import witnessed
 from recon.parts.changed.proposals import Proposed, proposed_joints
-from recon.parts.changed.search import ChangedPart, changed_parts
+from recon.parts.changed.search import ChangedPart, _worth_telling, changed_parts
 from recon.parts.config import MotionConfig
 from recon.parts.found import PartTracks
 from recon.parts.two_witnesses import by_both
+from recon.recording import Intrinsics
 from tests.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
 from twin.scene import Joint, Prismatic, Revolute
@@ -145,6 +148,29 @@ def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip:
     assert other.part.motion.inliers == 0.0  # no track follows it
 
 
+def _explaining(score: float, first: int, last: int) -> ChangedPart:
+    """A part that moves from one of 100 frames to another and explains so much."""
+    state = np.interp(np.arange(100), [first, last], [0.0, 0.3])
+    surface = cast(Surface, None)
+    return ChangedPart(
+        Proposed("prismatic", np.eye(3)[0], np.zeros(3)), np.arange(100), state, score, surface
+    )
+
+
+def test_a_further_part_explains_enough_or_moves_in_turn() -> None:
+    door = _explaining(100.0, 20, 40)
+    for score, first, last, told in (
+        (31.0, 20, 40, True),
+        (29.0, 20, 40, False),
+        (29.0, 60, 80, True),
+        (14.0, 60, 80, False),
+        (29.0, 35, 55, True),
+        (29.0, 25, 45, False),
+    ):
+        other = _explaining(score, first, last)
+        assert _worth_telling([door, other]) == ([door, other] if told else [door])
+
+
 def test_a_rectangle_proposes_its_edges_and_its_normal() -> None:
     u, v = np.meshgrid(np.linspace(-0.3, 0.3, 40), np.linspace(-0.2, 0.2, 30))
     flat = np.stack([u.ravel(), v.ravel(), np.zeros(u.size)], axis=1)
@@ -186,6 +212,39 @@ def test_a_door_that_holes_cut_into_pieces_is_one() -> None:
     angle, away = apart(found.joint, clip.part.joint)
     assert angle < 3.0
     assert away < 0.03
+
+
+def _came(thing: np.ndarray) -> Depths:
+    """A wall at 2 m for ten frames, and then things (h, w) of this depth before it, 0 where there are none."""
+    wall = np.full(thing.shape, 2.0, np.float32)
+    depth = np.stack([wall] * 10 + [np.where(thing > 0, thing, wall).astype(np.float32)] * 10)
+    camera = Intrinsics(thing.shape[1], thing.shape[0], 130.0, 130.0, 79.5, 59.5)
+    grey = np.full((*depth.shape, 3), 128, np.uint8)
+    return Depths(camera, np.arange(20), depth, grey, np.tile(np.eye(4), (20, 1, 1)))
+
+
+def test_an_arm_before_a_door_that_came_is_another_surface() -> None:
+    door = np.zeros((120, 160))
+    door[20:100, 40:120] = 1.2
+    (alone,) = changed_surfaces(_came(door), 19)
+    arm = door.copy()
+    arm[70:, 60:80] = 1.0
+    both = changed_surfaces(_came(arm), 19)
+    assert len(both) == 2
+    for surface in both:
+        z = surface.points[:, 2]
+        assert np.ptp(z) < 0.01
+    assert len(both[0].points) > 0.7 * len(alone.points)
+
+
+@pytest.mark.parametrize("slope", [20.0, 60.0, 80.0])
+def test_a_slanted_board_is_one_surface(slope: float) -> None:
+    board = np.zeros((120, 160))
+    ray = (np.arange(40, 120) - 79.5) / 130.0
+    board[20:100, 40:120] = 1.2 / np.maximum(1.0 + ray * np.tan(np.radians(slope)), 1e-3)
+    board[board > 1.8] = 0.0
+    (whole,) = changed_surfaces(_came(board), 19)
+    assert len(whole.points) > 0.9 * np.count_nonzero(board) - 300
 
 
 def test_poses_of_a_proposed_joint_are_those_of_a_twins() -> None:

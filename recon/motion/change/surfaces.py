@@ -21,6 +21,8 @@ GAP_M = 0.02
 _SPANS, _LONG = 2, 3  # a surface is gone in so many spans of so many successive rows: single ones are noise
 SHARE = 0.004  # of the picture: the least surface that is a part's; chosen by us
 MOST = 4  # surfaces of each end
+# Depth (m) between neighbours, and how many times that to the other side, where a surface ends before another; chosen by us
+_JUMP_M, _STEEPER, _CROSS = 0.04, 3.0, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +45,21 @@ def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
     spans = np.logical_and.reduce([gone[k : len(gone) - _LONG + 1 + k] for k in range(_LONG)]).sum(axis=0)
     left = np.zeros(known.shape, np.uint8)
     left[known] = spans >= _SPANS
+    left &= ~_torn(depths.depth[rest])
     left = cv2.morphologyEx(left, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, piece, stats, _ = cv2.connectedComponentsWithStats(left, connectivity=4)
     area = stats[1:, cv2.CC_STAT_AREA]
     large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:MOST] if area[k] >= SHARE * left.size]
     colour = depths.colour[rest].astype(np.float64)
     return [Changed(rest, piece == k, points[piece == k], colour[piece == k]) for k in large]
+
+
+def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Pixels (h, w), 1 or 0, at which a depth image jumps: what an arm covers and the arm are two surfaces."""
+    near = depth - cv2.erode(np.where(depth > 0, depth, np.inf).astype(np.float32), _CROSS)
+    far = cv2.dilate(depth, _CROSS) - depth
+    # a slanted surface goes on beyond: as far to one side as it came from the other
+    return np.asarray((depth > 0) & (near > _JUMP_M) & (near > _STEEPER * far), np.uint8)
 
 
 def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:

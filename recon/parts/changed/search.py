@@ -24,7 +24,9 @@ _IMPROVED = 3  # joints that are searched around, of each round
 # Gain of a surface's mean score over leaving for nobody knows where: less tells nothing; and by which a further surface is the part's.
 # Chosen by us.
 LEAST, _SAME = 0.04, 0.01
-_FURTHER = 0.3  # of what the first part explains, at least, for a further one; chosen by us
+# Of what the first part explains, at least, for a further one; and for one that moves while none that explains more does, as a small drawer
+# after a large door: by less than this share of its moving frames, those with a tenth of its fastest step or more. Chosen by us.
+_FURTHER, _IN_TURN, _MEANWHILE, _CREEPS = 0.3, 0.15, 0.5, 0.1
 _SIMPLER = 1.02  # a hinge must explain that much more than a slide, for its two further unknowns
 _SIGMA = {
     "revolute": np.radians(1.5),
@@ -85,8 +87,26 @@ def changed_parts(
         state = smoothed(fine.state)
         found.append(ChangedPart(fine.joint, depths.frames, state - state[0], best.worth, carried[0]))
         surfaces = [s for s, m in zip(surfaces, mine, strict=True) if not m]
-    most = max((p.score for p in found), default=0.0)
-    return sorted((p for p in found if p.score >= _FURTHER * most), key=lambda p: -p.score)
+    return _worth_telling(sorted(found, key=lambda p: -p.score))
+
+
+def _worth_telling(found: Sequence[ChangedPart]) -> list[ChangedPart]:
+    """Those parts, of which the first explains most, that explain enough beside the others."""
+    out: list[ChangedPart] = []
+    for part in found:
+        share = part.score / max(found[0].score, 1e-12)
+        if share >= _FURTHER or (
+            share >= _IN_TURN and all(_together(part.state, p.state) < _MEANWHILE for p in out)
+        ):
+            out.append(part)
+    return out
+
+
+def _together(state: Array, other: Array) -> float:
+    """Share of the frames in which states (n,) change that others (n,) change in, too."""
+    mine, its = (np.abs(np.gradient(s)) for s in (state, other))
+    moving = mine > _CREEPS * mine.max()
+    return float((its[moving] > _CREEPS * its.max()).mean()) if moving.any() else 1.0
 
 
 def _best(surfaces: Surfaces, known: Sequence[Proposed]) -> Explained:
