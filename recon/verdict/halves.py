@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.joints.bundle import ROUGHLY, Bundle, refine
-from recon.joints.observations import Model, Observations
+from recon.joints.hypotheses import Hypothesis
+from recon.joints.initial_states import states_of
+from recon.joints.observations import Model, Observations, noise_sigma, residuals
 from recon.motion.movers import Movers
 from recon.parts.find_parts import PartTracks
 from recon.parts.moving_part import MovingPart
@@ -18,21 +20,25 @@ from twin.joint import JointSigma
 from twin.scene import Revolute
 
 # Frames of a half and tracks that are looked at, of each at most and at least; a track must be seen in this share of the frames. The
-# start of the noise scale (m), which the fit finds itself, and how many steps it takes at most. All chosen by us
+# start of the noise scale (m), which the fit finds itself, its least, and how many steps it takes at most. All chosen by us
 _MOST_FRAMES, _MOST_TRACKS, _FEWEST_FRAMES, _FEWEST_TRACKS, _SEEN = 40, 150, 4, 6, 1 / 3
-_NOISE_M, _STEPS = 0.003, 30
+_NOISE_M, _LEAST_M, _STEPS = 0.003, 1e-5, 30
 
 
 @dataclass(frozen=True)
 class Halves:
     """How far the two joints are from each other, with one standard deviation of that: axes in rad; the hinges' distance beside the
-    part in m, None of a slide. off: by how much the axis of the half that is nearer to it differs from the part's, rad."""
+    part in m, None of a slide. off: by how much the axis of the half that is nearer to it differs from the part's, rad. worse: by how much
+    farther the tracks of a half scatter about the part's joint than about its own, the larger of two ratios.
+    off_pivot: of the half whose hinge is nearer to the part's, its distance from that, m."""
 
     axis: float
     axis_sigma: float
     pivot: float | None
     pivot_sigma: float | None
     off: float = 0.0
+    worse: float = np.inf
+    off_pivot: float = 0.0
 
 
 def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | None:
@@ -42,23 +48,40 @@ def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | Non
         return None
     travel = travel_at(part, rows)
     middle = 0.5 * (travel[0] + travel[-1])
-    fits = [_fit(movers, part, tracks, half) for half in (rows[travel <= middle], rows[travel >= middle])]
-    first, second = fits
+    first, second = (
+        _fit(movers, part, tracks, half) for half in (rows[travel <= middle], rows[travel >= middle])
+    )
     if first is None or second is None:
         return None
-    a, b = _sigma(first), _sigma(second)
-    angle = float(geo.line_angle(first.model.axis, second.model.axis))
+    a, b = _sigma(first.own), _sigma(second.own)
+    one, two = first.own.model, second.own.model
+    angle = float(geo.line_angle(one.axis, two.axis))
     sigma = float(np.hypot(a.axis, b.axis))
-    off = min(float(geo.line_angle(fit.model.axis, part.joint.axis)) for fit in (first, second))
+    off = min(float(geo.line_angle(model.axis, part.joint.axis)) for model in (one, two))
+    worse = max(first.worse, second.worse)
     if a.pivot is None or b.pivot is None:
-        return Halves(angle, sigma, None, None, off)
-    centre = 0.5 * (first.landmarks.mean(axis=0) + second.landmarks.mean(axis=0))
-    here = geo.nearest_point_on_line(centre, first.model.pivot, first.model.axis)
-    there = geo.nearest_point_on_line(here, second.model.pivot, second.model.axis)
-    return Halves(angle, sigma, float(np.linalg.norm(here - there)), float(np.hypot(a.pivot, b.pivot)), off)
+        return Halves(angle, sigma, None, None, off, worse)
+    centre = 0.5 * (first.own.landmarks.mean(axis=0) + second.own.landmarks.mean(axis=0))
+    here = geo.nearest_point_on_line(centre, one.pivot, one.axis)
+    there = geo.nearest_point_on_line(here, two.pivot, two.axis)
+    apart = float(np.linalg.norm(here - there))
+    of_part = part.joint.pivot if isinstance(part.joint, Revolute) else here
+    away = min(
+        float(np.linalg.norm(p - geo.nearest_point_on_line(p, of_part, part.joint.axis)))
+        for p in (here, there)
+    )
+    return Halves(angle, sigma, apart, float(np.hypot(a.pivot, b.pivot)), off, worse, away)
 
 
-def _fit(movers: Movers, part: MovingPart, tracks: PartTracks, rows: NDArray[np.int64]) -> Bundle | None:
+@dataclass(frozen=True, eq=False)
+class _Half:
+    """The joint by the tracks of one half, and how many times farther they scatter about the part's own."""
+
+    own: Bundle
+    worse: float
+
+
+def _fit(movers: Movers, part: MovingPart, tracks: PartTracks, rows: NDArray[np.int64]) -> _Half | None:
     """The joint by the part's tracks in these rows of its motion alone."""
     rows = _thinned(rows, _MOST_FRAMES)
     frames = part.motion.frames[rows]
@@ -72,7 +95,16 @@ def _fit(movers: Movers, part: MovingPart, tracks: PartTracks, rows: NDArray[np.
     joint, state = part.joint, part.motion.state[rows]
     pivot = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
     start = Model(joint.kind, joint.axis, pivot, state - state.mean())
-    return refine(seen, start, _NOISE_M, _STEPS, ROUGHLY)
+    own = refine(seen, start, _NOISE_M, _STEPS, ROUGHLY)
+    return _Half(own, _scatter(seen, start, own.sigma) / max(own.sigma, _LEAST_M))
+
+
+def _scatter(seen: Observations, given: Model, sigma: float) -> float:
+    """Noise (m) of tracks about a given joint, at the states that suit them best; sigma: that about their own."""
+    states = states_of(seen, Hypothesis(given.kind, given.axis, given.pivot), max(sigma, _LEAST_M))
+    square, _, _ = residuals(seen, replace(given, state=states), max(sigma, _LEAST_M))
+    unknowns = 3 * len(seen.points) + int((seen.weight > 0).any(axis=0).sum())
+    return noise_sigma(square, seen.weight, unknowns)
 
 
 def _thinned(indices: NDArray[np.int64], most: int) -> NDArray[np.int64]:

@@ -31,6 +31,7 @@ from twin.verdict import (
     LabelledElsewhere,
     NothingArticulated,
     OfPart,
+    PivotUnsure,
     Reason,
     StaticSeenThrough,
     Unexplained,
@@ -189,6 +190,16 @@ def test_frames_that_look_elsewhere_say_nothing_about_the_path(evidence: PartEvi
     poses[half:, 2, 3] += 50.0
     apart = replace(evidence.scene, cameras=replace(evidence.scene.cameras, T_world_cam=poses))
     assert of_parts.cameras(replace(evidence, scene=apart)) is None
+
+
+def test_a_hinge_matters_as_far_as_it_takes_the_path_aside(evidence: PartEvidence) -> None:
+    """Over 20 deg by a third of itself; over more than 60 deg by all of it."""
+    ajar = ranging(evidence, np.radians(20.0))
+    assert of_parts.pivot(with_sigma(ajar, pivot=0.028)) is None
+    told = of_parts.pivot(with_sigma(ajar, pivot=0.03))
+    assert isinstance(told, PivotUnsure)
+    np.testing.assert_allclose(told.limit_m, 0.01 / (2 * np.sin(np.radians(10.0))))
+    assert of_parts.pivot(with_sigma(ranging(evidence, np.radians(70.0)), pivot=0.011)) is not None
 
 
 def test_a_half_sure_axis_with_a_half_sure_range_is_refused(evidence: PartEvidence) -> None:
