@@ -102,7 +102,7 @@ def _checked(recording: Recording, tracks: Tracks, config: CameraConfig, progres
     """The poses by which the room keeps its place: where they follow a part that fills the view, those by all other tracks."""
     lateral, rng = config.pixel_sigma / recording.intrinsics.fx, np.random.default_rng(0)
     poses, posed = _of_two(recording, tracks, config, progress)
-    sigma = np.sqrt((np.square(point_sigmas(tracks.points_cam, lateral))).sum(axis=0))
+    sigma = np.hypot(*point_sigmas(tracks.points_cam, lateral))
     part = followed_part(tracks, poses, posed, sigma, rng)
     if part.any():
         others = tracks.without(part)

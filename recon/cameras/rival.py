@@ -1,7 +1,9 @@
 """Two rigid motions compete for the camera: that of a part that fills the view, and that of the room around it.
 
 A near sliding panel may hold more tracks than the room, and then the cameras go with it. But the room reaches farther to all sides:
-tracks that keep their place with the cameras and lie within the outline of others, which move rigidly otherwise, are a part's. FunREC, supplement 1.2: without masks of what moves.
+tracks that keep their place with the cameras and lie within the outline of others, which move rigidly otherwise, are a part's.
+
+FunREC, supplement 1.2: without masks of what moves.
 """
 
 from __future__ import annotations

@@ -29,6 +29,7 @@ _GAPS_S = (
 _PAIRS = 20  # of each gap and stretch
 _LEAST, _MOST = 60, 300  # tracks that a pair shares, and that are used
 _PIXEL = 0.6  # px, as `CameraConfig.pixel_sigma`
+_TRIES, _GATE = 60, 4.0  # rigid motions, and sigmas as `CameraConfig.inlier_sigma`; chosen by us
 _ROUNDS = 3
 _BLOCKS = 6  # of the jackknife
 
@@ -102,7 +103,7 @@ def _system(a: Array, b: Array, k: Array, first: bool) -> tuple[Array, Array]:
     depth = np.sqrt(depth_sigma(a[:, 2]) ** 2 + depth_sigma(b[:, 2]) ** 2)
     lateral = _PIXEL / k[0] * np.hypot(a[:, 2], b[:, 2])
     sigma = np.hypot(depth, lateral)
-    pose = ransac_pose(pa, pb, sigma, np.random.default_rng(0), tries=60, gate=4.0)
+    pose = ransac_pose(pa, pb, sigma, np.random.default_rng(0), tries=_TRIES, gate=_GATE)
     turn = pose[:3, :3]
     q = geo.transform(pose, pa)
     z = q[:, 2]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from recon.verdict.evidence import PartEvidence
+from recon.verdict.halves import Halves
 from twin.verdict import (
     HalvesDisagree,
     HandMovesNothing,
@@ -44,10 +45,10 @@ CONTRADICTED, CONTRADICTED_REFUSED = 0.1, 0.5
 # 25 mm where they answer, 4 deg and 37 mm with a lidar. They do where three sigmas of the difference are within the limits `SURE`; that
 # of the hinge is narrower, as its sigma leaves out how tracks drift: right runs differ by up to nine of them.
 HALVES_AXIS, HALVES_PIVOT = np.radians(10.0), 0.05
+SURE_AXIS, SURE_PIVOT, _SIGMAS = np.radians(10.0), 0.02, 3.0
 # Where tracks scatter about the part's joint hardly farther than about a half's own, the halves differ along what tracks that drift don't tell:
 # 1.02 and 1.09 times in two right ones whose halves are 16 and 27 deg apart, 1.25 and more in four that are none.
 AS_WELL = 1.15
-SURE_AXIS, SURE_PIVOT, _SIGMAS = np.radians(10.0), 0.02, 3.0
 # rad. By how much halves that agree with each other may differ from the part's axis. Right: up to 2.3 deg in twelve that agree; one of a
 # drawer whose plain front slipped sideways in depth, 8.2.
 AGREED, TRACKS_AXIS = np.radians(3.0), np.radians(4.0)
@@ -113,13 +114,25 @@ def contradicted(e: PartEvidence) -> Reason | None:
     return SurfaceContradicted(level, p.contradicted, CONTRADICTED)
 
 
+def _telling(halves: Halves | None) -> Halves | None:
+    """The halves where they tell their axes, and where the part's joint is not as good for their tracks as their own."""
+    if halves is None or _SIGMAS * halves.axis_sigma > SURE_AXIS or halves.worse <= AS_WELL:
+        return None
+    return halves
+
+
+def _sure_pivot(halves: Halves) -> float | None:
+    """How far the halves' hinges are apart (m), None where that is not told."""
+    sigma = halves.pivot_sigma
+    return None if sigma is None or _SIGMAS * sigma > SURE_PIVOT else halves.pivot
+
+
 def same_in_halves(e: PartEvidence) -> Reason | None:
     """Whether both halves of the motion show the same joint; None where one is too short to tell."""
-    h = e.halves
-    if h is None or _SIGMAS * h.axis_sigma > SURE_AXIS or h.worse <= AS_WELL:
+    h = _telling(e.halves)
+    if h is None:
         return None
-    told = h.pivot is not None and h.pivot_sigma is not None and _SIGMAS * h.pivot_sigma <= SURE_PIVOT
-    pivot = h.pivot if told and h.pivot is not None else 0.0
+    pivot = _sure_pivot(h) or 0.0
     if h.axis <= HALVES_AXIS and pivot <= HALVES_PIVOT:
         return None
     return HalvesDisagree(
@@ -129,11 +142,11 @@ def same_in_halves(e: PartEvidence) -> Reason | None:
 
 def as_its_tracks(e: PartEvidence) -> Reason | None:
     """Whether the part's tracks tell its axis and its hinge, where both halves agree on others."""
-    h = e.halves
-    if h is None or _SIGMAS * h.axis_sigma > SURE_AXIS or h.worse <= AS_WELL:
+    h = _telling(e.halves)
+    if h is None:
         return None
-    sure = h.pivot is not None and h.pivot_sigma is not None and _SIGMAS * h.pivot_sigma <= SURE_PIVOT
-    pivot = h.off_pivot if sure and h.pivot is not None and h.pivot <= SURE_PIVOT else 0.0
+    apart = _sure_pivot(h)
+    pivot = h.off_pivot if apart is not None and apart <= SURE_PIVOT else 0.0
     axis = h.off if h.axis <= AGREED else 0.0
     if axis <= TRACKS_AXIS and pivot <= TRACKS_PIVOT:
         return None

@@ -102,6 +102,18 @@ def test_cameras_that_follow_the_room_stay(slide: Array, on_panel: int, around: 
     assert not followed_part(tracks, truth, every, _sigma(tracks), np.random.default_rng(0)).any()
 
 
+def test_motions_that_reach_equally_far_are_not_told_apart(slide: Array) -> None:
+    """Leaves before a wall: every other track moves, all over the picture."""
+    truth, every = _poses(), np.ones(FRAMES, bool)
+    flat = np.random.default_rng(2).uniform([-0.3, -0.25], [0.3, 0.25], (300, 2))
+    world = np.repeat(np.column_stack([flat, np.full(300, WALL_M)])[None], FRAMES, axis=0)
+    world[:, ::2, 0] += slide[:, None]
+    cam = geo.transform(geo.invert_pose(truth), world)
+    visible = np.ones(cam.shape[:2], bool)
+    tracks = Tracks(cam, CAMERA.project(cam), visible, visible.astype(float))
+    assert not followed_part(tracks, truth, every, _sigma(tracks), np.random.default_rng(0)).any()
+
+
 def test_a_still_scene_has_no_rival(slide: Array) -> None:
     truth = _poses()
     tracks, every = _tracks(truth, 0.0 * slide, 300, 90), np.ones(FRAMES, bool)
