@@ -18,18 +18,23 @@ from twin.runs.keys import Stage
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-NOISE = Stage("noise", 2, ())
+NOISE = Stage("noise", 3, ())
 
 # Chosen by us and the same for every recording.
 _WIDTH = 160  # points looked at in each row of pixels
 _PAIRS, _OTHERS = 14, 24  # frames compared, each with that of so many others that sees it most differently
 _SHARED = 0.5  # of the points that both must have in view
 _BINS, _FEWEST = 8, 150  # of depth, and points of a pair in each
+_TILES, _IN_TILE = (
+    (4, 3),
+    100,
+)  # across and down a picture, each about as large as a part is seen; and points of a pair in each
 _SLOPE_PX, _EDGE = (
     3,
     0.06,
 )  # a step of 6 % of the depth within 3 px to each side is an edge: an error of its own
 _WORST = 0.08  # of the depth: what differs by more has moved
+_Differences = tuple[Array, Array, NDArray[np.int64]]
 _TRIM = 3.0  # standard deviations beyond which a difference is no noise, but something that moved
 
 
@@ -37,8 +42,8 @@ _TRIM = 3.0  # standard deviations beyond which a difference is no noise, but so
 class DepthNoise:
     """Standard deviation of a depth reading at z: `base` + `slope` z^2, m, with all that does not belong to the surface: the error of the
     camera's pose as well, and what stays alike between successive frames. slow: that share of the variance, 0..1: it does not average
-    out over frames. lost: share of the pixels without depth. drift: m by which all that a frame sees together lies off, along its view: the
-    error of its pose, and what its readings share.
+    out over frames. lost: share of the pixels without depth. drift: m by which all that a tile of a frame sees together lies off, along its view:
+    the error of its pose, and what readings side by side share, as where an error follows depth.
 
     What is the same from every side of a surface, as the mixed light in a corner, can't be told without truth and is missing.
     """
@@ -56,6 +61,12 @@ class DepthNoise:
     def sigma(self, z: ArrayLike) -> Array:
         """Standard deviation, m, to reckon with at depths z m: as measured, never below that of a good sensor (`depth_sigma`)."""
         return np.maximum(depth_sigma(z), self.measured(z))
+
+    def of_mean(self, count: int) -> float:
+        """How many times as large the error of the mean of so many readings is as it were if each were drawn anew: the root of the design
+        effect (Kish 1965), of what was measured and not of the good sensor's noise that is reckoned with at least."""
+        share = self.slow * float(self.measured(1.0) / self.sigma(1.0)) ** 2
+        return float(np.sqrt(1.0 + (count - 1) * share))
 
     @property
     def poor(self) -> bool:
@@ -80,12 +91,12 @@ def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
     count = len(cameras.frames)
     first = np.unique(np.linspace(0, count - 2, _PAIRS).round().astype(int)).tolist() if count > 1 else []
     found = list(each(lambda a: _three(recording, cameras, a), first))
-    far, near = [f[0] for f in found], [f[1] for f in found]
+    far, near = [f[0][:2] for f in found], [f[1][:2] for f in found]
     lost = float(np.mean([f[2] for f in found])) if found else 0.0
     depth = np.concatenate([z for z, _ in far]) if far else np.zeros(0)
     if len(depth) < _BINS * _FEWEST:
         return DepthNoise(0.0, 0.0, 0.0, lost)
-    drift = _drift([off for _, off in far])
+    drift = _drift([f[0][1:] for f in found])
     edges = np.quantile(depth, np.linspace(0.01, 0.99, _BINS + 1))
     z = 0.5 * (edges[1:] + edges[:-1])
     total, fresh = _scatter(far, edges), _scatter(near, edges)
@@ -103,9 +114,7 @@ def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
     return DepthNoise(float(base), float(slope), float(np.clip(share, 0.0, 1.0)), lost, drift)
 
 
-def _three(
-    recording: Recording, cameras: Trajectory, a: int
-) -> tuple[tuple[Array, Array], tuple[Array, Array], float]:
+def _three(recording: Recording, cameras: Trajectory, a: int) -> tuple[_Differences, _Differences, float]:
     """Differences of frame number a of the cameras to the one that sees it most differently and to the next, and its share of
     unknown pixels."""
     camera, seen = recording.intrinsics, recording.depth(int(cameras.frames[a]))
@@ -149,8 +158,9 @@ def _off_edges(depth: F32) -> NDArray[np.bool_]:
     return np.asarray((near > 0) & (far - near < _EDGE * depth))
 
 
-def _differences(points: Array, depth: F32, camera: Intrinsics) -> tuple[Array, Array]:
-    """Depth (n,) of points (m, 3) in a camera that see known and steady depth there, and what is read beyond that (n,), m.
+def _differences(points: Array, depth: F32, camera: Intrinsics) -> _Differences:
+    """Depth (n,) of points (m, 3) in a camera that see known and steady depth there, what is read beyond that (n,), m, and the tile (n,) of
+    the picture that each falls into.
 
     The reading is that of the nearest pixel, carried to the point by the slope of the depth around it.
     """
@@ -165,7 +175,8 @@ def _differences(points: Array, depth: F32, camera: Intrinsics) -> tuple[Array, 
         seen = seen + (b - a) / (2.0 * _SLOPE_PX) * (at[:, along] - (x, y)[along])
     off = seen - z
     same = np.abs(off) < _WORST * z
-    return z[same], off[same]
+    across, down = _TILES
+    return z[same], off[same], (x * across // w + across * (y * down // h))[same]
 
 
 def _scatter(pairs: list[tuple[Array, Array]], edges: Array) -> Array:
@@ -181,10 +192,14 @@ def _scatter(pairs: list[tuple[Array, Array]], edges: Array) -> Array:
     return np.array([np.nanmedian(out[:, k]) if known[k] else np.nan for k in range(out.shape[1])])
 
 
-def _drift(pairs: list[Array]) -> float:
-    """Root mean square over frames of what the differences (n,) of a pair have in common, m; half of a pair's square is each frame's."""
-    common = [float(np.median(off)) for off in pairs if len(off) >= _FEWEST]
-    return float(np.sqrt(0.5 * np.mean(np.square(common)))) if common else 0.0
+def _drift(pairs: list[tuple[Array, NDArray[np.int64]]]) -> float:
+    """Root mean square over tiles of frames of what the differences (n,) of a pair have in common in a tile (n,), m, without what moves; half
+    of a pair's square is each frame's."""
+    tiles = range(_TILES[0] * _TILES[1])
+    inside = [off[tile == k] for off, tile in pairs for k in tiles]
+    common = np.array([np.median(off) for off in inside if len(off) >= _IN_TILE])
+    usual = np.abs(common) <= _TRIM * MAD_SIGMA * np.median(np.abs(common)) if len(common) else common > 0
+    return float(np.sqrt(0.5 * np.mean(np.square(common[usual])))) if usual.any() else 0.0
 
 
 def _deviation(d: Array) -> float:

@@ -158,25 +158,25 @@ def compare(
     color_sigma: float,
     slack: float,
     noise: F32,
+    spread: float,
     out: F32,
 ) -> None:
     """Sum over reference frames how far each supports and violates one rigid motion at each pixel.
 
-    A pixel's point is moved into a reference camera. A reading there that agrees in depth supports (weighted by the likeness of colour,
-    best of 3x3); readings behind the point in all of 3x3 violate, for then the point would have hidden them, less so where it is seen
-    edge-on (`_seen_through`); readings in front say nothing.
+    A pixel's point is moved into a reference camera. A reading that agrees in depth supports (by likeness of colour, best of 3x3); readings
+    behind in all of 3x3 violate, as the point would have hidden them, less so seen edge-on (`_seen_through`); those in front say nothing.
 
     The frame has `depth` (h, w) m and `normals` (h, w, 3), 0 where unknown, `color` (h, w, 3) and a `camera` (fx, fy, cx, cy); `wanted`
     (h, w) are the pixels to look at. The references have `ref_depth` (R, h, w), `ref_color` (R, h, w, 3) and the `ref_range` of their depth
     (`depth_range`); `moves` (R, 3, 4) takes the frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only
     violate; `side` (R,) is -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0: only the sides tell a part
-    from static scene. `color_sigma` is one standard deviation, `slack` (m) the depth error of poses, `noise` (2,) for `pixel_sigma`.
+    from static scene. `color_sigma` is one standard deviation, `slack` (m) the depth error of poses, `noise` (2,) for `pixel_sigma`; what
+    is seen through must lie `spread` times as far behind.
 
-    `out` (4, h, w) takes the sums of weights 0..1: support (once `ENOUGH`, only by frames on a side), violation, support by lower and by
-    higher states.
+    `out` (4, h, w) takes sums of weights 0..1: support (once `ENOUGH`, by frames on a side only), violation, support by lower, by higher states.
     """
     h, w = depth.shape
-    one, (near, far) = np.float32(1.0), ref_range
+    one, (near, far), narrow = np.float32(1.0), ref_range, np.float32(1.0 / spread)
     inv_color = one / np.float32(color_sigma * color_sigma)
     column, points = np.empty(w, np.int32), np.empty((3, w), np.float32)
     variance, landed = np.empty(w, np.float32), np.empty((4, w), np.float32)
@@ -191,8 +191,8 @@ def compare(
                 if not (qz >= 0.05 and u >= 0.5 and v >= 0.5 and u <= w - 1.6 and v <= h - 1.6):
                     continue  # its 3x3 are not all in view
                 x, ui, vi = column[i], np.uint32(u + np.float32(0.5)), np.uint32(v + np.float32(0.5))
-                nearest, farthest = near[r, vi, ui] - qz, far[r, vi, ui] - qz
-                apart = max(nearest, -farthest)  # where positive, no reading is nearer to the point
+                nearest = near[r, vi, ui] - qz
+                apart = max(nearest, qz - far[r, vi, ui])  # where positive, no reading is nearer to the point
                 asked = side[r] != 0 or (can_support[r] and out[0, y, x] < ENOUGH)
                 if asked and (apart <= 0 or apart * apart * inv_var < 9):
                     best = _agreement(ref_depth, ref_color, r, ui, vi, qz, color, y, x, inv_var, inv_color)
@@ -201,5 +201,5 @@ def compare(
                     if side[r] != 0:
                         out[2 if side[r] < 0 else 3, y, x] += best
                 if nearest > 0:
-                    t = nearest * np.sqrt(inv_var)
+                    t = nearest * np.sqrt(inv_var) * narrow
                     out[1, y, x] += _seen_through(t, moves[r], points, i, normals[y, x])

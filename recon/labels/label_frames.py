@@ -45,7 +45,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 5, ("labels",))
+LABELS = Stage("labels", 6, ("labels",))
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from twin.scene import Trajectory
 _LIGHTNESS_WEIGHT = 0.5
 _MIN_COLOR_SIGMA = 2.0
 _STEP = 0.05  # of the depth, within five pixels: more is an edge; chosen by us
+_ASKED = 6  # references at rest, that see through a pixel together or not at all where their errors are the same; their default number
 COLOR_SIGMAS = 3.0  # a surface that moves changes its shading: three times the noise is still alike
 
 
@@ -159,6 +160,7 @@ def gather(
         COLOR_SIGMAS * refs.color_sigma,
         slack,
         noise.curve,
+        noise.of_mean(_ASKED),
         out,
     )
     return out

@@ -33,16 +33,18 @@ _HINGE = (0.0, 0.025, -0.060, 0.060)  # of the face above the hinge
 # Its outer edge is found as exactly as this, and as a pixel's footprint on it; what ends further off is another edge.
 _EDGE, _COARSEST, _OTHER_EDGE, _SCATTER = 0.006, 0.02, 0.08, 2.0
 # The edge is told by so many pieces of its length, with so many points within that distance (m) of a face in each, of which that quantile is
-# the end; the strip along it is so wide (m) to both sides, and so far beside it must be in the picture.
-_PIECES, _FEWEST, _ON, _OUTER, _STRIP, _BESIDE = 10, 8, 0.006, 0.98, 0.03, 0.02
+# the end; the strip along it is so wide (m) to both sides; so far beside it that share must have nothing before it, and the nearest of that
+# be in the picture.
+_PIECES, _FEWEST, _ON, _OUTER, _STRIP, _BESIDE, _SHOWN = 10, 8, 0.006, 0.98, 0.03, (0.02, 0.04, 0.06), 0.9
 _MANY, _SEVERAL = (
     4000,
     100,
 )  # observations of a face, and of a frame's edge, that tell a mean as well as all do
 
 InPart = Iterable[tuple[int, Array, Array]]
-# Of a frame, points (n, 3) of the part and a normal (3,): which points are in the picture, and the footprint (m) of a pixel on that plane.
-Pixels = Callable[[int, Array, Array], tuple[NDArray[np.bool_], float]]
+# Of a frame, points (n, 3) of the part and a normal (3,): which points are in the picture, which have something before them, and the footprint
+# (m) of a pixel on that plane.
+Pixels = Callable[[int, Array, Array], tuple[NDArray[np.bool_], NDArray[np.bool_], float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,26 +245,31 @@ class _Strip:
 
 
 def _strip(board: Board, frame: int, x: Array, q: Array, pixels: Pixels) -> _Strip | None:
-    """The strip of points (n, 3), in the part's frame and the world's, that lie on a face; None where the edge may be out of the picture or is
-    seen edge-on. It ends where most of its length does: a hand that holds it covers less."""
+    """The strip of points (n, 3), in the part's frame and the world's, that lie on a face; None where the edge may be out of the picture, behind
+    an arm or seen edge-on. It ends where most of its length does, of what nothing covers: below an arm the arm ends it."""
     on = np.abs((x @ board.normal)[:, None] - board.offsets).min(axis=1) < max(2 * board.rms, _ON)
     low, high = board.along
     place = np.floor((x @ np.cross(board.normal, board.outward) - low) / (high - low) * _PIECES)
     on &= (place >= 0) & (place < _PIECES)
-    reach, place = x[on] @ board.outward, place[on].astype(np.int64)
-    pieces = [reach[place == k] for k in range(_PIECES)]
-    ends = [float(np.quantile(r, _OUTER)) for r in pieces if len(r) >= _FEWEST]
-    if len(ends) < _PIECES // 2:
+    at, q, reach, place = x[on], q[on], x[on] @ board.outward, place[on].astype(np.int64)
+    ends = np.full(_PIECES, np.nan)
+    for piece in range(_PIECES):
+        of = place == piece
+        if of.sum() >= _FEWEST:
+            ends[piece] = np.quantile(reach[of], _OUTER)
+    outer = np.flatnonzero(np.abs(reach - ends[place]) < _STRIP)
+    if not len(outer):
         return None
-    end = float(np.median(ends))
-    outer = np.abs(reach - end) < _STRIP
-    if not outer.any():
+    of, over = place[outer], ends[place[outer]] - reach[outer]
+    beside = np.concatenate([at[outer] + (over + far)[:, None] * board.outward for far in _BESIDE])
+    inside, covered, footprint = pixels(frame, beside, board.normal)
+    if footprint > _COARSEST or np.mean(inside[: len(outer)]) < _SHOWN:
         return None
-    at = x[on][outer]
-    inside, footprint = pixels(
-        frame, at + (end + _BESIDE - reach[outer])[:, None] * board.outward, board.normal
-    )
-    if np.mean(inside) < 0.9 or footprint > _COARSEST:
+    hidden = [np.bincount(of, c, _PIECES) for c in covered.reshape(len(_BESIDE), -1)]
+    ends[np.max(hidden, axis=0) > (1 - _SHOWN) * np.bincount(of, minlength=_PIECES)] = np.nan
+    if np.isfinite(ends).sum() < _PIECES // 2:
         return None
-    every = slice(None, None, max(1, int(outer.sum()) // _SEVERAL))
-    return _Strip(frame, q[on][outer][every], reach[outer][every], end, float(np.hypot(_EDGE, footprint)))
+    end = float(np.nanmedian(ends))
+    strip = np.flatnonzero(np.isfinite(ends[place]) & (np.abs(reach - end) < _STRIP))
+    every = strip[:: max(1, len(strip) // _SEVERAL)]
+    return _Strip(frame, q[every], reach[every], end, float(np.hypot(_EDGE, footprint)))

@@ -24,6 +24,7 @@ from twin.runs.threads import each
 from twin.scene import Joint, Trajectory
 
 STEPS = 2  # Gauss-Newton steps a round; the next round associates anew
+BEFORE = 0.03  # m by which what covers a point is before it, more than depth scatters; chosen by us
 
 
 @dataclass(frozen=True)
@@ -219,14 +220,15 @@ def pixels_on(
     frame: int,
     points: Array,
     normal: Array,
-) -> tuple[NDArray[np.bool_], float]:
-    """Whether points (n, 3) of the part are inside the picture of one of the part's frames, and how long (m) a pixel there is on a plane
-    through them with a `normal` (3,), in the middle of them all."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], float]:
+    """Whether points (n, 3) of the part are inside the picture of one of the part's frames, whether something is before them, and how long (m)
+    a pixel there is on a plane through them with a `normal` (3,), in the middle of them all."""
     T_cam_part = geo.invert_pose(views.T_world_cam[rows[frame]]) @ joint.pose(float(state[frame]))
     x = geo.transform(T_cam_part, points)
     cosine = np.abs(x @ (T_cam_part[:3, :3] @ normal)) / np.linalg.norm(x, axis=1)
     footprint = x[:, 2] / views.camera.fx / np.maximum(cosine, 1e-3)
-    return look_up(views.depth[0], views.camera, x)[0], float(np.median(footprint))
+    inside, _, _, seen = look_up(views.depth[rows[frame]], views.camera, x)
+    return inside, inside & (seen > 0) & (seen < x[:, 2] - BEFORE), float(np.median(footprint))
 
 
 def track_terms(

@@ -47,8 +47,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 14, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 8, ("refine", "motion.interval"))
+REFINE = Stage("refine", 15, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 9, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 
 

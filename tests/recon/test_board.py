@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -195,13 +196,23 @@ def _shown(joint: Revolute, width: float = WIDTH, hand: bool = False) -> list[tu
     return out
 
 
-def _edge(shown: list[tuple[int, Array, Array]], inside: bool = True) -> Tie | None:
+def _nothing(_: int, at: Array) -> NDArray[np.bool_]:
+    return np.zeros(len(at), bool)
+
+
+def _edge(
+    shown: list[tuple[int, Array, Array]],
+    inside: bool = True,
+    covered: Callable[[int, Array], NDArray[np.bool_]] = _nothing,
+) -> Tie | None:
     points, normals = _board(np.random.default_rng(0), noise=0.0)
     board = replace(_known(points, normals), offsets=(0.05, -0.05))
     board = replace(
         board, offsets=tuple(float(np.median(x @ board.normal)) for _, x, _ in (shown[0], shown[-1]))
     )
-    return edge_tie(board, shown, TRUE, REST, lambda _, at, __: (np.full(len(at), inside), 0.005))
+    return edge_tie(
+        board, shown, TRUE, REST, lambda k, at, __: (np.full(len(at), inside), covered(k, at), 0.005)
+    )
 
 
 def _tie_away(joint: Revolute, shown: list[tuple[int, Array, Array]], inside: bool = True) -> float | None:
@@ -241,6 +252,35 @@ def test_an_outline_is_as_unsure_as_its_frames_disagree() -> None:
     assert unsure.sigma > 0.04
 
 
+def test_what_an_arm_covers_is_no_edge() -> None:
+    """At rest closed an arm lies over most of the board's length, 12 cm from its edge on: where nothing covers the board it ends where it
+    does, and where too little of the edge is free nothing is told."""
+
+    def behind(
+        share: float,
+    ) -> tuple[list[tuple[int, Array, Array]], Callable[[int, Array], NDArray[np.bool_]]]:
+        shown = _shown(HINGE)
+        along, reach = shown[0][1][:, 2], shown[0][1][:, 0]
+        low, high = along.min(), along.max()
+        arm = low + share * (high - low)
+
+        def covered(k: int, at: Array) -> NDArray[np.bool_]:
+            return np.asarray((at[:, 2] < arm) & (at[:, 0] > reach.max() - 0.12) & (k < 20))
+
+        hidden = [(k, x[~covered(k, x)], q[~covered(k, x)]) for k, x, q in shown]
+        return hidden, covered
+
+    terms = _terms(HINGE, TRUE, np.random.default_rng(3))
+    assert terms.board is not None
+    hidden, covered = behind(0.45)
+    found = _edge(hidden, covered=covered)
+    assert found is not None
+    alone = replace(terms, board=replace(terms.board, ties=(found,)))
+    assert float(board_errors(HINGE, TRUE, alone).away[1]) == pytest.approx(0.0, abs=2e-3)
+    hidden, covered = behind(0.7)
+    assert _edge(hidden, covered=covered) is None
+
+
 @pytest.mark.parametrize("lean", [0.0, 60.0])
 def test_a_pixel_covers_more_of_a_plane_that_leans(lean: float) -> None:
     """2 m away, at 100 px a radian: 20 mm head-on, 40 mm at 60 degrees."""
@@ -249,11 +289,16 @@ def test_a_pixel_covers_more_of_a_plane_that_leans(lean: float) -> None:
     slide = Prismatic(np.array([0.0, 0.0, 1.0]))
     normal = geo.exp_so3([np.radians(lean), 0.0, 0.0]) @ [0.0, 0.0, -1.0]
     points = np.array([[0.0, 0.0, 1.5], [0.001, 0.0, 1.5], [9.0, 0.0, 1.5]])
-    inside, footprint = pixels_on(views, np.array([0]), slide, np.array([0.5]), 0, points[:2], normal)
+    inside, covered, footprint = pixels_on(
+        views, np.array([0]), slide, np.array([0.5]), 0, points[:2], normal
+    )
     assert inside.all()
+    assert covered.all()  # depth is 1 m, they are 2 m away
     assert footprint == pytest.approx(0.02 / np.cos(np.radians(lean)), rel=0.01)
-    inside, _ = pixels_on(views, np.array([0]), slide, np.array([0.5]), 0, points, normal)
+    far = replace(views, depth=2.0 * views.depth)
+    inside, covered, _ = pixels_on(far, np.array([0]), slide, np.array([0.5]), 0, points, normal)
     assert inside.tolist() == [True, True, False]
+    assert not covered.any()
 
 
 def test_a_face_that_no_frame_shows_ties_nothing() -> None:

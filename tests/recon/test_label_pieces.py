@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from recon.dense.depth import F32
-from recon.dense.noise import GOOD_SENSOR
+from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.dense.voxels import in_hull_of
 from recon.labels.enclosed import with_box
 from recon.labels.evidence import compare, depth_range
 from recon.labels.hand_pieces import Rests, drop_crumbs
-from recon.labels.reference_frames import View
+from recon.labels.reference_frames import View, as_references, gather
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics
 from twin import geometry as geo
@@ -160,6 +160,21 @@ def test_what_is_seen_edge_on_is_hardly_seen_through(cosine: float | None, weigh
     compare(
         np.ones(shape, np.float32), color, normals, np.ones(shape, bool), np.array([500, 500, 4, 4], np.float32),
         np.eye(4, dtype=np.float32)[None, :3], walls[None], color[None], tuple(d[None] for d in depth_range(walls)),
-        np.array([True]), np.array([1], np.int8), 5.0, 0.003, GOOD_SENSOR.curve, out,
+        np.array([True]), np.array([1], np.int8), 5.0, 0.003, GOOD_SENSOR.curve, 1.0, out,
     )  # fmt: skip
     assert out[1, 4, 4] == pytest.approx(weight, abs=0.01)
+
+
+@pytest.mark.parametrize(("slow", "through"), [(0.0, True), (1.0, False)])
+def test_errors_that_stay_alike_are_not_surer_in_many_references(slow: float, through: bool) -> None:
+    """Six references read the wall two standard deviations behind a point: as fresh errors hardly all of them would, as one error it may be."""
+    noise, camera = DepthNoise(0.006, 0.0, slow, 0.0), Intrinsics(9, 9, 500.0, 500.0, 4.0, 4.0)
+    shape, moves = (9, 9), np.repeat(np.eye(4)[None, :3], 6, axis=0)
+    off = 2.0 * np.hypot(np.sqrt(2.0) * 0.006, 0.003)
+    walls = [
+        View(k, np.full(shape, 1.0 + off, np.float32), np.zeros((*shape, 3), np.float32)) for k in range(6)
+    ]
+    seen = View(9, np.ones(shape, np.float32), np.zeros((*shape, 3), np.float32))
+    references = as_references(walls, np.ones(6, bool), 2.0)
+    violation = gather(seen, references, moves, camera, 0.003, noise)[1, 4, 4]
+    assert (violation > 1.5) == through

@@ -169,6 +169,7 @@ def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float,
         5.0,
         0.003,
         GOOD_SENSOR.curve,
+        1.0,
         out,
     )
     assert out[:, 4, 4] == pytest.approx([support, violation, 0.0, support])

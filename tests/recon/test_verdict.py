@@ -142,17 +142,19 @@ def test_frames_that_look_elsewhere_say_nothing_about_the_path(evidence: PartEvi
 def test_a_hinge_matters_as_far_as_it_takes_the_path_aside(evidence: PartEvidence) -> None:
     """Over 20 deg by a third of itself; over more than 60 deg by all of it."""
     ajar = ranging(evidence, np.radians(20.0))
-    assert of_parts.pivot(with_sigma(ajar, pivot=0.028)) is None
-    told = of_parts.pivot(with_sigma(ajar, pivot=0.03))
+    limit = of_parts.PIVOT_DOUBTFUL / (2 * np.sin(np.radians(10.0)))
+    assert of_parts.pivot(with_sigma(ajar, pivot=0.97 * limit)) is None
+    told = of_parts.pivot(with_sigma(ajar, pivot=1.03 * limit))
     assert isinstance(told, PivotUnsure)
-    np.testing.assert_allclose(told.limit_m, 0.01 / (2 * np.sin(np.radians(10.0))))
-    assert of_parts.pivot(with_sigma(ranging(evidence, np.radians(70.0)), pivot=0.011)) is not None
+    np.testing.assert_allclose(told.limit_m, limit)
+    wide = with_sigma(ranging(evidence, np.radians(70.0)), pivot=1.03 * of_parts.PIVOT_DOUBTFUL)
+    assert of_parts.pivot(wide) is not None
 
 
 def test_a_half_sure_axis_with_a_half_sure_range_is_refused(evidence: PartEvidence) -> None:
     unsure = with_sigma(evidence, axis=np.radians(1.1 * of_parts.AXIS_HALF_SURE))
     assert of_parts.axis(unsure) is None
-    both = with_sigma(unsure, state=1.1 * SPAN / of_parts.RANGE_DOUBTFUL)
+    both = with_sigma(unsure, state=1.1 * SPAN / of_parts.SHORT)
     assert of_parts.axis(both).level == "refused"  # type: ignore[union-attr]
 
 
