@@ -5,17 +5,17 @@ FunREC, supplement 4: which of the limits is the closed end.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.spatial import cKDTree
 
-from recon.contact.faces import Surface, sample
+from recon.contact.faces import sample
 from recon.contact.front import ALONG, Front, front_of
+from recon.contact.surroundings import flush_shares, inward, nearer_ahead
 from recon.dense.depth import look_up
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
@@ -25,7 +25,9 @@ from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
 _AT_WALL = 0.5  # share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding doors
-_EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the thickness of a fridge door
+_TURN_STEP = np.radians(
+    5.0
+)  # what a hinge is turned on by: a front half a metre wide goes on by less than twice `gap`; by us
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,14 @@ class ClosedEndConfig(Settings):
     )
     margin: float = setting(0.2, "difference of shares that decides", unit="", above=0, at_most=1)
     frames: int = setting(8, "frames looked at for each end", unit="frames", at_least=1)
+    past_hinge: float = setting(
+        float(np.radians(30.0)),
+        "how far past an end a hinge is turned on, to see whether it would be flush there: a door may stand ajar at both ends",
+        unit="rad",
+        at_least=0,
+        below=0.5 * np.pi,
+    )
+    past_slide: float = setting(0.1, "the same of what slides along its front's normal", unit="m", at_least=0)
     quantile: float = setting(
         0.02, "of the smoothed state: an end of the travel", unit="", at_least=0, below=0.5
     )
@@ -55,14 +65,37 @@ class ClosedEndConfig(Settings):
 class ClosedEnd:
     """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the reason.
 
-    margin: by how much the shares of the cue that decided differ between the ends, where it is asked first and nothing speaks against
-    it, or the way of a drawer speaks for it; else 0.
+    margin: by how much the shares of the cue that decided, or of its witness, differ between the ends; 0 without a witness. That is for a
+    hinge where it would be flush if it went on, for a drawer its way, for what slides in its own plane the cue that is asked first.
     """
 
     state: float
     opening_sign: Literal[1, -1]
     source: str
     margin: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Cue:
+    """Shares, one for each end: the larger one's is the closed end."""
+
+    shares: Sequence[float]
+    what: str
+
+    @property
+    def end(self) -> int:
+        return int(self.shares[1] > self.shares[0])
+
+    def lead(self, k: int) -> float:
+        """By how much it speaks for end k."""
+        return self.shares[k] - self.shares[1 - k]
+
+    @property
+    def text(self) -> str:
+        k = self.end
+        return (
+            f"{self.what} ({100 * self.shares[k]:.0f} %, at the other end {100 * self.shares[1 - k]:.0f} %)"
+        )
 
 
 def find_closed_end(
@@ -77,44 +110,68 @@ def find_closed_end(
     """Decide by what surrounds and what lies behind the part at both ends of its travel.
 
     In this order: its face is flush with static surface there and not at the other end; of what slides along its front's normal, it is
-    farther from the viewer and nearer to static surface there, as a drawer comes out of its furniture; it covers a cavity that is seen
-    when it is away; it covers more space; else the first rest pose. What slides in its own plane may be flush all along: there its edge
-    ahead is asked first, which stops at a wall of the furniture, then the cavity. What is flush only where it is farther out is unsure.
+    farther from the viewer and nearer to static surface there, as a drawer comes out of its furniture; it would be flush if it went on
+    there, for furniture stops what shuts, and what opens goes on into free space; it covers a cavity that is seen when it is away; it
+    covers more space; else the first rest pose. What slides in its own plane may be flush all along: there its edge ahead is asked
+    first, which stops at a wall of the furniture, then the cavity.
     part_mesh: at the part's state 0.
     """
     ends = travel_ends(part.motion.state, config.quantile)
     surface = sample(part_mesh)
     if len(surface.points):
         face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
-        flush = _flush_shares(surface, face, part.joint, ends, static, config)
+        past = _past(face, part.joint, config)
+        flush = flush_shares(surface, face, part.joint, ends, static, config.gap, past)
         depth = [
             _depth_behind(
                 part, face, ends[k], _far_frames(part, labels, ends, k, config), recording, cameras, labels
             )
             for k in (0, 1)
         ]
-        cavity = [float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth]
-        cues = [(flush, "flush with its surroundings"), (cavity, "covers a cavity")]
-        inward = _inward(face, part.joint, ends, static)
-        if isinstance(part.joint, Prismatic) and abs(face.normal @ part.joint.axis) < 0.5:
-            cues.reverse()
-            ahead = _nearer_ahead(face, part.joint, ends, static)
-            if max(ahead) > _AT_WALL:
-                cues.insert(0, (ahead, "nearer to a wall with its edge ahead"))
-        elif inward is not None:
-            cues.insert(1, (inward, "nearer to its surroundings and farther from the viewer"))
-        for number, (shares, what) in enumerate(cues):
-            k = int(shares[1] > shares[0])
-            margin = shares[k] - shares[1 - k]
-            if margin > config.margin:
-                of = f"{100 * shares[k]:.0f} %, at the other end {100 * shares[1 - k]:.0f} %"
-                sure = (inward is None and not number) or (inward is not None and inward[k] > 0)
-                return replace(_end(ends, k, f"{what} ({of})"), margin=margin if sure else 0.0)
+        cavity = _Cue([float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth], "covers a cavity")
+        cues, witness = _ranked(flush, cavity, face, part.joint, ends, static)
+        for cue in cues:
+            if cue.lead(cue.end) > config.margin:
+                sure = witness.lead(cue.end) > config.margin
+                margin = max(cue.lead(cue.end), witness.lead(cue.end)) if sure else 0.0
+                return replace(_end(ends, cue.end, cue.text), margin=margin)
         space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
         if abs(space[0] - space[1]) > config.margin * max(space):
             return _end(ends, int(space[1] > space[0]), "its rest pose shows less uncovered space")
     first = float(np.median(part.motion.state[:5]))
     return _end(ends, int(abs(first - ends[1]) < abs(first - ends[0])), "first rest pose")
+
+
+def _ranked(
+    flush: Sequence[Sequence[float]],
+    cavity: _Cue,
+    face: Front,
+    joint: Joint,
+    ends: tuple[float, float],
+    static: Mesh,
+) -> tuple[list[_Cue], _Cue]:
+    """The cues in the order in which they are asked, and the one that bears witness to what they say. flush: see `flush_shares`."""
+    at_end = _Cue([of_end[0] for of_end in flush], "flush with its surroundings")
+    if isinstance(joint, Prismatic) and abs(face.normal @ joint.axis) < 0.5:
+        ahead = _Cue(nearer_ahead(face, joint, ends, static), "nearer to a wall with its edge ahead")
+        cues = [cavity, at_end] if max(ahead.shares) <= _AT_WALL else [ahead, cavity, at_end]
+        return cues, cues[0]
+    past = _Cue([max(of_end) for of_end in flush], "flush with its surroundings if it went on")
+    way_in = inward(face, joint, ends, static)
+    if way_in is None:
+        return [at_end, past, cavity], past
+    way = _Cue(way_in, "nearer to its surroundings and farther from the viewer")
+    return [at_end, way, past, cavity], way
+
+
+def _past(face: Front, joint: Joint, config: ClosedEndConfig) -> Array:
+    """How far past an end (rad or m) a part is carried, in steps from 0: not at all what slides in its own plane, beside which there may
+    be static surface all along."""
+    if not isinstance(joint, Prismatic):
+        return np.arange(0.0, config.past_hinge + 1e-9, _TURN_STEP)
+    if abs(face.normal @ joint.axis) < ALONG:
+        return np.zeros(1)
+    return np.arange(0.0, config.past_slide + 1e-9, config.gap)
 
 
 def _end(ends: tuple[float, float], k: int, source: str) -> ClosedEnd:
@@ -135,81 +192,6 @@ def travel_ends(state: Array, quantile: float) -> tuple[float, float]:
     low, high = np.quantile(s, [quantile, 1 - quantile])
     near = 0.02 * (high - low)
     return float(np.median(s[s <= low + near])), float(np.median(s[s >= high - near]))
-
-
-def _flush_shares(
-    surface: Surface,
-    face: Front,
-    joint: Joint,
-    ends: tuple[float, float],
-    static: Mesh,
-    config: ClosedEndConfig,
-) -> list[float]:
-    """Share of the front's rim beside which the part comes within `config.gap` of static surface, at each end.
-
-    Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing.
-    """
-    poses = [joint.pose(end) for end in ends]
-    near_part = _cropped(static, np.concatenate([geo.transform(p, face.rim) for p in poses]), 2 * _EDGE_M)
-    if not len(near_part.faces):
-        return [0.0, 0.0]
-    tree = cKDTree(sample(near_part, 100_000).points)
-    moves = np.linalg.norm(geo.transform(poses[1], face.rim) - geo.transform(poses[0], face.rim), axis=1)
-    beside = np.isfinite(cKDTree(face.rim).query(surface.points, distance_upper_bound=_EDGE_M)[0])
-    edge = cKDTree(surface.points[beside])
-    shares = []
-    for pose in poses:
-        distance, _ = tree.query(geo.transform(pose, surface.points[beside]), distance_upper_bound=config.gap)
-        nearest, _ = tree.query(geo.transform(pose, face.rim), distance_upper_bound=config.gap)
-        _, near = edge.query(face.rim, k=min(40, edge.n), distance_upper_bound=_EDGE_M)
-        padded = np.append(distance, np.inf)
-        nearest = np.minimum(nearest, padded[near.reshape(len(nearest), -1)].min(axis=1))
-        shares.append(float(moves @ (nearest < config.gap) / max(float(moves.sum()), 1e-9)))
-    return shares
-
-
-def _inward(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float] | None:
-    """Of what slides along its front's normal: at the end that is farther from the viewer, by how much nearer its rim is to static surface
-    than at the other, over the travel (0 where it is not), and 0; else None."""
-    along = float(face.normal @ joint.axis) * (ends[1] - ends[0])
-    if not isinstance(joint, Prismatic) or abs(face.normal @ joint.axis) < ALONG:
-        return None
-    rims = [geo.transform(joint.pose(e), face.rim) for e in ends]
-    beside = _cropped(static, np.concatenate(rims), abs(along) + 2 * _EDGE_M)
-    if not len(beside.faces):
-        return None
-    tree = cKDTree(sample(beside, 100_000).points)
-    near, far = (float(np.median(tree.query(rim)[0])) for rim in rims)
-    share = max(0.0, float(np.sign(along)) * (far - near) / max(abs(along), 1e-9))
-    return [share, 0.0] if along > 0 else [0.0, share]
-
-
-def _nearer_ahead(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float]:
-    """Of what slides in its own plane: by how much of the other's its outer edge is nearer to static surface at each end, the edge that
-    goes ahead there. At both ends of a door that closes on either side it is as near, and both shares are small."""
-    out = np.cross(np.roll(face.rim, -1, axis=0) - np.roll(face.rim, 1, axis=0), face.normal)
-    out *= np.sign(((face.rim - face.rim.mean(axis=0)) * out).sum(axis=1, keepdims=True))
-    along = (out @ joint.axis) / np.maximum(np.linalg.norm(out, axis=1), 1e-9)
-    edges = [
-        geo.transform(joint.pose(e), face.rim[sign * along > ALONG])
-        for e, sign in zip(ends, (-1.0, 1.0), strict=True)
-    ]
-    if not all(len(e) for e in edges):
-        return [0.0, 0.0]
-    beside = _cropped(static, np.concatenate(edges), abs(ends[1] - ends[0]))
-    if not len(beside.faces):
-        return [0.0, 0.0]
-    tree = cKDTree(sample(beside, 100_000).points)
-    low, high = (float(np.median(tree.query(e)[0])) for e in edges)
-    return [max(0.0, 1.0 - low / max(high, 1e-9)), max(0.0, 1.0 - high / max(low, 1e-9))]
-
-
-def _cropped(mesh: Mesh, points: Array, margin: float) -> Mesh:
-    """The faces whose bounding boxes come within `margin` m of the points' bounding box."""
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    corners = mesh.vertices[mesh.faces]
-    keep = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
-    return Mesh(mesh.vertices, mesh.faces[keep])
 
 
 def _far_frames(

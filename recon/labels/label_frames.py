@@ -8,6 +8,7 @@ pooled over voxels of the world and of each part, and over neighbouring pixels. 
 from __future__ import annotations
 
 import warnings
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -33,7 +34,7 @@ from recon.labels.reference_frames import (
     says_nothing,
     view,
 )
-from recon.labels.spreading import pool_in_space
+from recon.labels.spreading import follow_surroundings, pool_in_space
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
@@ -45,7 +46,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 6, ("labels",))
+LABELS = Stage("labels", 7, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -121,8 +122,7 @@ def label_frames(
     looks = [seen for _, seen in zip((progress or untold)(chosen, "labels"), each(look, chosen), strict=True)]
     views, scores, stays = (list(column) for column in zip(*looks, strict=True))
     pool_in_space(views, scores, stays, cameras, parts, camera, COLOR_SIGMAS * refs.color_sigma, noise)
-    for score in scores:
-        score[1:-1] += _PRIOR_PART
+    _weigh(views, scores, COLOR_SIGMAS * refs.color_sigma)
     pool_color(views, scores)
     rests = Rests.of(views, cameras, parts, camera, refs.color_sigma, slack, noise)
     ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
@@ -134,6 +134,16 @@ def label_frames(
     if frames is None:
         _warn_of_ends(out)
     return out
+
+
+def _weigh(views: Sequence[View], scores: Sequence[F32], scale: float) -> None:
+    """Add to the scores what is likely beforehand, and where there is no depth what stands around."""
+
+    def weigh(k: int) -> None:
+        scores[k][1:-1] += _PRIOR_PART
+        follow_surroundings(scores[k], views[k], scale)
+
+    deque(each(weigh, range(len(views))), maxlen=0)
 
 
 def _warn(refs: References) -> None:

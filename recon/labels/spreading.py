@@ -20,10 +20,12 @@ from recon.recording import Intrinsics
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-_SURFACE_GAIN = 3.0
-
-
+# Log scores and px of the working grid, chosen by us.
+_SURFACE_GAIN, _FOLLOW_GAIN = 3.0, 3.0
 _REACH_PX = 60.0
+_HAND_FARTHER_PX = (
+    8.0  # the rim that cameras see no depth in beside a hand, which is nearer than what it hides
+)
 
 
 def _filled(depth: F32) -> F32:
@@ -92,3 +94,19 @@ def spread_along_surfaces(
         nearer = (to_static - to_part) / (to_static + to_part + 1.0) * np.exp(-to_part / _REACH_PX)
         score[k][open_question] += _SURFACE_GAIN * nearer[open_question]
         score[k][held] += _SURFACE_GAIN
+
+
+def follow_surroundings(score: F32, seen: View, scale: float) -> None:
+    """Pixels without depth take the score of the labels around them, by how near these are along like colours.
+
+    A stereo camera has no depth on plain surfaces, and no depth is no evidence for what is static. scale: standard deviation of colour
+    within a surface.
+    """
+    known = seen.depth > 0
+    if known.all() or not known.any():
+        return
+    label = np.where(known, score.argmax(axis=0), -1)
+    ways = np.stack([geodesic(label == k, seen.color, seen.depth, scale, 3) for k in range(len(score))])
+    ways[-1] += _HAND_FARTHER_PX
+    nearest = ways.min(axis=0)
+    score[:, ~known] = (_FOLLOW_GAIN * (nearest - ways) / (nearest + ways + 1.0))[:, ~known]

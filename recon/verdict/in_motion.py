@@ -76,10 +76,11 @@ def _count(twin: PosedTwin, part: MovingPart, frame: int) -> tuple[int, int, int
     seen = twin.seen(frame)
     known, off = gate(seen, now.depth)
     both = known & gate(seen, rest.depth)[0]
-    changed = opened(both & (np.abs(seen - rest.depth) > off))
-    right = opened(changed & (np.abs(seen - now.depth) <= off))
+    unseen = seen <= 0
+    changed = opened(both & (np.abs(seen - rest.depth) > off), unseen)
+    right = opened(changed & (np.abs(seen - now.depth) <= off), unseen)
     stayed = (np.abs(now.depth - rest.depth) > 2 * off) & (np.abs(seen - rest.depth) <= off)
-    wrong = opened((changed & (seen > now.depth + off)) | (both & stayed))
+    wrong = opened((changed & (seen > now.depth + off)) | (both & stayed), unseen)
     own = known & ((now.owner == part.id) | (rest.owner == part.id))
     through = opened(known & (seen > now.depth + off))
     return int(own.sum()), int(through.sum()), int(right.sum()), int(wrong.sum())

@@ -21,7 +21,7 @@ from twin.runs.keys import Stage
 from twin.scene import Trajectory
 from twin.verdict import ManyDoubts, MovesWithDoubted, Reason, Verdict
 
-VERDICT = Stage("verdict", 13, ())
+VERDICT = Stage("verdict", 14, ())
 # Reasons that each make doubtful. Right runs have at most 3 of them; what has more is likelier none. By us, on recordings that were looked at
 MOST_DOUBTS = 3
 # Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time. By us

@@ -48,10 +48,10 @@ from twin.verdict import (
     WithinDrift,
 )
 
-# deg. Doubtful at a fifth of what counts as success, as the sigma leaves out how tracks drift. Refused where two sigmas exceed what counts
+# deg. Doubtful at a quarter of what counts as success, as the sigma leaves out how tracks drift. Refused where two sigmas exceed what counts
 # as success. Of 90 open random recordings, looked at: joints that were right .04 to 1.64, what was wrong or none .67 to 1300, and below 3 only
 # where another reason refuses too.
-AXIS_HALF_SURE, AXIS_DOUBTFUL, AXIS_REFUSED = 0.9, 1.0, 3.0
+AXIS_HALF_SURE, AXIS_DOUBTFUL, AXIS_REFUSED = 0.9, 1.25, 3.0
 # A front without texture that slides out shows by its borders alone how far it went aside: they are off by 4 to 14 mm (five runs, looked
 # at). Doubtful at half of what counts as success, deg.
 BORDERS_M, SIDEWAYS_DOUBTFUL = 0.008, 2.5

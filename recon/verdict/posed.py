@@ -115,9 +115,12 @@ def gate(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> tuple[NDAr
     return both, max(GATE_M, GATE_MEDIANS * float(np.median(np.abs(seen - expected)[both])))
 
 
-def opened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A mask (H, W) without single pixels."""
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(bool)
+def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    """A mask (H, W) without single pixels. untold (H, W): pixels that are not known, which may be of it or not: a surface that is seen in
+    spots is no single pixel."""
+    wide = mask if untold is None else mask | untold
+    kept = cv2.morphologyEx(wide.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(bool)
+    return np.asarray(kept & mask)
 
 
 def _scene(mesh: Mesh) -> Any:

@@ -78,16 +78,38 @@ def test_a_drawer_that_is_flush_only_where_it_is_out_is_unsure() -> None:
     assert found.margin == 0.0
 
 
-def test_a_door_that_never_closes_is_counted_from_its_most_closed_state() -> None:
-    clip = make_clip("door", backwards=True)
-    keep = clip.opening > 0.2  # the recording ends before the door is closed
-    m = clip.part.motion
-    motion = Motion(m.frames[keep], m.times[keep], m.state[keep])
-    found = find_closed_end(
-        replace(clip.part, motion=motion), clip.mesh, clip.static, clip.recording, clip.cameras, clip.labels
-    )
-    assert found.opening_sign == 1
-    assert found.state == pytest.approx(float(m.state[keep].min()), abs=0.03)
+def ajar(clip: Clip, least: float) -> MovingPart:
+    """The clip's part, seen only where it stands open by more than `least` rad."""
+    keep, m = clip.opening > least, clip.part.motion
+    return replace(clip.part, motion=Motion(m.frames[keep], m.times[keep], m.state[keep]))
+
+
+@pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])
+@pytest.mark.parametrize("axis_sign", [1, -1])
+def test_a_door_that_never_shuts_closes_where_it_would_be_flush_if_it_went_on(
+    axis_sign: int, backwards: bool
+) -> None:
+    """Nothing is seen behind it, and at its ends it is flush with nothing."""
+    clip = make_clip("door", backwards=backwards, axis_sign=axis_sign)
+    part = ajar(clip, 0.35)
+    told = (part, clip.mesh, clip.static, clip.recording, clip.cameras, {})
+    found = find_closed_end(*told)
+    assert found.source.startswith("flush with its surroundings if it went on")
+    assert found.margin > 0.5
+    assert found.opening_sign == axis_sign
+    seen = clip.opening[clip.opening > 0.35]
+    np.testing.assert_allclose(rebase(part, found).motion.state, seen - seen.min(), atol=0.02)
+    assert find_closed_end(*told, ClosedEndConfig(past_hinge=0.0)).margin == 0.0
+
+
+def test_a_door_that_would_be_flush_past_both_ends_is_unsure() -> None:
+    """Past its open end stands a wall as high as the door."""
+    clip = make_clip("door")
+    part = ajar(clip, 0.35)
+    past = clip.mesh.transformed(part.joint.pose(float(part.motion.state.max()) + 0.3))
+    walled = merged(clip.static, past)
+    found = find_closed_end(part, clip.mesh, walled, clip.recording, clip.cameras, clip.labels)
+    assert found.margin == 0.0
 
 
 def test_frames_in_which_the_part_is_half_way_tell_nothing_of_the_cavity() -> None:
@@ -219,7 +241,14 @@ def test_ends_of_travel_do_not_grow_with_noise_or_frames() -> None:
 
 
 def test_settings_are_checked() -> None:
-    for wrong in ({"gap": 0.0}, {"margin": -1.0}, {"frames": 0}, {"quantile": 0.5}):
+    for wrong in (
+        {"gap": 0.0},
+        {"margin": -1.0},
+        {"frames": 0},
+        {"quantile": 0.5},
+        {"past_hinge": 2.0},
+        {"past_slide": -0.1},
+    ):
         with pytest.raises(ConfigError, match=next(iter(wrong))):
             ClosedEndConfig(**wrong)
 

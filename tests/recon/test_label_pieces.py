@@ -15,6 +15,7 @@ from recon.labels.enclosed import with_box
 from recon.labels.evidence import compare, depth_range
 from recon.labels.hand_pieces import Rests, drop_crumbs
 from recon.labels.reference_frames import View, as_references, gather
+from recon.labels.spreading import follow_surroundings
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics
 from twin import geometry as geo
@@ -178,3 +179,36 @@ def test_errors_that_stay_alike_are_not_surer_in_many_references(slow: float, th
     references = as_references(walls, np.ones(6, bool), 2.0)
     violation = gather(seen, references, moves, camera, 0.003, noise)[1, 4, 4]
     assert (violation > 1.5) == through
+
+
+def test_pixels_without_depth_follow_what_stands_around_in_their_colour() -> None:
+    """A door whose middle a stereo camera has no depth on, and a gap in the wall beside it."""
+    door, gap = np.zeros(SHAPE, bool), np.zeros(SHAPE, bool)
+    door[8:40, 12:44], gap[5:43, 50:58] = True, True
+    blind = gap.copy()
+    blind[14:34, 18:38] = True
+    color = np.zeros((*SHAPE, 3), np.float32)
+    color[door, 0] = 40.0
+    score = np.zeros((3, *SHAPE), np.float32)
+    score[0], score[1], score[2] = np.where(door, -4.0, 2.0), np.where(door, 2.0, -4.0), -0.7
+    score[:, blind] = np.array([0.0, -0.5, -0.7])[:, None]  # as without any evidence
+    told = score[:, ~blind].copy()
+    follow_surroundings(score, View(0, np.where(blind, 0, 2).astype(np.float32), color), 5.0)
+    np.testing.assert_array_equal(score.argmax(axis=0), door)
+    np.testing.assert_array_equal(score[:, ~blind], told)
+
+
+@pytest.mark.parametrize("of_hand", [False, True], ids=["of any colour", "of the hand's colour"])
+def test_what_has_no_depth_beside_a_hand_is_rather_none_unless_it_has_its_colour(of_hand: bool) -> None:
+    """A camera sees no depth beside what is nearer; fingers without depth look like the others."""
+    hand, blind = np.zeros(SHAPE, bool), np.zeros(SHAPE, bool)
+    hand[:, :30], blind[:, 28:32] = True, True
+    color = np.zeros((*SHAPE, 3), np.float32)
+    color[hand | blind, 0] = 40.0 if of_hand else 0.0
+    score = np.zeros((3, *SHAPE), np.float32)
+    score[1], score[2] = -4.0, np.where(hand, 3.0, -3.0)
+    depth = np.where(blind, 0, np.where(hand, 0.5, 2)).astype(np.float32)
+    follow_surroundings(score, View(0, depth, color), 5.0)
+    found = score.argmax(axis=0) == 2
+    assert found[blind].mean() >= 0.5 if of_hand else found[blind].mean() <= 0.25
+    assert (found == hand)[~blind].all()

@@ -6,6 +6,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -86,6 +87,20 @@ def test_part_and_hand_are_found(single: Scene) -> None:
         assert found.dtype == np.uint8
         if not (truth.labels[frame] == HAND_LABEL).any():
             assert (found == HAND_LABEL).mean() <= 0.01
+
+
+def test_a_camera_without_depth_on_plain_surfaces_loses_no_part(single: Scene) -> None:
+    """As a stereo camera: spots without depth, larger than what neighbours settle, on half of every picture."""
+    recording, truth, parts = single
+    rng = np.random.default_rng(3)
+    rough = cv2.GaussianBlur(rng.normal(size=(144, 192)), (0, 0), 6.0)
+    blind = rough > np.median(rough)
+
+    def spotted(i: int) -> NDArray[np.float32]:
+        return np.where(np.roll(blind, 7 * i, axis=1), 0, recording.depth(i)).astype(np.float32)
+
+    labels = label_frames(replace(recording, read_depth=spotted), truth.cameras, parts, LabelConfig(every=3))
+    assert mean_iou(labels, truth, 2) >= 0.75
 
 
 def test_the_number_of_threads_changes_no_label(single: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

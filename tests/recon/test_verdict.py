@@ -196,8 +196,8 @@ def judged_twin(clip: Clip, evidence: PartEvidence, sigma: float, cut: bool = Fa
 
 
 def test_a_trusted_or_doubtful_part_is_written(clip: Clip, evidence: PartEvidence) -> None:
-    for sigma, level in ((0.9, "trusted"), (1.2, "doubtful")):
-        twin = judged_twin(clip, evidence, sigma)
+    for share, level in ((0.9, "trusted"), (1.2, "doubtful")):
+        twin = judged_twin(clip, evidence, share * of_parts.AXIS_DOUBTFUL)
         assert [p.verdict.level for p in twin.parts] == [level]
         assert twin.verdict.level == level
         assert twin.provenance == {"made": 1}

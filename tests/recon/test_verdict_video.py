@@ -14,6 +14,7 @@ from recon.verdict import of_video
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.halves import Halves
 from recon.verdict.in_motion import InMotion, frames_by_travel, moving_rows
+from recon.verdict.posed import PosedTwin
 from tests.recon.cabinets import FRAMES, Kind, make_clip
 from tests.recon.judged import perfect, with_depth
 from twin import geometry as geo
@@ -103,6 +104,21 @@ def test_a_hand_in_front_is_no_fault_whatever_it_hides(door: PartEvidence) -> No
     assert asked(covered) == set()
     assert covered.in_motion is not None
     assert (covered.in_motion.through, covered.in_motion.wrong) == (0, 0)
+
+
+def test_a_part_that_is_seen_in_spots_is_seen_to_move(door: PartEvidence) -> None:
+    """As by a stereo camera, which has no depth on plain surfaces: two of three rows and columns of pixels are lost."""
+
+    def spotted(depth: Array) -> Array:
+        step = PosedTwin(door.scene.recording, door.scene.cameras, door.scene.static, ()).step
+        y, x = np.indices(depth.shape) // step
+        return np.where((y % 3 == 0) & (x % 3 == 0), depth, 0.0)
+
+    whole, spots = door.in_motion, with_depth(door, spotted).in_motion
+    assert whole is not None
+    assert spots is not None
+    assert spots.right / spots.own == pytest.approx(whole.right / whole.own, rel=0.2)
+    assert spots.wrong < 0.2 * spots.right
 
 
 def test_what_stands_behind_the_part_is_not_seen_through_unless_it_is_farther(door: PartEvidence) -> None:
