@@ -1,7 +1,8 @@
 """Whether the cameras' path holds: frames that look at the same places must see the same depth there.
 
 Where the twin has a part nothing is compared, and a hand and what was missed are the smaller part of what is left: a low quantile of the
-differences in depth is that of the room. It grows with the path's error wherever the room is not one plane along which the path slips.
+differences in depth is that of the room. What one frame sees before a place that the other looks at counts only where that one sees through
+it: else it hides the place. It grows with the path's error wherever the room is not one plane along which the path slips.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import look_up
-from recon.verdict.posed import PosedTwin
+from recon.verdict.posed import GATE_M, PosedTwin
 from twin import geometry as geo
+from twin.geometry import Array
 from twin.scene import FIRST_PART_ID
 
 _FRAMES = 40  # looked at, evenly spread
@@ -51,9 +53,31 @@ def _apart(
     (a, near), (b, far) = one, other
     y, x = np.nonzero(near)
     points = twin.camera.backproject(np.stack([x, y], axis=-1).astype(float), near[y, x].astype(float))
-    moved = geo.transform(geo.invert_pose(twin.T_world_cam(b)) @ twin.T_world_cam(a), points)
-    seen = look_up(far, twin.camera, moved).z
+    T_ab = geo.invert_pose(twin.T_world_cam(b)) @ twin.T_world_cam(a)
+    moved = geo.transform(T_ab, points)
+    landed = look_up(far, twin.camera, moved)
+    seen = landed.z
     both = seen > 0
+    nearer = np.flatnonzero(both & (seen < moved[:, 2] - GATE_M))
+    both[
+        nearer[_hides(twin, near, landed.x[nearer], landed.y[nearer], seen[nearer], geo.invert_pose(T_ab))]
+    ] = False
     if both.sum() < _COMMON * near.size:
         return 0.0
     return float(np.quantile(np.abs(seen[both] - moved[both, 2]), QUANTILE))
+
+
+def _hides(
+    twin: PosedTwin,
+    near: NDArray[np.float32],
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    depth: Array,
+    T_ab: Array,
+) -> NDArray[np.bool_]:
+    """Whether what the other frame sees at pixels (x, y), at these depths (n,), may stand there for the first frame, which does not see through
+    it: then it hides what the first frame sees, and is no other copy of it. T_ab: from the other camera to the first."""
+    points = twin.camera.backproject(np.stack([x, y], axis=-1).astype(float), depth)
+    back = geo.transform(T_ab, points)
+    again = look_up(near, twin.camera, back).z
+    return np.asarray(again < back[:, 2] + GATE_M)

@@ -32,8 +32,9 @@ THROUGH = 0.005
 # where the part was; wrong: 1 in two. Where less than `FEWEST` pixels (chosen by us, a blob of ten by ten) tell, it means nothing.
 WRONG, FEWEST = 0.2, 100
 # What is seen with another depth than at rest and with the twin's, over the part's own pixels. Right: .11 to .80; wrong: below in
-# 23 of 36 with a surface, most others with a right joint and the wrong closed end or labels.
-WITNESSED = 0.05
+# 23 of 36 with a surface, most others with a right joint and the wrong closed end or labels. Refused where there is none of it, by us: 0
+# in five of seven that were none and had no other reason to be refused, with a stereo camera right ones have .03 and more.
+WITNESSED, WITNESSED_REFUSED = 0.05, 0.005
 # Share of the part's area that was seen to move, and that goes far enough to be told. Right: .47 to .96 in 30; wrong: 0 to .28 in 21, and
 # more in six whose surface is right and whose joint, path or closed end is not. Where hardly any was, and most was not even seen at two
 # places, what is called a part is none.
@@ -88,11 +89,13 @@ def motion_explained(e: PartEvidence) -> Reason | None:
 
 
 def motion_seen(e: PartEvidence) -> Reason | None:
-    """How much of the part is seen to move by another depth."""
-    m = e.in_motion
+    """How much of the part is seen to move by another depth. Where none is, and of its surface none either, nothing shows that it moves."""
+    m, p = e.in_motion, e.places
     if m is None or m.right >= WITNESSED * max(m.own, 1):
         return None
-    return MotionUnseen("doubtful", m.right / max(m.own, 1), WITNESSED)
+    share = m.right / max(m.own, 1)
+    nothing = share < WITNESSED_REFUSED and p is not None and p.witnessed < MOVED_REFUSED
+    return MotionUnseen("refused" if nothing else "doubtful", share, WITNESSED)
 
 
 def seen_to_move(e: PartEvidence) -> Reason | None:

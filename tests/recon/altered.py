@@ -9,6 +9,7 @@ import numpy as np
 
 from recon.parts.find_parts import FoundParts
 from recon.verdict.evidence import PartEvidence
+from recon.verdict.in_motion import InMotion
 from recon.verdict.places import Places
 from tests.recon.cabinets import Clip
 from tests.recon.judged import movers_of
@@ -67,6 +68,13 @@ def with_places(e: PartEvidence, **shares: float) -> PartEvidence:
     """Evidence with these shares of the surface, of one that is known well in all else."""
     out = replace(e)
     vars(out)["places"] = replace(Places(0.8, 0.0, 0.8, 1.0), **shares)
+    return out
+
+
+def with_motion(e: PartEvidence, right: float, **shares: float) -> PartEvidence:
+    """Evidence of which this share of its pixels is seen to move as the twin says, with these shares of its surface."""
+    out = with_places(e, **shares)
+    vars(out)["in_motion"] = InMotion(10_000, 0, round(10_000 * right), 0, 0)
     return out
 
 

@@ -30,6 +30,7 @@ from tests.recon.altered import (
     shown_in,
     with_known,
     with_labels,
+    with_motion,
     with_places,
     with_sigma,
 )
@@ -80,6 +81,9 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Reason | None], Callable[..., P
     "surface": (of_parts.surface, lambda e, c, x: replace(e, mesh=scaled(c.mesh, x)), of_parts.SMALL, "down", "doubtful"),
     "moved": (of_video.seen_to_move, lambda e, _, x: with_places(e, witnessed=x), of_video.MOVED, "down", "doubtful"),
     "moved, none": (of_video.seen_to_move, lambda e, _, x: with_places(e, witnessed=x, followed=0.1), of_video.MOVED_REFUSED, "down", "refused"),
+    "motion": (of_video.motion_seen, lambda e, _, x: with_motion(e, x, witnessed=0.5), of_video.WITNESSED, "down", "doubtful"),
+    "motion, none": (of_video.motion_seen, lambda e, _, x: with_motion(e, x, witnessed=0.0), of_video.WITNESSED_REFUSED, "down", "refused"),
+    "motion, but moved": (of_video.motion_seen, lambda e, _, x: with_motion(e, 0.0, witnessed=x), of_video.MOVED_REFUSED, "down", "refused"),
     "followed": (of_video.seen_to_move, lambda e, _, x: with_places(e, witnessed=0.0, followed=x), of_video.FOLLOWED, "down", "refused"),
     "contradicted": (of_video.contradicted, lambda e, _, x: with_places(e, contradicted=x), of_video.CONTRADICTED, "up", "doubtful"),
     "contradicted, most": (of_video.contradicted, lambda e, _, x: with_places(e, contradicted=x), of_video.CONTRADICTED_REFUSED, "up", "refused"),

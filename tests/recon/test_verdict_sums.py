@@ -40,9 +40,9 @@ def doubted(clip: Clip, times: int) -> PartEvidence:
 
 
 @pytest.mark.parametrize(
-    ("times", "level"), [(0, "trusted"), (1, "doubtful"), (3, "doubtful"), (4, "refused")]
+    ("times", "level"), [(0, "trusted"), (1, "doubtful"), (2, "doubtful"), (3, "refused"), (4, "refused")]
 )
-def test_three_doubts_are_doubts_and_four_refuse(times: int, level: str, clip: Clip) -> None:
+def test_two_doubts_are_doubts_and_three_refuse(times: int, level: str, clip: Clip) -> None:
     verdict = verdict_on(doubted(clip, times))
     assert verdict.level == level
     assert sum(r.level == "doubtful" for r in verdict.reasons) == times
