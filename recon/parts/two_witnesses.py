@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from recon.joints.config import JointConfig
 from recon.motion.intervals import state_intervals
 from recon.motion.movers import Movers
@@ -17,6 +19,8 @@ from recon.recording import Recording
 from twin.describe import range_text
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
+_AS_FAR = 0.5  # chosen by us
+
 
 def by_both(
     found: Sequence[PartTracks],
@@ -26,20 +30,29 @@ def by_both(
     config: MotionConfig,
     joints: JointConfig,
 ) -> tuple[PartTracks, ...]:
-    """The parts by both witnesses. A joint that both tell is taken from the tracks, which know it more finely; where depth tells any, one
-    that it does not confirm is none, and a warning says so: corners that drift along edges follow some joint as well."""
+    """The parts by both witnesses. A joint that both tell is taken from the tracks, which know it more finely, unless they hardly follow it;
+    where depth tells any, one that it does not confirm is none, and a warning says so: corners that drift along edges follow some joint as
+    well."""
     seen = witnessed(recording, cameras, movers, [f.part.joint for f in found], config, joints)
     if not seen:
         return tuple(found)
     parts: list[PartTracks] = []
+    taken: set[int | None] = set()
     for w in seen[: config.max_parts]:
-        if w.by_tracks is not None and not any(p is found[w.by_tracks] for p in parts):
-            parts.append(found[w.by_tracks])
-        elif w.by_tracks is None:
+        if w.by_tracks is None or not (_as_far(found[w.by_tracks], w) or w.by_tracks in taken):
             parts.append(_of_depth(w, recording, cameras, movers, config))
+        elif w.by_tracks not in taken:
+            parts.append(found[w.by_tracks])
+        taken.add(w.by_tracks)
     for left in (f for k, f in enumerate(found) if all(w.by_tracks != k for w in seen)):
         _warn(left)
     return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
+
+
+def _as_far(told: PartTracks, seen: Witnessed) -> bool:
+    """Whether tracks have the part go `_AS_FAR` of the way that depth sees it go: those that slip along it know a joint, and no state."""
+    ways = [float(np.ptp(np.quantile(s, (0.02, 0.98)))) for s in (told.part.motion.state, seen.state)]
+    return ways[0] > _AS_FAR * ways[1]
 
 
 def _warn(left: PartTracks) -> None:

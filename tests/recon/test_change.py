@@ -148,6 +148,16 @@ def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip:
     assert other.part.motion.inliers == 0.0  # no track follows it
 
 
+def test_tracks_that_slip_along_a_part_know_its_joint_and_not_how_far_it_goes(clip: Clip) -> None:
+    none = np.zeros(0, bool)
+    for share, source in ((0.1, "depth"), (0.9, "motion")):
+        motion = replace(clip.part.motion, state=share * clip.part.motion.state)
+        told = [PartTracks(replace(clip.part, motion=motion), none, "motion")]
+        (part,) = by_both(told, clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
+        assert part.type_source == source
+    assert np.ptp(part.part.motion.state) == pytest.approx(0.9 * np.ptp(clip.part.motion.state))
+
+
 def _explaining(score: float, first: int, last: int) -> ChangedPart:
     """A part that moves from one of 100 frames to another and explains so much."""
     state = np.interp(np.arange(100), [first, last], [0.0, 0.3])
