@@ -18,7 +18,7 @@ from recon.recording import Recording
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
-CONTACT = Stage("contact", 5, ("closed_end", "contact"))
+CONTACT = Stage("contact", 6, ("closed_end", "contact"))
 
 
 @dataclass(frozen=True, eq=False)

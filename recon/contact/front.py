@@ -13,6 +13,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Prismatic
 
+_ENOUGH = 0.5  # of the largest face; chosen by us
 ALONG = 0.7  # cosine between a front's normal and the way of what slides along it
 
 
@@ -26,13 +27,16 @@ class Front:
 
 
 def front_of(surface: Surface, part: MovingPart, eyes: Array) -> Front:
-    """The part's front: the largest flat face; of a slide, rather one square to its motion when it has such a face."""
+    """The part's front: of the largest flat faces, the one towards the viewer; of a slide, rather one square to its motion when it has such
+    a face. A small piece that lies before the others is no front: its rim is not the part's.
+    """
     faces = outer_faces(surface)
     if isinstance(part.joint, Prismatic):
         square = [f for f in faces if abs(f.normal @ part.joint.axis) > ALONG]
         if square and len(square[0].points) > 0.2 * len(faces[0].points):
             faces = square
-    same = [f for f in faces if abs(f.normal @ faces[0].normal) > 0.9]
+    enough = _ENOUGH * len(faces[0].points)
+    same = [f for f in faces if abs(f.normal @ faces[0].normal) > 0.9 and len(f.points) >= enough]
     middle = eyes.mean(axis=0)
     face = max(same, key=lambda f: float(middle @ f.normal - f.offset))
     return Front(face.points, _rim(face.points, face.normal), face.normal)

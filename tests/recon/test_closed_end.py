@@ -164,6 +164,18 @@ def test_the_front_is_the_large_face_also_for_a_camera_far_aside(side: float) ->
     np.testing.assert_allclose(face.rim[:, 1], -0.15, atol=2e-3)
 
 
+def test_a_small_piece_before_the_large_face_is_no_front() -> None:
+    """A strip beside the hinge that stands 24 deg off the door and nearer to the viewer: its rim is not the door's."""
+    joint = Revolute(np.array([0.0, 0.0, 1.0]), pivot=np.array([-0.35, 0.0, 1.0]))
+    part = MovingPart(2, joint, Motion(np.arange(3), np.arange(3) / 15.0, np.zeros(3)))
+    tilt = geo.make_pose(geo.exp_so3(np.array([0.0, 0.0, np.radians(24.0)])), [-0.25, -0.07, 1.0])
+    strip = box((0.0, 0.0, 0.0), (0.17, 0.01, 0.8)).transformed(tilt)
+    door = merged(box((0.0, 0.0, 1.0), (0.7, 0.02, 0.8)), strip)
+    face = front_of(sample(door), part, np.array([[1.5, -2.0, 1.2]]))
+    np.testing.assert_allclose(face.rim[:, 1], -0.01, atol=2e-3)
+    assert np.ptp(face.rim[:, 0]) == pytest.approx(0.7, abs=0.02)
+
+
 def test_less_uncovered_space_decides_when_nothing_is_flush_or_deep() -> None:
     clip = make_clip("slide", backwards=True)
     blind = ClosedEndConfig(deep=5.0)  # no cavity is that deep
