@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from recon.dense.depth import F32
 from recon.dense.noise import DepthNoise
@@ -20,11 +22,12 @@ from recon.recording import Intrinsics
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.threads import each
-from twin.scene import Trajectory
-from twin.voxels import voxel_keys
+from twin.scene import Revolute, Trajectory
+from twin.voxels import voxel_centres, voxel_keys
 
 # Chosen by us and the same for every recording.
 _VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
+_NEAR_M = 0.1  # what lies so near to a part's piece may be of it, seen in spots
 SURE = 1.0  # lead of a log score that counts as certain
 
 
@@ -50,7 +53,10 @@ def voxel_size(views: list[View], noise: DepthNoise) -> float:
 
 
 class VoxelPool:
-    """The voxels of the world and of each part's own frame, and which of them the pixels of the views fall into."""
+    """The voxels of the world and of each part's own frame, and which of them the pixels of the views fall into.
+
+    A part is the heaviest connected piece with what lies near it. A floor below a door turns within itself: it goes along as well as it stays.
+    """
 
     def __init__(
         self,
@@ -60,32 +66,68 @@ class VoxelPool:
         camera: Intrinsics,
         noise: DepthNoise,
     ) -> None:
-        size = voxel_size(views, noise)
+        self._size = size = voxel_size(views, noise)
         self._known = [v.depth > 0 for v in views]
+        self._turns = [isinstance(p.joint, Revolute) for p in parts]
         self._frames = [_Voxels.of(views, None, cameras, camera, size)]
         self._frames += [_Voxels.of(views, part, cameras, camera, size) for part in parts]
 
-    def add_to(self, scores: list[F32]) -> None:
-        """Add to each score what all views say about the pixel's voxel, in the world and in each part's own frame."""
-        gains = list(each(lambda k: self._gains(k, scores), range(len(self._frames))))
+    def add_to(self, scores: list[F32], settled: bool = False) -> None:
+        """Add to each score what all views say about the pixel's voxel, in the world and in each part's own frame. settled: once beliefs
+        have spread along surfaces, what lies far from a part that turns is none of it."""
+        pieces = list(each(lambda k: self._piece(k, scores), range(1, len(self._frames))))
+        for k, piece in enumerate(pieces, 1):
+            if settled and self._turns[k - 1]:
+                self._leave(k, piece, scores)
+        gains = list(each(lambda k: self._gains(k, scores, [None, *pieces][k]), range(len(self._frames))))
         for k, (voxels, gain) in enumerate(zip(self._frames, gains, strict=True)):
             for v, g in zip(voxels.rows, gain, strict=True):
                 if len(g):
                     scores[v][k][self._known[v]] += g
 
-    def _gains(self, k: int, scores: list[F32]) -> list[F32]:
+    def _piece(self, k: int, scores: list[F32]) -> NDArray[np.int64]:
+        """Keys (m,) of the voxels of the connected piece that is part k."""
+        voxels = self._frames[k]
+        mean, n, _ = self._evidence(k, scores)
+        strong = np.flatnonzero((mean > 0.4) & (n >= 2))
+        return voxels.keys[strong[largest_piece(voxels.keys[strong], (mean * n)[strong])]]
+
+    def _leave(self, k: int, piece: NDArray[np.int64], scores: list[F32]) -> None:
+        """What lies far from the piece that is part k, and is not seen to have moved, is rather static. Of what slides only the edges are
+        sure to move, which may be far from what else it is."""
+        voxels = self._frames[k]
+        if not len(piece):
+            return
+        away, _ = cKDTree(voxel_centres(piece, self._size)).query(
+            voxel_centres(voxels.keys, self._size), distance_upper_bound=_NEAR_M
+        )
+        for v, far in zip(voxels.rows, self._by_view(np.isinf(away)[voxels.of_pixel], voxels), strict=True):
+            known = self._known[v]
+            mine, static = scores[v][k][known], scores[v][0][known]
+            mine[far & (static > -SURE)] = np.minimum(mine, static - SURE)[far & (static > -SURE)]
+            scores[v][k][known] = mine
+
+    def _gains(self, k: int, scores: list[F32], piece: NDArray[np.int64] | None) -> list[NDArray[Any]]:
         """What hypothesis k gains at the known pixels of each of its views."""
-        keys, inverse, rows = self._frames[k].keys, self._frames[k].of_pixel, self._frames[k].rows
-        ahead = np.concatenate([lead_of(scores[v], k)[self._known[v]] for v in rows])
-        mean, n = mean_evidence(inverse, np.clip(ahead, -_CLIP, _CLIP), len(keys), _VOXEL_PRIOR)
-        gain = _VOXEL_GAIN * mean[inverse]
-        if k > 0:
-            strong = np.flatnonzero((mean > 0.4) & (n >= 2))
-            piece = keys[strong[largest_piece(keys[strong], (mean * n)[strong])]]
-            lost = ~near_piece(keys, piece)[inverse]
+        voxels = self._frames[k]
+        mean, _, ahead = self._evidence(k, scores)
+        gain = _VOXEL_GAIN * mean[voxels.of_pixel]
+        if piece is not None:
+            lost = ~near_piece(voxels.keys, piece)[voxels.of_pixel]
             gain[lost] = np.minimum(gain[lost], -np.maximum(ahead[lost], 0))
-        cuts = np.cumsum([np.count_nonzero(self._known[v]) for v in rows])[:-1]
-        return np.split(gain, cuts)
+        return self._by_view(gain, voxels)
+
+    def _by_view(self, flat: NDArray[Any], voxels: _Voxels) -> list[NDArray[Any]]:
+        return np.split(flat, np.cumsum([np.count_nonzero(self._known[v]) for v in voxels.rows])[:-1])
+
+    def _evidence(self, k: int, scores: list[F32]) -> tuple[F32, NDArray[np.int64], F32]:
+        """Mean lead of hypothesis k and number of pixels (m,) in each of its voxels, and the lead of each known pixel of its views."""
+        voxels = self._frames[k]
+        ahead = np.concatenate([lead_of(scores[v], k)[self._known[v]] for v in voxels.rows])
+        mean, n = mean_evidence(
+            voxels.of_pixel, np.clip(ahead, -_CLIP, _CLIP), len(voxels.keys), _VOXEL_PRIOR
+        )
+        return mean, n, ahead
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,7 +66,7 @@ def pool_in_space(
         spread_along_surfaces(scores[k], sure[k], enclosed[k], views[k], scale)
 
     deque(each(spread, range(len(views))), maxlen=0)
-    pool.add_to(scores)
+    pool.add_to(scores, settled=True)
 
 
 def spread_along_surfaces(

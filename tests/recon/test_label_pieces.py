@@ -14,6 +14,7 @@ from recon.dense.voxels import in_hull_of
 from recon.labels.enclosed import with_box
 from recon.labels.evidence import compare, depth_range
 from recon.labels.hand_pieces import Rests, drop_crumbs
+from recon.labels.pooling import VoxelPool
 from recon.labels.reference_frames import View, as_references, gather
 from recon.labels.spreading import follow_surroundings
 from recon.parts.moving_part import MovingPart
@@ -212,3 +213,23 @@ def test_what_has_no_depth_beside_a_hand_is_rather_none_unless_it_has_its_colour
     found = score.argmax(axis=0) == 2
     assert found[blind].mean() >= 0.5 if of_hand else found[blind].mean() <= 0.25
     assert (found == hand)[~blind].all()
+
+
+@pytest.mark.parametrize("turns", [True, False], ids=["hinge", "slide"])
+def test_what_lies_far_from_a_part_that_turns_is_none_of_it_but_where_it_moved(turns: bool) -> None:
+    """A floor that turns within itself goes along as well as it stays. What slides is sure to move at its edges only."""
+    depth = np.full(SHAPE, 1.0, np.float32)
+    depth[:, 30:] = 2.0
+    door, floor, gone = (np.zeros(SHAPE, bool) for _ in range(3))
+    door[:, :30], floor[:, 34:50], gone[:, 54:] = True, True, True
+    views = [View(f, depth, np.zeros((*SHAPE, 3), np.float32)) for f in (0, 2, 4)]
+    part = _part() if turns else replace(_part(), joint=Prismatic(np.array([0.0, 0.0, 1.0]), upper=1.0))
+    score = np.zeros((3, *SHAPE), np.float32)
+    score[2] = -0.7
+    score[0][door | gone], score[1][door], score[1][floor], score[1][gone] = -4.0, 3.0, 0.3, 0.3
+    scores = [score.copy() for _ in views]
+    VoxelPool(views, _cameras(), (part,), CAMERA, GOOD_SENSOR).add_to(scores, settled=True)
+    for found in (s.argmax(axis=0) for s in scores):
+        assert (found[door] == 1).all()
+        assert (found[floor] == (0 if turns else 1)).all()
+        assert (found[gone] != 0).all()
