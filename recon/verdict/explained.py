@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.verdict.hands import hand_in_view
-from recon.verdict.posed import PosedTwin, gate, opened
+from recon.verdict.posed import PosedTwin, gate, opened, wide
 from twin.scene import STATIC_LABEL
 
 # Of the recording at each end, and how many frames of it are looked at, those with labels where there are any; chosen by us
@@ -49,7 +49,8 @@ def static_seen_through(twin: PosedTwin) -> tuple[int, float]:
 def _through(twin: PosedTwin, frame: int) -> float:
     seen, expected = twin.seen(frame), twin.expected(frame)
     known, off = gate(seen, expected.depth)
-    return float(opened(known & (seen > expected.depth + off) & (expected.owner == STATIC_LABEL)).mean())
+    through = known & (seen > expected.depth + off) & (expected.owner == STATIC_LABEL)
+    return float(wide(through, expected.depth, twin.camera).mean())
 
 
 def _looked_at(frames: NDArray[np.int64], labels: Mapping[int, NDArray[np.uint8]]) -> list[int]:
@@ -59,7 +60,8 @@ def _looked_at(frames: NDArray[np.int64], labels: Mapping[int, NDArray[np.uint8]
 
 
 def _share(twin: PosedTwin, frame: int, image: NDArray[np.uint8] | None, sign: int) -> float:
-    other = other_depth(twin.seen(frame), twin.expected(frame).depth)
+    expected = twin.expected(frame).depth
+    other = wide(other_depth(twin.seen(frame), expected), expected, twin.camera)
     if image is not None and other.any():
         other &= ~hand_in_view(twin, frame, image, sign)
     return float(other.mean())

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.parts.moving_part import MovingPart
-from recon.verdict.posed import PosedTwin, gate, opened
+from recon.verdict.posed import PosedTwin, gate, opened, wide
 
 FRAMES = 8  # of those in which the part moves, evenly over its travel; chosen by us
 
@@ -82,7 +82,7 @@ def _count(twin: PosedTwin, part: MovingPart, frame: int) -> tuple[int, int, int
     stayed = (np.abs(now.depth - rest.depth) > 2 * off) & (np.abs(seen - rest.depth) <= off)
     wrong = opened((changed & (seen > now.depth + off)) | (both & stayed), unseen)
     own = known & ((now.owner == part.id) | (rest.owner == part.id))
-    through = opened(known & (seen > now.depth + off))
+    through = wide(known & (seen > now.depth + off), now.depth, twin.camera)
     return int(own.sum()), int(through.sum()), int(right.sum()), int(wrong.sum())
 
 

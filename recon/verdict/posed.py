@@ -20,6 +20,7 @@ from twin.scene import STATIC_LABEL, UNKNOWN_LABEL, Mesh, Trajectory
 WIDTH = 160  # px to which pictures are thinned out
 # m and multiples: another depth is one that differs by more than both. Six medians of the frame's own differences are 4 sigma.
 GATE_M, GATE_MEDIANS = 0.03, 6.0
+_GAP_M = 0.025  # what is narrower is a gap that fusion closed, or an edge that it drew on; a joint's gap and twice a voxel; by us
 # Beside steps in depth (m, and share of the depth) a pixel of the mesh may be one of the picture's other side.
 _STEP_M, _STEP_SHARE, _BESIDE = 0.05, 0.03, 5
 
@@ -113,6 +114,17 @@ def gate(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> tuple[NDAr
     if not both.any():
         return both, GATE_M
     return both, max(GATE_M, GATE_MEDIANS * float(np.median(np.abs(seen - expected)[both])))
+
+
+def wide(mask: NDArray[np.bool_], depth: NDArray[np.float32], camera: Intrinsics) -> NDArray[np.bool_]:
+    """A mask (H, W) without what is narrower than `_GAP_M` at the median of its depths (H, W) m: fused surfaces close the gap beside a front,
+    and end a little beyond their edge."""
+    if not mask.any():
+        return mask
+    px = _GAP_M * camera.fx / float(np.median(depth[mask]))
+    size = max(3, 2 * round(0.5 * (px - 1)) + 1)
+    kernel = np.ones((size, size), np.uint8)
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool))
 
 
 def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from recon.parts.moving_part import MovingPart
+from recon.recording import Intrinsics
 from recon.verdict import of_video
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.halves import Halves
 from recon.verdict.in_motion import InMotion, frames_by_travel, moving_rows
-from recon.verdict.posed import PosedTwin
+from recon.verdict.posed import PosedTwin, wide
 from tests.recon.cabinets import FRAMES, Kind, make_clip
 from tests.recon.judged import perfect, with_depth
 from twin import geometry as geo
@@ -104,6 +105,22 @@ def test_a_hand_in_front_is_no_fault_whatever_it_hides(door: PartEvidence) -> No
     assert asked(covered) == set()
     assert covered.in_motion is not None
     assert (covered.in_motion.through, covered.in_motion.wrong) == (0, 0)
+
+
+@pytest.mark.parametrize("z", [0.5, 1.0, 2.5])
+def test_a_closed_gap_is_not_seen_through_and_a_strip_of_a_missed_part_is(z: float) -> None:
+    """Whatever the camera's distance, as far as pixels show it: from one of three pixels width on."""
+    camera = Intrinsics(160, 120, 140.0, 140.0, 79.5, 59.5)
+    depth = np.full((120, 160), z, np.float32)
+
+    def seen(width_m: float) -> bool:
+        strip = np.zeros(depth.shape, bool)
+        strip[:, 40 : 40 + max(1, round(width_m * camera.fx / z))] = True
+        return bool(wide(strip, depth, camera).any())
+
+    assert not seen(0.015)
+    assert seen(0.06)
+    assert not wide(np.zeros(depth.shape, bool), depth, camera).any()
 
 
 def test_a_part_that_is_seen_in_spots_is_seen_to_move(door: PartEvidence) -> None:
