@@ -150,7 +150,7 @@ def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip:
 
 def test_tracks_that_slip_along_a_part_know_its_joint_and_not_how_far_it_goes(clip: Clip) -> None:
     none = np.zeros(0, bool)
-    for share, source in ((0.1, "depth"), (0.9, "motion")):
+    for share, source in ((0.1, "depth"), (0.4, "motion"), (0.9, "motion")):
         motion = replace(clip.part.motion, state=share * clip.part.motion.state)
         told = [PartTracks(replace(clip.part, motion=motion), none, "motion")]
         (part,) = by_both(told, clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
