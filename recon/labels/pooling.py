@@ -28,6 +28,7 @@ from twin.voxels import voxel_centres, voxel_keys
 # Chosen by us and the same for every recording.
 _VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
 _NEAR_M = 0.1  # what lies so near to a part's piece may be of it, seen in spots
+_Evidence = tuple[F32, NDArray[np.int64], F32]
 SURE = 1.0  # lead of a log score that counts as certain
 
 
@@ -75,29 +76,30 @@ class VoxelPool:
     def add_to(self, scores: list[F32], settled: bool = False) -> None:
         """Add to each score what all views say about the pixel's voxel, in the world and in each part's own frame. settled: once beliefs
         have spread along surfaces, what lies far from a part that turns is none of it."""
-        pieces = list(each(lambda k: self._piece(k, scores), range(1, len(self._frames))))
-        for k, piece in enumerate(pieces, 1):
-            if settled and self._turns[k - 1]:
-                self._leave(k, piece, scores)
-        gains = list(each(lambda k: self._gains(k, scores, [None, *pieces][k]), range(len(self._frames))))
+        every = range(len(self._frames))
+        found = list(each(lambda k: self._evidence(k, scores), every))
+        pieces = {k: self._piece(k, found[k]) for k in every[1:]}
+        turning = [k for k in every[1:] if settled and self._turns[k - 1] and len(pieces[k])]
+        for k in turning:
+            self._leave(k, pieces[k], scores)
+        if turning:
+            found = list(each(lambda k: self._evidence(k, scores), every))
+        gains = list(each(lambda k: self._gains(k, found[k], pieces.get(k)), every))
         for k, (voxels, gain) in enumerate(zip(self._frames, gains, strict=True)):
             for v, g in zip(voxels.rows, gain, strict=True):
                 if len(g):
                     scores[v][k][self._known[v]] += g
 
-    def _piece(self, k: int, scores: list[F32]) -> NDArray[np.int64]:
+    def _piece(self, k: int, found: _Evidence) -> NDArray[np.int64]:
         """Keys (m,) of the voxels of the connected piece that is part k."""
-        voxels = self._frames[k]
-        mean, n, _ = self._evidence(k, scores)
+        keys, (mean, n, _) = self._frames[k].keys, found
         strong = np.flatnonzero((mean > 0.4) & (n >= 2))
-        return voxels.keys[strong[largest_piece(voxels.keys[strong], (mean * n)[strong])]]
+        return keys[strong[largest_piece(keys[strong], (mean * n)[strong])]]
 
     def _leave(self, k: int, piece: NDArray[np.int64], scores: list[F32]) -> None:
         """What lies far from the piece that is part k, and is not seen to have moved, is rather static. Of what slides only the edges are
         sure to move, which may be far from what else it is."""
         voxels = self._frames[k]
-        if not len(piece):
-            return
         away, _ = cKDTree(voxel_centres(piece, self._size)).query(
             voxel_centres(voxels.keys, self._size), distance_upper_bound=_NEAR_M
         )
@@ -107,10 +109,9 @@ class VoxelPool:
             mine[far & (static > -SURE)] = np.minimum(mine, static - SURE)[far & (static > -SURE)]
             scores[v][k][known] = mine
 
-    def _gains(self, k: int, scores: list[F32], piece: NDArray[np.int64] | None) -> list[NDArray[Any]]:
-        """What hypothesis k gains at the known pixels of each of its views."""
-        voxels = self._frames[k]
-        mean, _, ahead = self._evidence(k, scores)
+    def _gains(self, k: int, found: _Evidence, piece: NDArray[np.int64] | None) -> list[NDArray[Any]]:
+        """What hypothesis k gains at the known pixels of each of its views. piece: what is part k; None for static scene."""
+        voxels, (mean, _, ahead) = self._frames[k], found
         gain = _VOXEL_GAIN * mean[voxels.of_pixel]
         if piece is not None:
             lost = ~near_piece(voxels.keys, piece)[voxels.of_pixel]
@@ -120,7 +121,7 @@ class VoxelPool:
     def _by_view(self, flat: NDArray[Any], voxels: _Voxels) -> list[NDArray[Any]]:
         return np.split(flat, np.cumsum([np.count_nonzero(self._known[v]) for v in voxels.rows])[:-1])
 
-    def _evidence(self, k: int, scores: list[F32]) -> tuple[F32, NDArray[np.int64], F32]:
+    def _evidence(self, k: int, scores: list[F32]) -> _Evidence:
         """Mean lead of hypothesis k and number of pixels (m,) in each of its voxels, and the lead of each known pixel of its views."""
         voxels = self._frames[k]
         ahead = np.concatenate([lead_of(scores[v], k)[self._known[v]] for v in voxels.rows])
