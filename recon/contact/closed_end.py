@@ -25,9 +25,8 @@ from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
 _AT_WALL = 0.5  # share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding doors
-_TURN_STEP = np.radians(
-    5.0
-)  # what a hinge is turned on by: a front half a metre wide goes on by less than twice `gap`; by us
+# What a hinge is turned on by: a front half a metre wide goes on by less than twice `gap`; by us
+_TURN_STEP = np.radians(5.0)
 
 
 @dataclass(frozen=True)

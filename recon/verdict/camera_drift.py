@@ -2,7 +2,7 @@
 
 Where the twin has a part nothing is compared, and a hand and what was missed are the smaller part of what is left: a low quantile of the
 differences in depth is that of the room. What one frame sees before a place that the other looks at counts only where that one sees through
-it: else it hides the place. It grows with the path's error wherever the room is not one plane along which the path slips.
+it: else it hides the place. The quantile grows with the path's error wherever the room is not one plane along which the path slips.
 """
 
 from __future__ import annotations
@@ -53,15 +53,14 @@ def _apart(
     (a, near), (b, far) = one, other
     y, x = np.nonzero(near)
     points = twin.camera.backproject(np.stack([x, y], axis=-1).astype(float), near[y, x].astype(float))
-    T_ab = geo.invert_pose(twin.T_world_cam(b)) @ twin.T_world_cam(a)
-    moved = geo.transform(T_ab, points)
+    T_ba = geo.invert_pose(twin.T_world_cam(b)) @ twin.T_world_cam(a)
+    moved = geo.transform(T_ba, points)
     landed = look_up(far, twin.camera, moved)
     seen = landed.z
     both = seen > 0
     nearer = np.flatnonzero(both & (seen < moved[:, 2] - GATE_M))
-    both[
-        nearer[_hides(twin, near, landed.x[nearer], landed.y[nearer], seen[nearer], geo.invert_pose(T_ab))]
-    ] = False
+    hides = _hides(twin, near, landed.x[nearer], landed.y[nearer], seen[nearer], geo.invert_pose(T_ba))
+    both[nearer[hides]] = False
     if both.sum() < _COMMON * near.size:
         return 0.0
     return float(np.quantile(np.abs(seen[both] - moved[both, 2]), QUANTILE))

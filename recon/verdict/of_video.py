@@ -33,7 +33,7 @@ THROUGH = 0.005
 WRONG, FEWEST = 0.2, 100
 # What is seen with another depth than at rest and with the twin's, over the part's own pixels. Right: .11 to .80; wrong: below in
 # 23 of 36 with a surface, most others with a right joint and the wrong closed end or labels. Refused where there is none of it, by us: 0
-# in five of seven that were none and had no other reason to be refused, with a stereo camera right ones have .03 and more.
+# in four of five open negatives that were looked at for it; right ones with a stereo camera .03 and more, one right door 0, whose surface moved.
 WITNESSED, WITNESSED_REFUSED = 0.05, 0.005
 # Share of the part's area that was seen to move, and that goes far enough to be told. Right: .47 to .96 in 30; wrong: 0 to .28 in 21, and
 # more in six whose surface is right and whose joint, path or closed end is not. Where hardly any was, and most was not even seen at two

@@ -122,17 +122,19 @@ def wide(mask: NDArray[np.bool_], depth: NDArray[np.float32], camera: Intrinsics
     if not mask.any():
         return mask
     px = _GAP_M * camera.fx / float(np.median(depth[mask]))
-    size = max(3, 2 * round(0.5 * (px - 1)) + 1)
-    kernel = np.ones((size, size), np.uint8)
-    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool))
+    return _without_narrow(mask, max(3, 2 * round(0.5 * (px - 1)) + 1))
 
 
 def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
     """A mask (H, W) without single pixels. untold (H, W): pixels that are not known, which may be of it or not: a surface that is seen in
     spots is no single pixel."""
-    wide = mask if untold is None else mask | untold
-    kept = cv2.morphologyEx(wide.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(bool)
-    return np.asarray(kept & mask)
+    return np.asarray(mask & _without_narrow(mask if untold is None else mask | untold, 3))
+
+
+def _without_narrow(mask: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
+    """A mask (H, W) without what no square of so many pixels fits into."""
+    kernel = np.ones((size, size), np.uint8)
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool))
 
 
 def _scene(mesh: Mesh) -> Any:
