@@ -72,9 +72,9 @@ def labelled_at_ends(e: PartEvidence) -> Reason | None:
 
 
 def seen_through(e: PartEvidence) -> Reason | None:
-    """Where the moving twin is nearer than what was seen; no hand makes anything farther."""
+    """Where the moving twin is nearer than what was seen; no hand makes anything farther. Of a part never in view `motion_seen` tells."""
     m = e.in_motion
-    if m is None or m.through <= THROUGH * m.own:
+    if m is None or m.own == 0 or m.through <= THROUGH * m.own:
         return None
     return SeenThrough("doubtful", m.worst, m.through / m.own, THROUGH)
 

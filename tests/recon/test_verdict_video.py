@@ -269,6 +269,7 @@ D, P = np.radians, 0.001
 BOTH_SIDES: dict[str, tuple[Callable[[PartEvidence], Reason | None], Any, Any]] = {
     # evidence: no reason, a reason. As numbers, not as multiples of the limits, so that a limit that was changed is noticed.
     "through": (of_video.seen_through, InMotion(1000, 4, 500, 0, 7), InMotion(1000, 6, 500, 0, 7)),
+    "through, in view": (of_video.seen_through, InMotion(0, 500, 0, 0, 7), InMotion(1000, 500, 0, 0, 7)),
     "explained": (of_video.motion_explained, InMotion(9000, 0, 810, 190, 7), InMotion(9000, 0, 790, 210, 7)),
     "enough": (of_video.motion_explained, InMotion(9000, 0, 0, 95, 7), InMotion(9000, 0, 0, 105, 7)),
     "witnessed": (of_video.motion_seen, InMotion(1000, 0, 55, 0, 7), InMotion(1000, 0, 45, 0, 7)),
