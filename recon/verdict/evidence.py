@@ -16,7 +16,7 @@ from recon.verdict.camera_drift import camera_drift
 from recon.verdict.explained import static_seen_through, unexplained
 from recon.verdict.halves import Halves, halves
 from recon.verdict.hand_visits import idle_visit
-from recon.verdict.hands import false_hand
+from recon.verdict.hands import false_hand, resting_hand
 from recon.verdict.in_motion import InMotion, in_motion
 from recon.verdict.lost_labels import least_labelled
 from recon.verdict.places import Places, places
@@ -60,6 +60,11 @@ class SceneEvidence:
     def false_hand(self) -> tuple[int, float]:
         """The first or last labelled frame, and the share of it that is labelled hand and is none."""
         return false_hand(self.posed, self.labels)
+
+    @cached_property
+    def resting_hand(self) -> tuple[int, float]:
+        """The labelled frame with most that is labelled hand and keeps its place before and after, and the share of it."""
+        return resting_hand(self.posed, self.labels)
 
     @cached_property
     def idle_visit(self) -> tuple[int, int] | None:

@@ -1,8 +1,8 @@
-"""Whether what is labelled hand at the ends of a recording is one.
+"""Whether what is labelled hand is one.
 
-A hand stands in front of what the twin shows. It reaches in from the border of the picture, or it moves. What has the twin's depth, or
-keeps its place in the world without reaching the border or in the size of furniture, is what the labels could not explain otherwise.
-An arm that slides along itself, without reaching the border, would be taken for furniture.
+A hand stands in front of what the twin shows. It reaches in from the viewer, or it moves. What has the twin's depth, or keeps its place
+in the world without reaching in or in the size of furniture, is what the labels could not explain otherwise. An arm that slides along
+itself, without reaching the border, would be taken for furniture.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import HAND_LABEL
 
-# s after the first and before the last labelled frame, and how many frames of them are looked at. A hand that reaches for something
+# s after a labelled frame, before it or both, and how many frames of them are looked at. A hand that reaches for something
 # gets 10 cm or more in that time, three gates. Chosen by us
 SECONDS, FRAMES = 0.5, 3
 # Share of a piece that keeps its place: where it is less, fingers may rest while the arm comes. 0.2 in the one true hand among open
@@ -43,22 +43,55 @@ def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tupl
     return worst
 
 
+def resting_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
+    """The labelled frame with most that is labelled hand and keeps its place before and after, and the share of its pixels."""
+    worst = (min(labels), 0.0)
+    for frame, image in sorted(labels.items()):
+        hand = twin.thinned(image) == HAND_LABEL
+        if hand.mean() <= worst[1]:
+            continue
+        others = sorted({*_near(twin, frame, -1), *_near(twin, frame, 1)})
+        share = float(opened(_at_rest(twin, frame, hand, others)).mean())
+        if share > worst[1]:
+            worst = (frame, share)
+    return worst
+
+
 def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int) -> NDArray[np.bool_]:
     """Pixels (H, W) of a frame that are labelled hand and are no furniture at rest: pieces that mostly don't keep their place in the frames
     after (sign 1) or before it (-1), and arms that reach in from the border."""
     hand = twin.thinned(image) == HAND_LABEL
     if not hand.any():
         return hand
+    kept = hand & _keeps_place(twin, frame, _near(twin, frame, sign))
+    still, pieces = _still_pieces(twin, frame, hand, kept)
+    return np.asarray(hand & ~still[pieces])
+
+
+def _at_rest(
+    twin: PosedTwin, frame: int, hand: NDArray[np.bool_], others: Sequence[int]
+) -> NDArray[np.bool_]:
+    """Of the pixels (H, W) of a frame that are labelled hand those that keep their place in other frames, in pieces that are no hand."""
+    if not hand.any():
+        return hand
+    kept = hand & _keeps_place(twin, frame, others)
+    still, pieces = _still_pieces(twin, frame, hand, kept)
+    return np.asarray(kept & still[pieces])
+
+
+def _still_pieces(
+    twin: PosedTwin, frame: int, hand: NDArray[np.bool_], kept: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    """Which pieces of a hand (H, W) mostly keep their place and are no arm that reaches in from the border, and the piece of each pixel.
+    kept (H, W): what keeps its place."""
     seen = twin.seen(frame)
-    off = gate(seen, twin.expected(frame).depth)[1]
-    kept = hand & _keeps_place(twin, frame, seen, _near(twin, frame, sign), off)
-    pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1]
+    pieces = np.asarray(cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1], np.int32)
     still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
     area = np.square(seen.astype(np.float64)) / (twin.camera.fx * twin.camera.fy)
     arm = _at_border(pieces) & (np.bincount(pieces.ravel(), area.ravel()) <= ARMS_M2)
     for k in np.flatnonzero(arm & still):
         still[k] = not _reaches_in(pieces == k, seen)
-    return np.asarray(hand & ~still[pieces])
+    return still, pieces
 
 
 def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:
@@ -98,25 +131,13 @@ def _false(twin: PosedTwin, frame: int, image: NDArray[np.uint8], others: Sequen
     seen, expected = twin.seen(frame), twin.expected(frame).depth
     known, off = gate(seen, expected)
     as_twin = hand & known & (seen >= expected - off)
-    area = np.square(seen.astype(np.float64)) / (twin.camera.fx * twin.camera.fy)
-    return opened(as_twin | _furniture(hand, hand & _keeps_place(twin, frame, seen, others, off), area))
+    return opened(as_twin | _at_rest(twin, frame, hand, others))
 
 
-def _furniture(hand: NDArray[np.bool_], kept: NDArray[np.bool_], area: Array) -> NDArray[np.bool_]:
-    """Of what keeps its place (H, W) that in pieces of the hand which mostly keep theirs, and don't reach the border of the picture or
-    are too large for arms. area (H, W): m^2 across the view that a pixel shows."""
-    pieces = cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1]
-    out = _at_border(pieces)
-    still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
-    large = np.bincount(pieces.ravel(), area.ravel()) > ARMS_M2
-    still[out] &= large[out]
-    return np.asarray(kept & still[pieces])
-
-
-def _keeps_place(
-    twin: PosedTwin, frame: int, seen: NDArray[np.float32], others: Sequence[int], off: float
-) -> NDArray[np.bool_]:
+def _keeps_place(twin: PosedTwin, frame: int, others: Sequence[int]) -> NDArray[np.bool_]:
     """Pixels (H, W) whose point of the world is seen again in the other frames and seen through in none."""
+    seen = twin.seen(frame)
+    off = gate(seen, twin.expected(frame).depth)[1]
     grid = np.stack(np.meshgrid(*map(np.arange, seen.shape[::-1])), axis=-1).astype(np.float64)
     points = geo.transform(twin.T_world_cam(frame), twin.camera.backproject(grid, seen.astype(np.float64)))
     again, through = np.zeros(seen.shape, np.int64), np.zeros(seen.shape, bool)

@@ -19,10 +19,21 @@ from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
-from twin.verdict import ManyDoubts, MovesWithDoubted, Reason, Verdict
+from twin.verdict import (
+    HandMovesNothing,
+    HandWhereNobodyIs,
+    ManyDoubts,
+    MovesWithDoubted,
+    Reason,
+    StaticSeenThrough,
+    Unexplained,
+    Verdict,
+)
 
-VERDICT = Stage("verdict", 16, ())
-# Reasons that each make doubtful. Of 16 open right parts that are doubted twelve have one of them, three two and one three; of five open negatives
+VERDICT = Stage("verdict", 17, ())
+# What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
+OF_THE_SCENE = (HandWhereNobodyIs, HandMovesNothing, Unexplained, StaticSeenThrough)
+# Reasons that each make doubtful, those of the scene together one of them. Of 16 open right parts that are doubted twelve have one of them, three two and one three; of five open negatives
 # (of 48) that are refused for nothing else four have four and more, one three. By us, on recordings that were looked at
 MOST_DOUBTS = 2
 # Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time. By us
@@ -85,6 +96,8 @@ def verdict_on(evidence: PartEvidence) -> Verdict:
 
 def _added_up(reasons: tuple[Reason, ...]) -> Verdict:
     """These reasons, and that they are too many where none of them is enough to refuse."""
-    if len(reasons) > MOST_DOUBTS and all(r.level == "doubtful" for r in reasons):
-        return Verdict((ManyDoubts.told(reasons, MOST_DOUBTS), *reasons))
+    of_scene = [r for r in reasons if isinstance(r, OF_THE_SCENE)]
+    doubts = [r for r in reasons if r not in of_scene[1:]]
+    if len(doubts) > MOST_DOUBTS and all(r.level == "doubtful" for r in reasons):
+        return Verdict((ManyDoubts.told(doubts, MOST_DOUBTS), *reasons))
     return Verdict(reasons)

@@ -15,7 +15,7 @@ from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_video import (
     as_its_tracks,
     contradicted,
-    hand_at_ends,
+    hand_is_one,
     hand_moves_something,
     labelled_at_ends,
     motion_explained,
@@ -288,6 +288,6 @@ def static_stays(e: PartEvidence) -> Reason | None:
 
 
 OF_PARTS = (
-    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, rests_still, surface, across_itself, seen_to_move, contradicted, labelled, labelled_at_ends, hand_at_ends, hand_moves_something, explained, static_stays,
+    uncertainty, axis, pivot, travelled, far_enough, closed_end, cameras, drift, rests, rests_still, surface, across_itself, seen_to_move, contradicted, labelled, labelled_at_ends, hand_is_one, hand_moves_something, explained, static_stays,
     seen_through, motion_explained, motion_seen, same_in_halves, as_its_tracks,
 )  # fmt: skip

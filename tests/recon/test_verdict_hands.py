@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recon.verdict import of_parts, of_video
+from recon.verdict import hand_visits, of_parts, of_video
 from recon.verdict.evidence import PartEvidence
 from tests.recon.cabinets import FRAMES, Clip, Kind, make_clip
 from tests.recon.judged import perfect, with_depth
 from twin.geometry import Array
-from twin.scene import HAND_LABEL, Mesh
+from twin.scene import HAND_LABEL, Mesh, Motion
 from twin.verdict import HandMovesNothing, HandWhereNobodyIs, Unexplained
 
 
@@ -33,7 +33,7 @@ def test_a_true_hand_at_an_end_is_no_reason(kind: Kind) -> None:
     for last in (10, 12, 14, 16):
         labels = hand_labels(clip, last)
         assert (labels[last] == HAND_LABEL).mean() > of_video.HAND_AT_END
-        assert of_video.hand_at_ends(perfect(clip, labels)) is None
+        assert of_video.hand_is_one(perfect(clip, labels)) is None
 
 
 def painted(clip: Clip, frame: int, what: Any) -> dict[int, Any]:
@@ -52,11 +52,11 @@ def block(clip: Clip, share: float) -> Any:
 @pytest.mark.parametrize("frame", [0, FRAMES - 2])
 def test_hand_that_has_the_depth_of_the_twin_is_none(frame: int) -> None:
     clip = make_clip("door")
-    told = of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.016))))
+    told = of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.016))))
     assert isinstance(told, HandWhereNobodyIs)
     assert told.frame == frame
     np.testing.assert_allclose(told.share, 0.016, rtol=0.15)
-    assert of_video.hand_at_ends(perfect(clip, painted(clip, frame, block(clip, 0.008)))) is None
+    assert of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.008)))) is None
 
 
 @pytest.mark.parametrize("frame", [0, FRAMES - 2])
@@ -65,7 +65,7 @@ def test_a_missed_part_that_was_labelled_hand_is_none(frame: int) -> None:
     clip = make_clip("drawer")
     missed = painted(clip, frame, clip.labels[frame] == 2)
     e = with_labels(perfect(clip), missed, None)
-    told = of_video.hand_at_ends(e)
+    told = of_video.hand_is_one(e)
     assert isinstance(told, HandWhereNobodyIs)
     assert told.frame == frame
 
@@ -88,8 +88,8 @@ def test_what_leaves_may_be_a_hand(since: int) -> None:
     thing = clip.labels[0] == 2
     e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
     depth = clip.recording.depth(0)
-    assert isinstance(of_video.hand_at_ends(changing(e, since, depth)), HandWhereNobodyIs)
-    assert of_video.hand_at_ends(changing(e, since, np.where(thing, depth + 0.2, depth))) is None
+    assert isinstance(of_video.hand_is_one(changing(e, since, depth)), HandWhereNobodyIs)
+    assert of_video.hand_is_one(changing(e, since, np.where(thing, depth + 0.2, depth))) is None
 
 
 def test_fingers_may_rest_while_the_arm_moves() -> None:
@@ -99,8 +99,8 @@ def test_fingers_may_rest_while_the_arm_moves() -> None:
     e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
     depth = clip.recording.depth(0)
     fingers, half = (np.where(thing & (np.arange(thing.shape[1]) > x), depth + 0.2, depth) for x in column)
-    assert of_video.hand_at_ends(changing(e, 1, fingers)) is None
-    assert isinstance(of_video.hand_at_ends(changing(e, 1, half)), HandWhereNobodyIs)
+    assert of_video.hand_is_one(changing(e, 1, fingers)) is None
+    assert isinstance(of_video.hand_is_one(changing(e, 1, half)), HandWhereNobodyIs)
 
 
 @pytest.mark.parametrize(("kind", "told"), [("drawer", False), ("door", True)])
@@ -111,8 +111,8 @@ def test_what_reaches_the_border_may_be_an_arm_unless_it_is_too_large(kind: Kind
     near = with_depth(perfect(clip), lambda depth: np.where(arm, 0.5, depth))
     labels = {0: painted(clip, 0, arm | (clip.labels[0] == 2))[0]}
     e = changing(with_labels(near, labels, None), FRAMES, np.zeros(0))
-    assert (of_video.hand_at_ends(e) is not None) == told
-    assert of_video.hand_at_ends(with_labels(e, {}, None)) is None
+    assert (of_video.hand_is_one(e) is not None) == told
+    assert of_video.hand_is_one(with_labels(e, {}, None)) is None
 
 
 def ending(e: PartEvidence, last: int) -> PartEvidence:
@@ -186,3 +186,43 @@ def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
         e.scene, labels=brief, parts=((replace(part, motion=replace(motion, intervals=())), mesh),)
     )
     assert of_video.hand_moves_something(replace(e, scene=scene)) is None
+
+
+@pytest.mark.parametrize(("seconds", "idle"), [(2.5, False), (3.5, True)])
+@pytest.mark.parametrize("before", [True, False])
+def test_a_hand_that_stays_beside_a_motion_may_have_moved_something_else(
+    seconds: float, idle: bool, before: bool
+) -> None:
+    """Ten frames a second; the part moves while the hand has been in view for so long, or is still in view for so long."""
+    clip = make_clip("door")
+    e = perfect(clip)
+    (part, _), *_ = e.scene.parts
+    rate, count = 10.0, 90
+    motion = (40, 46)
+    visit = (motion[0] - round(seconds * rate), 50) if before else (38, motion[1] + round(seconds * rate))
+    frames = np.arange(count)
+    state = np.interp(frames, motion, (0.0, 1.0))
+    moved = replace(part, motion=Motion(frames, frames / rate, state, (motion,)))
+    image = np.full(clip.labels[0].shape, HAND_LABEL, np.uint8)
+    labels = {f: image if visit[0] <= f <= visit[1] else image * 0 + 1 for f in range(count)}
+    recording = replace(e.scene.recording, times=frames / rate)
+    told = hand_visits.idle_visit(recording, labels, [moved])
+    assert told == (((visit[0], motion[0]) if before else (motion[1], visit[1])) if idle else None)
+
+
+@pytest.mark.parametrize(("frame", "share", "told"), [(6, 0.05, True), (6, 0.02, False), (0, 0.02, True)])
+def test_a_board_that_is_labelled_hand_at_rest_is_none(frame: int, share: float, told: bool) -> None:
+    """It lies still at the border of the picture, as far away there as elsewhere: no arm does."""
+    clip = make_clip("drawer")
+    image = np.zeros(clip.labels[0].shape, bool)
+    high = image.shape[0] // 3
+    image[:high, : round(share * image.size / high)] = True
+    e = with_depth(perfect(clip), lambda seen: np.where(image, 1.0, seen))
+    nobody = {f: np.where(seen == HAND_LABEL, np.uint8(1), seen) for f, seen in clip.labels.items()}
+    labels = nobody | {frame: np.where(image, np.uint8(HAND_LABEL), nobody[frame])}
+    still = changing(with_labels(e, labels, e.mesh), FRAMES, np.zeros(0))
+    found = of_video.hand_is_one(still)
+    assert (found is not None) == told
+    if isinstance(found, HandWhereNobodyIs):
+        assert found.frame == frame
+        np.testing.assert_allclose(found.share, share, rtol=0.2)

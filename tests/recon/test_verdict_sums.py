@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.parts.find_parts import PartTracks
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.judge import Judged, _beside_doubted, judge, verdict_on
+from recon.verdict.judge import OF_THE_SCENE, Judged, _beside_doubted, judge, verdict_on
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import perfect
 from twin.verdict import ClosedEndUnsure, Level, ManyDoubts, MovesWithDoubted, Verdict
@@ -57,6 +58,25 @@ def test_two_doubts_are_doubts_and_three_refuse(times: int, level: str, clip: Cl
 def test_what_is_refused_for_itself_is_not_refused_for_its_doubts(clip: Clip) -> None:
     reasons = verdict_on(replace(doubted(clip, 4), mesh=None)).reasons
     assert not any(isinstance(r, ManyDoubts) for r in reasons)
+
+
+def test_what_a_missed_part_makes_wrong_is_one_doubt(clip: Clip) -> None:
+    """Resting hand, idle hand, another depth at rest and a static scene that is seen through; together with one doubt they don't refuse."""
+    for times, level in ((1, "doubtful"), (2, "refused")):
+        e = doubted(clip, times)
+        scene = copy(e.scene)
+        told = {
+            "resting_hand": (3, 0.1),
+            "idle_visit": (3, 9),
+            "unexplained": (3, 0.01),
+            "static_seen_through": (3, 0.1),
+        }
+        scene.__dict__.update(told)
+        verdict = verdict_on(replace(e, scene=scene))
+        assert sum(isinstance(r, OF_THE_SCENE) for r in verdict.reasons) == len(told)
+        assert verdict.level == level
+    assert isinstance(verdict.main, ManyDoubts)
+    assert verdict.main.count == times + 1
 
 
 def judged_beside(clip: Clip, frames: int) -> Judged:

@@ -9,8 +9,8 @@ from twin.verdict.reason import CUT, POINT_AT_IT, Reason
 
 @dataclass(frozen=True)
 class HandWhereNobodyIs(Reason):
-    """`share` of the first or last labelled frame, more than `limit`, is labelled hand and is none: it has the twin's depth, or keeps its
-    place away from the border of the picture."""
+    """`share` of a labelled frame, more than `limit`, is labelled hand and is none: it keeps its place without reaching in, or has the
+    twin's depth at an end of the recording."""
 
     frame: int
     share: float
