@@ -28,9 +28,9 @@ SECONDS, FRAMES = 0.5, 3
 STILL = 0.4
 # m^2 across the view. Two arms with sleeves, hand to elbow, 45 cm by 12 cm each, have half of it
 ARMS_M2 = 0.2
-# An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it opens seldom farther than 1.3 m.
-# Chosen by us
-REACHES_IN = 0.7
+# An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it opens seldom farther than 1.3 m. An arm
+# that comes from the side had .74, so what is to be told as no arm must have more than the second. Chosen by us
+REACHES_IN, ACROSS = 0.7, 0.9
 
 
 def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
@@ -64,7 +64,7 @@ def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: in
     if not hand.any():
         return hand
     kept = hand & _keeps_place(twin, frame, _near(twin, frame, sign))
-    still, pieces = _still_pieces(twin, frame, hand, kept)
+    still, pieces = _still_pieces(twin, frame, hand, kept, REACHES_IN)
     return np.asarray(hand & ~still[pieces])
 
 
@@ -75,22 +75,22 @@ def _at_rest(
     if not hand.any():
         return hand
     kept = hand & _keeps_place(twin, frame, others)
-    still, pieces = _still_pieces(twin, frame, hand, kept)
+    still, pieces = _still_pieces(twin, frame, hand, kept, ACROSS)
     return np.asarray(kept & still[pieces])
 
 
 def _still_pieces(
-    twin: PosedTwin, frame: int, hand: NDArray[np.bool_], kept: NDArray[np.bool_]
+    twin: PosedTwin, frame: int, hand: NDArray[np.bool_], kept: NDArray[np.bool_], nearer: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
     """Which pieces of a hand (H, W) mostly keep their place and are no arm that reaches in from the border, and the piece of each pixel.
-    kept (H, W): what keeps its place."""
+    kept (H, W): what keeps its place. nearer: see `REACHES_IN`."""
     seen = twin.seen(frame)
     pieces = np.asarray(cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1], np.int32)
     still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
     area = np.square(seen.astype(np.float64)) / (twin.camera.fx * twin.camera.fy)
     arm = _at_border(pieces) & (np.bincount(pieces.ravel(), area.ravel()) <= ARMS_M2)
     for k in np.flatnonzero(arm & still):
-        still[k] = not _reaches_in(pieces == k, seen)
+        still[k] = not _reaches_in(pieces == k, seen, nearer)
     return still, pieces
 
 
@@ -101,13 +101,13 @@ def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:
     return out
 
 
-def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32]) -> bool:
-    """Whether a piece (H, W) comes from the viewer: where it leaves the picture it is much nearer than at its far end."""
+def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32], nearer: float) -> bool:
+    """Whether a piece (H, W) comes from the viewer: where it leaves the picture it is so much nearer than at its far end."""
     at_border = np.zeros_like(piece)
     at_border[[0, -1]], at_border[:, [0, -1]] = piece[[0, -1]], piece[:, [0, -1]]
     there = seen[at_border & (seen > 0)]
     near = float(np.median(there)) if len(there) else 0.0  # nearer than the sensor can see
-    return near < REACHES_IN * float(np.quantile(seen[piece], 0.95))
+    return near < nearer * float(np.quantile(seen[piece], 0.95))
 
 
 def _ends(twin: PosedTwin, labelled: Sequence[int]) -> list[tuple[int, list[int]]]:

@@ -210,14 +210,27 @@ def test_a_hand_that_stays_beside_a_motion_may_have_moved_something_else(
     assert told == (((visit[0], motion[0]) if before else (motion[1], visit[1])) if idle else None)
 
 
-@pytest.mark.parametrize(("frame", "share", "told"), [(6, 0.05, True), (6, 0.02, False), (0, 0.02, True)])
-def test_a_board_that_is_labelled_hand_at_rest_is_none(frame: int, share: float, told: bool) -> None:
-    """It lies still at the border of the picture, as far away there as elsewhere: no arm does."""
+@pytest.mark.parametrize(
+    ("frame", "share", "border_m", "told"),
+    [
+        (6, 0.05, 1.0, True),
+        (6, 0.05, 0.8, False),
+        (6, 0.02, 1.0, False),
+        (0, 0.02, 1.0, True),
+        (0, 0.02, 0.8, False),
+    ],
+)
+def test_a_board_that_is_labelled_hand_at_rest_is_none(
+    frame: int, share: float, border_m: float, told: bool
+) -> None:
+    """It lies still, 1 m away, and as far where it meets the border of the picture; an arm that comes from the side is nearer there."""
     clip = make_clip("drawer")
     image = np.zeros(clip.labels[0].shape, bool)
     high = image.shape[0] // 3
-    image[:high, : round(share * image.size / high)] = True
-    e = with_depth(perfect(clip), lambda seen: np.where(image, 1.0, seen))
+    wide = round(share * image.size / high)
+    image[high : 2 * high, :wide] = True
+    ahead = np.interp(np.arange(image.shape[1]), (0, wide), (border_m, 1.0))
+    e = with_depth(perfect(clip), lambda seen: np.where(image, ahead, seen))
     nobody = {f: np.where(seen == HAND_LABEL, np.uint8(1), seen) for f, seen in clip.labels.items()}
     labels = nobody | {frame: np.where(image, np.uint8(HAND_LABEL), nobody[frame])}
     still = changing(with_labels(e, labels, e.mesh), FRAMES, np.zeros(0))
