@@ -13,6 +13,7 @@ from twin.scene import Box, Joint, Prismatic, Revolute
 
 HANDLES = ("bar", "knob", "edge")
 _OVERHANG = 0.055  # m by which a front without handle stands over the middle of its cabinet's outer board; 46 mm to pinch
+_TRAY = 0.03  # m, with its floor, that a drawer's sides are high at least
 _GAP = 0.003
 Rng = np.random.Generator
 
@@ -129,7 +130,7 @@ def _drawer(low: float, high: float) -> Maker:
         over = _OVERHANG if handle == "edge" else 0.0
         cabinet = shell(width, 0.5, tall - over, [0, 0.275, z - over / 2])
         front = box([0, 0.012, z], [width - _GAP, BOARD, tall - _GAP])
-        inner = tall - over - 0.05
+        inner = max(tall - over - 0.05, _TRAY)
         tray = [box([0, 0.25, z - over / 2 - inner / 2 + 0.005], [width - 0.06, 0.44, 0.01])]
         sides = [s * (width / 2 - 0.035) for s in (-1, 1)]
         tray += [box([x, 0.25, z - over / 2 - 0.01], [0.012, 0.44, inner - 0.02]) for x in sides]
