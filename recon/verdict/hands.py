@@ -72,8 +72,6 @@ def _at_rest(
     twin: PosedTwin, frame: int, hand: NDArray[np.bool_], others: Sequence[int]
 ) -> NDArray[np.bool_]:
     """Of the pixels (H, W) of a frame that are labelled hand those that keep their place in other frames, in pieces that are no hand."""
-    if not hand.any():
-        return hand
     kept = hand & _keeps_place(twin, frame, others)
     still, pieces = _still_pieces(twin, frame, hand, kept, ACROSS)
     return np.asarray(kept & still[pieces])

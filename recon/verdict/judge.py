@@ -33,8 +33,9 @@ from twin.verdict import (
 VERDICT = Stage("verdict", 18, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
 OF_THE_SCENE = (HandWhereNobodyIs, HandMovesNothing, Unexplained, StaticSeenThrough)
-# Reasons that each make doubtful, those of the scene together one of them. Of 16 open right parts that are doubted twelve have one of them, three two and one three; of five open negatives
-# (of 48) that are refused for nothing else four have four and more, one three. By us, on recordings that were looked at
+# Reasons that each make doubtful, those of the scene together one of them. Of 16 open right parts that are doubted twelve have one of them,
+# three two and one three; of eight open negatives that are refused for nothing else all have four and more. By us, on recordings that were
+# looked at
 MOST_DOUBTS = 2
 # Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time. By us
 TOGETHER = 0.5

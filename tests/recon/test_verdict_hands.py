@@ -204,7 +204,7 @@ def test_a_hand_that_stays_beside_a_motion_may_have_moved_something_else(
     state = np.interp(frames, motion, (0.0, 1.0))
     moved = replace(part, motion=Motion(frames, frames / rate, state, (motion,)))
     image = np.full(clip.labels[0].shape, HAND_LABEL, np.uint8)
-    labels = {f: image if visit[0] <= f <= visit[1] else image * 0 + 1 for f in range(count)}
+    labels = {f: image if visit[0] <= f <= visit[1] else np.ones_like(image) for f in range(count)}
     recording = replace(e.scene.recording, times=frames / rate)
     told = hand_visits.idle_visit(recording, labels, [moved])
     assert told == (((visit[0], motion[0]) if before else (motion[1], visit[1])) if idle else None)
