@@ -210,6 +210,23 @@ def test_a_hand_that_stays_beside_a_motion_may_have_moved_something_else(
     assert told == (((visit[0], motion[0]) if before else (motion[1], visit[1])) if idle else None)
 
 
+@pytest.mark.parametrize(("seconds", "idle"), [(5.5, None), (6.5, (16, 81))])
+def test_between_two_motions_a_hand_leaves_one_part_and_reaches_for_the_next(
+    seconds: float, idle: tuple[int, int] | None
+) -> None:
+    """In view throughout, ten frames a second: 3 s for each of both."""
+    clip = make_clip("door")
+    e = perfect(clip)
+    (part, _), *_ = e.scene.parts
+    frames = np.arange(100)
+    again = 16 + round(seconds * 10)
+    state = np.interp(frames, (10, 16, again, again + 6), (0.0, 1.0, 1.0, 0.0))
+    moved = replace(part, motion=Motion(frames, frames / 10, state, ((10, 16), (again, again + 6))))
+    labels = {int(f): np.full(clip.labels[0].shape, HAND_LABEL, np.uint8) for f in frames}
+    recording = replace(e.scene.recording, times=frames / 10)
+    assert hand_visits.idle_visit(recording, labels, [moved]) == idle
+
+
 @pytest.mark.parametrize(
     ("frame", "share", "border_m", "told"),
     [
