@@ -51,7 +51,10 @@ def _of_outcome(found: Outcome) -> Counter[str]:
         out["trusted"] += part.trusted
         out["trusted success"] += part.trusted and part.cause is None
         if part.trusted and part.cause is not None:
-            out[f"wrong but trusted {part.cause}"] += 1
+            of = "" if part.aside is None else f" of {part.aside}"
+            out[f"wrong but trusted {part.cause}{of}"] += 1
+        if part.aside is not None:
+            out[f"aside {part.aside}"] += 1
         if part.cause is None:
             out.update(f"doubt {name}" for name in part.doubts)
     if any(part.cause == "missed" for part in found.parts):

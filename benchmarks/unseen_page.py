@@ -106,6 +106,7 @@ def _reasons(counts: Mapping[str, int]) -> list[str]:
     clips = sum(counts.get(f"{group}: missed where a part was refused", 0) for group in GROUPS)
     return [
         f"- Trusted that fail, by cause: {told('wrong but trusted')}.",
+        f"- Paths that are off, by what takes them aside: {told('aside')}.",
         f"- Successes that are doubtful, by reason: {told('doubt')}.",
         f"- Clips with a missed part in which a part was refused: {clips}; by reason: {told('refused')}.",
         f"- Clips without a result, by error: {told('broken')}.",

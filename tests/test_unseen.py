@@ -18,7 +18,7 @@ from recon.evaluation.truth import Truth, TruthPart
 from recon.simulate.random.strata import sealed_set
 from twin import geometry as geo
 from twin.errors import InputError
-from twin.scene import Trajectory, Twin
+from twin.scene import Part, Revolute, Trajectory, Twin
 from twin.verdict import NoSurface, PivotUnsure, Verdict
 from twin.verdict.verdict import of_twin
 
@@ -202,23 +202,54 @@ def test_outcomes_name_the_cause_and_count_what_is_invented() -> None:
     assert not outcome(replace(twin, cameras=turned), truth).up_right
 
 
+def test_a_path_that_is_off_says_by_what() -> None:
+    twin = seen_twin()
+    truth = truth_of(twin)
+    assert twin.cameras is not None
+
+    def aside(changed: Twin, k: int) -> tuple[str | None, str | None]:
+        return (part := outcome(changed, truth).parts[k]).cause, part.aside
+
+    def changed(k: int, part: Part) -> Twin:
+        return replace(twin, parts=(*twin.parts[:k], part, *twin.parts[k + 1 :]))
+
+    k, hinged = next((i, p) for i, p in enumerate(twin.parts) if isinstance(p.joint, Revolute))
+    assert isinstance(hinged.joint, Revolute)
+    assert aside(twin, k) == (None, None)
+    across = geo.orthogonal_basis(hinged.joint.axis)[:, 0]
+    moved = replace(hinged.joint, pivot=hinged.joint.pivot + 0.1 * across, covariance=None)
+    assert aside(changed(k, replace(hinged, joint=moved)), k) == ("path", "hinge")
+    states = hinged.motion.state
+    flipped = replace(hinged.motion, state=states.max() - states + states.min())
+    assert aside(changed(k, replace(hinged, motion=flipped)), k) == ("path", "closed end")
+    short = replace(hinged.motion, state=0.8 * states)
+    assert aside(changed(k, replace(hinged, motion=short)), k) == ("path", "states")
+    drifting = twin.cameras.T_world_cam.copy()
+    drifting[::2, 0, 3] += 0.04
+    adrift = replace(
+        changed(k, replace(hinged, motion=short)), cameras=replace(twin.cameras, T_world_cam=drifting)
+    )
+    assert aside(adrift, k) == ("path", "cameras")
+
+
 def test_reasons_are_counted_where_the_verdict_was_wrong() -> None:
     parts = (
-        PartOutcome("path", True),
+        PartOutcome("path", True, aside="hinge"),
         PartOutcome(None, False, ("AxisUnsure", "PivotUnsure")),
         PartOutcome("axis", False, ("AxisUnsure",)),
         PartOutcome("missed", False),
     )
     found = unseen_counts._of_outcome(Outcome(parts, (), True, 2, ("NoSurface",)))
     assert {k for k in found if k.startswith(("doubt ", "refused ", "wrong "))} == {
-        "doubt AxisUnsure", "doubt PivotUnsure", "refused NoSurface", "wrong but trusted path",
+        "doubt AxisUnsure", "doubt PivotUnsure", "refused NoSurface", "wrong but trusted path of hinge",
     }  # fmt: skip
     assert found["missed where a part was refused"] == 1
     complete = unseen_counts._of_outcome(Outcome(parts[:3], (), True, 2, ("NoSurface",)))
     assert "refused NoSurface" not in complete
     counts = {f"{group}: {k}": n for group in unseen_page.GROUPS for k, n in found.items()}
     page = unseen_page.section("abc", None, 160, counts)
-    assert "by cause: path 3." in page
+    assert "by cause: path of hinge 3." in page
+    assert "by what takes them aside: hinge 3." in page
     assert "by reason: AxisUnsure 3, PivotUnsure 3." in page
     assert "a part was refused: 3; by reason: NoSurface 3." in page
 

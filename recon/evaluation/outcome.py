@@ -7,7 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from recon.evaluation.scores import JointErrors, camera_errors, joint_errors, label_scores, match_parts
+from recon.evaluation.scores import (
+    CameraErrors,
+    JointErrors,
+    camera_errors,
+    joint_errors,
+    label_scores,
+    match_parts,
+)
 from recon.evaluation.truth import Truth, TruthPart
 from twin.geometry import Array, line_angle, rotate
 from twin.scene import Part, Twin
@@ -15,6 +22,8 @@ from twin.verdict import OfPart
 
 Cause = Literal["cameras", "missed", "type", "axis", "path", "labels"]
 CAUSES: tuple[Cause, ...] = ("cameras", "missed", "type", "axis", "path", "labels")
+# What takes a path aside: closed and open end exchanged, the cameras, the hinge's place, or else the states
+Aside = Literal["closed end", "cameras", "hinge", "states"]
 
 # success@5 deg/2 cm: right type, axis, RMSE of the handle's path over the true moving frames, mask.
 AXIS_DEG, PATH_MM, PART_MIOU = 5.0, 20.0, 0.7
@@ -26,11 +35,13 @@ INVENTED_AXIS_DEG, INVENTED_MIOU = 15.0, 0.2
 
 @dataclass(frozen=True)
 class PartOutcome:
-    """A true part: why it failed, None for a success; whether the twin calls it trusted; and by which types of reason it doesn't."""
+    """A true part: why it failed, None for a success; whether the twin calls it trusted; by which types of reason it doesn't; and for the
+    cause "path" what took it aside."""
 
     cause: Cause | None
     trusted: bool
     doubts: tuple[str, ...] = ()
+    aside: Aside | None = None
 
 
 @dataclass(frozen=True)
@@ -60,7 +71,8 @@ def outcome(twin: Twin, truth: Truth) -> Outcome:
         cause = "cameras" if lost else _cause(found, true, truth, twin, T)
         doubts = () if found is None or found.verdict is None else found.verdict.reasons
         kinds = tuple(sorted({type(r).__name__ for r in doubts}))
-        parts.append(PartOutcome(cause, found is not None and is_trusted(found), kinds))
+        aside = _aside(found, true, truth, cameras) if found is not None and cause == "path" else None
+        parts.append(PartOutcome(cause, found is not None and is_trusted(found), kinds, aside))
     matched = set(pairs.values())
     invented = [
         is_trusted(p)
@@ -104,6 +116,17 @@ def _joint_cause(errors: JointErrors) -> Cause | None:
     if errors.handle_rmse_mm is None or errors.handle_rmse_mm > PATH_MM:
         return "path"
     return None
+
+
+def _aside(found: Part, true: TruthPart, truth: Truth, cameras: CameraErrors) -> Aside:
+    """What takes the path of a part with the right type and axis aside: cameras and hinge where they alone do by half of what is allowed,
+    the farther one."""
+    errors = joint_errors(found.joint, found.motion, cameras.T_truth_recon, truth, true)
+    if not errors.closed_right:
+        return "closed end"
+    hinge = 2.0 * float(np.sin(0.5 * min(true.travel, np.pi))) * (errors.pivot_line_mm or 0.0)
+    farther: Aside = "hinge" if hinge > cameras.ate_mm else "cameras"
+    return farther if max(hinge, cameras.ate_mm) > 0.5 * PATH_MM else "states"
 
 
 def _miou(found: Part, true: TruthPart, truth: Truth, twin: Twin) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
+from recon.verdict.bare_borders import bare_border
 from recon.verdict.camera_drift import camera_drift
 from recon.verdict.explained import static_seen_through, unexplained
 from recon.verdict.halves import Halves, halves
@@ -103,6 +104,13 @@ class PartEvidence:
         if self.mesh is None or not len(self.mesh.faces):
             return None
         return least_labelled(self.scene.posed, self.part, self.scene.labels)
+
+    @cached_property
+    def bare_border(self) -> tuple[int, float] | None:
+        """A frame of rest with most of its border that is no edge, and that share; None where it never moves, or without a border in view."""
+        if not self.part.motion.intervals:
+            return None
+        return bare_border(self.scene.posed, self.part, self.scene.labels)
 
     @cached_property
     def halves(self) -> Halves | None:

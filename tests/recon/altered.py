@@ -71,6 +71,13 @@ def with_places(e: PartEvidence, **shares: float) -> PartEvidence:
     return out
 
 
+def with_border(e: PartEvidence, share: float) -> PartEvidence:
+    """Evidence of which this share of the border at rest is no edge."""
+    out = replace(e)
+    vars(out)["bare_border"] = (4, share)
+    return out
+
+
 def with_motion(e: PartEvidence, right: float, **shares: float) -> PartEvidence:
     """Evidence of which this share of its pixels is seen to move as the twin says, with these shares of its surface."""
     out = with_places(e, **shares)

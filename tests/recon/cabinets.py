@@ -122,6 +122,11 @@ def cast(meshes: list[tuple[int, Mesh]], T_world_cam: Array) -> tuple[NDArray[np
     return np.where(seen, depth, 0).astype(np.float32), table[np.where(seen, ids, len(meshes))]
 
 
+# What each label looks like, RGB
+PAINT = np.zeros((256, 3), np.uint8)
+PAINT[[STATIC_LABEL, 2, HAND_LABEL]] = (90, 90, 90), (150, 140, 120), (220, 180, 160)
+
+
 def fist(grip: Array, upright: bool) -> Mesh:
     """A fist around the grip, and a forearm that leads to the wearer."""
     long = np.array([0, 0, 1.0]) if upright else np.array([1.0, 0, 0])
@@ -140,7 +145,7 @@ def make_clip(
     opening = TRAVEL[kind] * u**3 * (10 - 15 * u + 6 * u**2)
     opening = opening[::-1].copy() if backwards else opening
     rng = np.random.default_rng(3)
-    depths, labels, poses = [], {}, []
+    depths, colors, labels, poses = [], [], {}, []
     for i in range(FRAMES):
         eye = np.array([0.35 + 0.04 * np.sin(i / 5), -1.0 + 0.02 * np.cos(i / 4), 1.75])
         z = geo.unit(np.array([0.05, 0, 1.2]) - eye)
@@ -152,12 +157,12 @@ def make_clip(
             meshes.append((HAND_LABEL, fist(at, upright).transformed(moved)))
         depth, label = cast(meshes, T)
         depths.append(np.where(depth > 0, depth + rng.normal(0, 0.002, depth.shape), 0).astype(np.float32))
+        colors.append(PAINT[label])
         poses.append(T)
         if i % EVERY == 0:
             labels[i] = label
     times = np.arange(FRAMES) / 15.0
-    color = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
-    recording = Recording("cabinet", "memory", times, CAMERA, lambda _: color, lambda i: depths[i], "0")
+    recording = Recording("cabinet", "memory", times, CAMERA, lambda i: colors[i], lambda i: depths[i], "0")
     frames = np.arange(FRAMES)
     first = joint.pose(float(opening[0]))
     state = axis_sign * (opening - opening[0])

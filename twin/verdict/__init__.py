@@ -26,6 +26,7 @@ from twin.verdict.reason import worst as worst
 from twin.verdict.reasons import REASONS, ManyDoubts, MovesWithDoubted, NothingArticulated, OfPart
 from twin.verdict.surface import (
     AlongItself,
+    BareBorder,
     FewLabels,
     HandMovesNothing,
     HandWhereNobodyIs,
@@ -55,6 +56,7 @@ __all__ = [
     "HalvesDisagree",
     "HandMovesNothing",
     "HandWhereNobodyIs",
+    "BareBorder",
     "LabelledElsewhere",
     "Level",
     "ManyDoubts",

@@ -24,6 +24,7 @@ from twin.verdict.motion import (
 from twin.verdict.reason import CUT, POINT_AT_IT, Level, Reason
 from twin.verdict.surface import (
     AlongItself,
+    BareBorder,
     FewLabels,
     HandMovesNothing,
     HandWhereNobodyIs,
@@ -157,6 +158,7 @@ REASONS: dict[str, type[Reason]] = {
         SurfaceUnseen,
         SurfaceContradicted,
         AlongItself,
+        BareBorder,
         LabelledElsewhere,
         StaticSeenThrough,
         Unexplained,

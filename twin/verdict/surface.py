@@ -221,6 +221,28 @@ class LabelledElsewhere(Reason):
 
 
 @dataclass(frozen=True)
+class BareBorder(Reason):
+    """At rest, in `frame`, a `share` of the border between it and the static scene, more than `limit`, shows no edge in colour or depth."""
+
+    frame: int
+    share: float
+    limit: float
+
+    @property
+    def text(self) -> str:
+        told = f"{100 * self.share:.0f} % of its border in frame {self.frame} is no edge, in colour or depth"
+        return f"{told} (at most {100 * self.limit:g} %)"
+
+    @property
+    def kind(self) -> str:
+        return "its border is no edge: a piece of it, or of what is beside it, is labelled wrong"
+
+    @property
+    def help(self) -> str:
+        return f"light it so that its gaps show, open it farther, or {POINT_AT_IT}"
+
+
+@dataclass(frozen=True)
 class StaticSeenThrough(Reason):
     """A `share` of the picture of `frame`, more than `limit`, is seen farther than what the twin says never moves."""
 
