@@ -23,8 +23,9 @@ _WIDTH, _FRAMES = 320, 4
 # A profile across the border goes so far (px) to either side; what is nearer than `_BESIDE` may be either side. Least pixels of a border, and
 # of depth of either side of a profile. Chosen by us
 _REACH, _BESIDE, _FEWEST, _FEWEST_KNOWN = 9, 3, 40, 2
-# An edge is what changes by so many grey levels within 3 px, and by three times what the part itself does; m that depth leaves the face. By us
-_LEVELS, _TIMES, _OFF_M = 6.0, 3.0, 0.02
+# An edge is what changes by so many grey levels within 3 px, and by three times what the part itself does, at most by so many: on a face
+# with a strong pattern any border has one, and it doesn't tell. m that depth leaves the face. By us
+_LEVELS, _TIMES, _MOST_LEVELS, _OFF_M = 6.0, 3.0, 30.0, 0.02
 _ACROSS, _MOSTLY = 3, 0.8
 
 Bits = NDArray[np.bool_]
@@ -104,7 +105,8 @@ def _colored(p: _Profiles) -> Bits:
     steps = np.abs(p.color[:, _ACROSS:] - p.color[:, :-_ACROSS]).max(axis=-1)
     middle = p.t[:-_ACROSS] + 0.5 * _ACROSS
     own = float(np.median(steps[:, middle < -_BESIDE - _ACROSS]))
-    return np.asarray(steps[:, np.abs(middle) < _BESIDE + 1].max(axis=1) > max(_LEVELS, _TIMES * own))
+    enough = float(np.clip(_TIMES * own, _LEVELS, _MOST_LEVELS))
+    return np.asarray(steps[:, np.abs(middle) < _BESIDE + 1].max(axis=1) > enough)
 
 
 def _carried_on(p: _Profiles) -> Bits:
