@@ -15,7 +15,7 @@ from recon.recording import Recording
 from recon.verdict.bare_borders import bare_border
 from recon.verdict.camera_drift import camera_drift
 from recon.verdict.explained import static_seen_through, unexplained
-from recon.verdict.halves import Halves, halves
+from recon.verdict.halves import Halves, Whole, halves, whole
 from recon.verdict.hand_visits import idle_visit
 from recon.verdict.hands import false_hand, resting_hand
 from recon.verdict.in_motion import InMotion, in_motion
@@ -116,3 +116,8 @@ class PartEvidence:
     def halves(self) -> Halves | None:
         """The joint of either half of its motion; None where one is too short."""
         return halves(self.scene.found.movers, self.part, self.tracks)
+
+    @cached_property
+    def whole(self) -> Whole | None:
+        """The axis by all of its tracks; None where they are too few."""
+        return whole(self.scene.found.movers, self.part, self.tracks)

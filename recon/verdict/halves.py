@@ -1,4 +1,4 @@
-"""The joint fitted to the first half of a motion, by travel, against the one fitted to the second half."""
+"""The joint that a part's tracks tell: that of the first half of its motion, by travel, against that of the second, and that of all of it."""
 
 from __future__ import annotations
 
@@ -41,6 +41,25 @@ class Halves:
     off_pivot: float = 0.0
 
 
+@dataclass(frozen=True)
+class Whole:
+    """The axis that the tracks tell over the whole motion: how far from the part's, rad, one standard deviation of it, rad, and how many times
+    farther they scatter about the part's joint than about their own."""
+
+    off: float
+    sigma: float
+    worse: float
+
+
+def whole(movers: Movers, part: MovingPart, tracks: PartTracks) -> Whole | None:
+    """The axis by all tracks of the part; None where there are too few frames or tracks for a fit."""
+    fit = _fit(movers, part, tracks, moving_rows(part))
+    if fit is None:
+        return None
+    off = float(geo.line_angle(fit.own.model.axis, part.joint.axis))
+    return Whole(off, _sigma(fit.own).axis, fit.worse)
+
+
 def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | None:
     """The joints of the two halves of the motion; None where one of them has too few frames or tracks for a fit."""
     rows = moving_rows(part)
@@ -75,7 +94,7 @@ def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | Non
 
 @dataclass(frozen=True, eq=False)
 class _Half:
-    """The joint by the tracks of one half, and how many times farther they scatter about the part's own."""
+    """The joint by the tracks of some frames, and how many times farther they scatter about the part's own."""
 
     own: Bundle
     worse: float

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.halves import Halves
+from recon.verdict.halves import Halves, Whole
 from twin.verdict import (
     BareBorder,
     HalvesDisagree,
@@ -54,6 +54,9 @@ AS_WELL = 1.15
 # rad. By how much halves that agree with each other may differ from the part's axis. Right: up to 2.3 deg in twelve that agree; one of a
 # drawer whose plain front slipped sideways in depth, 8.2.
 AGREED, TRACKS_AXIS = np.radians(3.0), np.radians(4.0)
+# rad. The same of the tracks of the whole motion, where one sigma of their axis is within the first. Right ones whose tracks scatter as much
+# farther about the part's joint: up to 2.8 deg in 160, looked at; wrong 3.8 in a plain front that slipped sideways, and 9.9.
+WHOLE_SURE, WHOLE_AXIS = np.radians(1.0), np.radians(3.5)
 # m. By how much the hinge of halves that agree within `SURE_PIVOT` may lie from the part's. Right: up to 18 mm in six of 48 hinges where halves
 # are so sure; one whose refinement left the tracks' place for a cut outline's, 55. All of them looked at.
 TRACKS_PIVOT = 0.025
@@ -150,8 +153,18 @@ def same_in_halves(e: PartEvidence) -> Reason | None:
     )
 
 
+def _another(whole: Whole | None) -> bool:
+    """Whether the tracks of the whole motion tell another axis."""
+    if whole is None or whole.sigma > WHOLE_SURE or whole.worse <= AS_WELL:
+        return False
+    return whole.off > WHOLE_AXIS
+
+
 def as_its_tracks(e: PartEvidence) -> Reason | None:
-    """Whether the part's tracks tell its axis and its hinge, where both halves agree on others."""
+    """Whether the part's tracks tell its axis and its hinge: all of them, or where both halves agree on others."""
+    if e.whole is not None and _another(e.whole):
+        off, limit = float(np.rad2deg(e.whole.off)), float(np.rad2deg(WHOLE_AXIS))
+        return TracksDisagree("doubtful", off, limit, 0.0, TRACKS_PIVOT)
     h = _telling(e.halves)
     if h is None:
         return None

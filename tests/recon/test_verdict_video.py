@@ -13,7 +13,7 @@ from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics
 from recon.verdict import of_video
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.halves import Halves
+from recon.verdict.halves import Halves, Whole
 from recon.verdict.in_motion import InMotion, frames_by_travel, moving_rows
 from recon.verdict.posed import PosedTwin, wide
 from tests.recon.cabinets import FRAMES, Kind, make_clip
@@ -243,6 +243,23 @@ def test_tracks_that_tell_another_axis_in_both_halves_are_heard() -> None:
             np.testing.assert_allclose(reason.axis_deg, deg, atol=0.2)
 
 
+def test_all_tracks_together_are_heard() -> None:
+    """They know the axis better than either half, and less is allowed."""
+    e = bent(perfect(make_clip("drawer")), 0.0, 0.0, 0.002)
+    assert e.halves is not None
+    assert e.whole is not None
+    assert e.whole.sigma < 0.5 * e.halves.axis_sigma
+    assert e.whole.off < 3 * e.whole.sigma
+    assert of_video.as_its_tracks(e) is None
+    aside = geo.orthogonal_basis(e.part.joint.axis)[:, 0]
+    for deg, told in ((3.2, False), (3.8, True)):
+        joint = replace(e.part.joint, axis=geo.exp_so3(np.radians(deg) * aside) @ e.part.joint.axis)
+        reason = of_video.as_its_tracks(replace(e, part=replace(e.part, joint=joint)))
+        assert isinstance(reason, TracksDisagree) == told
+        if isinstance(reason, TracksDisagree):
+            np.testing.assert_allclose([reason.axis_deg, reason.limit_deg], [deg, 3.5], atol=0.2)
+
+
 def test_tracks_that_tell_another_hinge_in_both_halves_are_heard(door: PartEvidence) -> None:
     e = bent(door, 0.0, 0.0, 0.0005)
     joint = e.part.joint
@@ -261,7 +278,7 @@ def test_tracks_that_tell_another_hinge_in_both_halves_are_heard(door: PartEvide
 def with_seen(e: PartEvidence, seen: Any) -> PartEvidence:
     """Evidence with these figures of the video."""
     out = replace(e)
-    vars(out)["halves" if isinstance(seen, Halves) else "in_motion"] = seen
+    vars(out)[{Halves: "halves", Whole: "whole", InMotion: "in_motion"}[type(seen)]] = seen
     return out
 
 
@@ -283,6 +300,9 @@ BOTH_SIDES: dict[str, tuple[Callable[[PartEvidence], Reason | None], Any, Any]] 
     "own hinge, agreed": (of_video.as_its_tracks, Halves(0, D(0.1), 21 * P, P, 0, 2, 0.1), Halves(0, D(0.1), 19 * P, P, 0, 2, 0.1)),
     "own hinge, sure": (of_video.as_its_tracks, Halves(0, D(0.1), P, 7 * P, 0, 2, 0.1), Halves(0, D(0.1), P, 6 * P, 0, 2, 0.1)),
     "own hinge, as well": (of_video.as_its_tracks, Halves(0, D(0.1), P, P, 0, 1.1, 0.1), Halves(0, D(0.1), P, P, 0, 1.2, 0.1)),
+    "all tracks": (of_video.as_its_tracks, Whole(D(3.4), D(0.1), 2), Whole(D(3.6), D(0.1), 2)),
+    "all tracks, sure": (of_video.as_its_tracks, Whole(D(9), D(1.1), 2), Whole(D(9), D(0.9), 2)),
+    "all tracks, as well": (of_video.as_its_tracks, Whole(D(9), D(0.1), 1.1), Whole(D(9), D(0.1), 1.2)),
     "hinges": (of_video.same_in_halves, Halves(0, D(0.1), 45 * P, P), Halves(0, D(0.1), 55 * P, P)),
     "hinges, sure": (of_video.same_in_halves, Halves(0, D(0.1), 90 * P, 7.5 * P), Halves(0, D(0.1), 90 * P, 6 * P)),
 }  # fmt: skip

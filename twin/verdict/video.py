@@ -103,8 +103,8 @@ class HalvesDisagree(Reason):
 
 @dataclass(frozen=True)
 class TracksDisagree(Reason):
-    """The part's own tracks tell, in both halves of its motion alike, an axis that is `axis_deg` away, more than `limit_deg`, or a hinge
-    that is `pivot_m` away, more than `pivot_limit_m`; 0 where that is not known."""
+    """The part's own tracks tell an axis that is `axis_deg` away, more than `limit_deg`, or, in both halves of its motion alike, a hinge that is
+    `pivot_m` away, more than `pivot_limit_m`; 0 where that is not known."""
 
     axis_deg: float
     limit_deg: float
@@ -116,7 +116,7 @@ class TracksDisagree(Reason):
         if self.pivot_m > self.pivot_limit_m:
             away = f"a hinge {1000 * self.pivot_m:.0f} mm away in both halves of its motion"
             return f"its tracks tell {away} (at most {1000 * self.pivot_limit_m:g} mm)"
-        return f"its tracks tell an axis {self.axis_deg:.1f}° away in both halves of its motion (at most {self.limit_deg:g}°)"
+        return f"its tracks tell an axis {self.axis_deg:.1f}° away (at most {self.limit_deg:g}°)"
 
     @property
     def kind(self) -> str:
