@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -118,11 +119,11 @@ def gate(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> tuple[NDAr
 
 def wide(mask: NDArray[np.bool_], depth: NDArray[np.float32], camera: Intrinsics) -> NDArray[np.bool_]:
     """A mask (H, W) without what is narrower than `_GAP_M` at the median of its depths (H, W) m: fused surfaces close the gap beside a front,
-    and end a little beyond their edge."""
+    and end a little beyond their edge. A strip at the picture's border is as narrow as it is seen."""
     if not mask.any():
         return mask
     px = _GAP_M * camera.fx / float(np.median(depth[mask]))
-    return _without_narrow(mask, max(3, 2 * round(0.5 * (px - 1)) + 1))
+    return _without_narrow(mask, max(3, math.ceil(px)))
 
 
 def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
@@ -132,9 +133,16 @@ def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> 
 
 
 def _without_narrow(mask: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
-    """A mask (H, W) without what no square of so many pixels fits into."""
+    """A mask (H, W) without what no square of so many pixels within the picture fits into."""
     kernel = np.ones((size, size), np.uint8)
-    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool))
+    before = size // 2
+    behind = (
+        size - 1 - before
+    )  # an even square has no middle: turned about, it has as many pixels behind as it had before
+    held = cv2.erode(
+        mask.astype(np.uint8), kernel, anchor=(before, before), borderType=cv2.BORDER_CONSTANT, borderValue=0
+    )
+    return np.asarray(cv2.dilate(held, kernel, anchor=(behind, behind)).astype(bool))
 
 
 def _scene(mesh: Mesh) -> Any:

@@ -123,6 +123,19 @@ def test_a_closed_gap_is_not_seen_through_and_a_strip_of_a_missed_part_is(z: flo
     assert not wide(np.zeros(depth.shape, bool), depth, camera).any()
 
 
+@pytest.mark.parametrize("size", [3, 4, 5, 6])
+def test_what_no_square_within_the_picture_fits_into_is_narrow(size: int) -> None:
+    """Of even squares too, and at the picture's border, by a count of all squares."""
+    mask = np.random.default_rng(size).random((30, 40)) < 0.85
+    mask[:2] = mask[:, -2:] = True
+    fits = np.zeros_like(mask)
+    for y, x in np.ndindex(31 - size, 41 - size):
+        if mask[y : y + size, x : x + size].all():
+            fits[y : y + size, x : x + size] = True
+    camera = Intrinsics(40, 30, (size - 0.6) / 0.025, (size - 0.6) / 0.025, 20.0, 15.0)
+    np.testing.assert_array_equal(wide(mask, np.ones(mask.shape, np.float32), camera), fits)
+
+
 def test_a_part_that_is_seen_in_spots_is_seen_to_move(door: PartEvidence) -> None:
     """As by a stereo camera, which has no depth on plain surfaces: two of three rows and columns of pixels are lost."""
 
