@@ -47,8 +47,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 16, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 9, ("refine", "motion.interval"))
+REFINE = Stage("refine", 17, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 10, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 _FIRST_GRID = 2 / 3  # of the final labels' working width
 

@@ -73,9 +73,9 @@ def add_board(
 
 def with_board_known(
     joint: Joint, state: Array, covariance: Array, terms: Terms
-) -> tuple[Joint, Array, Array, Array]:
+) -> tuple[Joint, Array, Array]:
     """Joint, states (n,) and their covariance (d + n, d + n) with what is known of a board as further observations (Kalman 1960): it counts
-    where the recording says less. And what that leaves of an error of theirs, as a matrix (d + n, d + n).
+    where the recording says less.
 
     Where the two disagree by more than both claim, the recording's errors are larger than it shows: they grow by Birge's ratio (1932).
     """
@@ -87,7 +87,7 @@ def with_board_known(
     gain = np.linalg.solve(seen @ errors.rows.T + np.diag(errors.sigmas**2), seen).T
     delta = -gain @ errors.away
     left = np.eye(len(delta)) - gain @ errors.rows
-    return joint.plus(delta[: joint.dof]), state + delta[-len(state) :], np.asarray(left @ covariance), left
+    return joint.plus(delta[: joint.dof]), state + delta[-len(state) :], np.asarray(left @ covariance)
 
 
 def _weight_of_faces(weight: Array, terms: Terms) -> float:

@@ -75,7 +75,7 @@ def with_uncertainty(
     slow = _drift(joint, state, terms, weight, jac, config) @ inverse
     spans = _of_spans(joint, state, terms, weight, value - mean[terms.term], jac, blocks) @ inverse
     whole = pushed.T @ pushed + slow.T @ slow + spans.T @ spans + inverse
-    joint, state, whole, kept = with_board_known(joint, state, whole, terms)
+    joint, state, whole = with_board_known(joint, state, whole, terms)
     state = state - state[0]  # counted from the first frame, whose pose is the part's frame
     covariance = whole[: joint.dof, : joint.dof] + np.outer(left, left)
     residual = np.abs(value - mean[terms.term])
@@ -83,11 +83,15 @@ def with_uncertainty(
     rms = float(np.sqrt(np.mean(residual[inlier] ** 2))) if inlier.any() else 0.0
     second = np.diff(state, 2)
     noise = mad_sigma(second) / np.sqrt(6.0)
-    of_states = np.delete((pushed @ kept.T)[:, d:], held - d, axis=1)
-    drift = float(np.sqrt(np.median(np.einsum("bi,bi->i", of_states, of_states))))
     covariance = 0.5 * (covariance + covariance.T)
-    sigma = JointSigma.of(covariance, float(np.hypot(noise, drift)))
+    sigma = JointSigma.of(covariance, _of_a_state(whole[-len(state) :, -len(state) :]))
     return Refined(joint, state, covariance, sigma, rms, noise)
+
+
+def _of_a_state(covariance: Array) -> float:
+    """One standard deviation of a state, root mean square over the frames of a covariance (n, n), each state counted from their mean: which
+    frame is the zero is free, and one that a hand hides would make all others unsure."""
+    return float(np.sqrt(max(float(np.diag(covariance).mean() - covariance.mean()), 0.0)))
 
 
 def _drift(
@@ -118,9 +122,16 @@ def _of_spans(
     A joint that moves within a single span fits that one's error without a residual: the sandwich sees none there.
     """
     way, _ = _moves(joint, state, terms)
-    size = _shared(way, weight, residual, blocks)
+    size = _shared(_beside(way, jac[:, -1], weight, terms.frame), weight, residual, blocks)
     shared = (np.where(blocks == b, size * move, 0.0) for b in np.unique(blocks) for move in way.T)
     return _scores(shared, terms, weight, jac, len(state))
+
+
+def _beside(way: Array, of_state: Array, weight: Array, frame: NDArray[np.int64]) -> Array:
+    """`way` (n, 3) without what the state of each frame takes for itself, of which no residual is left."""
+    most = np.maximum(np.bincount(frame, weight * of_state**2), 1e-12)
+    taken = [np.bincount(frame, weight * of_state * way[:, k]) / most for k in range(3)]
+    return way - of_state[:, None] * np.stack(taken, axis=-1)[frame]
 
 
 def _shared(way: Array, weight: Array, residual: Array, blocks: NDArray[np.int64]) -> float:

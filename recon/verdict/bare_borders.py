@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.parts.moving_part import MovingPart
+from recon.verdict.lost_labels import middle
 from recon.verdict.posed import PosedTwin
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL
@@ -50,15 +51,10 @@ def bare_border(
     frames = sorted(labels)
     rests = [f for f in frames if f < first][:_FRAMES], [f for f in frames if f > last][-_FRAMES:]
     told = [
-        _middle([(f, s) for f in rest if (s := _bare(twin, part.id, f, labels[f])) is not None])
+        middle([(f, s) for f in rest if (s := _bare(twin, part.id, f, labels[f])) is not None])
         for rest in rests
     ]
     return max((t for t in told if t is not None), key=lambda t: t[1], default=None)
-
-
-def _middle(shares: list[tuple[int, float]]) -> tuple[int, float] | None:
-    """The lower of the two in the middle, of an even number."""
-    return sorted(shares, key=lambda share: share[1])[(len(shares) - 1) // 2] if shares else None
 
 
 def _bare(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -> float | None:

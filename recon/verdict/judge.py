@@ -30,7 +30,7 @@ from twin.verdict import (
     Verdict,
 )
 
-VERDICT = Stage("verdict", 21, ())
+VERDICT = Stage("verdict", 22, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
 OF_THE_SCENE = (HandWhereNobodyIs, HandMovesNothing, Unexplained, StaticSeenThrough)
 # Reasons that each make doubtful, those of the scene together one of them. Of 16 open right parts that are doubted twelve have one of them,

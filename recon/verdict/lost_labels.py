@@ -29,8 +29,8 @@ def least_labelled(
         _labelled(twin, part, labels, np.array(sorted(labels))[at])
         for at in (state <= low + near, state >= high - near)
     ]
-    told = [_middle(end) for end in ends if end]
-    return min(told, key=lambda end: end[1]) if told else None
+    told = [shown for end in ends if (shown := middle(end)) is not None]
+    return min(told, key=lambda end: end[1], default=None)
 
 
 def _labelled(
@@ -48,6 +48,6 @@ def _labelled(
     return out
 
 
-def _middle(shares: list[tuple[int, float]]) -> tuple[int, float]:
-    """The lower of the two in the middle, of an even number."""
-    return sorted(shares, key=lambda share: share[1])[(len(shares) - 1) // 2]
+def middle(shares: list[tuple[int, float]]) -> tuple[int, float] | None:
+    """Of frames and their shares the median by share: the lower of the two in the middle of an even number. None of none."""
+    return sorted(shares, key=lambda share: share[1])[(len(shares) - 1) // 2] if shares else None

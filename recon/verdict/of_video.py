@@ -153,17 +153,18 @@ def same_in_halves(e: PartEvidence) -> Reason | None:
     )
 
 
-def _another(whole: Whole | None) -> bool:
-    """Whether the tracks of the whole motion tell another axis."""
+def _another(whole: Whole | None) -> Whole | None:
+    """The tracks of the whole motion where they tell another axis."""
     if whole is None or whole.sigma > WHOLE_SURE or whole.worse <= AS_WELL:
-        return False
-    return whole.off > WHOLE_AXIS
+        return None
+    return whole if whole.off > WHOLE_AXIS else None
 
 
 def as_its_tracks(e: PartEvidence) -> Reason | None:
     """Whether the part's tracks tell its axis and its hinge: all of them, or where both halves agree on others."""
-    if e.whole is not None and _another(e.whole):
-        off, limit = float(np.rad2deg(e.whole.off)), float(np.rad2deg(WHOLE_AXIS))
+    another = _another(e.whole)
+    if another is not None:
+        off, limit = float(np.rad2deg(another.off)), float(np.rad2deg(WHOLE_AXIS))
         return TracksDisagree("doubtful", off, limit, 0.0, TRACKS_PIVOT)
     h = _telling(e.halves)
     if h is None:

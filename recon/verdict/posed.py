@@ -135,10 +135,9 @@ def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> 
 def _without_narrow(mask: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     """A mask (H, W) without what no square of so many pixels within the picture fits into."""
     kernel = np.ones((size, size), np.uint8)
+    # An even square has no middle: turned about, it has as many pixels behind as it had before.
     before = size // 2
-    behind = (
-        size - 1 - before
-    )  # an even square has no middle: turned about, it has as many pixels behind as it had before
+    behind = size - 1 - before
     held = cv2.erode(
         mask.astype(np.uint8), kernel, anchor=(before, before), borderType=cv2.BORDER_CONSTANT, borderValue=0
     )

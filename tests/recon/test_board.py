@@ -162,7 +162,7 @@ def test_a_board_fills_in_what_the_recording_leaves_open_and_nothing_else() -> N
     shifted = replace(HINGE, pivot=np.array([0.02, 0.04, 0.0]))
     terms = _terms(shifted, TRUE, np.random.default_rng(3))
     vague = np.diag([1e-8, 1e-8, 1.0, 1.0, *np.full(2 + FRAMES, 1e-10)])
-    joint, state, covariance, _ = with_board_known(shifted, TRUE, vague, terms)
+    joint, state, covariance = with_board_known(shifted, TRUE, vague, terms)
     assert np.all(np.abs(board_errors(joint, state, terms).away) < 0.004)
     assert np.abs(board_errors(shifted, TRUE, terms).away).max() > 0.02
     assert np.sqrt(np.linalg.eigvalsh(covariance[2:4, 2:4]).min()) < 0.03
@@ -177,7 +177,7 @@ def test_where_board_and_recording_contradict_each_other_neither_is_believed_as_
     terms = _terms(replace(HINGE, pivot=np.array([0.0, 0.2, 0.0])), TRUE, np.random.default_rng(3))
     sure = np.diag([1e-10, 1e-10, 1e-6, 1e-6, *np.full(2 + FRAMES, 1e-10)])
     wrong = replace(HINGE, pivot=np.array([0.0, 0.2, 0.0]))
-    _, _, covariance, _ = with_board_known(wrong, TRUE, sure, terms)
+    _, _, covariance = with_board_known(wrong, TRUE, sure, terms)
     assert covariance[2, 2] > 4e-6 or covariance[3, 3] > 4e-6
 
 

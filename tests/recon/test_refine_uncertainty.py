@@ -24,31 +24,36 @@ JOINTS: dict[str, Joint] = {
 STATE = minimum_jerk(FRAMES)
 
 
-def observed(joint: Joint, state: Array, rng: np.random.Generator, noise: float, shared: float) -> Terms:
+def observed(
+    joint: Joint, state: Array, rng: np.random.Generator, noise: float, shared: float, slow: float = 0.0
+) -> Terms:
     """Points of surfels that look every way, each seen in half of the frames. noise: m, of every observation; shared: m, of all
-    observations of eight neighbouring frames, along one direction."""
+    observations of eight neighbouring frames, along one direction; slow: m, of a shift of everything that turns once from first to last."""
     points = rng.uniform(-0.3, 0.3, (TERMS, 3))
     normals = geo.unit(rng.normal(size=(TERMS, 3)))
     term, frame = np.nonzero(rng.random((TERMS, FRAMES)) < 0.5)
     poses = joint.poses(state)[frame]
     q = np.einsum("nij,nj->ni", poses[:, :3, :3], points[term]) + poses[:, :3, 3]
     block = rng.normal(0, 1, (FRAMES // 8 + 1, 3))[frame // 8]
+    swing = np.sqrt(2.0) * np.cos(np.pi * np.arange(FRAMES) / FRAMES)[frame, None]
     q += noise * rng.normal(size=q.shape) + shared * block
+    if slow:
+        q += slow * swing * rng.normal(size=3)
     return Terms(term, frame, q, np.full(len(q), max(noise, 1e-4)), normals)
 
 
 def refined(
-    name: str, seed: int, noise: float, shared: float, motion: Array = STATE
+    name: str, seed: int, noise: float, shared: float, motion: Array = STATE, slow: float = 0.0
 ) -> tuple[Joint, Refined]:
     """From the truth, which the noise then moves away from."""
     rng = np.random.default_rng([seed, len(name)])
     joint = JOINTS[name]
     state = joint.upper * motion
-    terms = observed(joint, state, rng, noise, shared)
+    terms = observed(joint, state, rng, noise, shared, slow)
     found, s, no_rest = joint, state, np.zeros(FRAMES, bool)
     for _ in range(6):
         found, s = step(found, s, state, no_rest, terms)
-    config = RefineConfig(drift=0.0, drift_angle=0.0)
+    config = RefineConfig(drift=slow, drift_angle=0.0)
     settled = np.zeros(len(joint.minus(joint)))
     return joint, with_uncertainty(found, s - s[0], state, no_rest, terms, settled, config)
 
@@ -87,19 +92,30 @@ def _ratio(name: str, noise: float, shared: float, motion: Array) -> float:
 
 
 @pytest.mark.parametrize("name", JOINTS)
-def test_sigma_is_one_standard_deviation_of_the_covariance_and_of_the_states(name: str) -> None:
-    """Counted from their mean, states are as far off as sigma says: .80 and .71 of it (measured)."""
-    errors, told = [], []
+def test_sigma_is_one_standard_deviation_of_the_covariance(name: str) -> None:
+    """Of the covariance, the root of the mean variance over the two directions of a tilt and of a shift."""
     for seed in range(8):
         joint, found = refined(name, seed, 0.010, 0.0)
         variances = np.diagonal(found.covariance)
         assert found.sigma.axis == pytest.approx(float(np.sqrt(variances[:2].mean())))
         pivot = float(np.sqrt(variances[2:].mean())) if isinstance(joint, Revolute) else None
         assert found.sigma.pivot == (pivot if pivot is None else pytest.approx(pivot))
-        off = found.state - joint.upper * STATE
-        errors.append(float(np.std(off)))
-        told.append(found.sigma.state)
-    assert 0.3 < np.mean(errors) / np.mean(told) < 1.3
+
+
+@pytest.mark.parametrize("name", JOINTS)
+@pytest.mark.parametrize(
+    ("noise", "shared", "slow"),
+    [(0.010, 0.0, 0.0), (0.003, 0.002, 0.0), (0.001, 0.0, 0.004)],
+    ids=["own noise", "shared noise", "drift"],
+)
+def test_states_are_as_far_off_as_sigma_says(name: str, noise: float, shared: float, slow: float) -> None:
+    """Counted from their mean, root mean square over seeds and frames: .62 to 1.24 of it (measured)."""
+    errors, told = [], []
+    for seed in range(SEEDS):
+        joint, found = refined(name, seed, noise, shared, slow=slow)
+        errors.append(float(np.var(found.state - joint.upper * STATE)))
+        told.append(found.sigma.state**2)
+    assert 0.4 < np.sqrt(np.mean(errors) / np.mean(told)) < 1.3
 
 
 @pytest.mark.parametrize("name", JOINTS)

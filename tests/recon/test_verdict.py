@@ -160,7 +160,7 @@ def test_a_hinge_matters_as_far_as_it_takes_the_path_aside(evidence: PartEvidenc
 def test_a_half_sure_axis_with_a_half_sure_range_is_refused(evidence: PartEvidence) -> None:
     unsure = with_sigma(evidence, axis=np.radians(1.1 * of_parts.AXIS_HALF_SURE))
     assert of_parts.axis(unsure) is None
-    both = with_sigma(unsure, state=1.1 * SPAN / of_parts.SHORT)
+    both = with_sigma(unsure, state=1.1 * SPAN / of_parts.RANGE_DOUBTFUL)
     assert of_parts.axis(both).level == "refused"  # type: ignore[union-attr]
 
 
