@@ -224,7 +224,8 @@ def test_a_path_that_is_off_says_by_what() -> None:
     assert aside(changed(k, replace(hinged, motion=flipped)), k) == ("path", "closed end")
     short = replace(hinged.motion, state=0.8 * states)
     assert aside(changed(k, replace(hinged, motion=short)), k) == ("path", "states")
-    near = replace(hinged.joint, pivot=hinged.joint.pivot + 0.004 * across, covariance=None)  # less than counts
+    less_than_counts = hinged.joint.pivot + 0.004 * across
+    near = replace(hinged.joint, pivot=less_than_counts, covariance=None)
     assert aside(changed(k, replace(hinged, joint=near, motion=short)), k) == ("path", "states")
     drifting = twin.cameras.T_world_cam.copy()
     drifting[::2, 0, 3] += 0.04
