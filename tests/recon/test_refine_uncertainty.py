@@ -28,7 +28,7 @@ def observed(
     joint: Joint, state: Array, rng: np.random.Generator, noise: float, shared: float, slow: float = 0.0
 ) -> Terms:
     """Points of surfels that look every way, each seen in half of the frames. noise: m, of every observation; shared: m, of all
-    observations of eight neighbouring frames, along one direction; slow: m, of a shift of everything that turns once from first to last."""
+    observations of eight neighbouring frames, along one direction; slow: m, of a shift of everything, half a cosine over all frames."""
     points = rng.uniform(-0.3, 0.3, (TERMS, 3))
     normals = geo.unit(rng.normal(size=(TERMS, 3)))
     term, frame = np.nonzero(rng.random((TERMS, FRAMES)) < 0.5)
@@ -36,9 +36,7 @@ def observed(
     q = np.einsum("nij,nj->ni", poses[:, :3, :3], points[term]) + poses[:, :3, 3]
     block = rng.normal(0, 1, (FRAMES // 8 + 1, 3))[frame // 8]
     swing = np.sqrt(2.0) * np.cos(np.pi * np.arange(FRAMES) / FRAMES)[frame, None]
-    q += noise * rng.normal(size=q.shape) + shared * block
-    if slow:
-        q += slow * swing * rng.normal(size=3)
+    q += noise * rng.normal(size=q.shape) + shared * block + slow * swing * rng.normal(size=3)
     return Terms(term, frame, q, np.full(len(q), max(noise, 1e-4)), normals)
 
 

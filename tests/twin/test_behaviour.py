@@ -17,6 +17,7 @@ from twin import geometry as geo
 from twin.cli import main as cli
 from twin.errors import InputError
 from twin.exporters import FORMATS, Exported, export
+from twin.joint import JointSigma
 from twin.scene import Motion, Part, Quantity, Twin
 from twin.storage import save
 from twin.verification.behaviour import HAND, BehaviourReport, BehaviourRow, behave
@@ -89,6 +90,21 @@ def test_friction_short_limits_and_negative_damping_turn_their_own_rows_red(
     forces = [float(r.explanation.split("at most ")[1].split()[0]) for r in clipped]
     assert max(forces) < HAND, "the servo meets the stop but does not keep pressing against it"
     assert not report.ok
+
+
+def test_a_state_that_may_be_off_excuses_no_deviation_but_one_that_trembles_does(
+    cabinet: tuple[Twin, Exported],
+) -> None:
+    """A drawer known to 5 cm is asked for what one known exactly is; a door whose states tremble by 0.6 deg can't be followed as near."""
+    twin, exported = cabinet
+    unsure = with_joint(twin, "drawer", sigma=JointSigma(0.1, None, 0.05))
+    noise = np.random.default_rng(4).normal(0.0, 0.01, len(twin.part("door").motion.state))
+    trembling = with_part(
+        unsure, "door", lambda p: replace(p, motion=replace(p.motion, state=p.motion.state + noise))
+    )
+    limits = {r.part: r.limit for r in behave(trembling, exported).rows if r.quantity == "demonstration_m"}
+    assert limits["drawer"] < 1.1 * 3.0 * twin.part("drawer").motion.residual  # its jerk is most of the tenth
+    assert limits["door"] > 3.0 * limits["drawer"]
 
 
 def test_an_obstacle_is_met_also_where_a_format_keeps_the_pair_apart(

@@ -32,6 +32,7 @@ from twin.errors import InputError
 from twin.geometry import Array
 from twin.names import scene_file
 from twin.physics.joints import weight_on_lever
+from twin.robust import mad_sigma
 from twin.scene import Part, Revolute, Twin
 from twin.verification.expected import filled, surface
 from twin.verification.process import BEHAVIOUR, ask
@@ -294,6 +295,6 @@ def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
 
 
 def _reconstruction_error(part: Part, lever: float) -> float:
-    """Three standard deviations (m) of the part's farthest point: of the state, and the residual of the fit."""
-    state = 0.0 if part.joint.sigma is None else part.joint.sigma.state * lever
-    return max(FLOOR, _SIGMAS * math.hypot(state, part.motion.residual))
+    """Three standard deviations (m) of the part's farthest point, of the residual and of what states do from frame to frame; slow errors are followed."""
+    jitter = mad_sigma(np.diff(part.motion.state, 2)) / math.sqrt(6.0)
+    return max(FLOOR, _SIGMAS * math.hypot(jitter * lever, part.motion.residual))
