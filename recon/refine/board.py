@@ -106,7 +106,7 @@ def _face(
     mask = across & (cosine > np.cos(MAX_TURN))
     if mask.sum() < MIN_SURFELS or np.median(cosine[mask]) < np.cos(MAX_SPREAD):
         return None
-    plane = _plane(points[mask], facing, flatness)
+    plane = flat_face(points[mask], facing, flatness)
     if plane is None:
         return None
     members = mask.copy()
@@ -127,7 +127,7 @@ def _mode(directions: Array) -> Array:
     return np.array([np.cos(centre), np.sin(centre)])
 
 
-def _plane(points: Array, normal: Array, flatness: float) -> tuple[Array, NDArray[np.bool_]] | None:
+def flat_face(points: Array, normal: Array, flatness: float) -> tuple[Array, NDArray[np.bool_]] | None:
     """Unit normal (3,) of the plane that most points (n, 3) lie on and those that do; None when they form no long, flat face."""
     offset = float(np.median(points @ normal))
     for scale in (5.0, 5.0, 2.5, 1.7, 1.0, 1.0, 1.0, 1.0):

@@ -26,6 +26,7 @@ from recon.parts.same_motion import distinct
 from recon.parts.static_spans import REST_MARGIN
 from recon.recording import Recording
 from recon.refine.board import edge_tie, find_board, with_board
+from recon.refine.front import LEAN_OF_DEPTH, LEAN_OF_TRACKS, find_front, with_front
 from recon.refine.observations import (
     STEPS,
     RefineConfig,
@@ -47,8 +48,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 17, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 10, ("refine", "motion.interval"))
+REFINE = Stage("refine", 18, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 11, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 _FIRST_GRID = 2 / 3  # of the final labels' working width
 
@@ -139,6 +140,7 @@ def _refine_one(
     state = np.array(part.motion.state)
     rests = _rests(part.motion)
     joint: Joint = replace(part.joint, covariance=None, sigma=None)
+    lean = LEAN_OF_DEPTH if tracks.type_source == "depth" else LEAN_OF_TRACKS
     patches = part_patches(views, labels, part)
     # Where a wrong joint puts the rim of a board beside what is seen, it is taken for the hand.
     outlines = part_patches(views, labels, part, also=HAND_LABEL)
@@ -151,6 +153,9 @@ def _refine_one(
             shown = in_part(views, outlines, rows, joint, state)
             edges = edge_tie(board, shown, state, rests, partial(pixels_on, views, rows, joint, state))
             seen = with_board(seen, board, edges)
+        front = find_front(part.joint, *surfels, noise, lean)
+        if front is not None:
+            seen = with_front(seen, front)
         terms = join(
             seen,
             track_terms(views, movers, tracks.members, part, rows, joint, state, focal, noise, config),

@@ -22,7 +22,7 @@ class Terms:
     q: Array
     sigma: Array
     normals: Array  # (K, 3) of the terms
-    board: BoardTies | None = None
+    board: BoardTies | FrontTie | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +58,15 @@ class BoardTies:
         return geo.orthogonal_basis(self.normal)[:, :2]
 
 
+@dataclass(frozen=True, eq=False)
+class FrontTie:
+    """What is known of the front of what slides out (`recon.refine.front`): the terms (K,) that are of it, its normal (3,) and its size, m."""
+
+    of_faces: NDArray[np.bool_]
+    normal: Array
+    length: float
+
+
 def join(a: Terms, b: Terms) -> Terms:
     """Both sets, sorted by term, terms of `b` numbered after those of `a`; with the board of `a`."""
     term = np.concatenate([a.term, b.term + len(a.normals)])
@@ -78,7 +87,7 @@ def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
     y = T(s)^-1 q is the observed point in the part frame. All share the joint's tangent, and a board's tilts where its planes are terms.
     """
     value, jac, y = (_of_hinge if isinstance(joint, Revolute) else _of_slide)(joint, state, terms)
-    if terms.board is None or terms.board.planes is None:
+    if not isinstance(terms.board, BoardTies) or terms.board.planes is None:
         return value, jac
     of_planes = (terms.term >= terms.board.planes) & (terms.term < terms.board.planes + 2)
     tilts = np.where(of_planes[:, None], y @ terms.board.tilts, 0.0)

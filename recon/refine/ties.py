@@ -1,4 +1,4 @@
-"""What is known of a hinged board beside what is seen of it, as errors of a joint and its states."""
+"""What is known of a hinged board, and of a drawer's front, beside what is seen of them, as errors of a joint and its states."""
 
 from __future__ import annotations
 
@@ -6,29 +6,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recon.refine.terms import Terms, linearise
+from recon.refine.terms import BoardTies, FrontTie, Terms, linearise
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
 _PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standard deviation; chosen by us
+# Of a slide's axis to the normal of its front, standard deviation and limit: runners have play, fronts hang askew. Chosen by us
+_SQUARE, _ASKEW = np.radians(1.0), np.radians(3.0)
 
 
 @dataclass(frozen=True, eq=False)
 class BoardErrors:
     """By how much (k,), m, a joint and its states are beyond the limits of what is known, and how far from its middle; the derivatives
-    (k, d + n), and standard deviations (k,)."""
+    (k, d + n), and standard deviations (k,). held: how many, the first, every step holds, so that they tell nothing of its errors. loose: the
+    standard deviation (m) with which each of the others draws to its middle also within its limits, where the recording leaves it open."""
 
     beyond: Array
     away: Array
     rows: Array
     sigmas: Array
+    held: int = 0
+    loose: float = np.inf
 
 
 def board_errors(joint: Joint, state: Array, terms: Terms) -> BoardErrors:
     """Errors of what is known: the hinge's axis is parallel to the faces of its board, and its ties hold."""
     board, of_joint = terms.board, joint.dof
-    if board is None:
+    if isinstance(board, FrontTie):
+        return _front_errors(joint, state, board)
+    if not isinstance(board, BoardTies):
         none = np.zeros(0)
         return BoardErrors(none, none, np.zeros((0, of_joint + len(state))), none)
     d = of_joint + (0 if board.planes is None else 2)
@@ -55,7 +62,20 @@ def board_errors(joint: Joint, state: Array, terms: Terms) -> BoardErrors:
         away.append(total - tie.middle)
         rows.append(np.concatenate([shared, of_states]))
         sigmas.append(tie.sigma)
-    return BoardErrors(np.array(beyond), np.array(away), np.stack(rows), np.array(sigmas))
+    return BoardErrors(np.array(beyond), np.array(away), np.stack(rows), np.array(sigmas), held=1)
+
+
+def _front_errors(joint: Joint, state: Array, front: FrontTie) -> BoardErrors:
+    """Errors of what is known of a front: the axis is along its normal, which says nothing of the states."""
+    lever = front.length / np.sqrt(12.0)
+    aside = geo.orthogonal_basis(front.normal)[:, :2].T
+    away = lever * aside @ joint.axis
+    rows = np.zeros((2, joint.dof + len(state)))
+    for k, b in enumerate(geo.orthogonal_basis(joint.axis)[:, :2].T):
+        rows[:, k] = lever * aside @ np.cross(b, joint.axis)
+    limit = lever * float(np.sin(_ASKEW))
+    beyond = away * max(0.0, 1.0 - limit / max(float(np.linalg.norm(away)), 1e-12))
+    return BoardErrors(beyond, away, rows, np.full(2, lever * _SQUARE), loose=limit)
 
 
 def add_board(
@@ -68,7 +88,11 @@ def add_board(
     errors = board_errors(joint, state, terms)
     broken = errors.beyond != 0
     rows, total = errors.rows[broken], _weight_of_faces(weight, terms)
-    return h + total * rows.T @ rows, g + total * rows.T @ errors.beyond[broken]
+    drawn = errors.rows / errors.loose
+    return (
+        h + total * rows.T @ rows + drawn.T @ drawn,
+        g + total * rows.T @ errors.beyond[broken] + drawn.T @ (errors.away / errors.loose),
+    )
 
 
 def with_board_known(
@@ -81,7 +105,8 @@ def with_board_known(
     """
     errors = board_errors(joint, state, terms)
     of_ties = np.sqrt(np.einsum("ki,ij,kj->k", errors.rows, covariance, errors.rows) + errors.sigmas**2)
-    ratio = float(np.mean((errors.away / of_ties)[1:] ** 2)) if len(of_ties) > 1 else 1.0
+    told = (errors.away / of_ties)[errors.held :]
+    ratio = float(np.mean(told**2)) if len(told) else 1.0
     covariance = covariance * max(ratio, 1.0)
     seen = errors.rows @ covariance
     gain = np.linalg.solve(seen @ errors.rows.T + np.diag(errors.sigmas**2), seen).T

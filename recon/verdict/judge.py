@@ -20,20 +20,25 @@ from recon.verdict.of_scenes import nothing_articulated
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
 from twin.verdict import (
+    AxisUnsure,
     HandMovesNothing,
     HandWhereNobodyIs,
     ManyDoubts,
     MovesWithDoubted,
+    PivotUnsure,
+    RangeUnsure,
     Reason,
     StaticSeenThrough,
     Unexplained,
     Verdict,
 )
 
-VERDICT = Stage("verdict", 22, ())
+VERDICT = Stage("verdict", 23, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
 OF_THE_SCENE = (HandWhereNobodyIs, HandMovesNothing, Unexplained, StaticSeenThrough)
-# Reasons that each make doubtful, those of the scene together one of them. Of 16 open right parts that are doubted twelve have one of them,
+# What a short motion leaves unsure: sigmas of one fit, which grow together
+OF_THE_FIT = (AxisUnsure, PivotUnsure, RangeUnsure)
+# Reasons that each make doubtful, those of the scene together one of them, and those of the fit. Of 16 open right parts that are doubted twelve have one of them,
 # three two and one three; of eight open negatives that are refused for nothing else all have four and more. By us, on recordings that were
 # looked at
 MOST_DOUBTS = 2
@@ -97,8 +102,8 @@ def verdict_on(evidence: PartEvidence) -> Verdict:
 
 def _added_up(reasons: tuple[Reason, ...]) -> Verdict:
     """These reasons, and that they are too many where none of them is enough to refuse."""
-    of_scene = [r for r in reasons if isinstance(r, OF_THE_SCENE)]
-    doubts = [r for r in reasons if r not in of_scene[1:]]
+    alike = [[r for r in reasons if isinstance(r, kinds)] for kinds in (OF_THE_SCENE, OF_THE_FIT)]
+    doubts = [r for r in reasons if all(r not in same[1:] for same in alike)]
     if len(doubts) > MOST_DOUBTS and all(r.level == "doubtful" for r in reasons):
         return Verdict((ManyDoubts.told(doubts, MOST_DOUBTS), *reasons))
     return Verdict(reasons)

@@ -24,6 +24,7 @@ from recon.verdict.of_video import (
     same_in_halves,
     seen_through,
     seen_to_move,
+    surely_moved,
 )
 from twin import geometry as geo
 from twin.geometry import Array
@@ -106,7 +107,7 @@ def axis(e: PartEvidence) -> Reason | None:
     if e.part.joint.sigma is None:
         return None
     sigma = float(np.rad2deg(e.part.joint.sigma.axis))
-    both = sigma > AXIS_HALF_SURE and _short(e)
+    both = sigma > AXIS_HALF_SURE and _short(e) and not surely_moved(e)
     level = _graded(sigma > AXIS_DOUBTFUL, sigma > AXIS_REFUSED or both)
     if level is not None:
         return AxisUnsure(level, sigma, AXIS_HALF_SURE if both else AXIS_DOUBTFUL)
@@ -139,7 +140,7 @@ def travelled(e: PartEvidence) -> Reason | None:
     if joint.sigma is None:
         return None
     span, sigma = joint.upper - joint.lower, joint.sigma.state
-    level = _graded(_short(e), span < RANGE_REFUSED * sigma)
+    level = _graded(_short(e), span < RANGE_REFUSED * sigma and not surely_moved(e))
     if level is None:
         return None
     scale, unit = (float(np.rad2deg(1.0)), "°") if joint.kind == "revolute" else (1000.0, "mm")

@@ -118,6 +118,14 @@ def seen_to_move(e: PartEvidence) -> Reason | None:
     return SurfaceUnseen("refused" if none else "doubtful", p.witnessed, untold, MOVED)
 
 
+def surely_moved(e: PartEvidence) -> bool:
+    """Whether depth shows by itself that this surface moves as the part does: then its joint may be unsure, and it is a part all the same."""
+    m, p = e.in_motion, e.places
+    if m is None or p is None or m.right < WITNESSED * max(m.own, 1):
+        return False
+    return p.far >= TOLD and p.witnessed >= MOVED and p.contradicted <= CONTRADICTED
+
+
 def contradicted(e: PartEvidence) -> Reason | None:
     """How much of its surface is seen not to move with it: a wall, a table, a neighbour that were labelled part."""
     p = e.places

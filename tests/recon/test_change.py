@@ -13,16 +13,18 @@ from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import HIDDEN, SAME, THROUGH, UNKNOWN, best_path, look
 from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
 from recon.motion.movers import Movers
-from recon.parts.changed.carried import Surface
+from recon.parts.changed.carried import Surfaces
 from recon.parts.changed.compete import witnessed
 from recon.parts.changed.proposals import Proposed, proposed_joints
 from recon.parts.changed.search import ChangedPart, _worth_telling, changed_parts
 from recon.parts.config import MotionConfig
 from recon.parts.found import PartTracks
+from recon.parts.moving_part import MovingPart
 from recon.parts.two_witnesses import by_both
 from recon.recording import Intrinsics
 from tests.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
+from twin.geometry import Array
 from twin.scene import Joint, Prismatic, Revolute
 
 
@@ -111,8 +113,10 @@ def movers(count: int = 0) -> Movers:
 
 def test_a_true_joint_that_tracks_tell_is_known_again_and_a_wrong_one_is_not(clip: Clip) -> None:
     true = clip.part.joint
-    wrong = Prismatic(geo.unit(np.array([0.3, 0.2, 1.0])))
-    (found,) = witnessed(clip.recording, clip.cameras, movers(), [wrong, true], MotionConfig(), JointConfig())
+    wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
+    (found,) = witnessed(
+        clip.recording, clip.cameras, movers(), [wrong, clip.part], MotionConfig(), JointConfig()
+    )
     assert found.by_tracks == 1
     (alone,) = witnessed(clip.recording, clip.cameras, movers(), [wrong], MotionConfig(), JointConfig())
     assert alone.by_tracks is None
@@ -148,23 +152,38 @@ def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip:
     assert other.part.motion.inliers == 0.0  # no track follows it
 
 
-def test_tracks_that_slip_along_a_part_know_its_joint_and_not_how_far_it_goes(clip: Clip) -> None:
-    none = np.zeros(0, bool)
-    for share, source in ((0.1, "depth"), (0.4, "motion"), (0.9, "motion")):
-        motion = replace(clip.part.motion, state=share * clip.part.motion.state)
-        told = [PartTracks(replace(clip.part, motion=motion), none, "motion")]
+def with_states(clip: Clip, state: Array) -> MovingPart:
+    return replace(clip.part, motion=replace(clip.part.motion, state=state))
+
+
+def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) -> None:
+    """Tracks that slip along a part go too short a way, a hand that comes along the part's axis goes too far and sets out too early."""
+    none, true = np.zeros(0, bool), clip.part.motion.state
+    early = np.interp(np.arange(26) + 5, np.arange(26), true)
+    for state, source in ((0.1 * true, "depth"), (0.4 * true, "depth"), (early, "depth"), (true, "motion")):
+        told = [PartTracks(with_states(clip, state), none, "motion")]
         (part,) = by_both(told, clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
         assert part.type_source == source
-    assert np.ptp(part.part.motion.state) == pytest.approx(0.9 * np.ptp(clip.part.motion.state))
+    np.testing.assert_array_equal(part.part.motion.state, true)
+
+
+def test_depth_says_how_well_it_agrees_with_the_states_of_tracks(clip: Clip) -> None:
+    """The farther they are from the truth, the less; within a step of the search as well as with its own."""
+    true = clip.part.motion.state
+    told = [
+        witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, share * true)], MotionConfig(), JointConfig())
+        for share in (1.0, 0.8, 0.4)
+    ]  # fmt: skip
+    right, short, shorter = (w[0].as_well for w in told)
+    assert right > 0.35
+    assert right > short >= shorter == 0.0
 
 
 def _explaining(score: float, first: int, last: int) -> ChangedPart:
     """A part that moves from one of 100 frames to another and explains so much."""
     state = np.interp(np.arange(100), [first, last], [0.0, 0.3])
-    surface = cast(Surface, None)
-    return ChangedPart(
-        Proposed("prismatic", np.eye(3)[0], np.zeros(3)), np.arange(100), state, score, surface
-    )
+    none = cast(Surfaces, None)
+    return ChangedPart(Proposed("prismatic", np.eye(3)[0], np.zeros(3)), np.arange(100), state, score, none)
 
 
 def test_a_further_part_explains_enough_or_moves_in_turn() -> None:

@@ -75,7 +75,7 @@ LIMITS: dict[str, tuple[Callable[[PartEvidence], Reason | None], Callable[..., P
     "pivot": (of_parts.pivot, lambda e, _, x: with_sigma(e, pivot=x), of_parts.PIVOT_DOUBTFUL, "up", "doubtful"),
     "pivot, wide": (of_parts.pivot, lambda e, _, x: with_sigma(e, pivot=x), of_parts.PIVOT_REFUSED, "up", "refused"),
     "range": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE_DOUBTFUL, "down", "doubtful"),
-    "range, none": (of_parts.travelled, lambda e, _, x: with_sigma(e, state=SPAN / x), of_parts.RANGE_REFUSED, "down", "refused"),
+    "range, none": (of_parts.travelled, lambda e, _, x: with_places(with_sigma(e, state=SPAN / x), witnessed=0.2), of_parts.RANGE_REFUSED, "down", "refused"),
     "drift": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT_DOUBTFUL, "down", "doubtful"),
     "drift, all": (of_parts.drift, lambda e, c, x: drifting(e, c, 1 / x), of_parts.DRIFT_REFUSED, "down", "refused"),
     "rest": (of_parts.rests, lambda e, _, x: moving_during(e, x), of_parts.RESTLESS, "up", "doubtful"),
@@ -160,8 +160,27 @@ def test_a_hinge_matters_as_far_as_it_takes_the_path_aside(evidence: PartEvidenc
 def test_a_half_sure_axis_with_a_half_sure_range_is_refused(evidence: PartEvidence) -> None:
     unsure = with_sigma(evidence, axis=np.radians(1.1 * of_parts.AXIS_HALF_SURE))
     assert of_parts.axis(unsure) is None
-    both = with_sigma(unsure, state=1.1 * SPAN / of_parts.RANGE_DOUBTFUL)
+    both = with_places(with_sigma(unsure, state=1.1 * SPAN / of_parts.RANGE_DOUBTFUL), witnessed=0.2)
     assert of_parts.axis(both).level == "refused"  # type: ignore[union-attr]
+
+
+def test_a_surface_that_is_seen_to_move_is_a_part_however_unsure_its_range(evidence: PartEvidence) -> None:
+    """Then range and half-sure axis only doubt it; one of these signs alone is not enough, and an axis that is not known at all refuses."""
+    unsure = with_sigma(evidence, axis=np.radians(1.1 * of_parts.AXIS_DOUBTFUL), state=SPAN / 5)
+
+    def levels(e: PartEvidence) -> list[str | None]:
+        return [None if r is None else r.level for r in (of_parts.axis(e), of_parts.travelled(e))]
+
+    assert levels(with_motion(unsure, 0.06, witnessed=0.31)) == ["doubtful", "doubtful"]
+    for told in (
+        with_motion(unsure, 0.04, witnessed=0.8),
+        with_motion(unsure, 0.5, witnessed=0.29),
+        with_motion(unsure, 0.5, contradicted=0.11),
+        with_motion(unsure, 0.5, far=0.2),
+    ):
+        assert levels(told) == ["refused", "refused"]
+    lost = with_sigma(evidence, axis=np.radians(1.1 * of_parts.AXIS_REFUSED), state=SPAN / 5)
+    assert levels(with_motion(lost, 0.5)) == ["refused", "doubtful"]
 
 
 def test_what_can_not_be_told_gives_no_reason_but_a_joint_without_sigma_does(evidence: PartEvidence) -> None:

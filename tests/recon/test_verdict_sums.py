@@ -6,13 +6,14 @@ from copy import copy
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.parts.find_parts import PartTracks
 from recon.verdict.evidence import PartEvidence
-from recon.verdict.judge import OF_THE_SCENE, Judged, _beside_doubted, judge, verdict_on
+from recon.verdict.judge import OF_THE_FIT, OF_THE_SCENE, Judged, _beside_doubted, judge, verdict_on
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import perfect
 from twin.verdict import ClosedEndUnsure, Level, ManyDoubts, MovesWithDoubted, Verdict
@@ -77,6 +78,20 @@ def test_what_a_missed_part_makes_wrong_is_one_doubt(clip: Clip) -> None:
         assert verdict.level == level
     assert isinstance(verdict.main, ManyDoubts)
     assert verdict.main.count == times + 1
+
+
+def test_what_a_short_motion_leaves_unsure_is_one_doubt(clip: Clip) -> None:
+    """Axis, hinge and range by one fit; together with one other doubt they don't refuse, with two they do."""
+    for times, level in ((2, "doubtful"), (3, "refused")):
+        e = doubted(clip, times)
+        sigma: Any = e.part.joint.sigma
+        sigma = replace(sigma, axis=np.radians(1.5), state=(e.part.joint.upper - e.part.joint.lower) / 30)
+        e = replace(e, part=replace(e.part, joint=replace(e.part.joint, sigma=sigma)))
+        verdict = verdict_on(e)
+        assert sum(isinstance(r, OF_THE_FIT) for r in verdict.reasons) == 3
+        assert verdict.level == level
+    assert isinstance(verdict.main, ManyDoubts)
+    assert verdict.main.count == 3
 
 
 def judged_beside(clip: Clip, frames: int) -> Judged:

@@ -118,7 +118,7 @@ class Surfaces:
     def explained(self, joint: Proposed) -> Explained:
         """The best states for all surfaces that a joint carries: of those that each leading surface asks for, the most worthy."""
         rows = self.surfaces[0].rows
-        tried = [self._along(joint, rows, self._path(joint, s, rows)) for s in self.surfaces[:_LEADING]]
+        tried = [self.following(joint, rows, self._path(joint, s, rows)) for s in self.surfaces[:_LEADING]]
         return max(tried, key=lambda e: e.worth)
 
     def improved(self, first: Explained) -> Explained:
@@ -131,7 +131,7 @@ class Surfaces:
                 for k in range(2 * count):
                     delta = np.zeros(count)
                     delta[k // 2] = (tilt if k // 2 < 2 else shift) * (1.0 if k % 2 else -1.0)
-                    trial = self._near(self._moved(best.joint, delta), best)
+                    trial = self.near(self._moved(best.joint, delta), best)
                     if trial.worth > best.worth * (1.0 + 1e-4):
                         best = trial
                 if best.worth == before:
@@ -152,22 +152,22 @@ class Surfaces:
                     _for_all(best.joint.poses(states - coarse[surface.rest]), rows), rows
                 )
         total /= max(sum(s.area for s, g in zip(self.surfaces, best.gains, strict=True) if g > 0), 1)
-        return self._along(best.joint, rows, self._best(total, states, rows, best.joint.kind, 0))
+        return self.following(best.joint, rows, self._best(total, states, rows, best.joint.kind, 0))
 
-    def _near(self, joint: Proposed, like: Explained) -> Explained:
-        """The best states near those that a like joint has, by the surface that gains most by it."""
+    def near(self, joint: Proposed, like: Explained, steps: int = _WINDOW) -> Explained:
+        """The best states within so many coarse steps of those that a like joint has, by the surface that gains most by it."""
         surface = self.surfaces[int(np.argmax(like.gains * [s.area for s in self.surfaces]))]
         step = _STEP[joint.kind]
-        window = step * np.arange(-_WINDOW, _WINDOW + 1)
+        window = step * np.arange(-steps, steps + 1)
         at = int(np.flatnonzero(like.rows == surface.rest)[0])
         state = like.state - like.state[at]
         poses = joint.poses((state[:, None] + window).ravel()).reshape(len(state), len(window), 4, 4)
         score = surface.scores(poses, like.rows)
         score[at] = -1e6
-        score[at, _WINDOW] = 0.0
+        score[at, steps] = 0.0
         # states that keep their distance from the former ones cost nothing
         path, _ = best_path(score, np.full(len(state), 2), _PRICE)
-        return self._along(
+        return self.following(
             joint, like.rows, np.clip(state + window[path], -_FAR[joint.kind], _FAR[joint.kind])
         )
 
@@ -189,7 +189,8 @@ class Surfaces:
         path, _ = best_path(score, np.clip(most, 2, len(states)), _PRICE)
         return np.asarray(states[path])
 
-    def _along(self, joint: Proposed, rows: NDArray[np.int64], state: Array) -> Explained:
+    def following(self, joint: Proposed, rows: NDArray[np.int64], state: Array) -> Explained:
+        """A joint with states (rows,) in some rows, and how well depth agrees with it there."""
         state = state - state[0]
         gains = []
         for s in self.surfaces:

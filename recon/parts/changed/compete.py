@@ -15,6 +15,7 @@ from recon.motion.movers import Movers
 from recon.parts.changed.proposals import Proposed
 from recon.parts.changed.search import ChangedPart, changed_parts
 from recon.parts.config import MotionConfig
+from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.geometry import Array
@@ -26,39 +27,48 @@ _FOLLOW, _COARSE_M = 0.3, 0.015
 
 @dataclass(frozen=True, eq=False)
 class Witnessed:
-    """A joint told by depth, with a state for each posed frame, and the tracks (K,) that follow it. by_tracks: the number of the joint
-    told by tracks that is the same one, None where there is none."""
+    """A joint told by depth, with a state for each posed frame, and the tracks (K,) that follow it. by_tracks: the number of the part
+    told by tracks whose joint is the same one, None where there is none; as_well: how well depth agrees with that one's states, over how well
+    with these."""
 
     joint: Joint
     state: Array
     followers: NDArray[np.bool_]
     by_tracks: int | None
+    as_well: float = 1.0
 
 
 def witnessed(
     recording: Recording,
     cameras: Trajectory,
     movers: Movers,
-    told: Sequence[Joint],
+    told: Sequence[MovingPart],
     config: MotionConfig,
     joints: JointConfig,
 ) -> list[Witnessed]:
-    """What depth says of the parts. told: joints that tracks tell; each competes for the surfaces that changed."""
+    """What depth says of the parts. told: those that tracks tell; the joint of each competes for the surfaces that changed."""
     out = []
-    known = [Proposed(j.kind, j.axis, j.pivot if isinstance(j, Revolute) else np.zeros(3)) for j in told]
+    known = [_proposed(p.joint) for p in told]
     for part in changed_parts(recording, cameras, known):
         oriented = part.oriented(joints.limit_quantile)
         state = np.interp(cameras.frames, part.frames, oriented.state)
-        same = [k for k, j in enumerate(told) if _same(oriented.joint, j, part, config)]
+        same = [k for k, p in enumerate(told) if _same(oriented.joint, p.joint, part, config)]
+        motions = [told[k].motion for k in same]
+        as_well = [part.worth_of(known[k], m.frames, m.state) for k, m in zip(same, motions, strict=True)]
         out.append(
             Witnessed(
                 replace(oriented.joint, covariance=None),
                 state,
                 _followers(oriented.joint, cameras.frames, state, movers, joints),
                 same[0] if same else None,
+                as_well[0] if same else 1.0,
             )
         )
     return out
+
+
+def _proposed(joint: Joint) -> Proposed:
+    return Proposed(joint.kind, joint.axis, joint.pivot if isinstance(joint, Revolute) else np.zeros(3))
 
 
 def _same(joint: Joint, told: Joint, part: ChangedPart, config: MotionConfig) -> bool:

@@ -37,13 +37,29 @@ _SIGMA_AXIS, _SIGMA_PIVOT = np.radians(2.0), 0.02
 
 @dataclass(frozen=True, eq=False)
 class ChangedPart:
-    """A joint with states (T,), 0 at the first of `frames` (T,), what told it, and how well the depth agrees with it."""
+    """A joint with states (T,), 0 at the first of `frames` (T,), the surfaces that it carries, the largest first, and how well the depth agrees
+    with it."""
 
     joint: Proposed
     frames: NDArray[np.int64]
     state: Array
     score: float
-    surface: Surface
+    carried: Surfaces
+
+    @property
+    def surface(self) -> Surface:
+        """The largest of what it carries."""
+        return self.carried.surfaces[0]
+
+    def worth_of(self, joint: Proposed, frames: NDArray[np.int64], state: Array) -> float:
+        """How well the depth agrees where another joint carries the same surfaces by its states (n,) of frames (n,), give or take a step of the
+        search, which is what refinement takes in; over how well it agrees with this one."""
+        other = self._worth(joint, np.interp(self.frames, frames, state))
+        return other / max(self._worth(self.joint, self.state), 1e-12)
+
+    def _worth(self, joint: Proposed, state: Array) -> float:
+        rows = self.surface.rows
+        return self.carried.near(joint, self.carried.following(joint, rows, state[rows]), 1).worth
 
     def oriented(self, quantile: float) -> Oriented:
         """The joint of a twin, positive along the motion, with limits and the uncertainty that the search leaves."""
@@ -83,9 +99,10 @@ def changed_parts(
             surfaces = surfaces[1:]  # nothing carries the largest one
             continue
         carried = [s for s, m in zip(surfaces, mine, strict=True) if m]
-        fine = Surfaces(depths, carried, seconds).followed(replace(best, gains=best.gains[mine]))
+        its = Surfaces(depths, carried, seconds)
+        fine = its.followed(replace(best, gains=best.gains[mine]))
         state = smoothed(fine.state)
-        found.append(ChangedPart(fine.joint, depths.frames, state - state[0], best.worth, carried[0]))
+        found.append(ChangedPart(fine.joint, depths.frames, state - state[0], best.worth, its))
         surfaces = [s for s, m in zip(surfaces, mine, strict=True) if not m]
     return _worth_telling(sorted(found, key=lambda p: -p.score))
 
