@@ -6,10 +6,13 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from recon.joints.config import JointConfig
 from recon.motion.intervals import state_intervals
 from recon.motion.movers import Movers
 from recon.parts.changed.compete import Witnessed, witnessed
+from recon.parts.changed.search import carried_along
 from recon.parts.config import MotionConfig
 from recon.parts.found import PartTracks
 from recon.parts.moving_part import MovingPart
@@ -20,6 +23,7 @@ from twin.scene import FIRST_PART_ID, Motion, Trajectory
 # How well depth agrees with the states of tracks, over how well with its own: right ones .9 and more in seven open recordings and .37 to 1 in
 # cabinets of closed form, those of a hand that moved along a drawer's axis, and of tracks that slip, 0. Chosen by us
 _AS_WELL = 0.2
+_CARRIED = 0.5  # of the way of what is moved, at least, that the hand goes meanwhile; chosen by us
 
 
 def by_both(
@@ -39,14 +43,25 @@ def by_both(
     parts: list[PartTracks] = []
     taken: set[int | None] = set()
     for w in seen[: config.max_parts]:
-        if w.by_tracks is None or not (w.as_well > _AS_WELL or w.by_tracks in taken):
+        agreed = w.by_tracks is not None and w.as_well > _AS_WELL
+        if agreed and w.by_tracks not in taken:
+            parts.append(found[w.by_tracks or 0])
+        elif not agreed and not _goes_along(w, seen):
             parts.append(_of_depth(w, recording, cameras, movers, config))
-        elif w.by_tracks not in taken:
-            parts.append(found[w.by_tracks])
         taken.add(w.by_tracks)
     for left in (f for k, f in enumerate(found) if all(w.by_tracks != k for w in seen)):
         _warn(left)
     return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
+
+
+def _goes_along(w: Witnessed, seen: Sequence[Witnessed]) -> bool:
+    """Whether it goes along with another that has the same joint of tracks and agrees better with them: a hand goes the way of what it moves."""
+    rivals = [o for o in seen if o is not w and o.by_tracks is not None and o.by_tracks == w.by_tracks]
+    return any(_along(w, o) > _CARRIED for o in rivals if o.as_well > w.as_well)
+
+
+def _along(w: Witnessed, other: Witnessed) -> float:
+    return carried_along(np.sign(w.joint.axis @ other.joint.axis) * w.state, other.state)
 
 
 def _warn(left: PartTracks) -> None:

@@ -14,13 +14,13 @@ from recon.motion.change.kernels import HIDDEN, SAME, THROUGH, UNKNOWN, best_pat
 from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
 from recon.motion.movers import Movers
 from recon.parts.changed.carried import Surfaces
-from recon.parts.changed.compete import witnessed
+from recon.parts.changed.compete import Witnessed, witnessed
 from recon.parts.changed.proposals import Proposed, proposed_joints
 from recon.parts.changed.search import ChangedPart, _worth_telling, changed_parts
 from recon.parts.config import MotionConfig
 from recon.parts.found import PartTracks
 from recon.parts.moving_part import MovingPart
-from recon.parts.two_witnesses import by_both
+from recon.parts.two_witnesses import _goes_along, by_both
 from recon.recording import Intrinsics
 from tests.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
@@ -177,6 +177,21 @@ def test_depth_says_how_well_it_agrees_with_the_states_of_tracks(clip: Clip) -> 
     right, short, shorter = (w[0].as_well for w in told)
     assert right > 0.35
     assert right > short >= shorter == 0.0
+
+
+def test_a_hand_that_goes_along_with_a_part_is_none_and_a_second_drawer_is_one(clip: Clip) -> None:
+    """All by the same axis: the drawer agrees with the tracks; the hand goes as far while the drawer does, and farther before; the second
+    drawer moves at another time."""
+    time, axis = np.arange(100), clip.part.joint
+    none = np.zeros(0, bool)
+    drawer = Witnessed(axis, np.interp(time, [40, 60], [0.0, 0.3]), none, 0, 0.9)
+    hand = Witnessed(axis, np.interp(time, [10, 25, 40, 60], [0.0, 0.5, 0.5, 0.8]), none, 0, 0.0)
+    second = Witnessed(axis, np.interp(time, [70, 90], [0.0, 0.3]), none, 0, 0.0)
+    seen = [hand, drawer, second]
+    assert [_goes_along(w, seen) for w in seen] == [True, False, False]
+    backwards = replace(hand, joint=replace(axis, axis=-axis.axis), state=-hand.state)
+    assert _goes_along(backwards, [backwards, drawer])
+    assert not _goes_along(replace(hand, by_tracks=None), seen)
 
 
 def _explaining(score: float, first: int, last: int) -> ChangedPart:

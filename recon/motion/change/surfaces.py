@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.motion.change.arms import is_arm
 from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import BARED, FRESH, HIDDEN, OLD, SAME, THROUGH
 from twin.geometry import Array
@@ -36,7 +37,7 @@ class Changed:
 
 
 def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
-    """Pieces of what row `rest` sees and several others see through, largest first."""
+    """Pieces of what row `rest` sees and several others see through, largest first, without arms."""
     known = depths.depth[rest] > 0
     points = depths.points(rest)
     gone = np.stack(
@@ -51,7 +52,8 @@ def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
     area = stats[1:, cv2.CC_STAT_AREA]
     large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:MOST] if area[k] >= SHARE * left.size]
     colour = depths.colour[rest].astype(np.float64)
-    return [Changed(rest, piece == k, points[piece == k], colour[piece == k]) for k in large]
+    found = [Changed(rest, piece == k, points[piece == k], colour[piece == k]) for k in large]
+    return [c for c in found if not is_arm(c.mask, depths.depth[rest], c.points)]
 
 
 def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:

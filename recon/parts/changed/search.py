@@ -126,6 +126,13 @@ def _together(state: Array, other: Array) -> float:
     return float((its[moving] > _CREEPS * its.max()).mean()) if moving.any() else 1.0
 
 
+def carried_along(state: Array, other: Array) -> float:
+    """How far states (n,) go while and as others (n,) do, over how far those go: 1 of what is carried along, whatever it does else."""
+    mine, its = np.gradient(state), np.gradient(other)
+    moving = np.abs(its) > _CREEPS * np.abs(its).max()
+    return float(mine[moving] @ np.sign(its[moving])) / max(float(np.abs(its[moving]).sum()), 1e-12)
+
+
 def _best(surfaces: Surfaces, known: Sequence[Proposed]) -> Explained:
     """The joint that explains most."""
     proposed = [j for points in _shapes(surfaces.surfaces) for j in proposed_joints(points)]
