@@ -50,12 +50,12 @@ def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ign
 
 
 @njit(cache=True, nogil=True)
-def _agreement(points, tint, T_cam_world, pose, depth, colour, new, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
     """How well points (n, 3), moved by a pose (4, 4), agree with a depth image (h, w): the share that agrees, 0..1 each, and the share that
     the camera sees through.
 
-    Where the pixel is OLD in `new` (h, w), a point that has moved says nothing: what it was carried onto has always been there. Hidden points
-    and those out of view say nothing either. Where it was hidden at the surface's rest (BARED), something else may have been there all
+    Where the pixel is OLD in `new` (h, w), a point that has moved says nothing: what it was carried onto has always been there; unless that may be the
+    surface `itself`, as of a panel that slides in its own plane. Hidden points and those out of view say nothing either. Where it was hidden at the surface's rest (BARED), something else may have been there all
     the time: then it counts a quarter, and a like colour only. tint (n, 3), colour (h, w, 3): Lab, 8 bits.
     """
     h, w = depth.shape
@@ -84,14 +84,15 @@ def _agreement(points, tint, T_cam_world, pose, depth, colour, new, fx, fy, cx, 
             d1 = pose[1, 0] * p0 + pose[1, 1] * p1 + pose[1, 2] * p2 + pose[1, 3] - p1
             d2 = pose[2, 0] * p0 + pose[2, 1] * p1 + pose[2, 2] * p2 + pose[2, 3] - p2
             fresh = new[v, u]
-            if fresh == OLD and d0 * d0 + d1 * d1 + d2 * d2 > 4.0 * gate * gate:
+            onto = fresh == OLD and d0 * d0 + d1 * d1 + d2 * d2 > 4.0 * gate * gate
+            if onto and not itself:
                 continue
             off2 = 0.0
             for c in range(3):
                 shade = (float(colour[v, u, c]) - tint[i, c]) / spread[c]
                 off2 += shade * shade
             like = 1.0 / (1.0 + off2)
-            if fresh == FRESH:
+            if fresh == FRESH or onto:
                 like = 0.5 + 0.5 * like
             elif fresh == BARED:
                 like *= 0.25
@@ -102,7 +103,7 @@ def _agreement(points, tint, T_cam_world, pose, depth, colour, new, fx, fy, cx, 
 
 
 @njit(cache=True, nogil=True)
-def agreements(points, tint, T_cam_world, poses, depth, colour, new, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+def agreements(points, tint, T_cam_world, poses, depth, colour, new, itself, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
     """`_agreement` of points (n, 3) with each depth image (T, h, w) at poses of its own, (T, Q, 4, 4): two arrays (T, Q)."""
     good, through = np.zeros(poses.shape[:2]), np.zeros(poses.shape[:2])
     for t in range(len(depth)):
@@ -115,6 +116,7 @@ def agreements(points, tint, T_cam_world, poses, depth, colour, new, fx, fy, cx,
                 depth[t],
                 colour[t],
                 new[t],
+                itself,
                 fx,
                 fy,
                 cx,

@@ -43,7 +43,7 @@ _ROUNDS = (
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A changed surface: world points (n, 3) m of it at its rest in row `rest`, their Lab colours (n, 3), and what is new (T, h, w) to that
-    row (`recon.motion.change.surfaces.news`). rows: on which joints are compared."""
+    row (`recon.motion.change.surfaces.news`). rows: on which joints are compared. panel: whether it slides in its own plane, over its own place."""
 
     depths: Depths
     rest: int
@@ -52,13 +52,18 @@ class Surface:
     area: int  # px of the depths
     new: NDArray[np.uint8]
     rows: NDArray[np.int64]
+    panel: bool = False
 
     @staticmethod
-    def of(depths: Depths, changed: Changed, new: NDArray[np.uint8], rows: NDArray[np.int64]) -> Surface:
+    def of(
+        depths: Depths, changed: Changed, new: NDArray[np.uint8], rows: NDArray[np.int64], panel: bool = False
+    ) -> Surface:
         """A few of its points, evenly chosen."""
         count = len(changed.points)
         chosen = np.sort(np.random.default_rng(0).choice(count, min(POINTS, count), replace=False))
-        return Surface(depths, changed.rest, changed.points[chosen], changed.tint[chosen], count, new, rows)
+        return Surface(
+            depths, changed.rest, changed.points[chosen], changed.tint[chosen], count, new, rows, panel
+        )
 
     @property
     def _gate(self) -> tuple[float, float]:
@@ -69,7 +74,7 @@ class Surface:
         """What agrees less twice what is seen through (rows, n), as shares of the points, at poses (rows, n, 4, 4) of each row's own."""
         T_cam_world, depth, colour, new = self._compared if rows is self.rows else self._pictures(rows)
         good, through = agreements(
-            self.points, self.tint, T_cam_world, np.ascontiguousarray(poses), depth, colour, new, *self.depths.lens, *self._gate
+            self.points, self.tint, T_cam_world, np.ascontiguousarray(poses), depth, colour, new, self.panel, *self.depths.lens, *self._gate
         )  # fmt: skip
         return np.asarray(good - _THROUGH * through)
 

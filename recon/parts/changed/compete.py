@@ -28,8 +28,8 @@ _FOLLOW, _COARSE_M = 0.3, 0.015
 @dataclass(frozen=True, eq=False)
 class Witnessed:
     """A joint told by depth, with a state for each posed frame, and the tracks (K,) that follow it. by_tracks: the number of the part
-    told by tracks whose joint is the same one, None where there is none; as_well: how well depth agrees with that one's states, over how well
-    with these."""
+    told by tracks whose joint is the same one, None where there is none; as_well: how well depth agrees with that one's states
+    (`ChangedPart.as_well`)."""
 
     joint: Joint
     state: Array
@@ -54,7 +54,7 @@ def witnessed(
         state = np.interp(cameras.frames, part.frames, oriented.state)
         same = [k for k, p in enumerate(told) if _same(oriented.joint, p.joint, part, config)]
         motions = [told[k].motion for k in same]
-        as_well = [part.worth_of(known[k], m.frames, m.state) for k, m in zip(same, motions, strict=True)]
+        as_well = [part.as_well(known[k], m.frames, m.state) for k, m in zip(same, motions, strict=True)]
         out.append(
             Witnessed(
                 replace(oriented.joint, covariance=None),

@@ -41,7 +41,7 @@ class Proposed:
 
 def proposed_joints(points: Array) -> list[Proposed]:
     """Three slides of the rectangle about a surface's points (n, 3), and hinges at its four edges and beyond them."""
-    normal, on = _plane(points)
+    normal, on = plane_of(points)
     basis = geo.orthogonal_basis(normal)[:, :2]
     flat = (on - on.mean(axis=0)) @ basis
     (_, _), (_, _), angle = cv2.minAreaRect(flat.astype(np.float32))
@@ -59,7 +59,7 @@ def proposed_joints(points: Array) -> list[Proposed]:
     return out
 
 
-def _plane(points: Array) -> tuple[Array, Array]:
+def plane_of(points: Array) -> tuple[Array, Array]:
     """Unit normal (3,) of the plane that most points lie on (RANSAC, Fischler and Bolles 1981), and those points."""
     rng = np.random.default_rng(0)
     best = np.ones(len(points), dtype=bool)

@@ -13,7 +13,8 @@ from recon.joints.sign_and_limits import Oriented, orient, smoothed
 from recon.motion.change.depths import Depths
 from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
 from recon.parts.changed.carried import ROWS, Explained, Surface, Surfaces
-from recon.parts.changed.proposals import Proposed, proposed_joints
+from recon.parts.changed.panels import with_panels
+from recon.parts.changed.proposals import Proposed, plane_of, proposed_joints
 from recon.recording import Recording
 from twin.geometry import Array
 from twin.runs.threads import each
@@ -27,6 +28,7 @@ LEAST, _SAME = 0.04, 0.01
 # Of what the first part explains, at least, for a further one; and for one that moves while none that explains more does, as a small drawer
 # after a large door: by less than this share of its moving frames, those with a tenth of its fastest step or more. Chosen by us.
 _FURTHER, _IN_TURN, _MEANWHILE, _CREEPS = 0.3, 0.15, 0.5, 0.1
+_ALONG = 0.25  # sine of a way to a surface that it slides along; chosen by us
 _SIMPLER = 1.02  # a hinge must explain that much more than a slide, for its two further unknowns
 _SIGMA = {
     "revolute": np.radians(1.5),
@@ -51,11 +53,21 @@ class ChangedPart:
         """The largest of what it carries."""
         return self.carried.surfaces[0]
 
-    def worth_of(self, joint: Proposed, frames: NDArray[np.int64], state: Array) -> float:
+    def as_well(self, joint: Proposed, frames: NDArray[np.int64], state: Array) -> float:
         """How well the depth agrees where another joint carries the same surfaces by its states (n,) of frames (n,), give or take a step of the
-        search, which is what refinement takes in; over how well it agrees with this one."""
-        other = self._worth(joint, np.interp(self.frames, frames, state))
-        return other / max(self._worth(self.joint, self.state), 1e-12)
+        search, which is what refinement takes in; over how well it agrees with this one. A strip that slides in its own plane, over which
+        depth is silent, only tells how far: over how far this one goes."""
+        its = np.interp(self.frames, frames, state)
+        if self._silent:
+            ways = [float(np.ptp(np.quantile(s, (0.02, 0.98)))) for s in (its, self.state)]
+            return ways[0] / max(ways[1], 1e-12)
+        return self._worth(joint, its) / max(self._worth(self.joint, self.state), 1e-12)
+
+    @property
+    def _silent(self) -> bool:
+        normal, _ = plane_of(self.surface.points)
+        along = self.joint.kind == "prismatic" and abs(float(normal @ self.joint.axis)) < _ALONG
+        return along and not self.surface.panel
 
     def _worth(self, joint: Proposed, state: Array) -> float:
         rows = self.surface.rows
@@ -87,8 +99,8 @@ def changed_parts(
     ends = (0, len(depths.frames) - 1)
     new = [news(depths, rest) for rest in ends]
     rows = telling_rows(new[0], new[1], ROWS)
-    for rest, fresh in zip(ends, new, strict=True):
-        surfaces += [Surface.of(depths, c, fresh, rows) for c in changed_surfaces(depths, rest)]
+    for changed, panel in with_panels(depths, *(changed_surfaces(depths, rest) for rest in ends)):
+        surfaces.append(Surface.of(depths, changed, new[ends.index(changed.rest)], rows, panel))
     seconds = np.asarray(recording.times)[depths.frames]
     found: list[ChangedPart] = []
     while surfaces:
