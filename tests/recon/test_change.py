@@ -172,6 +172,17 @@ def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) 
     np.testing.assert_array_equal(part.part.motion.state, true)
 
 
+def test_states_that_run_on_out_of_view_are_none_of_the_part() -> None:
+    """In the first frames no depth is known, so that all other frames agree with whatever the tracks say of them."""
+    clip = make_clip("drawer")
+    read, true = clip.recording.read_depth, clip.part.motion.state
+    blind = replace(clip.recording, read_depth=lambda f: read(f) * np.float32(f >= 4))
+    for run_on, known in ((0.0, True), (0.1, True), (0.2, False)):
+        told = with_states(clip, np.where(np.arange(26) < 4, true - run_on, true))
+        (found,) = witnessed(blind, clip.cameras, movers(), [told], MotionConfig(), JointConfig())
+        assert (found.as_well > 0.5) == known
+
+
 def test_depth_says_how_well_it_agrees_with_the_states_of_tracks(clip: Clip) -> None:
     """The farther they are from the truth, the less."""
     true = clip.part.motion.state
