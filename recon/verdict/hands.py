@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import look_up
+from recon.motion.change.arms import is_arm
 from recon.verdict.posed import PosedTwin, gate, opened
 from twin import geometry as geo
 from twin.geometry import Array
@@ -31,6 +32,7 @@ ARMS_M2 = 0.2
 # An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it opens seldom farther than 1.3 m. An arm
 # that comes from the side had .74, so what is to be told as no arm must have more than the second. Chosen by us
 REACHES_IN, ACROSS = 0.7, 0.9
+_FEWEST = 30  # px of the thinned picture that have a shape; chosen by us
 
 
 def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
@@ -80,16 +82,28 @@ def _at_rest(
 def _still_pieces(
     twin: PosedTwin, frame: int, hand: NDArray[np.bool_], kept: NDArray[np.bool_], nearer: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
-    """Which pieces of a hand (H, W) mostly keep their place and are no arm that reaches in from the border, and the piece of each pixel.
-    kept (H, W): what keeps its place. nearer: see `REACHES_IN`."""
+    """Which pieces of a hand (H, W) mostly keep their place and are no arm, by reaching in from the border or by its shape where labels have lost
+    its end; and the piece of each pixel. kept (H, W): what keeps its place. nearer: see `REACHES_IN`."""
     seen = twin.seen(frame)
     pieces = np.asarray(cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1], np.int32)
     still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
     area = np.square(seen.astype(np.float64)) / (twin.camera.fx * twin.camera.fy)
-    arm = _at_border(pieces) & (np.bincount(pieces.ravel(), area.ravel()) <= ARMS_M2)
-    for k in np.flatnonzero(arm & still):
-        still[k] = not _reaches_in(pieces == k, seen, nearer)
+    border, small = _at_border(pieces), np.bincount(pieces.ravel(), area.ravel()) <= ARMS_M2
+    for k in np.flatnonzero(small & still):
+        piece = pieces == k
+        still[k] = not (
+            (border[k] and _reaches_in(piece, seen, nearer)) or _shaped_as_arm(twin, piece & (seen > 0), seen)
+        )
     return still, pieces
+
+
+def _shaped_as_arm(twin: PosedTwin, piece: NDArray[np.bool_], seen: NDArray[np.float32]) -> bool:
+    """Whether a piece (H, W) of known depth is narrow, stands off and comes nearer towards the border."""
+    y, x = np.nonzero(piece)
+    if len(y) < _FEWEST:
+        return False
+    pixels = np.stack([x, y], axis=1).astype(np.float64)
+    return is_arm(piece, seen, twin.camera.backproject(pixels, seen[y, x].astype(np.float64)))
 
 
 def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ import pytest
 
 from recon.joints.config import JointConfig
 from recon.motion.change.depths import Depths
-from recon.motion.change.kernels import HIDDEN, SAME, THROUGH, UNKNOWN, best_path, look
+from recon.motion.change.kernels import BARED, FRESH, HIDDEN, OLD, SAME, THROUGH, UNKNOWN, best_path, look
 from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
 from recon.motion.movers import Movers
 from recon.parts.changed.carried import Surfaces
@@ -341,6 +341,21 @@ def test_the_best_path_keeps_to_the_speed_limit() -> None:
     assert less < total
     dear, _ = best_path(score, np.full(6, 9), 1.0)
     assert len(set(dear.tolist())) == 1  # six steps cost more than the three frames give
+
+
+def test_what_could_not_be_seen_may_always_have_been_there() -> None:
+    """A wall, from a camera that goes aside: what comes into the picture is not new, what comes before the wall is."""
+    clip = make_clip("door")
+    wall, nearer = np.full((150, 200), 2.0, np.float32), np.full((150, 200), 2.0, np.float32)
+    nearer[60:90, 90:110], wall[:20, 100:] = 1.5, 0.0
+    poses = np.tile(np.eye(4), (26, 1, 1))
+    poses[20:, 0, 3] = 1.0
+    recording = replace(clip.recording, read_depth=lambda f: wall if f < 10 else nearer)
+    told = news(Depths.of(recording, replace(clip.cameras, T_world_cam=poses)), 0)
+    assert (told[15, 62:88, 92:108] == FRESH).all()
+    assert (told[15, :18, 102:] == BARED).all()  # without depth in the first frame
+    assert (told[25, 30:50, 140:] == BARED).all()  # out of its picture
+    assert (told[25, 30:50, :110] == OLD).all()
 
 
 def test_rows_crowd_where_much_is_under_way(clip: Clip) -> None:

@@ -256,3 +256,17 @@ def test_a_board_that_is_labelled_hand_at_rest_is_none(
     if isinstance(found, HandWhereNobodyIs):
         assert found.frame == frame
         np.testing.assert_allclose(found.share, share, rtol=0.2)
+
+
+@pytest.mark.parametrize(("columns", "near", "told"), [(18, 0.4, False), (60, 0.4, True), (18, 0.95, True)])
+def test_an_arm_that_rests_is_one_though_labels_lost_its_end(columns: int, near: float, told: bool) -> None:
+    """Narrow and nearer towards the border it is an arm; as wide as a board, or as far at both ends, it is none."""
+    clip = make_clip("drawer")
+    image = np.zeros(clip.labels[0].shape, bool)
+    image[60:125, 80 : 80 + columns] = True
+    ahead = np.interp(np.arange(image.shape[0]), (60, 125), (1.0, near))[:, None]
+    e = with_depth(perfect(clip), lambda seen: np.where(image, ahead, seen))
+    nobody = {f: np.where(seen == HAND_LABEL, np.uint8(1), seen) for f, seen in clip.labels.items()}
+    labels = nobody | {6: np.where(image, np.uint8(HAND_LABEL), nobody[6])}
+    found = of_video.hand_is_one(changing(with_labels(e, labels, e.mesh), FRAMES, np.zeros(0)))
+    assert (found is not None) == told

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 UNKNOWN, SAME, THROUGH, HIDDEN = 0, 1, 2, 3
-OLD, FRESH, BARED = 0, 1, 2  # what a pixel sees: has been there, has not, was hidden
+OLD, FRESH, BARED = 0, 1, 2  # what a pixel sees: has been there, has not, could not be seen
 
 
 @njit(cache=True, nogil=True)
@@ -55,7 +55,7 @@ def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, 
     the camera sees through.
 
     Where the pixel is OLD in `new` (h, w), a point that has moved says nothing: what it was carried onto has always been there; unless that may be the
-    surface `itself`, as of a panel that slides in its own plane. Hidden points and those out of view say nothing either. Where it was hidden at the surface's rest (BARED), something else may have been there all
+    surface `itself`, as of a panel that slides in its own plane. Hidden points and those out of view say nothing either. Where it could not be seen at the surface's rest (BARED), something else may have been there all
     the time: then it counts a quarter, and a like colour only. tint (n, 3), colour (h, w, 3): Lab, 8 bits.
     """
     h, w = depth.shape

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recon.motion.change.arms import is_arm
 from recon.motion.change.depths import Depths
-from recon.motion.change.kernels import BARED, FRESH, HIDDEN, OLD, SAME, THROUGH
+from recon.motion.change.kernels import BARED, FRESH, OLD, SAME, THROUGH
 from twin.geometry import Array
 
 SIGMAS = 5.0  # of noise that a gap is wide, at least; and so many metres (chosen by us)
@@ -68,19 +68,22 @@ def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) 
     """At most `count` rows, the first and the last among them: half of them evenly spread, half where much is new to both ends of the
     recording, as are a part and a hand on their way. first, last: what is new (T, h, w) to the first and to the last row."""
     rows = len(first)
-    under_way = ((first == FRESH) & (last == FRESH)).mean(axis=(1, 2)) + 1e-6
+    even = np.unique(np.linspace(0, rows - 1, min(count - count // 2, rows)).round().astype(np.int64))
+    others = np.setdiff1d(np.arange(rows), even)
+    if not len(others):
+        return even
+    under_way = ((first == FRESH) & (last == FRESH)).mean(axis=(1, 2))[others] + 1e-6
     gone = np.cumsum(under_way) / under_way.sum()
     busy = np.searchsorted(gone, (np.arange(count // 2) + 0.5) / (count // 2))
-    even = np.linspace(0, rows - 1, min(count - count // 2, rows)).round()
-    return np.unique(np.concatenate([even, np.minimum(busy, rows - 1)]).astype(np.int64))
+    return np.unique(np.concatenate([even, others[np.minimum(busy, len(others) - 1)]]))
 
 
 def news(depths: Depths, rest: int) -> NDArray[np.uint8]:
-    """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees through it or could not see it,
-    BARED where something else hid it."""
+    """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees through it, BARED where it could not see:
+    something else hid it, it was out of the picture, or has no depth. It may always have been there."""
     known = depths.depth > 0
     out = np.zeros(depths.depth.shape, np.uint8)
     for t in range(len(depths.frames)):
         told = depths.look(depths.points(t)[known[t]], rest, SIGMAS / 2.0, GAP_M / 2.0)
-        out[t][known[t]] = np.select([told == SAME, told == HIDDEN], [OLD, BARED], FRESH)
+        out[t][known[t]] = np.select([told == SAME, told == THROUGH], [OLD, FRESH], BARED)
     return out
