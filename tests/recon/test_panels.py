@@ -92,3 +92,22 @@ def test_where_the_plane_between_is_seen_through_there_is_no_panel() -> None:
     hole = (np.abs(X + 0.04) < 0.04) & (np.abs(Y) < 0.15)
     pierced = [np.where(hole, BACK, d).astype(np.float32) for d in sliding(WAY)]
     assert not any(told(pierced))
+
+
+def test_a_part_that_is_in_view_for_a_fifth_of_the_time_is_found() -> None:
+    """A drawer comes out by 12 cm; before and after it the camera looks at a wall beside it, for most of the recording."""
+    count, there = 100, {*range(4), *range(43, 55), *range(96, 100)}
+    away = geo.make_pose(geo.exp_so3([0.0, np.pi / 2, 0.0]), [0.0, 0.0, 0.0])
+    poses = np.stack([np.eye(4) if f in there else away for f in range(count)])
+    every = np.arange(count)
+    plane = NEAR - 0.12 * np.clip((every - 45) / 6, 0, 1)
+    wall = np.full((120, 160), 2.0, np.float32)
+    depth = [depth_of(-0.2, 0.2, plane[f]) if f in there else wall for f in range(count)]
+    color = np.full((120, 160, 3), 120, np.uint8)
+    recording = Recording(
+        "aside", "aside", every / 15.0, CAMERA, lambda _: color, lambda f: depth[f], "aside"
+    )
+    (part,) = changed_parts(recording, Trajectory(every, every / 15.0, poses))
+    assert part.joint.kind == "prismatic"
+    assert np.degrees(geo.line_angle(part.joint.axis, [0.0, 0.0, 1.0])) < 8.0
+    assert np.ptp(part.state) == pytest.approx(0.12, abs=0.02)

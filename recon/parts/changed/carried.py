@@ -21,6 +21,7 @@ from twin.joint import moved_axis
 
 POINTS = 200  # of a surface that are carried; more cost time and rank no joint otherwise
 ROWS = 40  # on which joints are compared
+_IN_VIEW, _FEWEST_ROWS = 0.2, 5  # share of a surface that a row sees, and rows that tell a mean; by us
 _SIGMAS, _LEAST_M = 4.0, 0.018  # of noise, and m, within which depths agree; chosen by us
 _FAR: dict[Kind, float] = {"revolute": np.deg2rad(135.0), "prismatic": 0.7}  # farthest state, rad or m
 _STEP: dict[Kind, float] = {"revolute": np.deg2rad(3.0), "prismatic": 0.02}  # between neighbours, at first
@@ -93,11 +94,32 @@ class Surface:
         """The same (rows,) at one pose (rows, 4, 4) each."""
         return self.scores(poses[:, None], rows)[:, 0]
 
+    def mean(self, scores: Array, rows: NDArray[np.int64]) -> float:
+        """Mean of scores (rows,) over those rows that look at it: a part beside which the camera looks for most of the time is one all the same."""
+        looks = self._looks if rows is self.rows else self._looked_at(rows)
+        return float(scores[looks].mean())
+
     @cached_property
     def unknown(self) -> float:
         """Its mean score where it stays until it leaves for nobody knows where: what any joint must exceed that is to explain it."""
         rows = self.rows
-        return float(np.maximum(self.along(np.tile(np.eye(4), (len(rows), 1, 1)), rows), 0.0).mean())
+        stays = self.along(np.tile(np.eye(4), (len(rows), 1, 1)), rows)
+        return self.mean(np.maximum(stays, 0.0), rows)
+
+    @cached_property
+    def _looks(self) -> NDArray[np.bool_]:
+        return self._looked_at(self.rows)
+
+    def _looked_at(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Rows (rows,) in whose picture a share of it lies where it rests; all of them where these are few."""
+        d = self.depths
+        ahead = geo.transform(d.T_cam_world[rows], self.points)
+        pixels = d.camera.project(np.where(ahead[..., 2:] > 0.1, ahead, [0.0, 0.0, 1.0]))
+        inside = (ahead[..., 2] > 0.1) & np.all(
+            (pixels >= 0) & (pixels < [d.camera.width, d.camera.height]), axis=-1
+        )
+        looks = inside.mean(axis=1) >= _IN_VIEW
+        return looks if looks.sum() >= _FEWEST_ROWS else np.ones(len(rows), bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +222,7 @@ class Surfaces:
         gains = []
         for s in self.surfaces:
             at = int(np.flatnonzero(rows == s.rest)[0])
-            gains.append(max(float(s.along(joint.poses(state - state[at]), rows).mean()) - s.unknown, 0.0))
+            gains.append(max(s.mean(s.along(joint.poses(state - state[at]), rows), rows) - s.unknown, 0.0))
         areas = [s.area for s in self.surfaces]
         return Explained(joint, rows, state, np.array(gains), float(np.dot(gains, areas)))
 
