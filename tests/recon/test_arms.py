@@ -69,3 +69,13 @@ def test_a_strip_of_a_wall_that_comes_nearer_is_no_arm() -> None:
 def test_a_front_that_stands_off_is_no_arm() -> None:
     mask, depth, points = picture([(-0.3, -0.05, 0.8), (0.3, -0.05, 0.8), (-0.3, 0.06, 0.8)])
     assert not is_arm(mask, depth, points)
+
+
+@pytest.mark.parametrize(
+    ("size", "behind", "fist"), [(0.1, WALL, True), (0.1, 0.63, False), (0.25, WALL, False)]
+)
+def test_a_fist_is_short_and_stands_off(size: float, behind: float, fist: bool) -> None:
+    mask, depth, points = picture(
+        [(-0.05, -0.05, 0.6), (size - 0.05, -0.05, 0.6), (-0.05, 0.05, 0.6)], behind
+    )
+    assert is_arm(mask, depth, points) == fist

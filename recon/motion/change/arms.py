@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 from twin.geometry import Array
 
 # An arm is no wider than this (m), has this much (m) of free depth behind this share of its outline, and comes from the viewer: the fifth of it next
-# to the picture's border is nearer than the fifth farthest from it, by this ratio. In 34 open recordings 12 surfaces of 15 on hands are so, and
-# none of 62 on parts: boards are wider, or as far at both ends, or stand off from little. Chosen by us
+# to the picture's border is nearer than the fifth farthest from it, by this ratio; or it is no longer than wide, as a fist. In 34 open recordings 12
+# surfaces of 15 on hands are so, and none of 62 on parts: boards are wider, or as far at both ends, or stand off from little. Chosen by us
 WIDEST, BEHIND, OUTLINE, NEARER, _END = 0.15, 0.06, 1 / 3, 0.8, 5
 
 
 def is_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -> bool:
-    """Whether a surface of a depth image (h, w), m, 0 unknown, with world points (n, 3) in the order of the mask's pixels, is an arm."""
-    return _comes_nearer(mask, depth) and _width(points) <= WIDEST and _stands_off(mask, depth) >= OUTLINE
+    """Whether a surface of a depth image (h, w), m, 0 unknown, with world points (n, 3) in the order of the mask's pixels, is an arm or a fist."""
+    length, width = _extents(points)
+    if width > WIDEST or _stands_off(mask, depth) < OUTLINE:
+        return False
+    return length <= WIDEST or _comes_nearer(mask, depth)
 
 
 def _comes_nearer(mask: NDArray[np.bool_], depth: NDArray[np.float32]) -> bool:
@@ -28,10 +31,11 @@ def _comes_nearer(mask: NDArray[np.bool_], depth: NDArray[np.float32]) -> bool:
     return float(np.median(z[:end])) < NEARER * float(np.median(z[-end:]))
 
 
-def _width(points: Array) -> float:
-    """Extent (m) along the second of its principal axes, of an even strip with as much scatter."""
+def _extents(points: Array) -> tuple[float, float]:
+    """Length and width (m) along the first two of its principal axes, of an even strip with as much scatter."""
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return float(spread[1] / np.sqrt(len(points)) * np.sqrt(12.0))
+    length, width = spread[:2] / np.sqrt(len(points)) * np.sqrt(12.0)
+    return float(length), float(width)
 
 
 def _stands_off(mask: NDArray[np.bool_], depth: NDArray[np.float32]) -> float:
