@@ -45,6 +45,7 @@ def strip(width: float, near: float, far: float) -> list[tuple[float, float, flo
     [
         (0.09, 0.35, 0.7, True),
         (0.13, 0.3, 0.6, True),
+        (0.30, 0.12, 0.9, True),  # smeared, but from the viewer
         (0.30, 0.35, 0.7, False),  # a board that stands open towards the viewer
         (0.09, 0.65, 0.7, False),  # a narrow front
     ],

@@ -12,23 +12,24 @@ from twin.geometry import Array
 # to the picture's border is nearer than the fifth farthest from it, by this ratio; or it is no longer than wide, as a fist. In 34 open recordings 12
 # surfaces of 15 on hands are so, and none of 62 on parts: boards are wider, or as far at both ends, or stand off from little. Chosen by us
 WIDEST, BEHIND, OUTLINE, NEARER, _END = 0.15, 0.06, 1 / 3, 0.8, 5
+AT_VIEWER = 0.4  # the same ratio of what starts at the viewer, however wide a coarse sensor smears it; by us
 
 
 def is_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -> bool:
     """Whether a surface of a depth image (h, w), m, 0 unknown, with world points (n, 3) in the order of the mask's pixels, is an arm or a fist."""
-    length, width = _extents(points)
-    if width > WIDEST or _stands_off(mask, depth) < OUTLINE:
+    if _stands_off(mask, depth) < OUTLINE:
         return False
-    return length <= WIDEST or _comes_nearer(mask, depth)
+    (length, width), nearer = _extents(points), _border_over_far(mask, depth)
+    return nearer < AT_VIEWER or (width <= WIDEST and (length <= WIDEST or nearer < NEARER))
 
 
-def _comes_nearer(mask: NDArray[np.bool_], depth: NDArray[np.float32]) -> bool:
-    """Whether it is nearer towards the border of the picture."""
+def _border_over_far(mask: NDArray[np.bool_], depth: NDArray[np.float32]) -> float:
+    """Its depth next to the border of the picture over that farthest from the border."""
     h, w = mask.shape
     y, x = np.nonzero(mask)
     order = np.argsort(np.minimum.reduce([y, x, h - 1 - y, w - 1 - x]), kind="stable")
     z, end = depth[y, x][order], max(len(order) // _END, 1)
-    return float(np.median(z[:end])) < NEARER * float(np.median(z[-end:]))
+    return float(np.median(z[:end]) / max(float(np.median(z[-end:])), 1e-6))
 
 
 def _extents(points: Array) -> tuple[float, float]:
