@@ -142,7 +142,12 @@ def _seen_through(t: float, move: F32, points: F32, i: int, normal: F32) -> Any:
     return surely * min(max((cosine - _EDGE_ON) / (_FACING - _EDGE_ON), np.float32(0)), one)
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"})
+@numba.njit(
+    cache=True,
+    nogil=True,
+    error_model="numpy",  # what lands in the plane of a camera is infinitely far aside, and no error
+    fastmath={"nsz", "arcp", "contract", "afn", "reassoc"},
+)
 def compare(
     depth: F32,
     color: F32,

@@ -17,9 +17,9 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Prismatic
 
-# How far the axis that a slide starts from may be from the normal of its front: as told by depth alone, which is up to 9 deg off in the plain
+# How far the axis that a slide starts from may be from the normal of its front: as told by depth alone, which is up to 20 deg off in the plain
 # fronts of eight open recordings, and by tracks, that know a front which is slanted on purpose. Chosen by us
-LEAN_OF_DEPTH, LEAN_OF_TRACKS = np.radians(15.0), np.radians(5.0)
+LEAN_OF_DEPTH, LEAN_OF_TRACKS = np.radians(25.0), np.radians(5.0)
 
 
 def find_front(
@@ -29,11 +29,9 @@ def find_front(
     None without one."""
     if not isinstance(start, Prismatic) or len(points) < MIN_SURFELS:
         return None
-    cosine = normals @ start.axis
-    facing = start.axis * (
-        1.0 if (cosine > np.cos(MAX_TURN)).sum() >= (cosine < -np.cos(MAX_TURN)).sum() else -1.0
-    )
-    square = normals @ facing > np.cos(MAX_TURN)
+    cosine, least = normals @ start.axis, np.cos(lean + MAX_TURN)
+    facing = start.axis * (1.0 if (cosine > least).sum() >= (cosine < -least).sum() else -1.0)
+    square = normals @ facing > least
     if square.sum() < MIN_SURFELS:
         return None
     face = flat_face(points[square], facing, max(MAX_RMS, float(noise.measured(1.0))))

@@ -48,8 +48,8 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 18, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 11, ("refine", "motion.interval"))
+REFINE = Stage("refine", 19, ("refine", "labels", "motion.interval"))
+POLISH = Stage("polish", 12, ("refine", "motion.interval"))
 _DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
 _FIRST_GRID = 2 / 3  # of the final labels' working width
 

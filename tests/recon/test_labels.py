@@ -24,6 +24,7 @@ from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.recording import Recording
 from tests.recon.tiny import write_recording
+from twin import geometry as geo
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
 from twin.scene import HAND_LABEL, Motion, Trajectory
@@ -165,20 +166,31 @@ def test_references_at_rest_show_no_hand(single: Scene) -> None:
     ("wall", "support", "violation"), [(1.0, 1.0, 0.0), (1.2, 0.0, 1.0), (0.8, 0.0, 0.0)]
 )
 def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float, violation: float) -> None:
+    out = compared(wall, np.eye(4))
+    assert out[:, 4, 4] == pytest.approx([support, violation, 0.0, support])
+
+
+def test_what_lands_in_the_plane_of_a_camera_tells_nothing() -> None:
+    assert not compared(1.0, geo.make_pose(np.eye(3), [0.0, 0.0, -1.0])).any()
+
+
+def compared(wall: float, move: Array) -> NDArray[np.float32]:
+    """Evidence of a wall 1 m away, by a reference that a move (4, 4) leads to and that sees one so far away."""
     shape = (9, 9)
     color = np.zeros((*shape, 3), np.float32)
     out = np.zeros((4, *shape), np.float32)
     walls = np.full(shape, wall, np.float32)
+    near, far = depth_range(walls)
     compare(
         np.full(shape, 1.0, np.float32),
         color,
         np.zeros((*shape, 3), np.float32),
         np.ones(shape, bool),
         np.array([10, 10, 4, 4], np.float32),
-        np.eye(4, dtype=np.float32)[None, :3],
+        move.astype(np.float32)[None, :3],
         walls[None],
         color[None],
-        tuple(d[None] for d in depth_range(walls)),
+        (near[None], far[None]),
         np.array([True]),
         np.array([1], np.int8),
         5.0,
@@ -187,7 +199,7 @@ def test_a_wall_supports_shows_empty_space_or_hides(wall: float, support: float,
         1.0,
         out,
     )
-    assert out[:, 4, 4] == pytest.approx([support, violation, 0.0, support])
+    return out
 
 
 def test_shrunk_depth_holds_readings_only() -> None:
