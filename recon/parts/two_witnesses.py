@@ -44,11 +44,11 @@ def by_both(
     parts: list[PartTracks] = []
     taken: set[int | None] = set()
     for w in seen[: config.max_parts]:
-        agreed = w.by_tracks is not None and w.as_well > _AS_WELL
-        if agreed and w.by_tracks not in taken:
-            parts.append(found[w.by_tracks or 0])
-        elif not agreed and not _goes_along(w, seen):
-            parts.append(_of_depth(w, recording, cameras, movers, config))
+        if w.by_tracks is None or w.as_well <= _AS_WELL:
+            if not _goes_along(w, seen):
+                parts.append(_of_depth(w, recording, cameras, movers, config))
+        elif w.by_tracks not in taken:
+            parts.append(found[w.by_tracks])
         taken.add(w.by_tracks)
     for left in (f for k, f in enumerate(found) if all(w.by_tracks != k for w in seen)):
         _warn(left)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import look_up
-from recon.motion.change.arms import is_arm
+from recon.motion.change.arms import has_shape_of_arm
 from recon.verdict.posed import PosedTwin, gate, opened
 from twin import geometry as geo
 from twin.geometry import Array
@@ -103,7 +103,7 @@ def _shaped_as_arm(twin: PosedTwin, piece: NDArray[np.bool_], seen: NDArray[np.f
     if len(y) < _FEWEST:
         return False
     pixels = np.stack([x, y], axis=1).astype(np.float64)
-    return is_arm(piece, seen, twin.camera.backproject(pixels, seen[y, x].astype(np.float64)))
+    return has_shape_of_arm(piece, seen, twin.camera.backproject(pixels, seen[y, x].astype(np.float64)))
 
 
 def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.motion.change.arms import is_arm
+from recon.motion.change.arms import has_shape_of_arm, is_arm
 from recon.recording import Intrinsics
 from twin.geometry import Array
 
@@ -80,3 +80,4 @@ def test_a_fist_is_short_and_stands_off(size: float, behind: float, fist: bool) 
         [(-0.05, -0.05, 0.6), (size - 0.05, -0.05, 0.6), (-0.05, 0.05, 0.6)], behind
     )
     assert is_arm(mask, depth, points) == fist
+    assert not has_shape_of_arm(mask, depth, points)  # a verdict excuses no small thing at rest for it

@@ -17,10 +17,16 @@ AT_VIEWER = 0.4  # the same ratio of what starts at the viewer, however wide a c
 
 def is_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -> bool:
     """Whether a surface of a depth image (h, w), m, 0 unknown, with world points (n, 3) in the order of the mask's pixels, is an arm or a fist."""
-    if _stands_off(mask, depth) < OUTLINE:
-        return False
-    (length, width), nearer = _extents(points), _border_over_far(mask, depth)
-    return nearer < AT_VIEWER or (width <= WIDEST and (length <= WIDEST or nearer < NEARER))
+    if has_shape_of_arm(mask, depth, points):
+        return True
+    fist = _extents(points)[0] <= WIDEST
+    return (fist or _border_over_far(mask, depth) < AT_VIEWER) and _stands_off(mask, depth) >= OUTLINE
+
+
+def has_shape_of_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -> bool:
+    """Whether it is narrow, stands off and comes nearer towards the border: no fist, which a small part may look like."""
+    narrow = _extents(points)[1] <= WIDEST and _border_over_far(mask, depth) < NEARER
+    return narrow and _stands_off(mask, depth) >= OUTLINE
 
 
 def _border_over_far(mask: NDArray[np.bool_], depth: NDArray[np.float32]) -> float:
