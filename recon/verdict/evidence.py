@@ -101,7 +101,7 @@ class PartEvidence:
 
     @cached_property
     def least_labelled(self) -> tuple[int, float] | None:
-        """A frame at the end of its travel where less of its surface is labelled as it, and that share; None without one in view."""
+        """A frame at the end of its travel where labels and twin agree less, and their intersection over union; None without one in view."""
         if self.mesh is None or not len(self.mesh.faces):
             return None
         return least_labelled(self.scene.posed, self.part, self.scene.labels)

@@ -200,7 +200,7 @@ class AlongItself(Reason):
 
 @dataclass(frozen=True)
 class LabelledElsewhere(Reason):
-    """Where the twin brings the part in `frame`, at one end of its travel, a `share` of it is labelled as it, less than `limit`."""
+    """In `frame`, at one end of its travel, a `share` of the pixels that are labelled as it or should show it are both, less than `limit`."""
 
     frame: int
     share: float
@@ -208,7 +208,7 @@ class LabelledElsewhere(Reason):
 
     @property
     def text(self) -> str:
-        told = f"only {100 * self.share:.0f} % of what frame {self.frame} should show of it is labelled as it"
+        told = f"in frame {self.frame} its labels and its place in the twin share only {100 * self.share:.0f} % of their pixels"
         return f"{told} (at least {100 * self.limit:g} %)"
 
     @property
