@@ -76,6 +76,40 @@ def test_a_panel_goes_as_far_as_it_does(way: float) -> None:
     assert np.ptp(part.state) == pytest.approx(way, abs=0.012)
 
 
+def there_and_back(way: float) -> list[NDArray[np.float32]]:
+    """The panel rests, slides by `way`, rests, and is closed again."""
+    shift = way * np.interp(np.arange(FRAMES), [5, 9, 14, 18], [0, 1, 1, 0])
+    return [depth_of(FRONT[0] + s, FRONT[1] + s) for s in shift]
+
+
+def test_a_panel_that_is_closed_again_goes_as_far_as_it_did() -> None:
+    """At both ends of the recording only the strip at its trailing edge is seen to have been away."""
+    assert told(there_and_back(WAY)) == [True, True]
+    (part,) = changed_parts(*recorded(there_and_back(WAY)))
+    assert part.joint.kind == "prismatic"
+    assert np.degrees(geo.line_angle(part.joint.axis, [1.0, 0.0, 0.0])) < 2.0
+    assert np.ptp(part.state) == pytest.approx(WAY, abs=0.012)
+    assert abs(part.state[-1]) < 0.012
+
+
+def test_a_thing_that_was_carried_aside_and_back_is_no_panel() -> None:
+    assert not any(
+        told(
+            [
+                depth_of(-0.25 + s, -0.1 + s)
+                for s in 0.25 * np.interp(np.arange(FRAMES), [5, 9, 14, 18], [0, 1, 1, 0])
+            ]
+        )
+    )
+
+
+def test_strips_of_one_panel_may_be_hidden_in_part() -> None:
+    """Something stands before two thirds of where it slides to."""
+    box = (FRONT[1] + 0.01 < X) & (Y < 0.06)
+    hidden = [np.where(box, 0.7, d).astype(np.float32) for d in sliding(0.17)]
+    assert told(hidden) == [True, True]
+
+
 def test_what_is_no_panel_is_none() -> None:
     """A thing that was carried aside leaves nothing between; strips of two planes, or of unlike widths, are none of one panel."""
     first, last = sliding(WAY)[0], sliding(WAY)[-1]

@@ -1,30 +1,32 @@
 """Panels that slide in their own plane: what is seen to leave and to come are strips, a way apart as long as the panel is wide.
 
 A strip at the panel's trailing edge leaves, one at its leading edge comes, and what lies between is covered by the panel before and after: depth
-has it rest there. Carried by itself, the strip that left would go all the way to the one that came. Together they are the panel.
+has it rest there. Carried by itself, the strip that left would go all the way to the one that came. Together they are the panel. Where it is
+closed again in the end nothing came: its strip is looked for in between, while the one that left is away.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import groupby, product
 
 import cv2
 import numpy as np
 
 from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import SAME, THROUGH
-from recon.motion.change.surfaces import GAP_M, SIGMAS, Changed
+from recon.motion.change.surfaces import GAP_M, SIGMAS, Changed, changed_surfaces
 from recon.parts.changed.proposals import plane_of
 from twin.geometry import Array
 
-# Strips of one panel are as wide by this ratio at least, along the way, and share so much of their length, across it; so much of what is seen of the
-# plane between them is covered at both ends, and so much of it is seen. Chosen by us
-_AS_WIDE, _BESIDE, _COVERED, _SEEN = 0.6, 0.5, 0.85, 0.25
+# Strips of one panel are as wide by this ratio at least, along the way, and share so much of the shorter one's length, across it, and of the longer
+# one's, where something hides the other; so much of what is seen of the plane between them is covered at both ends, and so much of it is seen. Chosen by us
+_AS_WIDE, _BESIDE, _HIDDEN, _COVERED, _SEEN = 0.6, 0.5, 0.25, 0.85, 0.25
 _ON_M, _GRID, _ENDS = 0.02, 24, (0.02, 0.98)
 # An arm may hide a piece of a strip, so that its middle is aside: how far its way leaves a side of the rectangle about both, sine; by us
 _ASIDE = 0.5
+_BACK = 0.5  # share of a strip that is where it was, or away; chosen by us
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +47,38 @@ def with_panels(
     """All surfaces that left their place and that came to it, and whether each is a panel: strips of one are replaced by it, at its rest before and after."""
     panels: dict[int, Changed] = {}
     for a, b in product(left, came):
-        way = None if id(a) in panels or id(b) in panels else _way(depths, a, b)
-        if way is not None and all(_covered(depths, way, row) for row in (a.rest, b.rest)):
+        way = None if id(a) in panels or id(b) in panels else _way_of_panel(depths, a, b)
+        if way is not None:
             panels[id(a)] = _panel(depths, way, a.rest, way.left[0], way.came[0])
             panels[id(b)] = _panel(depths, way, b.rest, way.left[1], way.came[1])
+    between: dict[int, list[Changed]] = {}
+    for a in (*left, *came):
+        row = None if id(a) in panels else _away(depths, a)
+        if row is None:
+            continue
+        if row not in between:
+            between[row] = changed_surfaces(depths, row)
+        way = next((w for c in between[row] if (w := _way_of_panel(depths, a, c)) is not None), None)
+        if way is not None:
+            panels[id(a)] = _panel(depths, way, a.rest, way.left[0], way.came[0])
     return [(panels.get(id(c), c), id(c) in panels) for c in (*left, *came)]
+
+
+def _away(depths: Depths, strip: Changed) -> int | None:
+    """A row amid the longest time for which a strip is away that is back at the other end of the recording; None where it is not."""
+    other = len(depths.frames) - 1 - strip.rest
+    if (depths.look(strip.points, other, SIGMAS / 2.0, GAP_M / 2.0) == SAME).mean() < _BACK:
+        return None
+    rows = range(len(depths.frames))
+    away = [(depths.look(strip.points, t, SIGMAS, GAP_M) == THROUGH).mean() >= _BACK for t in rows]
+    longest = max((list(g) for gone, g in groupby(rows, key=lambda t: away[t]) if gone), key=len, default=[])
+    return longest[len(longest) // 2] if longest else None
+
+
+def _way_of_panel(depths: Depths, left: Changed, came: Changed) -> _Way | None:
+    """The way from one strip to another of one panel, which covers what lies between before and after."""
+    way = _way(depths, left, came)
+    return way if way is not None and all(_covered(depths, way, s.rest) for s in (left, came)) else None
 
 
 def _way(depths: Depths, left: Changed, came: Changed) -> _Way | None:
@@ -71,7 +100,9 @@ def _way(depths: Depths, left: Changed, came: Changed) -> _Way | None:
     (a, across_a), (b, across_b) = spans[0].T, spans[1].T
     across = np.array([max(across_a[0], across_b[0]), min(across_a[1], across_b[1])])
     wide, long = (np.ptp(a), np.ptp(b)), (np.ptp(across_a), np.ptp(across_b))
-    alike = min(wide) >= _AS_WIDE * max(wide) and across[1] - across[0] >= _BESIDE * max(long)
+    alike = min(wide) >= _AS_WIDE * max(wide) and across[1] - across[0] >= max(
+        _BESIDE * min(long), _HIDDEN * max(long)
+    )
     if not alike or b[0] <= a[1]:
         return None
     return _Way(origin, basis, a, b, np.array([min(across_a[0], across_b[0]), max(across_a[1], across_b[1])]))
