@@ -25,7 +25,7 @@ from recon.recording import Intrinsics
 from tests.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import Joint, Prismatic, Revolute
+from twin.scene import Joint, JointSigma, Prismatic, Revolute
 
 
 @pytest.fixture(scope="module", params=["door", "drawer", "slide"])
@@ -150,6 +150,32 @@ def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip:
     assert other.type_source == "depth"
     assert other.part.joint.kind == clip.part.joint.kind
     assert other.part.motion.inliers == 0.0  # no track follows it
+
+
+def firmly(part: MovingPart, tracks: int, degrees: float) -> PartTracks:
+    """A part of so many tracks that know its axis so well."""
+    joint = replace(part.joint, sigma=JointSigma(np.radians(degrees), 0.002, 0.005))
+    return PartTracks(replace(part, joint=joint), np.ones(tracks, bool), "motion")
+
+
+def test_many_tracks_that_know_their_axis_need_no_other_witness() -> None:
+    """Depth has a door that hardly opens turn about another line; what moves at another time is another part."""
+    clip = make_clip("door")
+    hinge = cast("Revolute", clip.part.joint)
+    elsewhere = replace(clip.part, joint=replace(hinge, pivot=hinge.pivot + [0.4, 0.3, 0.0]))
+
+    def told(part: MovingPart, tracks: int, degrees: float) -> tuple[PartTracks, ...]:
+        firm = [firmly(part, tracks, degrees)]
+        return by_both(firm, clip.recording, clip.cameras, movers(tracks), MotionConfig(), JointConfig())
+
+    for tracks, degrees, kept in ((200, 0.2, True), (50, 0.2, False), (200, 2.0, False)):
+        (part,) = told(elsewhere, tracks, degrees)
+        assert (part.type_source == "motion") == kept
+    motion = elsewhere.motion
+    later = replace(elsewhere, motion=replace(motion, state=np.interp(np.arange(26), [23, 25], [0.0, 1.0])))
+    parts = told(later, 200, 0.2)
+    assert [p.type_source for p in parts] == ["depth", "motion"]
+    assert [p.part.id for p in parts] == [2, 3]
 
 
 def with_states(clip: Clip, state: Array) -> MovingPart:
