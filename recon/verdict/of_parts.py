@@ -11,6 +11,7 @@ import numpy as np
 
 from recon.parts.static_spans import REST_MARGIN
 from recon.verdict.evidence import PartEvidence
+from recon.verdict.fronts import square_to_front
 from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_video import (
     as_its_tracks,
@@ -54,8 +55,8 @@ from twin.verdict import (
 # as success. Of 90 open random recordings, looked at: joints that were right .04 to 1.64, what was wrong or none .67 to 1300, and below 3 only
 # where another reason refuses too.
 AXIS_HALF_SURE, AXIS_DOUBTFUL, AXIS_REFUSED = 0.9, 1.25, 3.0
-# A front without texture that slides out shows by its borders alone how far it went aside: they are off by 4 to 14 mm (five runs, looked
-# at). Doubtful at half of what counts as success, deg.
+# What slides without texture shows by its borders alone how far it went aside: they are off by 4 to 14 mm (five runs, looked at). Doubtful at half
+# of what counts as success, deg.
 BORDERS_M, SIDEWAYS_DOUBTFUL = 0.008, 2.5
 # The upper limit over the sigma of a state. Of 60 open random recordings, looked at: joints that were right 41 to 2100 in 45, and 25 in one
 # whose states ran on unseen; wrong or none 0 to 41 in 10 and 48 to 330 in 8, which other reasons tell. Below the first, an axis that is half
@@ -116,9 +117,10 @@ def axis(e: PartEvidence) -> Reason | None:
 
 
 def _sideways(e: PartEvidence) -> float:
-    """Degrees by which a slide that depth alone tells may lean aside, where only the part's borders show it; 0 for others."""
+    """Degrees by which a slide that depth alone tells may lean aside, where only the part's borders show it; 0 for others, and where the axis is
+    square to a front."""
     joint = e.part.joint
-    if joint.kind == "revolute" or e.tracks.type_source != "depth":
+    if joint.kind == "revolute" or e.tracks.type_source != "depth" or square_to_front(joint, e.mesh):
         return 0.0
     return float(np.rad2deg(np.arctan2(BORDERS_M, joint.upper - joint.lower)))
 

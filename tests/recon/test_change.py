@@ -250,8 +250,10 @@ def test_a_further_part_explains_enough_or_moves_in_turn() -> None:
         (31.0, 20, 40, True),
         (29.0, 20, 40, False),
         (29.0, 60, 80, True),
-        (14.0, 60, 80, False),
+        (11.0, 60, 80, True),
+        (9.0, 60, 80, False),
         (29.0, 35, 55, True),
+        (13.0, 35, 55, False),
         (29.0, 25, 45, False),
     ):
         other = _explaining(score, first, last)

@@ -37,6 +37,7 @@ from tests.recon.altered import (
 )
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import SPAN, perfect
+from twin import geometry as geo
 from twin.scene import HAND_LABEL, STATIC_LABEL, Joint, Mesh, Motion, Prismatic, Revolute
 from twin.verdict import (
     CamerasDrift,
@@ -379,6 +380,22 @@ def test_a_short_slide_told_by_depth_may_lean_aside(span: float, told: bool, evi
     assert lost.level == "refused"
     hinge = ranging(evidence, span)
     assert of_parts.axis(replace(hinge, tracks=replace(hinge.tracks, type_source="depth"))) is None
+
+
+def test_a_short_drawer_is_square_to_its_front(evidence: PartEvidence, clip: Clip) -> None:
+    """What the borders leave open its front tells, unless the axis leaves the normal or the surface is mostly something else."""
+    short = ranging(evidence, 0.1, Prismatic)
+    by_depth = replace(short, tracks=replace(short.tracks, type_source="depth"))
+    normals, area = geo.triangle_normals(clip.mesh.vertices[clip.mesh.faces])
+    normal = geo.unit(normals[int(np.argmax(area))])
+    aside = geo.orthogonal_basis(normal)[:, 0]
+
+    def told(degrees: float) -> bool:
+        axis = np.cos(np.radians(degrees)) * normal + np.sin(np.radians(degrees)) * aside
+        joint = replace(by_depth.part.joint, axis=axis)
+        return of_parts.axis(replace(by_depth, part=replace(by_depth.part, joint=joint))) is not None
+
+    assert [told(d) for d in (0.0, 2.0, 4.0, 90.0)] == [False, False, True, True]
 
 
 @pytest.mark.parametrize(("kind", "limit"), [(Revolute, np.radians(2.5)), (Prismatic, 0.01)])

@@ -26,8 +26,9 @@ _IMPROVED = 3  # joints that are searched around, of each round
 # Chosen by us.
 LEAST, _SAME = 0.04, 0.01
 # Of what the first part explains, at least, for a further one; and for one that moves while none that explains more does, as a small drawer
-# after a large door: by less than this share of its moving frames, those with a tenth of its fastest step or more. Chosen by us.
-_FURTHER, _IN_TURN, MEANWHILE, _CREEPS = 0.3, 0.15, 0.5, 0.1
+# after a large door: by less than this share of its moving frames, those with a tenth of its fastest step or more. Of such more is asked by so much
+# of the share in which both move. Chosen by us.
+_FURTHER, _IN_TURN, _PER_SHARE, MEANWHILE, _CREEPS = 0.3, 0.1, 0.2, 0.5, 0.1
 # Of the way that depth tells, at most, that tracks go: .85 to 1.05 of it in 15 right open ones (looked at), 1.75 in one whose states ran on. By us
 _FARTHER = 1.4
 _ALONG = 0.25  # sine of a way to a surface that it slides along; chosen by us
@@ -130,9 +131,9 @@ def _worth_telling(found: Sequence[ChangedPart]) -> list[ChangedPart]:
     out: list[ChangedPart] = []
     for part in found:
         share = part.score / max(found[0].score, 1e-12)
-        if share >= _FURTHER or (
-            share >= _IN_TURN and all(together(part.state, p.state) < MEANWHILE for p in out)
-        ):
+        meanwhile = max((together(part.state, p.state) for p in out), default=0.0)
+        in_turn = meanwhile < MEANWHILE and share >= _IN_TURN + _PER_SHARE * meanwhile
+        if share >= _FURTHER or in_turn:
             out.append(part)
     return out
 
