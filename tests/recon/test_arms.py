@@ -45,7 +45,8 @@ def strip(width: float, near: float, far: float) -> list[tuple[float, float, flo
     [
         (0.09, 0.35, 0.7, True),
         (0.13, 0.3, 0.6, True),
-        (0.30, 0.12, 0.9, True),  # smeared, but from the viewer
+        (0.22, 0.35, 0.7, True),  # smeared
+        (0.30, 0.12, 0.9, True),  # smeared more, but from the viewer
         (0.30, 0.35, 0.7, False),  # a board that stands open towards the viewer
         (0.09, 0.65, 0.7, False),  # a narrow front
     ],
@@ -65,6 +66,16 @@ def test_a_strip_of_a_wall_that_comes_nearer_is_no_arm() -> None:
     mask, depth, points = picture(strip(0.09, 0.35, 0.7))
     beside = np.where(mask.any(axis=1)[:, None], depth.max(axis=1, where=mask, initial=0.0)[:, None], depth)
     assert not is_arm(mask, beside.astype(np.float32), points)
+
+
+def test_a_board_that_hangs_on_one_side_is_no_arm() -> None:
+    """As wide as a smeared arm and as near at its end, but what it hangs on goes on beside it."""
+    mask, depth, points = picture(strip(0.22, 0.35, 0.7))
+    row = depth.max(axis=1, where=mask, initial=0.0)[:, None]
+    left = np.arange(CAMERA.width) < 60
+    hung = np.where(mask.any(axis=1)[:, None] & left & ~mask, row, depth)
+    assert is_arm(mask, depth, points)
+    assert not is_arm(mask, hung.astype(np.float32), points)
 
 
 def test_a_front_that_stands_off_is_no_arm() -> None:

@@ -11,7 +11,7 @@ import pytest
 from recon.joints.config import JointConfig
 from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import BARED, FRESH, HIDDEN, OLD, SAME, THROUGH, UNKNOWN, best_path, look
-from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
+from recon.motion.change.surfaces import _torn, changed_surfaces, news, telling_rows
 from recon.motion.movers import Movers
 from recon.parts.changed.carried import Surfaces
 from recon.parts.changed.compete import Witnessed, witnessed
@@ -258,6 +258,20 @@ def test_a_further_part_explains_enough_or_moves_in_turn() -> None:
     ):
         other = _explaining(score, first, last)
         assert _worth_telling([door, other]) == ([door, other] if told else [door])
+
+
+@pytest.mark.parametrize("smear", [0, 1, 2])
+def test_a_jump_of_depth_is_torn_however_a_sensor_smears_it_and_a_slant_is_not(smear: int) -> None:
+    """An arm at 0.7 m before a front at 0.9 m, and a floor seen at a grazing angle."""
+    arm = np.where(np.arange(80) < 40, 0.7, 0.9)
+    box = np.ones(smear + 1) / (smear + 1)
+    blurred = np.convolve(np.pad(arm, 8, mode="edge"), np.convolve(box, box), mode="same")[8:-8]
+    torn = _torn(np.tile(blurred, (60, 1)).astype(np.float32))
+    assert torn[2:-2, 36:44].any(axis=1).all()
+    assert not torn[:, :36].any()
+    assert not torn[:, 44:].any()
+    floor = 60.0 / np.linspace(20.0, 60.0, 60)  # m; up to 14 cm a pixel
+    assert not _torn(np.tile(floor[:, None], (1, 80)).astype(np.float32))[2:-2].any()
 
 
 def test_a_rectangle_proposes_its_edges_and_its_normal() -> None:

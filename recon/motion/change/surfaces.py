@@ -22,8 +22,9 @@ GAP_M = 0.02
 _SPANS, _LONG = 2, 3  # a surface is gone in so many spans of so many successive rows: single ones are noise
 SHARE = 0.004  # of the picture: the least surface that is a part's; chosen by us
 MOST = 4  # surfaces of each end
-# Depth (m) between neighbours, and how many times that to the other side, where a surface ends before another; chosen by us
-_JUMP_M, _STEEPER, _CROSS = 0.04, 3.0, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+# Depth (m) per pixel, and how many times that to the other side, where a surface ends before another, over one pixel or two, as coarse sensors
+# smear it; chosen by us
+_JUMP_M, _STEEPER, _SMEARED, _CROSS = 0.04, 2.0, 2, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +59,14 @@ def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
 
 def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Pixels (h, w), 1 or 0, at which a depth image jumps: what an arm covers and the arm are two surfaces."""
-    near = depth - cv2.erode(np.where(depth > 0, depth, np.inf).astype(np.float32), _CROSS)
-    far = cv2.dilate(depth, _CROSS) - depth
-    # a slanted surface goes on beyond: as far to one side as it came from the other
-    return np.asarray((depth > 0) & (near > _JUMP_M) & (near > _STEEPER * far), np.uint8)
+    known = np.where(depth > 0, depth, np.inf).astype(np.float32)
+    torn = np.zeros(depth.shape, bool)
+    for px in range(1, _SMEARED + 1):
+        near = depth - cv2.erode(known, _CROSS, iterations=px)
+        far = cv2.dilate(depth, _CROSS, iterations=px) - depth
+        # a slanted surface goes on beyond: as far to one side as it came from the other
+        torn |= (near > px * _JUMP_M) & (near > _STEEPER * far)
+    return np.asarray(torn & (depth > 0), np.uint8)
 
 
 def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
