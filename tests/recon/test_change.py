@@ -301,18 +301,40 @@ def test_a_hinge_is_proposed_where_the_strip_beside_it_was_not_seen_to_leave(str
     assert min(geo.point_line_distance(hinge, p.pivot, p.axis) for p in near) < 0.03
 
 
-def test_a_door_that_holes_cut_into_pieces_is_one() -> None:
+@pytest.mark.parametrize(("wide", "pieces"), [(2, False), (8, True)])
+def test_a_door_that_holes_cut_into_pieces_is_one(wide: int, pieces: bool) -> None:
     clip = make_clip("door")
 
     def striped(frame: int) -> np.ndarray:
         depth = clip.recording.depth(frame).copy()
-        depth[10::44], depth[11::44], depth[:, ::52], depth[:, 1::52] = 0, 0, 0, 0
+        for k in range(wide):
+            depth[10 + k :: 44], depth[:, k::52] = 0, 0
         return depth
 
     recording = replace(clip.recording, read_depth=striped)
-    assert len(changed_surfaces(Depths.of(recording, clip.cameras), 0)) > 2
+    assert (len(changed_surfaces(Depths.of(recording, clip.cameras), 0)) > 2) == pieces
     found = changed_parts(recording, clip.cameras)[0].oriented(0.02)
     angle, away = apart(found.joint, clip.part.joint)
+    assert angle < 5.0  # refinement takes it on
+    assert away < 0.03
+
+
+def test_a_surface_that_is_seen_in_spots_is_one_surface() -> None:
+    """A dark front returns no depth in 45 % of its pixels, other ones in each frame."""
+    clip = make_clip("door")
+
+    def spotted(frame: int) -> np.ndarray:
+        lost = np.random.default_rng(frame).random(clip.labels[0].shape) < 0.45
+        near = min(clip.labels, key=lambda f: abs(f - frame))
+        return np.where(lost & (clip.labels[near] == clip.part.id), 0, clip.recording.depth(frame))
+
+    recording = replace(clip.recording, read_depth=spotted)
+    whole = (changed_surfaces(Depths.of(r, clip.cameras), 0) for r in (clip.recording, recording))
+    (clean,), (seen,) = whole
+    assert len(seen.points) > 0.45 * len(clean.points)
+    assert (recording.depth(0)[seen.mask] > 0).all()
+    (part,) = changed_parts(recording, clip.cameras)
+    angle, away = apart(part.oriented(0.02).joint, clip.part.joint)
     assert angle < 3.0
     assert away < 0.03
 

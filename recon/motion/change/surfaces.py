@@ -22,6 +22,7 @@ GAP_M = 0.02
 _SPANS, _LONG = 2, 3  # a surface is gone in so many spans of so many successive rows: single ones are noise
 SHARE = 0.004  # of the picture: the least surface that is a part's; chosen by us
 MOST = 4  # surfaces of each end
+_AMONG = 5  # px about one of unknown depth of which most of the known ones left; chosen by us
 # Depth (m) per pixel, and how many times that to the other side, where a surface ends before another, over one pixel or two, as coarse sensors
 # smear it; chosen by us
 _JUMP_M, _STEEPER, _SMEARED, _CROSS = 0.04, 2.0, 2, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
@@ -47,14 +48,24 @@ def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
     spans = np.logical_and.reduce([gone[k : len(gone) - _LONG + 1 + k] for k in range(_LONG)]).sum(axis=0)
     left = np.zeros(known.shape, np.uint8)
     left[known] = spans >= _SPANS
-    left &= ~_torn(depths.depth[rest])
-    left = cv2.morphologyEx(left, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    _, piece, stats, _ = cv2.connectedComponentsWithStats(left, connectivity=4)
-    area = stats[1:, cv2.CC_STAT_AREA]
+    solid = _filled(left, depths.depth[rest]) & ~_torn(depths.depth[rest])
+    opened = cv2.morphologyEx(solid, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    piece = np.where(left > 0, cv2.connectedComponents(opened, connectivity=4)[1], 0)
+    area = np.bincount(piece.ravel())[1:]
     large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:MOST] if area[k] >= SHARE * left.size]
     colour = depths.colour[rest].astype(np.float64)
     found = [Changed(rest, piece == k, points[piece == k], colour[piece == k]) for k in large]
     return [c for c in found if not is_arm(c.mask, depths.depth[rest], c.points)]
+
+
+def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """What left (h, w), with pixels of unknown depth among it: a dark or plain surface that is seen in spots is one. Beside a jump of depth none
+    are: there they part two surfaces."""
+    known, window = depth > 0, np.ones((_AMONG, _AMONG), np.uint8)
+    left_here, known_here = (cv2.blur(m.astype(np.float32), window.shape) for m in (left, known))
+    nearest = cv2.erode(np.where(known, depth, np.inf).astype(np.float32), window)
+    level = cv2.dilate(depth, window) - nearest < _AMONG * _JUMP_M
+    return np.asarray((left > 0) | (~known & level & (left_here > 0.5 * known_here)), np.uint8)
 
 
 def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
