@@ -33,7 +33,7 @@ from twin.verdict import (
     Verdict,
 )
 
-VERDICT = Stage("verdict", 28, ())
+VERDICT = Stage("verdict", 29, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
 OF_THE_SCENE = (HandWhereNobodyIs, HandMovesNothing, Unexplained, StaticSeenThrough)
 # What a short motion leaves unsure: sigmas of one fit, which grow together

@@ -60,13 +60,13 @@ WHOLE_SURE, WHOLE_AXIS = np.radians(1.0), np.radians(3.5)
 # m. By how much the hinge of halves that agree within `SURE_PIVOT` may lie from the part's. Right: up to 18 mm in six of 48 hinges where halves
 # are so sure; one whose refinement left the tracks' place for a cut outline's, 55. All of them looked at.
 TRACKS_PIVOT = 0.025
-# Intersection over union of what is labelled as it and what should show it, in half of the frames at an end of its travel. Right: .79 to .99 in 17
-# trusted and .70 to .98 in 15 others, .47 in one; wrong: 0 to .48 in eight, .2 in one that nothing else spoke against, .55 to .98 in five that other
-# reasons tell. All of them looked at.
-LABELLED = 0.65
-# Share of the border at rest that is no edge: one of four sides. Right: .24 and less in 84 of 88 open random ones that were trusted, looked at, .38
-# in one whose upper third was labelled room (its path 16 mm off); wrong labels: .24 to .6 in nine, less in as many that end at others' edges.
-BARE = 0.25
+# Intersection over union of what is labelled as it and what should show it, in half of the frames at an end of its travel; success needs .7 of its
+# labels. Trusted ones that were right: .81 to .99 in 45 and .79 in two, one of which has .71 of its labels; wrong: 0 to .48 in 14, .2 in one that
+# nothing else spoke against, .65 and more in six that other reasons tell. All of them looked at.
+LABELLED = 0.8
+# Share of the border at rest that is no edge. Right: .18 and less in 107 of 109 open random ones that were trusted, looked at, .24 in one, .38 in one
+# whose upper third was labelled room (its path 16 mm off); wrong labels: .21 to .6 in ten, less in as many that end at others' edges.
+BARE = 0.2
 # Share of the first or last labelled frame. Right: 0 to .009, with time of flight most, .0014 at most in 24 recordings that are cut at
 # some 700 frames with a true hand in view; wrong: .008 to .59, from .02 in 25 of 31 that have as much labelled hand there.
 HAND_AT_END = 0.012
