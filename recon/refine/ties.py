@@ -13,7 +13,7 @@ from twin.scene import Joint, Revolute
 
 _PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standard deviation; chosen by us
 # Of a slide's axis to the normal of its front, standard deviation and limit: runners have play, fronts hang askew. Chosen by us
-_SQUARE, _ASKEW = np.radians(1.0), np.radians(3.0)
+_SQUARE, ASKEW = np.radians(1.0), np.radians(3.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def _front_errors(joint: Joint, state: Array, front: FrontTie) -> BoardErrors:
     rows = np.zeros((2, joint.dof + len(state)))
     for k, b in enumerate(geo.orthogonal_basis(joint.axis)[:, :2].T):
         rows[:, k] = lever * aside @ np.cross(b, joint.axis)
-    limit = lever * float(np.sin(_ASKEW))
+    limit = lever * float(np.sin(ASKEW))
     beyond = away * max(0.0, 1.0 - limit / max(float(np.linalg.norm(away)), 1e-12))
     return BoardErrors(beyond, away, rows, np.full(2, lever * _SQUARE), loose=limit)
 

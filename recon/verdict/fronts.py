@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from recon.refine.ties import ASKEW
 from twin import geometry as geo
 from twin.scene import Joint, Mesh
 
-# rad that an axis may be off, which is the limit of refinement (`recon.refine.ties`), and share of the surface that is front. Of seven short drawers
-# that depth alone tells (looked at) all were right, .3 to 1.5 deg off
-SQUARE, FRONT = np.radians(3.0), 0.3
+# Share of the surface that is front. Of seven short drawers that depth alone tells and that are within the limit of refinement (looked at) all were
+# right, .3 to 1.5 deg off
+FRONT = 0.3
 _FACING = np.radians(15.0)  # of the normals that are taken for the front's; chosen by us
 
 
@@ -23,4 +24,4 @@ def square_to_front(joint: Joint, mesh: Mesh | None) -> bool:
     if float(area[front].sum()) < FRONT * float(area.sum()):
         return False
     mean = (np.sign(cosine) * area)[front] @ normals[front]
-    return geo.line_angle(mean, joint.axis) <= SQUARE
+    return geo.line_angle(mean, joint.axis) <= ASKEW

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -38,10 +37,9 @@ from tests.recon.altered import (
 from tests.recon.cabinets import Clip, make_clip
 from tests.recon.judged import SPAN, perfect
 from twin import geometry as geo
-from twin.scene import HAND_LABEL, STATIC_LABEL, Joint, Mesh, Motion, Prismatic, Revolute
+from twin.scene import STATIC_LABEL, Joint, Mesh, Motion, Prismatic, Revolute
 from twin.verdict import (
     CamerasDrift,
-    LabelledElsewhere,
     NothingArticulated,
     OfPart,
     PivotUnsure,
@@ -294,56 +292,6 @@ def test_what_never_moves_is_not_seen_through_but_what_was_missed_is(
     assert reason.share == missed.static_seen_through[1]
     first = evidence.part.motion.intervals[0][0]
     assert first < reason.frame
-
-
-@pytest.mark.parametrize("end", [0, -1], ids=["closed", "open"])
-def test_a_part_is_labelled_wherever_the_twin_brings_it(evidence: PartEvidence, clip: Clip, end: int) -> None:
-    """At one end it is labelled static, as where it went elsewhere."""
-    assert evidence.least_labelled is not None
-    assert evidence.least_labelled[1] > 0.95
-    assert of_video.labelled_at_ends(evidence) is None
-    there = clip.opening[end]
-    lost = {
-        f: np.where(image == evidence.part.id, STATIC_LABEL, image).astype(np.uint8)
-        if abs(clip.opening[f] - there) < 0.1 * np.ptp(clip.opening)
-        else image
-        for f, image in evidence.scene.labels.items()
-    }
-    reason = of_video.labelled_at_ends(with_labels(evidence, lost))
-    assert isinstance(reason, LabelledElsewhere)
-    assert reason.level == "doubtful"
-    assert reason.share == 0.0
-    assert clip.opening[reason.frame] == pytest.approx(there, abs=0.1 * np.ptp(clip.opening))
-
-
-def test_a_part_whose_rim_is_labelled_static_is_labelled(evidence: PartEvidence) -> None:
-    """At its rim labels are off by a pixel of the thinned pictures that are compared."""
-    posed, thinner = evidence.scene.posed, {}
-    for f, image in evidence.scene.labels.items():
-        shown = (posed.expected(f).owner == evidence.part.id).astype(np.uint8)
-        rim = (shown > 0) & (cv2.erode(shown, np.ones((3, 3), np.uint8)) == 0)
-        wide = cv2.resize(rim.astype(np.uint8), image.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-        thinner[f] = np.where(wide, STATIC_LABEL, image).astype(np.uint8)
-    again = with_labels(evidence, thinner)
-    assert again.least_labelled is not None
-    assert again.least_labelled[1] > 1.05 * of_video.LABELLED
-    assert of_video.labelled_at_ends(again) is None
-
-
-def test_a_part_that_is_labelled_hand_where_it_is_open_is_labelled_elsewhere(
-    evidence: PartEvidence, clip: Clip
-) -> None:
-    """Nothing is in front of it there, as an arm would be."""
-    open_ = clip.opening[-1]
-    taken = {
-        f: np.where(image == evidence.part.id, HAND_LABEL, image).astype(np.uint8)
-        if abs(clip.opening[f] - open_) < 0.1 * np.ptp(clip.opening)
-        else image
-        for f, image in evidence.scene.labels.items()
-    }
-    reason = of_video.labelled_at_ends(with_labels(evidence, taken))
-    assert isinstance(reason, LabelledElsewhere)
-    assert reason.share < 0.1
 
 
 def test_a_half_labelled_part_does_not_explain_the_rests(evidence: PartEvidence, clip: Clip) -> None:

@@ -20,11 +20,10 @@ SMEARED, CLEARLY, ALL_ROUND = 0.3, 0.75, 0.75
 
 def is_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -> bool:
     """Whether a surface of a depth image (h, w), m, 0 unknown, with world points (n, 3) in the order of the mask's pixels, is an arm or a fist."""
-    if has_shape_of_arm(mask, depth, points):
-        return True
     (length, width), nearer, off = _extents(points), _border_over_far(mask, depth), _stands_off(mask, depth)
+    narrow = width <= WIDEST and nearer < NEARER
     smeared = width <= SMEARED and nearer < CLEARLY and off >= ALL_ROUND
-    return smeared or ((length <= WIDEST or nearer < AT_VIEWER) and off >= OUTLINE)
+    return smeared or (off >= OUTLINE and (narrow or length <= WIDEST or nearer < AT_VIEWER))
 
 
 def has_shape_of_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -> bool:
