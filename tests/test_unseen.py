@@ -69,7 +69,7 @@ def test_a_stopped_run_goes_on_and_ends_as_if_it_had_not_been_stopped(
         unseen.sealed(None)
     assert not (bench / "unseen.md").exists()
     unseen.sealed(None)
-    assert sorted(measured) == list(range(160))
+    assert set(measured) == set(range(160))  # what was in flight is measured again, and counted once
     page = (bench / "unseen.md").read_text()
     assert "| ordinary | 60 | 60 | 45/60 = 75 % [63-84] |" in page
     assert page.count("## abc1234567") == 1
