@@ -118,6 +118,7 @@ def test_a_folder_that_may_not_be_written_is_told_in_one_line_and_loses_nothing(
         path.chmod(0o555)
     process = cases.start(verb, case.arguments, tmp_path, bound)
     _, err = process.communicate()
+    assert all(path.stat().st_mode & 0o777 == 0o555 for path in locked)  # nobody unlocks a user's folder
     for path in locked:
         path.chmod(0o755)
     judged(case, tmp_path, (process.returncode, err), mine, before)

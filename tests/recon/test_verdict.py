@@ -29,13 +29,12 @@ from tests.recon.altered import (
     shown_in,
     with_border,
     with_known,
-    with_labels,
     with_motion,
     with_places,
     with_sigma,
 )
-from tests.recon.cabinets import Clip, make_clip
-from tests.recon.judged import SPAN, perfect
+from tests.recon.cabinets import Clip
+from tests.recon.judged import SPAN
 from twin import geometry as geo
 from twin.scene import STATIC_LABEL, Joint, Mesh, Motion, Prismatic, Revolute
 from twin.verdict import (
@@ -50,18 +49,6 @@ from twin.verdict import (
 )
 
 EMPTY = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-
-
-@pytest.fixture(scope="module")
-def clip() -> Clip:
-    return make_clip("door")
-
-
-@pytest.fixture(scope="module")
-def evidence(clip: Clip) -> PartEvidence:
-    """A door about which nothing is doubtful: labelled as what the twin shows there."""
-    bare = perfect(clip, {})
-    return with_labels(bare, {f: bare.scene.posed.expected(f).owner for f in range(0, 26, 4)})
 
 
 def test_a_door_that_is_known_well_is_trusted(evidence: PartEvidence) -> None:

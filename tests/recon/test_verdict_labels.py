@@ -10,22 +10,9 @@ from numpy.typing import NDArray
 from recon.verdict import of_video
 from recon.verdict.evidence import PartEvidence
 from tests.recon.altered import with_labels
-from tests.recon.cabinets import Clip, make_clip
-from tests.recon.judged import perfect
+from tests.recon.cabinets import Clip
 from twin.scene import HAND_LABEL, STATIC_LABEL
 from twin.verdict import LabelledElsewhere
-
-
-@pytest.fixture(scope="module")
-def clip() -> Clip:
-    return make_clip("door")
-
-
-@pytest.fixture(scope="module")
-def evidence(clip: Clip) -> PartEvidence:
-    """A door about which nothing is doubtful: labelled as what the twin shows there."""
-    bare = perfect(clip, {})
-    return with_labels(bare, {f: bare.scene.posed.expected(f).owner for f in range(0, 26, 4)})
 
 
 def labelled_there(e: PartEvidence, clip: Clip, end: int, label: int) -> dict[int, NDArray[np.uint8]]:

@@ -14,14 +14,9 @@ from recon.fusion.fuse import FusedScene
 from recon.parts.find_parts import PartTracks
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.judge import OF_THE_FIT, OF_THE_SCENE, Judged, _beside_doubted, judge, verdict_on
-from tests.recon.cabinets import Clip, make_clip
+from tests.recon.cabinets import Clip
 from tests.recon.judged import perfect
 from twin.verdict import ClosedEndUnsure, Level, ManyDoubts, MovesWithDoubted, Verdict
-
-
-@pytest.fixture(scope="module")
-def clip() -> Clip:
-    return make_clip("door")
 
 
 def doubted(clip: Clip, times: int) -> PartEvidence:
