@@ -63,7 +63,8 @@ def ready(base: Path, place: Path, verb: str) -> cases.Case:
     cases.make_place(base, place, replace(case, prepare=lambda _place, _rng: 1.0), Random(0))  # noqa: S311
     if verb == "reconstruct":
         shutil.rmtree(place / "run/twin")
-        shutil.rmtree(place / "run/stages/09_contact")
+        (contact,) = (place / "run/stages").glob("*_contact")
+        shutil.rmtree(contact)
     return case
 
 
