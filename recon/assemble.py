@@ -143,9 +143,16 @@ def say_where(recording: Recording, out: Path) -> None:
     Relative to the run folder, so that it holds when both are moved together. twin.json, whose bytes don't depend on the
     machine, knows the recording by its fingerprint only.
     """
-    if recording.path is not None:
-        path = os.path.relpath(Path(recording.path).resolve(), out.resolve())
-        update_manifest(out, recording=Path(path).as_posix())
+    if recording.path is None:
+        return
+
+    def seen_from_run(path: Path | str) -> str:
+        return Path(os.path.relpath(Path(path).resolve(), out.resolve())).as_posix()
+
+    told = dict(recording.opened_with)
+    if "calibration" in told:
+        told["calibration"] = seen_from_run(told["calibration"])
+    update_manifest(out, recording=seen_from_run(recording.path), opened_with=told)
 
 
 def keep_key_frames(twin: Twin, recording: Recording, out: Path) -> None:

@@ -73,32 +73,10 @@ def _simulate_scene(
     return render(scene, joint, out, settings, progress=tell)
 
 
-def inspect(console: Console, recording: Path, layout: str | None) -> Outcome:
-    """What is wrong with a recording; a finding is no failure."""
-    from recon.readers import open_recording
-
-    opened = open_recording(recording, layout)
-    with console.progress() as progress:
-        progress("inspect", 0.0, "")
-        from recon.inspection.inspect import inspect as inspection_of
-
-        found = inspection_of(opened)
-        progress("inspect", 1.0, "")
-    tables = [found.table()] if found.findings else []
-    count = len(found.findings)
-    said = f"{count} finding{'s' * (count != 1)}" if count else "nothing found"
-    notes = [
-        f"{said} in {found.frames} of {found.of} frames; checked: {', '.join(found.checked)}",
-        *(f"not known: {u.check} ({u.why})" for u in found.unknown),
-    ]
-    return Outcome(found.as_dict(), tables, notes, opened.warnings)
-
-
 def reconstruct(
     console: Console,
     recording: Path,
     out: Path,
-    layout: str | None,
     joint_hint: str | None,
     parts: Sequence[tuple[int, ...]],
     intervals: Sequence[tuple[int, ...]],
@@ -106,15 +84,16 @@ def reconstruct(
     up: str | tuple[float, ...] | None,
     config: Path | None,
     set: Sequence[str],
+    **opening: Any,
 ) -> Outcome:
-    """Recording to twin."""
+    """Recording to twin. opening: of `recon.open_recording`."""
     require_run(out)
     data, where = given.told(config, set)
     said = {"parts": parts, "intervals": intervals, "joints": joints, "up": up}
     _say(data, {name: word for name, word in said.items() if word})
     from recon.readers import open_recording
 
-    opened = open_recording(recording, layout)
+    opened = open_recording(recording, **opening)
     from recon.config import ReconConfig  # imports what takes seconds
 
     settings = from_dict(ReconConfig, data, where if config or set else "options")
@@ -193,6 +172,9 @@ def evaluate_step(progress: Progress, run: Path, truth: Path) -> Step:
     columns = ["measure", "of", "value", "matched only", "goal", ""]
     summary = f"{met} of {len(goals)} goals met"
     outcome = Outcome(
-        evaluation.as_dict(), [Table(evaluation.name, columns, rows)], [summary], ok=evaluation.ok
+        evaluation.as_dict(),
+        [Table(evaluation.name, columns, rows)],
+        [*evaluation.remarks, summary],
+        ok=evaluation.ok,
     )
     return Step("evaluate", outcome, summary, started).kept(run_folder(run))

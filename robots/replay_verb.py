@@ -15,7 +15,7 @@ from twin.errors import FuntwinError, InputError, PlanningError
 from twin.files.paths import require_writable
 from twin.files.text import read_json
 from twin.report.sections import Table
-from twin.runs.manifest import MANIFEST
+from twin.runs.manifest import MANIFEST, opened_with
 from twin.runs.settings import from_dict
 from twin.runs.stages import Progress
 from twin.scene import Part, Twin
@@ -199,7 +199,7 @@ def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, 
     if path is None or (recording is None and not path.exists()):
         return None, [f"the film shows the robot alone; {hint}"], []
     try:
-        opened = named(OPEN_RECORDING)(path)
+        opened = named(OPEN_RECORDING)(path, **opened_with(run))
     except InputError as e:
         if recording is not None:
             raise

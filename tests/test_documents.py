@@ -10,20 +10,33 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from benchmarks.layouts.azure_kinect import write_azure_kinect
+from benchmarks.layouts.boards import texture, write_boards
+from benchmarks.layouts.phones import write_r3d, write_stray
+from benchmarks.layouts.ros import write_ros2
+from benchmarks.layouts.ros_realsense import write_realsense
 from benchmarks.scenes.boards import cabinet_twin
 from recon.config import ReconConfig
+from recon.readers import open_recording
+from recon.readers.calibration_file import Calibration
+from recon.recording import Recording
+from recon.recording.rig import Lens
+from recon.recording.write import write_recording
 from recon.simulate.config import SimulateConfig
+from tests.recon.phone_recording import phone_recording
 from twin.cli import given
 from twin.cli import main as cli
 from twin.errors import ConfigError
 from twin.files.assets import asset
+from twin.geometry import make_pose
 from twin.report import page as report_page
 from twin.runs.settings import to_toml
 from twin.storage import save
@@ -100,7 +113,16 @@ ALL = list(dict.fromkeys((page, c) for page in PAGES for c in commands(page)))
 RUNNABLE = list(dict.fromkeys(c for _, c in ALL if c not in (*ONLY_PARSED, RECONSTRUCTED, INSPECTED)))
 RECONSTRUCT = [c for c in RUNNABLE if c.startswith("twin reconstruct")]
 SLOW = [c for c in RUNNABLE if c.startswith(("twin replay", "twin trajectory", "twin simulate"))]
-QUICK = [c for c in RUNNABLE if c not in (*SLOW, *RECONSTRUCT)]
+CALIBRATE = [c for c in RUNNABLE if c.startswith("twin calibrate")]
+QUICK = [c for c in RUNNABLE if c not in (*SLOW, *RECONSTRUCT, *CALIBRATE)]
+# recordings of devices, by the names that their pages have for them
+DEVICES: dict[str, Callable[[Recording, Path], object]] = {
+    "clip.r3d": write_r3d,
+    "STRAY": write_stray,
+    "clip.mkv": write_azure_kinect,
+    "clip.bag": lambda r, out: write_realsense(r, out, make_pose(translation=[-0.015, 0, 0])),
+    "BAG": write_ros2,
+}
 SNIPPETS = [(page, code) for page in PAGES for language, code in blocks(page) if language == "python"]
 
 
@@ -191,6 +213,20 @@ def test_every_snippet_names_what_exists(page: str, code: str) -> None:
         assert hasattr(import_module(package), name), f"{package}.{name}"
 
 
+def slower(clip: Recording, factor: float) -> Recording:
+    """Long enough for what the pages cut out of a recording."""
+    assert clip.poses is not None
+    times = clip.times[0] + factor * (clip.times - clip.times[0])
+    return replace(clip, times=times, poses=replace(clip.poses, times=times[clip.poses.frames]))
+
+
+def write_calibration(folder: Path, clip: Recording) -> None:
+    k = clip.intrinsics
+    camera = Calibration(Lens(k), None, None, None)
+    folder.mkdir()
+    (folder / "calibration.json").write_text(camera.text, encoding="utf-8")
+
+
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with RUN, an exported cabinet whose parts are called NAME and door_2, and SCENE.xml with a joint NAME."""
@@ -203,6 +239,11 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene = asset("scenes/base_cabinet.xml").read_text(encoding="utf-8")
     (place / "assets").symlink_to(asset("scenes").parent)
     (place / "SCENE.xml").write_text(scene.replace("drawer_top", "NAME"), encoding="utf-8")
+    clip = slower(phone_recording(place / "clip"), 20.0)
+    write_recording(clip, place / "RECORDING")
+    write_calibration(place / "CAMERA", clip)
+    for name, write in DEVICES.items():
+        write(clip, place / name)
     return place
 
 
@@ -245,6 +286,25 @@ def test_robot_and_rendering_commands_run_as_they_stand(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("command", CALIBRATE)
+def test_calibrations_run_as_they_stand(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On rendered pictures of the board that the page has."""
+    monkeypatch.chdir(tmp_path)
+    T = np.asarray(make_pose(translation=[-0.03, 0.0, 0.0]))
+    write_boards(tmp_path / "made", texture(9, 6, "5X5_250"), 0.03, T, 12)
+    for name, made in (("color", "color"), ("ir", "infrared"), ("depth", "depth")):
+        (tmp_path / "made" / made).rename(tmp_path / name)
+    board = re.search(r"`({\"type\": [^`]*})`", (ROOT / "docs/calibrating.md").read_text(encoding="utf-8"))
+    assert board is not None
+    (tmp_path / "board.json").write_text(board[1], encoding="utf-8")
+    words = [f for w in words_of(command) for f in (sorted(map(str, Path().glob(w))) if "*" in w else [w])]
+    assert cli.run(words) == 0, capsys.readouterr().err
+    assert (tmp_path / "CAMERA" / "calibration.json").is_file()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("command", RECONSTRUCT)
 def test_reconstructions_run_as_they_stand(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -253,6 +313,12 @@ def test_reconstructions_run_as_they_stand(
     monkeypatch.chdir(tmp_path)
     shutil.copytree(asset("recordings/cabinet_drawer"), "RECORDING")
     shutil.copy("RECORDING/truth/trajectory.txt", "RECORDING")
+    source = open_recording("RECORDING")
+    for name in set(words_of(command)) & set(DEVICES):
+        DEVICES[name](source, tmp_path / name)
+        # a phone's depth has a tenth of the pixels: not trusted is no failure of the command
+        assert cli.run(words_of(command)) in (0, 2), capsys.readouterr().err
+        return
     for line in (INSPECTED, command):
         assert cli.run(words_of(line)) == 0, capsys.readouterr().err
     assert cli.run(words_of(RECONSTRUCTED)) == 0, capsys.readouterr().out

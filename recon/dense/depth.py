@@ -57,22 +57,6 @@ def in_mid_air(depth: F32, sigma: Array, step: float) -> NDArray[np.bool_]:
     return np.asarray((depth > 0) & between & (gap > step * depth + 6.0 * sigma))
 
 
-def upsample_depth(depth: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """Depth (h, w) m on a finer or coarser grid of the same view; 0 = unknown stays unknown.
-
-    Between pixels of one surface it is bilinear, elsewhere the nearest pixel, so that no depth is invented between two
-    surfaces or beside an unknown pixel.
-    """
-    size = (width, height)
-    nearest = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST_EXACT))
-    linear = np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_LINEAR))
-    window = np.ones((3, 3), np.uint8)
-    low, high = cv2.erode(depth, window), cv2.dilate(depth, window)
-    one_surface = ((high - low) <= MAX_STEP * low).astype(np.uint8)
-    smooth = np.asarray(cv2.resize(one_surface, size, interpolation=cv2.INTER_NEAREST_EXACT)) > 0
-    return np.where(smooth, linear, nearest).astype(np.float32)
-
-
 class Readings(NamedTuple):
     """What a depth image says at points (n,): whether each is in view (`inside`), the nearest pixel `x`, `y` (0, 0 where it is
     not), and the depth `z` m read there, 0 = unknown."""

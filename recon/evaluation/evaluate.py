@@ -6,16 +6,16 @@ print(evaluation.table())
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from recon.evaluation.goals import Goal, goal_of
+from recon.evaluation.goals import goal_of
+from recon.evaluation.known import measurable, unknown_measures
 from recon.evaluation.metrics import Surface
 from recon.evaluation.outcome import success
+from recon.evaluation.rows import Evaluation, Row
 from recon.evaluation.scores import (
     CameraErrors,
     JointErrors,
@@ -47,127 +47,66 @@ CHARGE_DIRECTION_DEG = 180.0
 CHARGE_LENGTH_MM = 1000.0
 
 
-@dataclass(frozen=True)
-class Row:
-    """One measure of the scene or of one true part.
-
-    value: failures charged. matched: the same without them, None for a failure. goal: the goal, None when only reported.
-    """
-
-    metric: str
-    part: str
-    value: float
-    matched: float | None
-    unit: str
-    goal: Goal | None
-
-    @property
-    def ok(self) -> bool | None:
-        """Whether the goal is met, None without one."""
-        return None if self.goal is None else self.goal.met(self.value)
-
-    def as_dict(self) -> dict[str, Any]:
-        return {
-            "metric": self.metric,
-            "part": self.part,
-            "value": self.value,
-            "matched": self.matched,
-            "unit": self.unit,
-            "goal": None if self.goal is None else str(self.goal),
-            "ok": self.ok,
-        }
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """All rows of one twin against one truth, with the data set's name."""
-
-    name: str
-    rows: tuple[Row, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether every goal is met."""
-        return all(r.ok is not False for r in self.rows)
-
-    def row(self, metric: str, part: str | None = None) -> Row:
-        """The row of a measure (and part). Raises KeyError when there is none."""
-        for r in self.rows:
-            if r.metric == metric and part in (None, r.part):
-                return r
-        raise KeyError(f"no row {metric!r} of {part!r}")
-
-    def as_dict(self) -> dict[str, Any]:
-        """JSON types only."""
-        return {"recording": self.name, "ok": self.ok, "rows": [r.as_dict() for r in self.rows]}
-
-    def table(self) -> str:
-        """Plain text, one line a row."""
-        head = ("measure", "of", "value", "matched only", "unit", "goal", "")
-        verdict = {None: "", True: "met", False: "MISSED"}
-        body = [
-            (
-                r.metric,
-                r.part,
-                f"{r.value:.4g}",
-                "-" if r.matched is None else f"{r.matched:.4g}",
-                r.unit,
-                "" if r.goal is None else str(r.goal),
-                verdict[r.ok],
-            )
-            for r in self.rows
-        ]
-        widths = [max(len(line[k]) for line in (head, *body)) for k in range(len(head))]
-        lines = [
-            "  ".join(
-                w.rjust(n) if k in (2, 3) else w.ljust(n)
-                for k, (w, n) in enumerate(zip(line, widths, strict=True))
-            )
-            for line in (head, *body)
-        ]
-        missed = sum(r.ok is False for r in self.rows)
-        goals = sum(r.ok is not None for r in self.rows)
-        end = f"{self.name}: {goals - missed} of {goals} goals met"
-        return "\n".join([*(line.rstrip() for line in lines), end])
-
-
 def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None = None) -> Evaluation:
-    """Judge a twin by a truth folder.
+    """Judge a twin by a truth, in the measures that it allows.
 
     Args:
-        truth: folder truth/ or what `load_truth` made of it.
-        recording: what the twin was made from; by default the folder around the truth.
+        truth: folder truth/, an annotated clip of HOI4D or Arti4D, or what `load_truth` made of it.
+        recording: what the twin was made from; by default the folder around a simulated recording's truth.
 
     Raises:
         InputError: the truth can't be read or is of another recording, or the twin has no cameras.
     """
     true = truth if isinstance(truth, Truth) else load_truth(truth)
-    recording = recording or open_recording(true.folder.parent)
-    if twin.cameras is None:
+    if recording is None and true.knows("labels"):
+        recording = open_recording(true.folder.parent)
+    if twin.cameras is None and true.knows("cameras"):
         raise InputError(f"twin {twin.name} has no cameras to align the worlds by", "reconstruct it again")
-    if len(recording) != true.frames:
-        raise InputError(
-            f"{recording.source} has {len(recording)} frames, {true.folder} has {true.frames}",
-            "give the truth of this recording",
-        )
-    cameras = camera_errors(twin.cameras, true)
-    T = cameras.T_truth_recon
+    _require_frames(twin, true, recording)
+    cameras = None
+    if twin.cameras is not None and true.knows("cameras"):
+        cameras = camera_errors(twin.cameras, true)
+    T = np.eye(4) if cameras is None else cameras.T_truth_recon
     pairs = match_parts([(p.joint, p.motion) for p in twin.parts], T, true)
     matched = {true.parts[i].id: twin.parts[j] for i, j in pairs.items()}
     labels: dict[int, LabelScore] = {}  # empty when the twin has no labels at all, which is charged
-    if twin.labels:
+    if twin.labels and true.knows("labels"):
         labels = label_scores(twin.labels, true, {k: p.id for k, p in matched.items()})
-    seen = seen_points(recording, true)
-    rows = list(_camera_rows(cameras))
+    seen: dict[int, Array] = {}
+    if recording is not None and true.knows("cameras", "states", "labels"):
+        seen = seen_points(recording, true)
+    rows = [] if cameras is None else list(_camera_rows(cameras))
     rows += _scene_rows(twin, true, labels.get(HAND_LABEL), seen, T)
     rows.append(_row("spurious parts", SCENE, float(len(twin.parts) - len(matched)), 0.0))
+    rows = _allowed(rows, true)
     per_part = [
-        list(_part_rows(matched.get(p.id), p, true, labels.get(p.id), seen[p.id], T)) for p in true.parts
+        _allowed(_part_rows(matched.get(p.id), p, true, labels.get(p.id), seen.get(p.id), T), true)
+        for p in true.parts
     ]
     rows += [r for part in per_part for r in part]
     if len(per_part) > 1:
         rows += _mean_rows(per_part)
-    return Evaluation(recording.name, tuple(rows))
+    name = true.name or (recording.name if recording else true.folder.resolve().name)
+    return Evaluation(name, tuple(rows), unknown_measures(true.known), true.notes)
+
+
+def _allowed(rows: Iterable[Row], true: Truth) -> list[Row]:
+    """The rows whose measure the truth allows."""
+    return [r for r in rows if measurable(r.metric, true.known)]
+
+
+def _require_frames(twin: Twin, true: Truth, recording: Recording | None) -> None:
+    """Raise InputError when the truth is of another number of frames than the recording, or what the twin was made from."""
+    source, frames = (
+        (twin.name, true.frames) if twin.recorded is None else (twin.recorded.source, twin.recorded.frames)
+    )
+    if recording is not None:
+        source, frames = recording.source, len(recording)
+    if frames != true.frames:
+        raise InputError(
+            f"{source} has {frames} frames, {true.folder} has {true.frames}",
+            "give the truth of this recording",
+        )
 
 
 def _row(metric: str, part: str, value: float | None, charge: float, unit: str = "") -> Row:
@@ -192,7 +131,9 @@ def _scene_rows(
     yield from _label_rows("hand mIoU", "hand on hand-free frames", SCENE, hand)
     labelled = np.array([-1, *sorted(f for f in twin.labels if f < truth.frames), truth.frames])
     yield _row("longest gap of labels", SCENE, float(np.diff(labelled).max()), 0.0, "frames")
-    points = seen[STATIC_LABEL]
+    points = seen.get(STATIC_LABEL)
+    if points is None:
+        return
     on_surface = Surface(truth.static).nearest(points[:: max(1, len(points) // SAMPLES)])
     static = surface_errors(twin.static.mesh.transformed(T), truth.static, points, on_surface)
     yield from _surface_rows("static", SCENE, static)
@@ -214,13 +155,14 @@ def _surface_rows(what: str, part: str, errors: SurfaceErrors | None) -> Iterato
 
 
 def _part_rows(
-    found: Part | None, true: TruthPart, truth: Truth, labels: LabelScore | None, seen: Array, T: Array
+    found: Part | None, true: TruthPart, truth: Truth, labels: LabelScore | None, seen: Array | None, T: Array
 ) -> Iterator[Row]:
     joint = joint_errors(found.joint, found.motion, T, truth, true) if found else None
     yield from _joint_rows(joint, true)
     yield from _label_rows("part mIoU", "part on frames without it", true.name, labels)
-    mesh = true.closed_mesh
-    surface = surface_errors(found.mesh.transformed(T), mesh, seen, sampled(mesh)) if found else None
+    mesh, surface = true.closed_mesh, None
+    if found and seen is not None and len(mesh.faces):
+        surface = surface_errors(found.mesh.transformed(T), mesh, seen, sampled(mesh))
     yield from _surface_rows("part", true.name, surface)
     if true.grip is not None:
         yield _row("contact", true.name, _contact_mm(found, true, T), CHARGE_LENGTH_MM, "mm")
@@ -243,8 +185,8 @@ def _joint_rows(joint: JointErrors | None, true: TruthPart) -> Iterator[Row]:
     yield _row("range", name, e.range if e else None, travel, unit)
     yield _row("screw path", name, e.screw_path_deg if e else None, CHARGE_DIRECTION_DEG, "deg")
     yield _row("handle path", name, e.handle_rmse_mm if e else None, CHARGE_LENGTH_MM, "mm")
-    yield _row("opening direction right", name, float(e.opening_right) if e else None, 0.0)
-    yield _row("closed end right", name, float(e.closed_right) if e else None, 0.0)
+    yield _row("opening direction right", name, e.opening_right if e else None, 0.0)
+    yield _row("closed end right", name, e.closed_right if e else None, 0.0)
     yield _row("moving frames with state", name, e.state_share if e else None, 0.0, "share")
     yield _row("interval IoU", name, e.interval_iou if e else None, 0.0)
     yield _row("interval precision", name, e.interval_precision if e else None, 0.0)

@@ -36,7 +36,10 @@ class CameraErrors:
 
 def camera_errors(trajectory: Trajectory, truth: Truth) -> CameraErrors:
     """Align the worlds by the cameras and compare them. Raises InputError when no frame is in the truth."""
-    common = trajectory.frames[(trajectory.frames >= 0) & (trajectory.frames < truth.frames)]
+    if truth.cameras is None:
+        raise InputError(f"{truth.folder} tells no cameras", "compare what needs none")
+    known = truth.cameras.frames
+    common = np.intersect1d(trajectory.frames, known[(known >= 0) & (known < truth.frames)])
     if len(common) == 0:
         raise InputError(
             f"the cameras' frames {trajectory.frames[0]}..{trajectory.frames[-1]} are not in the truth of "
@@ -44,7 +47,7 @@ def camera_errors(trajectory: Trajectory, truth: Truth) -> CameraErrors:
             "give the truth of the same recording",
         )
     found = trajectory.T_world_cam[np.isin(trajectory.frames, common)]
-    true = truth.cameras.T_world_cam[common]
+    true = truth.cameras.T_world_cam[np.isin(known, common)]
     T = metrics.align_worlds(true, found)
     aligned = T @ found
     rpe_m, rpe_rad = metrics.relative_pose_error(true, aligned)
@@ -54,7 +57,7 @@ def camera_errors(trajectory: Trajectory, truth: Truth) -> CameraErrors:
         rpe_mm=1e3 * rpe_m,
         rpe_deg=float(np.degrees(rpe_rad)),
         up_deg=float(np.degrees(geo.angle_between(T[:3, 2], [0.0, 0.0, 1.0]))),
-        share=len(common) / truth.frames,
+        share=len(common) / len(known),
     )
 
 
@@ -111,7 +114,7 @@ def label_scores(
 
 @dataclass(frozen=True)
 class JointErrors:
-    """A joint and its motion against a true part. None where there is nothing to compare (wrong type, no states).
+    """A joint and its motion against a true part. None where there is nothing to compare (wrong type, no states, not known).
 
     Angles in deg, lengths in mm, `state` and `range` in deg or mm by the true type. screw_path_deg: median angle between
     true and found velocity of the handle. add, add_s: share of moving frames with the part's vertices (nearest vertices)
@@ -126,15 +129,15 @@ class JointErrors:
     range: float | None
     screw_path_deg: float | None
     handle_rmse_mm: float | None
-    add: float
-    add_s: float
-    auc: float
-    opening_right: bool
-    closed_right: bool
+    add: float | None
+    add_s: float | None
+    auc: float | None
+    opening_right: bool | None
+    closed_right: bool | None
     interval_iou: float
     interval_precision: float
     interval_recall: float
-    state_share: float
+    state_share: float | None
 
     @property
     def success(self) -> bool:
@@ -155,43 +158,55 @@ def joint_errors(
     found = joint.transformed(T_truth_recon)
     if part is None:
         part = truth.parts[max(match_parts([(joint, motion)], T_truth_recon, truth), default=0)]
-    inside = (motion.frames >= 0) & (motion.frames < truth.frames)
+    told = np.flatnonzero(np.isfinite(part.states))
+    inside = np.isin(motion.frames, told)
     frames, states = motion.frames[inside], motion.state[inside]
     unit = 1e3 if part.joint.kind == "prismatic" else float(np.degrees(1.0))
     same = found.kind == part.joint.kind
     pivot = _pivot_errors(found, part) if same else None
     span = metrics.span_hull(motion.intervals)
     precision, recall = metrics.span_detection(part.spans, motion.intervals)
-    path = _Path(found, frames, states, part)
+    path = _Path(found, frames, states, part) if truth.knows("states", "meshes") else None
+    moving = np.intersect1d(part.moving_frames, told)
     return JointErrors(
         type_right=same,
         axis_deg=float(np.degrees(geo.line_angle(found.axis, part.joint.axis))) if same else None,
         pivot_line_mm=None if pivot is None else pivot[0],
         pivot_mm=None if pivot is None else pivot[1],
         state=unit * metrics.state_error(part.states[frames], states)[0] if same and len(frames) else None,
-        range=unit * abs(found.upper - found.lower - part.travel) if same else None,
-        screw_path_deg=path.direction_deg(),
-        handle_rmse_mm=path.handle_rmse_mm(),
-        **path.add_scores(),
-        opening_right=path.opening_right(),
-        closed_right=bool(len(frames)) and metrics.same_direction(part.states[frames], states),
+        range=unit * abs(found.upper - found.lower - part.travel) if same and len(told) else None,
+        screw_path_deg=path.direction_deg() if path else None,
+        handle_rmse_mm=path.handle_rmse_mm() if path else None,
+        **(path.add_scores() if path else dict.fromkeys(("add", "add_s", "auc"))),
+        opening_right=path.opening_right() if path else None,
+        closed_right=_closed_right(part.states[frames], states) if len(told) else None,
         interval_iou=metrics.span_iou(part.span, span),
         interval_precision=precision,
         interval_recall=recall,
-        state_share=len(path.frames) / max(len(part.moving_frames), 1),
+        state_share=np.count_nonzero(np.isin(frames, moving)) / max(len(moving), 1) if len(told) else None,
     )
 
 
-def _pivot_errors(found: Joint, part: TruthPart) -> tuple[float, float] | None:
-    """Pivot errors (a) line to line and (b) point nearest the part to the true line, mm; None for a sliding joint."""
+def _closed_right(true: Array, found: Array) -> bool:
+    return bool(len(true)) and metrics.same_direction(true, found)
+
+
+def _pivot_errors(found: Joint, part: TruthPart) -> tuple[float, float | None] | None:
+    """Pivot errors (a) line to line and (b) point nearest the part to the true line, mm; None for a sliding joint.
+
+    (b) is None where nothing tells where the part is.
+    """
     true = part.joint
     if not (isinstance(found, Revolute) and isinstance(true, Revolute)):
         return None
-    point = geo.nearest_point_on_line(part.closed_mesh.area_centroid, found.pivot, found.axis)
-    return (
+    apart, centre = (
         1e3 * geo.line_distance(found.pivot, found.axis, true.pivot, true.axis),
-        1e3 * geo.point_line_distance(point, true.pivot, true.axis),
+        part.closed_centre,
     )
+    if centre is None:
+        return apart, None
+    point = geo.nearest_point_on_line(centre, found.pivot, found.axis)
+    return apart, 1e3 * geo.point_line_distance(point, true.pivot, true.axis)
 
 
 class _Path:
@@ -246,7 +261,8 @@ class _Path:
 def match_parts(found: Sequence[tuple[Joint, Motion]], T_truth_recon: Array, truth: Truth) -> dict[int, int]:
     """Index of the true part -> index of the found one, by the best sum of interval overlap less axis error (per 90 deg).
 
-    Only parts whose motions overlap in time can match; a motion that lists no interval may match any.
+    Only parts whose motions overlap in time can match; a motion that lists no interval may match any. Where the truth tells no cameras,
+    axes can't be compared, and the overlap alone counts.
     """
     if not found or not truth.parts:
         return {}
@@ -255,7 +271,8 @@ def match_parts(found: Sequence[tuple[Joint, Motion]], T_truth_recon: Array, tru
     for i, true in enumerate(truth.parts):
         for j, (joint, motion) in enumerate(found):
             overlap = metrics.span_iou(true.span, metrics.span_hull(motion.intervals))
-            angle = geo.line_angle(geo.rotate(T_truth_recon, joint.axis), true.joint.axis)
+            axis = geo.rotate(T_truth_recon, joint.axis)
+            angle = geo.line_angle(axis, true.joint.axis) if truth.cameras is not None else 0.0
             possible[i, j] = overlap > 0 or not motion.intervals
             cost[i, j] = angle / (np.pi / 2) - overlap
     rows, cols = linear_sum_assignment(np.where(possible, cost, 10.0))  # 10: worse than any possible pair

@@ -65,6 +65,8 @@ def seen_points(recording: Recording, truth: Truth) -> dict[int, Array]:
     k, step = truth.intrinsics or recording.intrinsics, SEEN_STRIDE
     y, x = np.mgrid[step // 2 : k.height : step, step // 2 : k.width : step]
     pixels = np.stack([x, y], axis=-1).astype(np.float64)
+    if truth.cameras is None:
+        raise InputError(f"{truth.folder} tells no cameras", "compare what needs none")
     clouds: dict[int, list[Array]] = {STATIC_LABEL: [], **{p.id: [] for p in truth.parts}}
     for frame in sorted(truth.labels):
         label = truth.labels[frame]

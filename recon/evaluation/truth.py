@@ -1,9 +1,13 @@
-"""The truth beside a simulated recording: cameras, joints, states, meshes, labels and grip (docs/recordings.md)."""
+"""The truth of a recording: cameras, joints, states, meshes, labels and grip (docs/recordings.md).
+
+Beside a simulated recording it is whole. What others annotated is less: `Truth.known` tells what there is, and nothing stands in for the
+rest.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.evaluation import metrics
+from recon.evaluation.known import EVERYTHING, facts
 from recon.evaluation.metrics import Span
 from recon.readers import files
 from recon.recording import Intrinsics
@@ -21,6 +26,9 @@ from twin.geometry import Array
 from twin.scene import Joint, Mesh, Prismatic, Revolute, Trajectory
 from twin.storage.labels import LabelFolder
 
+NOTHING = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))  # a surface that is not known
+_AGAIN = "write it anew with the simulator"
+
 
 @dataclass(frozen=True, eq=False)
 class TruthPart:
@@ -29,6 +37,10 @@ class TruthPart:
     joint, mesh, grip: world frame at state 0. states (n,) m or rad and T_world_part (n, 4, 4), which maps the mesh to
     the frame, for every frame. grip: centre of the hand's grip (3,), None when no hand held the part. segments: for
     every motion the last frame at rest before it and the first after it.
+
+    Of a truth that doesn't know them: states and T_world_part are empty, and states NaN in single frames; the mesh has no face. centre:
+    the part's middle (3,) at state 0, where there is no mesh that tells it. told_spans: first and last moving frame of every motion,
+    where they are annotated and not to be found in the states.
     """
 
     id: int
@@ -39,20 +51,30 @@ class TruthPart:
     mesh: Mesh
     segments: tuple[Span, ...]
     grip: Array | None
+    centre: Array | None = None
+    told_spans: tuple[Span, ...] | None = None
+
+    @property
+    def _told(self) -> Array:
+        """The states that are known; zero where none is."""
+        told = self.states[np.isfinite(self.states)]
+        return told if len(told) else np.zeros(1)
 
     @property
     def closed(self) -> float:
         """The most closed state that the recording shows; a twin's state 0."""
-        return float(self.states.min())
+        return float(self._told.min())
 
     @property
     def travel(self) -> float:
         """Range of states that the recording shows, m or rad."""
-        return float(np.ptp(self.states))
+        return float(np.ptp(self._told))
 
     @property
     def spans(self) -> tuple[Span, ...]:
         """First and last moving frame of every motion."""
+        if self.told_spans is not None:
+            return self.told_spans
         found = (metrics.moving_span(self.states[a : b + 1], a) for a, b in self.segments)
         return tuple(s for s in found if s is not None)
 
@@ -77,6 +99,17 @@ class TruthPart:
         return self.mesh.transformed(self.T_world_closed)
 
     @property
+    def closed_centre(self) -> Array | None:
+        """The part's middle (3,) at the most closed state shown, None where it isn't known."""
+        if len(self.mesh.faces):
+            return self.closed_mesh.area_centroid
+        return (
+            None
+            if self.centre is None
+            else np.array(geo.transform(self.T_world_closed, self.centre[None])[0])
+        )
+
+    @property
     def handle(self) -> Array:
         """Point (3,) at the most closed state shown that the hand leads: the grip, else the vertex that moves furthest."""
         point = self.grip
@@ -91,15 +124,25 @@ class TruthPart:
 class Truth:
     """Truth of one recording of `frames` frames; labels as in a twin, static: everything that never moves. intrinsics: where those of
     the recording are wrong on purpose.
+
+    known: what it knows, names of `recon.evaluation.known.FACTS`; cameras is None and labels, static and the parts' own are empty where it
+    doesn't. name: of the recording, where that is not the folder around the truth. notes: what was left out of it, for people.
     """
 
     folder: Path
     frames: int
-    cameras: Trajectory
+    cameras: Trajectory | None
     parts: tuple[TruthPart, ...]
-    labels: Mapping[int, NDArray[np.uint8]]
-    static: Mesh
+    labels: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
+    static: Mesh = NOTHING
     intrinsics: Intrinsics | None = None
+    known: frozenset[str] = EVERYTHING
+    name: str = ""
+    notes: tuple[str, ...] = ()
+
+    def knows(self, *names: str) -> bool:
+        """Whether all these facts are known."""
+        return self.known.issuperset(names)
 
     def part(self, key: int) -> TruthPart:
         """The part with this id. Raises InputError that lists the ids."""
@@ -110,42 +153,58 @@ class Truth:
 
 
 def load_truth(folder: Path | str) -> Truth:
-    """Read a folder truth/. Raises InputError naming the file and the value."""
+    """Read a folder truth/, or the annotations of a HOI4D or Arti4D clip. Raises InputError naming the file and the value."""
     folder = Path(folder)
-    if not (folder / "truth.json").is_file():
-        inside = folder / "truth"
-        if not (inside / "truth.json").is_file():
-            raise InputError(
-                f"{folder} holds no truth.json", "give the folder truth/ of a simulated recording"
-            )
-        folder = inside
+    own = next((f for f in (folder, folder / "truth") if (f / "truth.json").is_file()), None)
+    if own is not None:
+        return _own_truth(own)
+    from recon.evaluation.imported import imported_truth  # here: it makes truths of what this module defines
+
+    found = imported_truth(folder)
+    if found is None:
+        raise InputError(
+            f"{folder} holds no truth.json",
+            "give the folder truth/ of a simulated recording, or an annotated clip of HOI4D or Arti4D",
+        )
+    return found
+
+
+def _own_truth(folder: Path) -> Truth:
+    """Read a folder truth/; `known` in its truth.json says what is there when that is not everything."""
     data = files.read_json(folder / "truth.json")
+    shown = files.shown(folder / "truth.json")
     try:
         frames = int(data["frames"])
-        poses = _part_poses(folder, [int(p["id"]) for p in data["parts"]], frames)
-        parts = tuple(_part(folder, p, data.get("hand") or {}, poses[int(p["id"])]) for p in data["parts"])
+        known = facts(data["known"], shown) if "known" in data else EVERYTHING
+        ids = [int(p["id"]) for p in data["parts"]]
+        whole = "states" in known
+        poses = _part_poses(folder, ids, frames) if whole else dict.fromkeys(ids, np.zeros((0, 4, 4)))
+        hand = (data.get("hand") or {}) if whole and "hand" in known else {}
+        parts = tuple(_part(folder, p, hand, poses[int(p["id"])], known) for p in data["parts"])
     except FuntwinError:
         raise
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(
-            f"{files.shown(folder / 'truth.json')} lacks or garbles {error}",
-            "write it anew with the simulator",
-        ) from None
+        raise InputError(f"{shown} lacks or garbles {error}", _AGAIN) from None
+    return Truth(
+        folder=folder,
+        frames=frames,
+        cameras=_cameras(folder, frames) if "cameras" in known else None,
+        parts=parts,
+        labels=LabelFolder(folder / "labels") if "labels" in known else {},
+        static=read_ply(folder / "static.ply") if "static" in known else NOTHING,
+        intrinsics=_intrinsics(folder / "intrinsic.json"),
+        known=known,
+    )
+
+
+def _cameras(folder: Path, frames: int) -> Trajectory:
     stamps, cameras = files.read_tum_poses(folder / "trajectory.txt")
     if len(cameras) != frames:
         raise InputError(
             f"{files.shown(folder / 'trajectory.txt')} has {len(cameras)} poses for {frames} frames",
             "the truth has one pose a frame",
         )
-    return Truth(
-        folder=folder,
-        frames=frames,
-        cameras=Trajectory(np.arange(frames), stamps, cameras),
-        parts=parts,
-        labels=LabelFolder(folder / "labels"),
-        static=read_ply(folder / "static.ply"),
-        intrinsics=_intrinsics(folder / "intrinsic.json"),
-    )
+    return Trajectory(np.arange(frames), stamps, cameras)
 
 
 def _intrinsics(path: Path) -> Intrinsics | None:
@@ -158,9 +217,7 @@ def _part_poses(folder: Path, ids: list[int], frames: int) -> dict[int, Array]:
         with np.load(path, allow_pickle=False) as archive:
             poses = {k: np.asarray(archive[f"part_{k}"], dtype=np.float64) for k in ids}
     except (OSError, KeyError, ValueError) as error:
-        raise InputError(
-            f"{files.shown(path)} can't be read ({error})", "write it anew with the simulator"
-        ) from None
+        raise InputError(f"{files.shown(path)} can't be read ({error})", _AGAIN) from None
     for k, T in poses.items():
         if T.shape != (frames, 4, 4):
             raise InputError(
@@ -169,32 +226,44 @@ def _part_poses(folder: Path, ids: list[int], frames: int) -> dict[int, Array]:
     return poses
 
 
-def _part(folder: Path, entry: Mapping[str, Any], hand: Mapping[str, Any], T_world_part: Array) -> TruthPart:
-    states = np.array(entry["states"], dtype=np.float64)
+def _part(
+    folder: Path,
+    entry: Mapping[str, Any],
+    hand: Mapping[str, Any],
+    T_world_part: Array,
+    known: frozenset[str],
+) -> TruthPart:
+    states = np.array(entry["states"] if "states" in known else [], dtype=np.float64)
     if states.shape != (len(T_world_part),):
         raise InputError(
             f"{files.shown(folder / 'truth.json')} has {states.size} states of part {entry['id']} for "
             f"{len(T_world_part)} frames",
             "the truth has one state a frame",
         )
-    axis = geo.unit(entry["axis_world"])
-    limits = float(min(states.min(), 0.0)), float(max(states.max(), 0.0))
-    joint: Joint
-    if entry["type"] == "prismatic":
-        joint = Prismatic(axis, *limits)
-    else:
-        joint = Revolute(axis, *limits, pivot=np.array(entry["pivot_world"], dtype=np.float64))
     segments = entry.get("motion_segments") or ([entry["interval"]] if entry.get("interval") else [])
+    spans = tuple((int(a), int(b)) for a, b in segments)
     return TruthPart(
         id=int(entry["id"]),
         name=str(entry["name"]),
-        joint=joint,
+        joint=joint_of(entry["type"], entry["axis_world"], entry.get("pivot_world"), states),
         states=states,
         T_world_part=T_world_part,
-        mesh=read_ply(folder / f"part_{int(entry['id'])}.ply"),
-        segments=tuple((int(a), int(b)) for a, b in segments),
+        mesh=read_ply(folder / f"part_{int(entry['id'])}.ply") if "meshes" in known else NOTHING,
+        segments=spans,
         grip=_grip(int(entry["id"]), hand, T_world_part),
+        # without states, a motion lies between the frames at rest around it
+        told_spans=None if "states" in known else tuple((a + 1, b - 1) for a, b in spans if b - a > 2),
     )
+
+
+def joint_of(kind: str, axis: Any, pivot: Any, states: Array) -> Joint:
+    """A joint whose limits are the states (n,) that were shown. Raises ValueError for an axis without direction."""
+    told = states[np.isfinite(states)]
+    limits = float(min(told.min(initial=0.0), 0.0)), float(max(told.max(initial=0.0), 0.0))
+    direction = geo.unit(np.array(axis, dtype=np.float64))
+    if kind == "prismatic":
+        return Prismatic(direction, *limits)
+    return Revolute(direction, *limits, pivot=np.array(pivot, dtype=np.float64))
 
 
 def _grip(part: int, hand: Mapping[str, Any], T_world_part: Array) -> Array | None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -229,23 +228,3 @@ def read_intrinsics(path: Path) -> Intrinsics:
         return Intrinsics(width, height, float(m[0]), float(m[4]), float(m[6]), float(m[7]))
     except InputError as error:
         raise InputError(f"{shown(path)}: {error.problem}", error.remedy) from None
-
-
-def fingerprint(root: Path, files: Iterable[Path]) -> str:
-    """SHA-256 over the sorted relative names, sizes and bytes of the input files; checks that images are complete.
-
-    It depends on neither the machine nor on times or the place of the folder.
-    """
-    digest = hashlib.sha256()
-    for path in sorted(files, key=lambda p: p.relative_to(root).as_posix()):
-        data = read_bytes(path)
-        check_complete(shown(path), data)
-        digest.update(f"{path.relative_to(root).as_posix()}\0{len(data)}\0".encode())
-        digest.update(data)
-    return digest.hexdigest()
-
-
-def fingerprint_of(path: Path) -> str:
-    """SHA-256 of one file's bytes, whatever its name."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -11,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.recording import MIN_FRAMES, Intrinsics, ReadColor, ReadDepth, Recording
+from recon.readers.fingerprint import fingerprint
+from recon.readers.streams import Streams
+from recon.recording import MIN_FRAMES, Intrinsics, ReadColor, ReadDepth
+from recon.recording.rig import Lens, Rig
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import Trajectory
 
 COLOR_FOLDERS = ("color", "rgb", "image")  # the names that Open3D's reconstruction system knows
 DEFAULT_FPS = 15.0  # chosen by us for recordings without timestamps.txt
 DEPTH_PER_METRE = 1000.0
-
-DepthWarp = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 
 @dataclass(frozen=True)
@@ -32,9 +31,13 @@ class NativeReader:
     def recognises(self, path: Path) -> bool:
         return path.is_dir() and any((path / n).is_dir() for n in (*COLOR_FOLDERS, "depth"))
 
-    def open(self, path: Path) -> Recording:
+    def streams(self, path: Path) -> Streams:
         if not path.is_dir():
             raise InputError(f"{path} is not a folder", "name the folder that holds color/ and depth/")
+        if (path / "rgb.txt").is_file() and (path / "depth.txt").is_file():
+            raise InputError(
+                f"{path} has the lists of TUM RGB-D, whose depth counts 5000 a metre", "leave --format out"
+            )
         color = _color_files(path)
         depth = _depth_files(path)
         _check_pairs(path, color, depth)
@@ -42,23 +45,22 @@ class NativeReader:
         video = _video_facts(path)
         times, warnings = _times(path, color, video.fps)
         gravity, metadata = _metadata(path)
-        recording = Recording(
+        rig = _rig(path, intrinsics)
+        return Streams(
             name=path.resolve().name,
             source=str(path),
-            times=times,
-            intrinsics=intrinsics,
+            color_times=times,
+            depth_times=times,
             read_color=_color_reader(color, intrinsics),
-            read_depth=_depth_reader(path, depth, intrinsics, video.depth_per_metre),
-            fingerprint=files.fingerprint(path, [*color, *depth, *_side_files(path)]),
+            read_depth=_depth_reader(depth, rig.depth.camera, video.depth_per_metre),
+            rig=rig,
+            fingerprint=fingerprint(path, [*color, *depth, *_side_files(path)]),
             poses=_poses(path, times),
-            gravity_camera0=gravity,
+            gravity=gravity,
+            longest=None,
             warnings=warnings,
             metadata=metadata,
         )
-        recording.frame(
-            0
-        )  # decodes once now, so that a wrong type or size is told before anything is computed
-        return recording
 
 
 def _color_files(path: Path) -> list[Path]:
@@ -178,7 +180,8 @@ def _times(path: Path, color: list[Path], fps: float | None) -> tuple[Array, tup
     return times, ()
 
 
-def _poses(path: Path, times: Array) -> Trajectory | None:
+def _poses(path: Path, times: Array) -> tuple[Array, Array] | None:
+    """Times (n,) s and poses (n, 4, 4) of trajectory.txt, on the frames' clock; None without it."""
     file = path / "trajectory.txt"
     if not file.is_file():
         return None
@@ -189,16 +192,15 @@ def _poses(path: Path, times: Array) -> Trajectory | None:
                 f"{files.shown(file)} has {len(poses)} poses for {len(times)} frames without time stamps",
                 "write one pose a frame, or add timestamps.txt",
             )
-        return Trajectory(np.arange(len(times)), times, poses)
+        return times, poses
     half_frame = 0.5 * float(np.median(np.diff(times))) if len(times) >= MIN_FRAMES else 0.0
-    trajectory = files.trajectory_at(stamps, poses, times, half_frame)
-    if trajectory is None:
+    if files.trajectory_at(stamps, poses, times, half_frame) is None:
         raise InputError(
             f"{files.shown(file)} runs from {stamps.min():.3f} to {stamps.max():.3f} s, the frames from "
             f"{times[0]:.3f} to {times[-1]:.3f} s",
             "use the clock of timestamps.txt",
         )
-    return trajectory
+    return stamps, poses
 
 
 def _metadata(path: Path) -> tuple[Array | None, dict[str, str]]:
@@ -236,18 +238,20 @@ def _color_reader(color: list[Path], intrinsics: Intrinsics) -> ReadColor:
     return read
 
 
-def _depth_reader(path: Path, depth: list[Path], intrinsics: Intrinsics, per_metre: float) -> ReadDepth:
+def _rig(path: Path, color: Intrinsics) -> Rig:
+    """One camera, or two in one place where depth has intrinsics of its own."""
     own = path / "depth_intrinsic.json"
-    depth_intrinsics = files.read_intrinsics(own) if own.is_file() else None
-    warp = None if depth_intrinsics is None else depth_to_color_grid(depth_intrinsics, intrinsics)
+    return Rig(Lens(color), Lens(files.read_intrinsics(own))) if own.is_file() else Rig.one(color)
+
+
+def _depth_reader(depth: list[Path], camera: Intrinsics, per_metre: float) -> ReadDepth:
+    own = depth[0].parents[1] / "depth_intrinsic.json"
+    name = own.name if own.is_file() else "intrinsic.json"
 
     def read(index: int) -> NDArray[np.float32]:
         metres = files.decode_depth(files.shown(depth[index]), files.read_bytes(depth[index]), per_metre)
-        if warp is None or depth_intrinsics is None:
-            _check_size(depth[index], metres.shape, intrinsics, "intrinsic.json")
-            return metres
-        _check_size(depth[index], metres.shape, depth_intrinsics, "depth_intrinsic.json")
-        return warp(metres)
+        _check_size(depth[index], metres.shape, camera, name)
+        return metres
 
     return read
 
@@ -262,25 +266,3 @@ def _check_size(file: Path, shape: tuple[int, ...], intrinsics: Intrinsics, name
         f"{files.shown(file)} is {shape[1]}x{shape[0]}, {name} says {intrinsics.width}x{intrinsics.height}",
         remedy,
     )
-
-
-def depth_to_color_grid(depth: Intrinsics, color: Intrinsics) -> DepthWarp:
-    """Function that resamples depth (h, w) m of one camera to the pixel grid of another with the same optical centre.
-
-    Sharing the centre, a pixel's ray meets the same surface at the same depth, so that each colour pixel takes the
-    nearest depth pixel (none are mixed); outside the depth image the depth is 0 = unknown.
-    """
-    side = np.arange(max(color.width, color.height))
-    ui, vi = (
-        np.rint(depth.project(color.backproject(np.stack([side, side], axis=1), np.ones(len(side)))))
-        .astype(int)
-        .T
-    )
-    ui, vi = ui[: color.width], vi[: color.height]
-    inside = ((vi >= 0) & (vi < depth.height))[:, None] & ((ui >= 0) & (ui < depth.width))
-    grid = np.ix_(np.clip(vi, 0, depth.height - 1), np.clip(ui, 0, depth.width - 1))
-
-    def warp(metres: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.where(inside, metres[grid], np.float32(0.0))
-
-    return warp

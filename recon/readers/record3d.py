@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.recording import Intrinsics, ReadColor, ReadDepth, Recording
+from recon.readers.fingerprint import fingerprint_of
+from recon.readers.streams import Streams
+from recon.recording import Intrinsics, ReadColor, ReadDepth
+from recon.recording.rig import Lens, Rig
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array
 from twin.packages import to_install
-from twin.scene import Trajectory
 
-MAX_SIDE = 640  # px, chosen by us: VGA holds what a 256x192 depth image can support, a ninth of 1920x1440
 MIN_CONFIDENCE = 1  # chosen by us: ARKit's 0 is "low", mostly edges and glass
 MAX_MEMBER_BYTES = 64 * 2**20  # chosen by us: no frame is larger; guards against hostile archives
 MAX_FOCAL_CHANGE = 0.01  # chosen by us: one camera model describes all frames when its focus moves less
@@ -34,42 +35,35 @@ Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0,
 
 @dataclass(frozen=True)
 class Record3DReader:
-    """Reads a .r3d file.
-
-    The recording's pixel grid is the colour image's, scaled down to a longer side of at most `MAX_SIDE` pixels; depth is
-    brought up to it, between its own pixels where these lie on one surface.
-    """
+    """Reads a .r3d file."""
 
     layout: str = "a Record3D file .r3d"
 
     def recognises(self, path: Path) -> bool:
         return is_record3d(path)
 
-    def open(self, path: Path) -> Recording:
+    def streams(self, path: Path) -> Streams:
         archive = _Archive(path)
         meta = _Metadata.read(archive)
         count = archive.frame_count()
         first = files.decode_color(archive.shown("rgbd/0.jpg"), archive.read("rgbd/0.jpg"))
-        native, warnings = meta.intrinsics(first.shape[1], first.shape[0])
-        scale = min(1.0, MAX_SIDE / max(native.width, native.height))
-        grid = native.scaled(round(native.width * scale), round(native.height * scale))
+        color, warnings = meta.intrinsics(first.shape[1], first.shape[0])
+        read_depth = _depth_reader(archive, meta)
+        height, width = read_depth(0).shape
         times = meta.times(count)
-        poses = meta.poses(count, times)
-        gravity = None if poses is None else np.array(poses.T_world_cam[0, :3, :3].T @ [0.0, 0.0, -1.0])
-        recording = Recording(
+        return Streams(
             name=path.stem,
             source=str(path),
-            times=times,
-            intrinsics=grid,
-            read_color=_color_reader(archive, native, grid),
-            read_depth=_depth_reader(archive, meta, grid),
-            fingerprint=files.fingerprint_of(path),
-            poses=poses,
-            gravity_camera0=gravity,
+            color_times=times,
+            depth_times=times,
+            read_color=_color_reader(archive, color),
+            read_depth=read_depth,
+            rig=Rig(Lens(color), Lens(color.scaled(width, height))),
+            fingerprint=fingerprint_of(path),
+            poses=meta.poses(count, times),
+            upright=True,
             warnings=warnings,
         )
-        recording.frame(0)  # decodes once now, so that what is missing is told before anything is computed
-        return recording
 
 
 def is_record3d(path: Path) -> bool:
@@ -207,15 +201,15 @@ class _Metadata:
             raise InputError(f"{self.name} has no time stamps, and fps is {fps!r}", "export it again")
         return np.arange(count) / float(fps)
 
-    def poses(self, count: int, times: Array) -> Trajectory | None:
-        """Camera poses with OpenCV's camera axes in a z-up world; None when the file has none."""
+    def poses(self, count: int, times: Array) -> tuple[Array, Array] | None:
+        """Times and camera poses with OpenCV's camera axes in a z-up world; None when the file has none."""
         table = self.table("poses", 7)
         if table is None:
             return None
         if len(table) != count:
             raise InputError(f"{self.name} has {len(table)} poses for {count} frames", "export it again")
         arkit = files.poses_from_xyzw(table[:, 4:], table[:, :4], self.name, range(count))
-        return Trajectory(np.arange(count), times, Y_UP_TO_Z_UP @ arkit @ FLIP_YZ)
+        return times, Y_UP_TO_Z_UP @ arkit @ FLIP_YZ
 
     def depth_size(self, values: int) -> tuple[int, int]:
         """(height, width) of a depth image, 256x192 turned like the colour image when the file doesn't say."""
@@ -225,30 +219,22 @@ class _Metadata:
         return short if values in (short[0] * short[1], 4 * short[0] * short[1]) else (0, 0)
 
 
-def _color_reader(archive: _Archive, native: Intrinsics, grid: Intrinsics) -> ReadColor:
-    import cv2
-
-    size = (grid.width, grid.height)
-
+def _color_reader(archive: _Archive, camera: Intrinsics) -> ReadColor:
     def read(index: int) -> NDArray[np.uint8]:
         name = f"rgbd/{index}"
         image = files.decode_color(archive.shown(f"{name}.jpg"), archive.read(f"{name}.jpg"))
-        if image.shape[:2] != (native.height, native.width):
+        if image.shape[:2] != (camera.height, camera.width):
             raise InputError(
                 f"{archive.shown(name)}.jpg is {image.shape[1]}x{image.shape[0]}, the first frame "
-                f"{native.width}x{native.height}",
+                f"{camera.width}x{camera.height}",
                 "export the recording again",
             )
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        return image
 
     return read
 
 
-def _depth_reader(archive: _Archive, meta: _Metadata, grid: Intrinsics) -> ReadDepth:
-    from recon.dense.depth import (
-        upsample_depth,  # here: what is wrong with a recording is told without OpenCV
-    )
-
+def _depth_reader(archive: _Archive, meta: _Metadata) -> ReadDepth:
     def read(index: int) -> NDArray[np.float32]:
         name = f"rgbd/{index}"
         metres = _payload(archive, meta, f"{name}.depth", np.dtype("<f4")).astype(np.float32)
@@ -261,7 +247,7 @@ def _depth_reader(archive: _Archive, meta: _Metadata, grid: Intrinsics) -> ReadD
                 f"{archive.shown(name)}.depth holds no depth: all {metres.size} pixels are unknown",
                 "leave out this recording, or record again",
             )
-        return upsample_depth(metres, grid.width, grid.height)
+        return metres
 
     return read
 
@@ -284,15 +270,15 @@ def _payload(archive: _Archive, meta: _Metadata, name: str, dtype: np.dtype[Any]
 
 def _decompress(name: str, data: bytes) -> bytes:
     try:
-        import liblzfse
+        import lzfse
     except ImportError:
         raise MissingDependencyError(
             f"{name} is LZFSE-compressed and the decoder is not installed",
-            to_install("pyliblzfse", "record3d"),
+            to_install("lzfse", "record3d"),
         ) from None
     try:
-        return bytes(liblzfse.decompress(data))
-    except liblzfse.error:
+        return bytes(lzfse.decompress(data))
+    except (lzfse.error, MemoryError):  # the latter is what it says of a truncated stream
         raise InputError(
             f"{name} is no LZFSE stream ({len(data)} bytes)", "export the recording again"
         ) from None

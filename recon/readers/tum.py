@@ -13,7 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.recording import Intrinsics, Recording
+from recon.readers.fingerprint import fingerprint
+from recon.readers.streams import Streams
+from recon.recording import Intrinsics
+from recon.recording.rig import Rig
 from twin.errors import InputError
 from twin.geometry import Array
 
@@ -38,26 +41,11 @@ class TumReader:
     def recognises(self, path: Path) -> bool:
         return path.is_dir() and ((path / "rgb.txt").is_file() or (path / "depth.txt").is_file())
 
-    def open(self, path: Path) -> Recording:
+    def streams(self, path: Path) -> Streams:
         color_times, color = _stamped_files(path, "rgb.txt")
         depth_times, depth = _stamped_files(path, "depth.txt")
-        pairs = associate(color_times, depth_times, MAX_TIME_DIFFERENCE)
-        if len(pairs) == 0:
-            raise InputError(
-                f"{path}: no image of rgb.txt (from {color_times[0]:.3f} s) is within {MAX_TIME_DIFFERENCE} s of one "
-                f"of depth.txt (from {depth_times[0]:.3f} s)",
-                "use one clock for both lists",
-            )
-        color, depth = [color[i] for i in pairs[:, 0]], [depth[j] for j in pairs[:, 1]]
-        times = color_times[pairs[:, 0]]
         intrinsics, warnings = _intrinsics(path)
-        lost = len(color_times) - len(pairs)
-        if lost:
-            warnings += (
-                f"{path.name}: {lost} of {len(color_times)} colour images have no depth image in time",
-            )
         truth = path / "groundtruth.txt"
-        stamped = files.read_tum_poses(truth) if truth.is_file() else None
 
         def read_color(index: int) -> NDArray[np.uint8]:
             image = files.decode_color(files.shown(color[index]), files.read_bytes(color[index]))
@@ -71,42 +59,20 @@ class TumReader:
             return metres
 
         lists = [path / n for n in ("rgb.txt", "depth.txt", "groundtruth.txt", "intrinsic.json")]
-        recording = Recording(
+        return Streams(
             name=path.resolve().name,
             source=str(path),
-            times=times,
-            intrinsics=intrinsics,
+            color_times=color_times,
+            depth_times=depth_times,
             read_color=read_color,
             read_depth=read_depth,
-            fingerprint=files.fingerprint(path, {*color, *depth, *(p for p in lists if p.is_file())}),
-            poses=None if stamped is None else files.trajectory_at(*stamped, times, MAX_TIME_DIFFERENCE),
+            rig=Rig.one(intrinsics),
+            fingerprint=fingerprint(path, {*color, *depth, *(p for p in lists if p.is_file())}),
+            poses=files.read_tum_poses(truth) if truth.is_file() else None,
+            tolerance=MAX_TIME_DIFFERENCE,
+            longest=None,
             warnings=warnings,
         )
-        recording.frame(
-            0
-        )  # decodes once now, so that a wrong type or size is told before anything is computed
-        return recording
-
-
-def associate(first: Array, second: Array, tolerance: float) -> NDArray[np.int64]:
-    """Pairs (n, 2) of indices into two sorted lists of times (s), nearest pairs first, each time used at most once.
-
-    Pairs are further apart than `tolerance` nowhere, and come in the order of `first`.
-    """
-    low = np.searchsorted(second, first - tolerance, side="left")
-    high = np.searchsorted(second, first + tolerance, side="right")
-    candidates = [
-        (abs(first[i] - second[j]), i, j) for i in range(len(first)) for j in range(int(low[i]), int(high[i]))
-    ]
-    used_first: set[int] = set()
-    used_second: set[int] = set()
-    pairs = []
-    for _, i, j in sorted(candidates):
-        if i not in used_first and j not in used_second:
-            used_first.add(i)
-            used_second.add(j)
-            pairs.append((i, j))
-    return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
 
 
 def _stamped_files(path: Path, name: str) -> tuple[Array, list[Path]]:

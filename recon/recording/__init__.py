@@ -101,7 +101,8 @@ class Recording:
     `recording[i]` is a frame (negative from the end), `recording[a:b:c]` a recording of these frames, and a loop goes over
     all frames. `color(i)` and `depth(i)` decode one of a frame's two images, `frame(i)` both; nothing is kept. Readers hand in
     `read_color` and `read_depth`, whose images are aligned on the grid of `intrinsics`. times (N,) s strictly increase. poses: known camera poses, used only when asked. gravity_camera0: unit vector (3,) that points
-    down, in the first camera's axes, when the device knew it. path: where the recording lies, None for one in memory.
+    down, in the first camera's axes, when the device knew it. path: where the recording lies, None for one in memory;
+    opened_with: what `recon.open_recording` was told beside it.
     """
 
     name: str
@@ -116,6 +117,7 @@ class Recording:
     warnings: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
     path: Path | str | None = None
+    opened_with: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         t = np.array(self.times, dtype=np.float64)

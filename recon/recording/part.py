@@ -52,6 +52,7 @@ def part_of(recording: Recording, index: slice) -> Recording:
         gravity_camera0=gravity,
         warnings=notes,
         path=None,
+        opened_with={},
     )
 
 

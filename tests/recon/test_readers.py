@@ -12,10 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recon.dense.depth import upsample_depth
 from recon.readers import READERS, open_recording
-from recon.readers.native import depth_to_color_grid
-from recon.readers.tum import PUBLISHED_INTRINSICS, associate
+from recon.readers.streams import associate
+from recon.readers.tum import PUBLISHED_INTRINSICS
 from recon.recording import Intrinsics
 from tests.recon.tiny import (
     FRAMES,
@@ -137,16 +136,8 @@ def test_smaller_depth_is_brought_to_the_colour_grid(native: Path) -> None:
     points = recording.intrinsics.backproject(np.stack([u, v], -1).astype(float), depth[v, u])
     off = points @ np.array([0.2, -0.1, 1.0]) - 1.5
     assert len(points) > 0.8 * depth.size
-    assert np.abs(off).max() < 0.01  # half a depth pixel of the slanted plane
-    assert abs(off.mean()) < 1e-3
-
-
-def test_depth_beyond_the_depth_camera_is_unknown() -> None:
-    color, depth = Intrinsics(40, 30, 20, 20, 19.5, 14.5), Intrinsics(20, 15, 20, 20, 9.5, 7.5)
-    out = depth_to_color_grid(depth, color)(np.full((15, 20), 2.0, np.float32))
-    assert np.count_nonzero(out) == 20 * 15
-    assert out[15, 20] == 2.0
-    assert out[0, 0] == 0.0
+    assert np.abs(off).max() < 1e-3  # between the depth pixels of a plane lies the plane
+    assert abs(off.mean()) < 1e-4
 
 
 def test_fingerprint_is_of_the_content_alone(native: Path, tmp_path: Path) -> None:
@@ -235,15 +226,6 @@ def test_association_uses_each_time_once_within_the_tolerance(a: list[float], b:
     assert not np.any(np.abs(first[left, None] - second[right]) < 0.02 - 1e-12)
 
 
-def test_upsampling_never_mixes_two_surfaces_or_unknown() -> None:
-    depth = np.full((20, 20), 1.0, np.float32)
-    depth[:, 10:] = 2.0
-    depth[5, 5] = 0.0
-    out = upsample_depth(depth, 65, 70)
-    assert set(np.unique(out)) == {np.float32(0), np.float32(1), np.float32(2)}
-    assert np.count_nonzero(out == 0) > 0
-
-
 def test_layout_is_recognised_or_named(native: Path, tmp_path: Path) -> None:
     assert open_recording(native, "native").fingerprint == open_recording(native).fingerprint
     with pytest.raises(InputError, match="did you mean 'native'"):
@@ -254,7 +236,7 @@ def test_layout_is_recognised_or_named(native: Path, tmp_path: Path) -> None:
     (tmp_path / "notes" / "readme.md").write_text("hello")
     with pytest.raises(InputError, match=r"readme\.md"):
         open_recording(tmp_path / "notes")
-    assert list(READERS) == ["record3d", "tum", "native"]
+    assert list(READERS)[-1] == "native"  # the most general one
 
 
 def test_shared_recordings_open(funtwin_data: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import lzfse
 import numpy as np
 import pytest
 
@@ -132,17 +133,16 @@ def compressed_r3d(path: Path, compress: Any) -> Path:
 
 def test_record3d_compressed_depth_needs_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = compressed_r3d(tmp_path / "clip.r3d", lambda data: b"bvx2" + data)
-    monkeypatch.setitem(sys.modules, "liblzfse", None)
-    with pytest.raises(MissingDependencyError, match=r"install the package pyliblzfse.*extra `record3d`"):
+    monkeypatch.setitem(sys.modules, "lzfse", None)
+    with pytest.raises(MissingDependencyError, match=r"install the package lzfse.*extra `record3d`"):
         open_recording(path)
     decoder = types.SimpleNamespace(decompress=lambda data: data[4:], error=OSError)
-    monkeypatch.setitem(sys.modules, "liblzfse", decoder)
+    monkeypatch.setitem(sys.modules, "lzfse", decoder)
     raw = open_recording(write_r3d(tmp_path / "raw.r3d")).frame(2)
     np.testing.assert_array_equal(open_recording(path).frame(2).depth, raw.depth)
 
 
 def test_record3d_real_compression(tmp_path: Path) -> None:
-    lzfse = pytest.importorskip("liblzfse", reason="the extra record3d is not installed")
     path = compressed_r3d(tmp_path / "clip.r3d", lzfse.compress)
     raw = open_recording(write_r3d(tmp_path / "raw.r3d")).frame(2)
     np.testing.assert_array_equal(open_recording(path).frame(2).depth, raw.depth)

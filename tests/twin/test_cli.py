@@ -78,6 +78,9 @@ def test_every_verb_takes_what_its_parser_gives(verb: str) -> None:
     bound = inspect.signature(table.named(cli.VERBS[verb][0])).bind(console=Console(), **given)
     taken = dict(bound.arguments)
     taken |= taken.pop("options", {})  # of a verb with actions, each of which has its own
+    if "opening" in taken:
+        inspect.signature(table.named(table.OPEN_RECORDING)).bind("clip", **taken["opening"])
+    taken |= taken.pop("opening", {})  # of a verb that opens a recording
     assert taken.keys() == {"console", *given}
 
 

@@ -165,7 +165,7 @@ def films(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[An
         given.append(demonstration)
         return Replayed(1.0, ok=True)
 
-    def open_recording(path: Path) -> Opened:
+    def open_recording(path: Path, **_: object) -> Opened:
         if not path.is_dir():
             raise InputError(f"recording {path} does not exist", "check the path")
         return Opened(path.resolve().name)
@@ -232,7 +232,7 @@ def test_a_failed_reconstruction_still_renders_the_page(
             run.stage("tracks", 1, None, [], lambda: 1)
             raise InputError("nothing moves in it", "record an opening")
 
-    stand_in(monkeypatch, open_recording=lambda *_: None, reconstruct=reconstruct, ReconConfig=Settings)
+    stand_in(monkeypatch, open_recording=lambda *_, **__: None, reconstruct=reconstruct, ReconConfig=Settings)
     assert cli.run(["reconstruct", "rec", "-o", str(tmp_path / "run")]) == 1
     assert "tracks" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
@@ -249,10 +249,29 @@ def test_reconstruct_hands_on_its_arguments(
         save(cabinet_twin(), out / "twin")
         return load(out)
 
-    stand_in(monkeypatch, open_recording=lambda *a: a, reconstruct=reconstruct, ReconConfig=Settings)
-    argv = ["reconstruct", "rec", "-o", str(tmp_path / "run"), "--format", "tum", "--set", "seed=7"]
+    stand_in(
+        monkeypatch,
+        open_recording=lambda *a, **told: (a, told),
+        reconstruct=reconstruct,
+        ReconConfig=Settings,
+    )
+    argv = [
+        "reconstruct",
+        "rec",
+        "-o",
+        str(tmp_path / "run"),
+        "--format",
+        "tum",
+        "--set",
+        "seed=7",
+        "--start",
+        "1.5",
+    ]
     assert cli.run(argv) == 0
-    assert asked == [(Path("rec"), "tum"), Settings(7)]
+    (opened, told), settings = asked
+    assert opened == (Path("rec"),)
+    assert {k: v for k, v in told.items() if v is not None} == {"layout": "tum", "start": 1.5}
+    assert settings == Settings(7)
     out = capsys.readouterr().out
     for words in (
         "door",

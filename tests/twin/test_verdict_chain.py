@@ -137,7 +137,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> dict[str, Twin]:
         save(twins[recording], out / "twin")
         return twins[recording]
 
-    stand_in(monkeypatch, open_recording=lambda path, *_: path.name, reconstruct=reconstruct)
+    stand_in(monkeypatch, open_recording=lambda path, **_: path.name, reconstruct=reconstruct)
     return twins
 
 

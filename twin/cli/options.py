@@ -7,6 +7,8 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from twin.cli import recording_options
+
 FORMATS = ("urdf", "mjcf", "usd")
 
 
@@ -50,6 +52,7 @@ def _demo(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("--recording", type=Path, help="another recording than the shipped one")
     add("-o", "--out", metavar="RUN", type=Path, default=Path("out/demo"), help="run folder [out/demo]")
+    recording_options.add_options(parser)
     _settings(parser)
     _robot(parser)
 
@@ -196,7 +199,11 @@ def _trajectory(parser: ArgumentParser) -> None:
 def _evaluate(parser: ArgumentParser) -> None:
     _run(parser)
     parser.add_argument(
-        "--truth", metavar="FOLDER", type=Path, required=True, help="truth/ of a simulated recording"
+        "--truth",
+        metavar="FOLDER",
+        type=Path,
+        required=True,
+        help="truth/ of a simulated recording, or an annotated HOI4D or Arti4D clip",
     )
 
 
@@ -237,12 +244,7 @@ def _engines(parser: ArgumentParser) -> None:
 def _recording(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
-    add(
-        "--format",
-        dest="layout",
-        metavar="NAME",
-        help="layout of the recording [recognised from its files]",
-    )
+    recording_options.add_options(parser)
 
 
 def _run(parser: ArgumentParser) -> None:
@@ -281,6 +283,8 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "demo": _demo,
     "simulate": _simulate,
     "inspect": _inspect,
+    "convert": recording_options.convert,
+    "calibrate": recording_options.calibrate,
     "reconstruct": _reconstruct,
     "import": _import,
     "export": _export,

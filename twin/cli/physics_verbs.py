@@ -15,6 +15,7 @@ from twin.physics.edit import Change, Edited, given, set_physics
 from twin.physics.materials import read_materials
 from twin.physics.text import described
 from twin.report.sections import Table
+from twin.runs.manifest import opened_with
 from twin.runs.run_lock import claimed
 from twin.scene import Part, Twin
 from twin.storage import load, update
@@ -89,7 +90,7 @@ def estimate(
 
     twin, table = load(run), read_materials()
     endpoint = None if dry_run else endpoint_from_environment(model)
-    frame = None if recording is None else _frames_of(recording, twin)
+    frame = None if recording is None else _frames_of(recording, twin, run_folder(run))
     notes: list[str] = []
     warnings: list[str] = []
     rows: list[tuple[str, Change]] = []
@@ -117,9 +118,9 @@ def estimate(
     return keep(run, Edited(twin, (), tuple(warnings)), rows, notes)
 
 
-def _frames_of(path: Path, twin: Twin) -> Callable[[int], Any]:
+def _frames_of(path: Path, twin: Twin, run: Path) -> Callable[[int], Any]:
     """Colour pictures of the twin's recording."""
-    recording = named(OPEN_RECORDING)(path, None)
+    recording = named(OPEN_RECORDING)(path, **opened_with(run))
     if twin.recorded is not None and recording.fingerprint != twin.recorded.fingerprint:
         raise InputError(f"{path} is not the recording of this twin", f"give {twin.recorded.source}")
     read: Callable[[int], Any] = recording.color

@@ -12,7 +12,15 @@ from typing import Any
 VERBS = {
     "demo": ("twin.cli.verbs:demo", "the whole chain on the recording shipped with Funtwin"),
     "simulate": ("recon.verbs:simulate", "render a recording with exact truth from an MJCF scene"),
-    "inspect": ("recon.verbs:inspect", "say what is wrong with a recording, and how to record better"),
+    "inspect": (
+        "recon.recording_verbs:inspect",
+        "say what is wrong with a recording, and how to record better",
+    ),
+    "convert": ("recon.recording_verbs:convert", "write a recording of any layout as one of ours"),
+    "calibrate": (
+        "recon.recording_verbs:calibrate",
+        "find a camera's lens, and where its depth camera stands, from pictures of a board",
+    ),
     "reconstruct": ("recon.verbs:reconstruct", "turn a recording into a twin"),
     "import": ("twin.cli.verbs:import_scene", "turn a URDF or MJCF scene from elsewhere into a twin"),
     "export": ("twin.cli.verbs:export", "write the twin as URDF, MJCF and USD"),

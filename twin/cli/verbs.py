@@ -21,14 +21,20 @@ from twin.storage import load, update
 
 
 def demo(
-    console: Console, out: Path, recording: Path | None, robot: str, config: Path | None, set: Sequence[str]
+    console: Console,
+    out: Path,
+    recording: Path | None,
+    robot: str,
+    config: Path | None,
+    set: Sequence[str],
+    **opening: Any,
 ) -> Outcome:
-    """The whole chain: reconstruct, evaluate where there is truth, export, check, replay."""
+    """The whole chain: reconstruct, evaluate where there is truth, export, check, replay. opening: of `recon.open_recording`."""
     require_run(out)
     named(CHAIN["resolve"])(robot)
     recording = recording or asset("recordings/cabinet_drawer")
     truth = recording / "truth"
-    opened = named(CHAIN["open_recording"])(recording)
+    opened = named(CHAIN["open_recording"])(recording, **opening)
     with console.progress() as progress, page(out):
         settings = given.settings(named(SETTINGS["reconstruct"]), config, set)
         done: list[Step] = [named(CHAIN["reconstruct"])(progress, opened, out, settings)]

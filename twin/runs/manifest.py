@@ -29,3 +29,12 @@ def versions() -> dict[str, str]:
         with suppress(metadata.PackageNotFoundError):
             found[package] = metadata.version(package)
     return found
+
+
+def opened_with(folder: Path) -> dict[str, Any]:
+    """What the run's recording was opened with beside its path, as keywords of `recon.open_recording`."""
+    known = read_json(folder / MANIFEST).get("opened_with")
+    told = dict(known) if isinstance(known, dict) else {}
+    if isinstance(told.get("calibration"), str):
+        told["calibration"] = folder / told["calibration"]  # as it is noted: seen from the run folder
+    return told

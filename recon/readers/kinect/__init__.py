@@ -1,0 +1,5 @@
+"""Azure Kinect recordings, read without an SDK."""
+
+from recon.readers.kinect.reader import AzureKinectReader
+
+__all__ = ["AzureKinectReader"]
