@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.readers.encoded import require_sane_size
 from recon.recording import Intrinsics
 from twin.errors import InputError
 from twin.geometry import Array, make_pose, matrix_from_quat_wxyz
@@ -71,6 +72,7 @@ def decode_color(name: str, data: bytes) -> NDArray[np.uint8]:
     """Colour image (H, W, 3) uint8 RGB, stored orientation. Raises InputError when it is damaged or truncated."""
     import cv2  # here: what is wrong with a recording is told without it
 
+    require_sane_size(name, data)
     check_complete(name, data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
@@ -85,6 +87,7 @@ def decode_depth(name: str, data: bytes, per_metre: float) -> NDArray[np.float32
     """
     import cv2  # here: what is wrong with a recording is told without it
 
+    require_sane_size(name, data)
     check_complete(name, data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
@@ -192,7 +195,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """A JSON object. Raises InputError that names the file and the place of the mistake."""
     try:
         value = json.loads(read_bytes(path))
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{shown(path)} is not JSON ({error})", "repair or replace it") from None
     if not isinstance(value, dict):
         raise InputError(f"{shown(path)} holds a {type(value).__name__}, not an object", "replace it")

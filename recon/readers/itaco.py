@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
+from recon.readers.arkit import FLIP_YZ, Y_UP_TO_Z_UP
 from recon.readers.fingerprint import fingerprint
 from recon.readers.numpy_files import read_npy, read_npz
 from recon.readers.pictures import camera_of, color_of, known_depth, numbers, pictures, rigid
-from recon.readers.record3d import FLIP_YZ, Y_UP_TO_Z_UP
 from recon.readers.streams import Streams
 from recon.recording.rig import Lens, Rig
 from twin.errors import InputError

@@ -42,7 +42,7 @@ class NativeReader:
         depth = _depth_files(path)
         _check_pairs(path, color, depth)
         intrinsics = _intrinsics(path, "intrinsic.json")
-        video = _video_facts(path)
+        video = video_facts(path)
         times, warnings = _times(path, color, video.fps)
         gravity, metadata = _metadata(path)
         rig = _rig(path, intrinsics)
@@ -52,7 +52,7 @@ class NativeReader:
             color_times=times,
             depth_times=times,
             read_color=_color_reader(color, intrinsics),
-            read_depth=_depth_reader(depth, rig.depth.camera, video.depth_per_metre),
+            read_depth=depth_reader(depth, rig.depth.camera, video.depth_per_metre),
             rig=rig,
             fingerprint=fingerprint(path, [*color, *depth, *_side_files(path)]),
             poses=_poses(path, times),
@@ -140,14 +140,14 @@ def _intrinsics(path: Path, name: str) -> Intrinsics:
     return files.read_intrinsics(path / name)
 
 
-class _Video(NamedTuple):
+class VideoFacts(NamedTuple):
     """What Open3D's video readers note beside the intrinsics: depth counts a metre, frames a second (None: unknown)."""
 
     depth_per_metre: float
     fps: float | None
 
 
-def _video_facts(path: Path) -> _Video:
+def video_facts(path: Path) -> VideoFacts:
     """`depth_scale` and `fps` of intrinsic.json, as open3d.t.io.RGBDVideoReader.save_frames writes them."""
     data = files.read_json(path / "intrinsic.json")
     found: dict[str, float] = {}
@@ -161,7 +161,7 @@ def _video_facts(path: Path) -> _Video:
                 "write a positive number, or leave it out",
             )
         found[key] = float(value)
-    return _Video(found.get("depth_scale", DEPTH_PER_METRE), found.get("fps"))
+    return VideoFacts(found.get("depth_scale", DEPTH_PER_METRE), found.get("fps"))
 
 
 def _times(path: Path, color: list[Path], fps: float | None) -> tuple[Array, tuple[str, ...]]:
@@ -244,7 +244,7 @@ def _rig(path: Path, color: Intrinsics) -> Rig:
     return Rig(Lens(color), Lens(files.read_intrinsics(own))) if own.is_file() else Rig.one(color)
 
 
-def _depth_reader(depth: list[Path], camera: Intrinsics, per_metre: float) -> ReadDepth:
+def depth_reader(depth: list[Path], camera: Intrinsics, per_metre: float) -> ReadDepth:
     own = depth[0].parents[1] / "depth_intrinsic.json"
     name = own.name if own.is_file() else "intrinsic.json"
 

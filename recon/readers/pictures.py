@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recon.readers import files
+from recon.readers.encoded import MAX_PIXELS
 from recon.readers.fingerprint import fingerprint
 from recon.recording import Intrinsics
 from twin.errors import InputError
@@ -21,7 +22,6 @@ MM_PER_METRE = 1000.0
 MAX_SHEAR = 0.02  # chosen by us: rotations printed with three digits are within 1e-3; a scale or a wrong layout is far off
 FOCAL = (0.05, 50.0)  # of the longer side, chosen by us: fields of view from 1 to 168 degrees
 FARTHEST = 1e6  # m, chosen by us: no camera is further from its world's origin, maps that count from the equator included
-_BIGGEST = 2**26  # px, chosen by us: 8192x8192; no camera here has more
 _GREY = 0  # colour type of a PNG with one channel
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
@@ -69,7 +69,7 @@ class PngHeader:
             raise InputError(f"{files.shown(path)} is no PNG ({len(head)} bytes)", "copy the recording again")
         self.width, self.height, self.bits, kind = struct.unpack(">IIBB", head[16:26])
         self.channels = _CHANNELS.get(kind, 0)
-        if not 0 < self.width * self.height <= _BIGGEST:
+        if not 0 < self.width * self.height <= MAX_PIXELS:
             raise InputError(
                 f"{files.shown(path)} is {self.width}x{self.height} by its header", "copy the recording again"
             )
@@ -77,14 +77,12 @@ class PngHeader:
 
 def color_of(path: Path) -> NDArray[np.uint8]:
     """A colour picture (H, W, 3) uint8 RGB. Raises InputError naming the file."""
-    if path.suffix.lower() == ".png":
-        PngHeader(path)  # before the decoder takes a hostile size
     return files.decode_color(files.shown(path), files.read_bytes(path))
 
 
 def depth_of(path: Path) -> NDArray[np.float32]:
     """A depth picture (H, W) float32 m from a 16-bit PNG in millimetres. Raises InputError naming the file."""
-    PngHeader(path)
+    PngHeader(path)  # tells what is no PNG at all
     return files.decode_depth(files.shown(path), files.read_bytes(path), MM_PER_METRE)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
+from recon.readers.arkit import MIN_CONFIDENCE, opencv_z_up
 from recon.readers.fingerprint import fingerprint_of
 from recon.readers.streams import Streams
 from recon.recording import Intrinsics, ReadColor, ReadDepth
@@ -26,11 +27,8 @@ from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array
 from twin.packages import to_install
 
-MIN_CONFIDENCE = 1  # chosen by us: ARKit's 0 is "low", mostly edges and glass
 MAX_MEMBER_BYTES = 64 * 2**20  # chosen by us: no frame is larger; guards against hostile archives
 MAX_FOCAL_CHANGE = 0.01  # chosen by us: one camera model describes all frames when its focus moves less
-FLIP_YZ = np.diag([1.0, -1.0, -1.0, 1.0])  # T_arkitcam_opencvcam
-Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class Record3DReader:
 
     def streams(self, path: Path) -> Streams:
         archive = _Archive(path)
-        meta = _Metadata.read(archive)
+        meta = Metadata.read(archive)
         count = archive.frame_count()
         first = files.decode_color(archive.shown("rgbd/0.jpg"), archive.read("rgbd/0.jpg"))
         color, warnings = meta.intrinsics(first.shape[1], first.shape[0])
@@ -135,18 +133,18 @@ class _Archive:
 
 
 @dataclass(frozen=True)
-class _Metadata:
+class Metadata:
     """The metadata object, checked where it is used."""
 
     name: str
     values: dict[str, Any]
 
     @classmethod
-    def read(cls, archive: _Archive) -> _Metadata:
+    def read(cls, archive: _Archive) -> Metadata:
         name = archive.shown("metadata")
         try:
             values = json.loads(archive.read("metadata"))
-        except (ValueError, UnicodeDecodeError) as error:
+        except (ValueError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(f"{name} is not JSON ({error})", "export the recording again") from None
         missing = [k for k in ("w", "h", "K") if k not in (values if isinstance(values, dict) else {})]
         if missing:
@@ -160,7 +158,7 @@ class _Metadata:
             return None
         try:
             return np.array(value, dtype=np.float64).reshape(len(value), columns)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(
                 f"{self.name}: {key} is no table of {columns} numbers a row", "export the recording again"
             ) from None
@@ -209,7 +207,7 @@ class _Metadata:
         if len(table) != count:
             raise InputError(f"{self.name} has {len(table)} poses for {count} frames", "export it again")
         arkit = files.poses_from_xyzw(table[:, 4:], table[:, :4], self.name, range(count))
-        return times, Y_UP_TO_Z_UP @ arkit @ FLIP_YZ
+        return times, opencv_z_up(arkit)
 
     def depth_size(self, values: int) -> tuple[int, int]:
         """(height, width) of a depth image, 256x192 turned like the colour image when the file doesn't say."""
@@ -234,7 +232,7 @@ def _color_reader(archive: _Archive, camera: Intrinsics) -> ReadColor:
     return read
 
 
-def _depth_reader(archive: _Archive, meta: _Metadata) -> ReadDepth:
+def _depth_reader(archive: _Archive, meta: Metadata) -> ReadDepth:
     def read(index: int) -> NDArray[np.float32]:
         name = f"rgbd/{index}"
         metres = _payload(archive, meta, f"{name}.depth", np.dtype("<f4")).astype(np.float32)
@@ -252,7 +250,7 @@ def _depth_reader(archive: _Archive, meta: _Metadata) -> ReadDepth:
     return read
 
 
-def _payload(archive: _Archive, meta: _Metadata, name: str, dtype: np.dtype[Any]) -> NDArray[Any]:
+def _payload(archive: _Archive, meta: Metadata, name: str, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Image (dh, dw) of a member that is LZFSE-compressed or raw."""
     data = archive.read(name)
     height, width = meta.depth_size(len(data))

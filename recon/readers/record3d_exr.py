@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from recon.readers import arkit, files
 from recon.readers.fingerprint import fingerprint
-from recon.readers.record3d import _Metadata as Metadata
+from recon.readers.record3d import Metadata
 from recon.readers.streams import Streams
 from recon.recording import ReadDepth
 from twin.errors import InputError, MissingDependencyError

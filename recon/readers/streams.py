@@ -129,6 +129,7 @@ def _frames(streams: Streams) -> tuple[NDArray[np.int64], NDArray[np.int64], str
         if len(times) == 0:
             raise InputError(f"{streams.source} holds no {name} picture", "record colour and depth")
     if np.array_equal(first, second):
+        _require_increasing(streams.source, "frame", first)
         both = np.arange(len(first), dtype=np.int64)
         return both, both, ""
     _require_increasing(streams.source, "colour", first)
@@ -156,7 +157,7 @@ def _require_increasing(source: str, name: str, times: Array) -> None:
         k = int(bad[0]) + 1 if len(bad) else int(np.flatnonzero(~np.isfinite(times))[0])
         raise InputError(
             f"{source}: time stamps must strictly increase, {name} {k} has {float(times[k])!r} s",
-            "sort the frames or repair their time stamps",
+            "sort the frames or repair timestamps.txt",
         )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from recon.readers import arkit, files
 from recon.readers.fingerprint import fingerprint
-from recon.readers.native import COLOR_FOLDERS
+from recon.readers.native import COLOR_FOLDERS, depth_reader, video_facts
 from recon.readers.streams import Streams
 from recon.readers.video import VIDEO_SUFFIXES, Video
 from recon.recording import Intrinsics
@@ -57,6 +57,7 @@ class VideoFolderReader:
         count, warnings = _common(path, video, len(depth))
         times = _times(path, video, count, max(len(video), len(depth)))
         size = arkit.png_size(depth[0])
+        rig = _rig(path, video, size)
         trajectory = path / "trajectory.txt"
         sides = [path / n for n in _SIDE_FILES if (path / n).is_file()]
         return Streams(
@@ -65,8 +66,8 @@ class VideoFolderReader:
             color_times=times,
             depth_times=times,
             read_color=video.read,
-            read_depth=arkit.depth_reader(depth, [None] * len(depth), size),
-            rig=_rig(path, video, size),
+            read_depth=depth_reader(depth, rig.depth.camera, video_facts(path).depth_per_metre),
+            rig=rig,
             fingerprint=fingerprint(path, [video.path, *depth, *sides]),
             poses=files.read_tum_poses(trajectory) if trajectory.is_file() else None,
             warnings=warnings,

@@ -212,3 +212,10 @@ def test_absurd_cameras_give_nothing_and_end() -> None:
     )
     far = make_pose(translation=[1e12, 0, 0])
     assert not DepthGrid(Rig(Lens(COLOR), Lens(DEPTH), far), COLOR)(np.ones((72, 96), np.float32)).any()
+
+
+def test_one_clock_that_falls_is_told_before_poses_are_matched() -> None:
+    falling = streams().color_times[::-1].copy()
+    poses = (falling, np.tile(np.eye(4), (20, 1, 1)))
+    with pytest.raises(InputError, match="strictly increase, frame 1 has"):
+        recording_of(streams(color_times=falling, depth_times=falling, poses=poses))

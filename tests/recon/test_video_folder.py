@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,11 +15,12 @@ import pytest
 import recon
 from benchmarks.layouts.phones import write_video_folder
 from benchmarks.layouts.videos import write_video
+from recon.readers import open_recording
 from recon.readers.streams import recording_of
 from recon.readers.video_folder import VideoFolderReader
 from recon.recording import Recording
 from tests.recon.phone_recording import HOLE, phone_recording, same_pictures
-from tests.recon.tiny import FRAMES, write_intrinsics, write_poses
+from tests.recon.tiny import FRAMES, write_intrinsics, write_poses, write_recording
 from twin.errors import InputError
 
 
@@ -141,3 +143,12 @@ def test_the_recording_depends_on_all_its_files(original: recon.Recording, folde
     second = opened(folder).fingerprint
     write_video(replace(original, read_color=lambda k: original.color(k // 2)), folder / "clip.mp4")
     assert len({first, second, opened(folder).fingerprint}) == 3
+
+
+def test_the_unit_of_depth_in_intrinsic_json_is_used(tmp_path: Path) -> None:
+    original = open_recording(write_recording(tmp_path / "native"))
+    folder = write_video_folder(original, tmp_path / "clip")
+    usual = open_recording(folder).depth(3)
+    described = json.loads((folder / "intrinsic.json").read_text())
+    (folder / "intrinsic.json").write_text(json.dumps(described | {"depth_scale": 4000.0}))
+    np.testing.assert_allclose(open_recording(folder).depth(3), usual / 4, rtol=1e-6)

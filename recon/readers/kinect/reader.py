@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
+from recon.readers.encoded import picture_size
 from recon.readers.fingerprint import fingerprint_of
 from recon.readers.kinect.calibration import rig_of
 from recon.readers.kinect.matroska import Contents, Frames, Track, read_contents
@@ -233,25 +234,10 @@ def _color_reader(path: Path, track: Track, frames: Frames) -> ReadColor:
 
 def _require_size(what: str, data: bytes, track: Track) -> None:
     """Raise InputError before a picture is decoded that says to be of another size: decoders allocate what it says."""
-    size = _png_size(data) if data.startswith(b"\x89PNG") else _jpeg_size(data)
+    size = picture_size(data)
     if size != (track.width, track.height):
-        said = "says no size" if size is None else f"is {size[0]}x{size[1]}"
+        said = f"is {size[0]}x{size[1]}" if any(size) else "says no size"
         raise InputError(
             f"{what} {said}, its track {track.width}x{track.height} ({len(data)} bytes)",
             "copy the recording again",
         )
-
-
-def _png_size(data: bytes) -> tuple[int, int]:
-    return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) of the frame header, which follows other segments of a marker and a length each."""
-    at = 2 if data.startswith(b"\xff\xd8") else len(data)
-    while at + 9 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):  # these are tables
-            return int.from_bytes(data[at + 7 : at + 9]), int.from_bytes(data[at + 5 : at + 7])
-        at += 1 if marker == 0xFF else 2 + int.from_bytes(data[at + 2 : at + 4])
-    return None

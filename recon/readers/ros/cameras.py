@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from recon.readers.encoded import require_pixels
 from recon.readers.ros.choice import REALSENSE, Camera
-from recon.readers.ros.images import METRES_PER_COUNT, check_size
+from recon.readers.ros.images import METRES_PER_COUNT
 from recon.readers.ros.topics import Bag, Topic
 from recon.recording import Intrinsics
 from recon.recording.rig import DISTORTION_COUNTS, Lens
@@ -118,7 +119,7 @@ def _lens(
             f"{name} has {len(d)} distortion coefficients: {_short(d)}",
             "calibrate again, or give --calibration",
         )
-    check_size(name, *values[:2])
+    require_pixels(name, *values[:2])
     side = max(values[:2])
     if not all(_FOCAL_RANGE[0] * side <= f <= _FOCAL_RANGE[1] * side for f in values[2:4]) or any(
         abs(v) > _MAX_COEFFICIENT for v in d

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from recon.readers.encoded import picture_size, require_pixels
 from recon.readers.ros import images as ros_images
 from recon.readers.ros.images import COMPRESSED, RAW
 from recon.readers.ros.topics import Bag, Topic, guarded, listed
@@ -101,12 +102,8 @@ def look(bag: Bag, topic: Topic) -> Camera:
     name = f"{bag.shown}: a message of {topic.name}"
     with guarded(name):
         first = ros_images.parsed(topic.read(0), topic.type, topic.encoding)
-        size = (
-            (first.width, first.height)
-            if topic.type == RAW
-            else ros_images.encoded_size(_behind_header(first))
-        )
-        ros_images.check_size(name, *size)
+        size = (first.width, first.height) if topic.type == RAW else picture_size(_behind_header(first))
+        require_pixels(name, *size)
     lower, encoding = topic.name.lower(), first.encoding
     kind = ""
     if encoding in ros_images.COLOR:

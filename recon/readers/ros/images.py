@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
+from recon.readers.encoded import MAX_PIXELS, require_sane_size
 from recon.readers.ros.topics import decompressed
 from twin.errors import InputError
 
-MAX_PIXELS = 2**25  # chosen by us: an 8K image has as many; guards against hostile headers
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 COLOR = {
     "rgb8": 3,
@@ -192,22 +192,6 @@ def depth_of(name: str, image: Image, unit: float) -> NDArray[np.float32]:
     return _metres(rows.view(f"{order}u2"), unit)
 
 
-def encoded_size(data: bytes | memoryview) -> tuple[int, int]:
-    """(width, height) that a PNG or a JPEG claims, (0, 0) for another file; without decoding."""
-    head = bytes(data[:24])
-    if head.startswith(b"\x89PNG\r\n\x1a\n") and len(head) == 24:
-        width, height = struct.unpack(">II", head[16:24])
-        return width, height
-    at = 2
-    while head.startswith(b"\xff\xd8") and at + 9 <= len(data) and data[at] == 0xFF:
-        kind = data[at + 1]
-        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
-            height, width = struct.unpack_from(">HH", data, at + 5)
-            return width, height
-        at += 2 + (data[at + 2] << 8 | data[at + 3])
-    return 0, 0
-
-
 def _rows(name: str, image: Image, size: int) -> NDArray[np.uint8]:
     """(H, W * size) uint8 without what pads the rows."""
     row = image.width * size
@@ -234,7 +218,6 @@ def _unpacked_color(name: str, image: Image) -> NDArray[np.uint8]:
             raise InputError(f"{name} claims {height} rows of {step} bytes", "copy the recording again")
         data = memoryview(decompressed("zstd", bytes(image.data), step * height))
         return color_of(name, Image(image.stamp, image.frame, raw[1], data, width, height, step))
-    check_size(name, *encoded_size(image.data))
     return files.decode_color(name, bytes(image.data))
 
 
@@ -251,7 +234,7 @@ def _unpacked_depth(name: str, image: Image, unit: float) -> NDArray[np.float32]
             )
         _, a, b = _HEADER.unpack_from(data)
         data = data[_HEADER.size :]
-    check_size(name, *encoded_size(data))
+    require_sane_size(name, data)
     files.check_complete(name, data)
     values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None or values.dtype != np.uint16 or values.ndim != 2:
@@ -265,12 +248,6 @@ def _unpacked_depth(name: str, image: Image, unit: float) -> NDArray[np.float32]
     with np.errstate(divide="ignore"):
         metres = a / (values.astype(np.float32) - np.float32(b))
     return np.where(values > 0, metres, np.float32(0.0)).astype(np.float32)
-
-
-def check_size(name: str, width: int, height: int) -> None:
-    """Raise InputError for an image that claims more pixels than any camera has."""
-    if width * height > MAX_PIXELS:
-        raise InputError(f"{name} claims {width}x{height} pixels", "copy the recording again")
 
 
 def _metres(values: NDArray[np.uint16], unit: float) -> NDArray[np.float32]:
