@@ -28,6 +28,12 @@ PACKAGES = ("twin", "recon", "robots")
 GUIDE = (
     "concepts",
     "recordings",
+    "device_record3d",
+    "device_stray_scanner",
+    "device_azure_kinect",
+    "device_realsense",
+    "device_ros",
+    "calibrating",
     "inspecting",
     "settings",
     "method",

@@ -194,6 +194,21 @@ def test_a_replay_finds_the_recording_that_the_run_was_made_from(
     assert films[3].frames == 30
 
 
+@pytest.mark.usefixtures("films")
+def test_a_replay_opens_the_recording_as_the_run_did(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own, asked = cabinet_twin().recorded.fingerprint, []
+
+    def open_recording(path: Path, **told: object) -> Opened:
+        asked.append(told)
+        return Opened(path.resolve().name)
+
+    stand_in(monkeypatch, open_recording=open_recording)
+    told = {"layout": "ros", "start": 1.5, "calibration": "../camera.json"}
+    update_manifest(run, recording=f"../data/{own}", opened_with=told)
+    assert cli.run(["replay", str(run), "--part", "door"]) == 0
+    assert asked == [told | {"calibration": run / "../camera.json"}]
+
+
 def test_control_and_stiffness_reach_the_replay(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     used: list[tuple[str, float]] = []
 

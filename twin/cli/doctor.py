@@ -34,7 +34,8 @@ EXTRAS = {
     "hands": "contact from hand keypoints instead of label geometry",
     "clustering": "motion clustering as in the paper, asked only by `--set motion.method=clusters`",
     "lerobot": "trajectories as LeRobot datasets",
-    "record3d": "Record3D .r3d files",
+    "record3d": "Record3D's .r3d files and its EXR export",
+    "ros": "ROS bags, MCAP files and RealSense recordings",
     "vlm": "masses estimated by a vision-language model, asked only by `twin physics estimate`",
 }
 HOW_TO_INSTALL = (
