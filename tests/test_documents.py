@@ -26,7 +26,7 @@ from benchmarks.layouts.ros_realsense import write_realsense
 from benchmarks.scenes.boards import cabinet_twin
 from recon.config import ReconConfig
 from recon.readers import open_recording
-from recon.readers.calibration_file import Calibration
+from recon.readers.calibration.file import Calibration
 from recon.recording import Recording
 from recon.recording.rig import Lens
 from recon.recording.write import write_recording

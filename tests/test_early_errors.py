@@ -83,8 +83,8 @@ def told_early(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
         ("reconstruct NO_SUCH_RECORDING -o OUT", "recording NO_SUCH_RECORDING does not exist"),
         ("demo --recording NO_SUCH_RECORDING -o OUT", "recording NO_SUCH_RECORDING does not exist"),
         ("inspect NO_SUCH_RECORDING", "recording NO_SUCH_RECORDING does not exist"),
-        ("inspect BAG", "is a ROS 1 bag, which is not read"),
-        ("reconstruct BAG -o OUT", "is a ROS 1 bag, which is not read"),
+        ("inspect CLIP", "is a ZED recording, which is not read"),
+        ("reconstruct CLIP -o OUT", "is a ZED recording, which is not read"),
         (f"reconstruct {RECORDING} -o OUT --format nope", "no recording layout 'nope'"),
         (f"reconstruct {RECORDING} -o OUT --config no.toml", "no.toml does not exist"),
         ("export RUN --asset wrong", "--asset 'wrong' is not KEY=VALUE"),
@@ -96,8 +96,8 @@ def told_early(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
 def test_a_wrong_name_is_told_before_heavy_imports(
     options: str, words: str, run: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / "x.bag").write_bytes(b"#ROSBAG V2.0\n")
-    places = {"RUN": str(run), "OUT": str(tmp_path / "out"), "BAG": str(tmp_path / "x.bag")}
+    (tmp_path / "x.svo2").write_bytes(b"\x89MCAP0\r\n")
+    places = {"RUN": str(run), "OUT": str(tmp_path / "out"), "CLIP": str(tmp_path / "x.svo2")}
     assert words in told_early([places.get(word, word) for word in options.split()])
     assert not (tmp_path / "out").exists()
     assert (run / "report.html").read_text() == PAGE

@@ -117,7 +117,9 @@ def test_only_counters_by_one_factor_are_kept() -> None:
 
 
 def test_a_tree_with_changes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unseen, "_git", lambda *words: " M recon/verbs.py" if words[0] == "status" else "abc")
+    monkeypatch.setattr(
+        unseen, "_git", lambda *words: " M recon/verbs/twins.py" if words[0] == "status" else "abc"
+    )
     with pytest.raises(InputError, match="changes that are in no commit"):
         unseen.sealed(None)
     with pytest.raises(InputError, match="not open"):

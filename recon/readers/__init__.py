@@ -17,7 +17,7 @@ import numpy as np
 from recon.readers.arkit_scenes import ArkitScenesReader
 from recon.readers.arti4d import Arti4dReader
 from recon.readers.bundlesdf import BundleSdfReader
-from recon.readers.calibration_file import Calibration, calibrated, read_calibration
+from recon.readers.calibration.file import Calibration, calibrated, read_calibration
 from recon.readers.files import listing
 from recon.readers.hoi4d import Hoi4dReader
 from recon.readers.itaco import ItacoReader

@@ -20,12 +20,12 @@ from benchmarks.layouts.boards import (
     texture,
     write_boards,
 )
-from recon.calibration.board import Board
-from recon.calibration.calibrate import CalibrationResult, calibrate, write_calibration
-from recon.calibration.camera import CameraResult, calibrate_camera, without_wrong_corners
-from recon.calibration.lens_fit import Model, fit_lens
-from recon.calibration.pictures import Pictures, View, find_boards, read_grey
-from recon.readers.calibration_file import Calibration, read_calibration
+from recon.readers.calibration.board import Board
+from recon.readers.calibration.calibrate import CalibrationResult, calibrate, write_calibration
+from recon.readers.calibration.camera import CameraResult, calibrate_camera, without_wrong_corners
+from recon.readers.calibration.file import Calibration, read_calibration
+from recon.readers.calibration.lens_fit import Model, fit_lens
+from recon.readers.calibration.pictures import Pictures, View, find_boards, read_grey
 from recon.recording import Intrinsics
 from recon.recording.rig import Lens
 from twin.errors import InputError

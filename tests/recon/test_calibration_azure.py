@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.calibration.board import read_board
-from recon.calibration.calibrate import calibrate
-from recon.calibration.camera import calibrate_camera
-from recon.calibration.lens_fit import Model, fit_lens, pose_of, rms
-from recon.calibration.pictures import Pictures, find_boards
-from recon.readers.calibration_file import read_calibration
+from recon.readers.calibration.board import read_board
+from recon.readers.calibration.calibrate import calibrate
+from recon.readers.calibration.camera import calibrate_camera
+from recon.readers.calibration.file import read_calibration
+from recon.readers.calibration.lens_fit import Model, fit_lens, pose_of, rms
+from recon.readers.calibration.pictures import Pictures, find_boards
 from twin.geometry import rotation_angle
 
 pytestmark = pytest.mark.slow

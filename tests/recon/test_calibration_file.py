@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recon.readers.calibration_file import Calibration, calibrated, read_calibration
+from recon.readers.calibration.file import Calibration, calibrated, read_calibration
 from recon.readers.streams import Streams, recording_of
 from recon.recording import Intrinsics
 from recon.recording.rig import Lens, Rig

@@ -13,10 +13,10 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.layouts.boards import SMALL_COLOR, SMALL_DEPTH, pose, texture, write_boards
-from recon.calibration.board import Board, read_board
-from recon.calibration.calibrate import CalibrationResult, calibrate
-from recon.calibration.pictures import paired
-from recon.readers.calibration_file import Calibration
+from recon.readers.calibration.board import Board, read_board
+from recon.readers.calibration.calibrate import CalibrationResult, calibrate
+from recon.readers.calibration.file import Calibration
+from recon.readers.calibration.pictures import paired
 from recon.recording import Intrinsics
 from recon.recording.rig import Lens
 from tests.recon.tiny import read_image

@@ -11,17 +11,17 @@ from typing import Any
 # verb -> (function that carries it out, what it does). Named as strings: their imports take seconds.
 VERBS = {
     "demo": ("twin.cli.verbs:demo", "the whole chain on the recording shipped with Funtwin"),
-    "simulate": ("recon.verbs:simulate", "render a recording with exact truth from an MJCF scene"),
+    "simulate": ("recon.verbs.twins:simulate", "render a recording with exact truth from an MJCF scene"),
     "inspect": (
-        "recon.recording_verbs:inspect",
+        "recon.verbs.recordings:inspect",
         "say what is wrong with a recording, and how to record better",
     ),
-    "convert": ("recon.recording_verbs:convert", "write a recording of any layout as one of ours"),
+    "convert": ("recon.verbs.recordings:convert", "write a recording of any layout as one of ours"),
     "calibrate": (
-        "recon.recording_verbs:calibrate",
+        "recon.verbs.recordings:calibrate",
         "find a camera's lens, and where its depth camera stands, from pictures of a board",
     ),
-    "reconstruct": ("recon.verbs:reconstruct", "turn a recording into a twin"),
+    "reconstruct": ("recon.verbs.twins:reconstruct", "turn a recording into a twin"),
     "import": ("twin.cli.verbs:import_scene", "turn a URDF or MJCF scene from elsewhere into a twin"),
     "export": ("twin.cli.verbs:export", "write the twin as URDF, MJCF and USD"),
     "check": (
@@ -31,7 +31,7 @@ VERBS = {
     "lint": ("twin.cli.verbs:lint", "find faults that readers don't report in URDF, MJCF and USD files"),
     "replay": ("robots.replay_verb:replay", "let a robot open or close the twin's parts in simulation"),
     "trajectory": ("robots.trajectory_verb:trajectory", "export a planned trajectory in robots' own formats"),
-    "evaluate": ("recon.verbs:evaluate", "compare a run with the truth"),
+    "evaluate": ("recon.verbs.twins:evaluate", "compare a run with the truth"),
     "config": ("twin.cli.config_verb:config", "list the settings with unit, range and meaning"),
     "physics": (
         "twin.cli.physics_verbs:physics",
@@ -51,8 +51,8 @@ VERBS = {
 CHAIN = {
     "resolve": "robots:resolve",
     "open_recording": "recon.readers:open_recording",
-    "reconstruct": "recon.verbs:reconstruct_step",
-    "evaluate": "recon.verbs:evaluate_step",
+    "reconstruct": "recon.verbs.twins:reconstruct_step",
+    "evaluate": "recon.verbs.twins:evaluate_step",
     "replay": "robots.replay_verb:replay_step",
 }
 # Classes of settings, by what they are for: of a verb, of `robots.plan` and `robots.replay`, of `twin.collision.with_collision`.

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.calibration.lens_fit import PNP_STEPS, pose_of
-from recon.calibration.pictures import MIN_CORNERS, View
 from recon.readers import files
+from recon.readers.calibration.lens_fit import PNP_STEPS, pose_of
+from recon.readers.calibration.pictures import MIN_CORNERS, View
 from recon.recording.rig import Lens
 from twin.errors import InputError
 from twin.geometry import Array, invert_pose, make_pose, rotation_angle

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.readers.opencv_camera import opencv_camera
+from recon.readers.calibration.opencv_camera import opencv_camera
 from recon.readers.streams import Streams
 from recon.recording import Intrinsics
 from recon.recording.rig import DISTORTION_COUNTS, Lens

@@ -1,4 +1,4 @@
-"""The verbs that make recordings and twins, and compare them with the truth. The command line names them in its table."""
+"""The verbs that make recordings and twins, and compare them with the truth."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from scipy.optimize import nnls
 
-from recon.calibration.pictures import View
+from recon.readers.calibration.pictures import View
 from twin.errors import InputError
 from twin.geometry import Array
 

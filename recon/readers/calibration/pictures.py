@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.calibration.board import Board
 from recon.readers import files
+from recon.readers.calibration.board import Board
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.runs.loop import Loop, untold

@@ -8,11 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from recon.calibration.board import Board
-from recon.calibration.camera import CameraResult, calibrate_camera, known_camera, without_wrong_corners
-from recon.calibration.pair import PoseResult, ScaleResult, depth_scale, pose_between
-from recon.calibration.pictures import Pictures, find_boards, paired
-from recon.readers.calibration_file import Calibration
+from recon.readers.calibration.board import Board
+from recon.readers.calibration.camera import (
+    CameraResult,
+    calibrate_camera,
+    known_camera,
+    without_wrong_corners,
+)
+from recon.readers.calibration.file import Calibration
+from recon.readers.calibration.pair import PoseResult, ScaleResult, depth_scale, pose_between
+from recon.readers.calibration.pictures import Pictures, find_boards, paired
 from recon.recording.rig import Lens
 from twin.errors import InputError
 from twin.files.atomic import write_file
@@ -120,7 +125,7 @@ def calibrate(
 
 def write_calibration(result: CalibrationResult, folder: Path) -> tuple[Path, Path]:
     """Write calibration.json and residuals.png into a folder, which is made if need be; files of these names are replaced."""
-    from recon.calibration.picture import residual_picture  # here: matplotlib takes half a second
+    from recon.readers.calibration.picture import residual_picture  # here: matplotlib takes half a second
 
     paths = folder / CALIBRATION_FILE, folder / PICTURE_FILE
     picture = residual_picture(result)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from recon.calibration.calibrate import CalibrationResult
-from recon.calibration.camera import CameraResult
+from recon.readers.calibration.calibrate import CalibrationResult
+from recon.readers.calibration.camera import CameraResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""The verbs about recordings themselves. The command line names them in its table."""
+"""The verbs about recordings themselves."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ def calibrate(
 ) -> Outcome:
     """A camera, or a colour and a depth camera, from pictures of a board. sizes: of the board, where no file tells them."""
     require_writable(out)
-    from recon.calibration.board import Board, Kind, read_board
-    from recon.calibration.calibrate import calibrate as calibration_of
-    from recon.calibration.calibrate import write_calibration
-    from recon.readers.calibration_file import read_calibration
+    from recon.readers.calibration.board import Board, Kind, read_board
+    from recon.readers.calibration.calibrate import calibrate as calibration_of
+    from recon.readers.calibration.calibrate import write_calibration
+    from recon.readers.calibration.file import read_calibration
 
     told = {name: value for name, value in sizes.items() if value is not None}
     kind = next((k for k in get_args(Kind) if k == board), None)

@@ -1,0 +1,1 @@
+"""What the command line's verbs about recordings and twins do; it names them in its table."""
