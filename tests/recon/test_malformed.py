@@ -177,14 +177,14 @@ def other_clock(folder: Path) -> None:
 
 
 def bomb(path: Path) -> None:
-    """A member of a gigabyte in a megabyte."""
+    """A member of 80 MB in 80 kB."""
     with zipfile.ZipFile(path) as old:
         members = {n: old.read(n) for n in old.namelist() if n != "rgbd/0.depth"}
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
         for name, data in members.items():
             new.writestr(name, data)
         with new.open("rgbd/0.depth", "w", force_zip64=True) as member:
-            for _ in range(1024):
+            for _ in range(80):
                 member.write(bytes(2**20))
 
 
