@@ -293,7 +293,7 @@ def test_calibrations_run_as_they_stand(
     """On rendered pictures of the board that the page has."""
     monkeypatch.chdir(tmp_path)
     T = np.asarray(make_pose(translation=[-0.03, 0.0, 0.0]))
-    write_boards(tmp_path / "made", texture(9, 6, "5X5_250"), 0.03, T, 12)
+    write_boards(tmp_path / "made", texture(9, 6, "5X5_250"), 0.03, T, 18)
     for name, made in (("color", "color"), ("ir", "infrared"), ("depth", "depth")):
         (tmp_path / "made" / made).rename(tmp_path / name)
     board = re.search(r"`({\"type\": [^`]*})`", (ROOT / "docs/calibrating.md").read_text(encoding="utf-8"))

@@ -19,6 +19,7 @@ from twin.runs.loop import Loop, untold
 MODELS = (Model(5, False), Model(5, True), Model(8, False), Model(8, True))  # from the simplest on
 MIN_PICTURES = 5  # with a board: fewer tell no lens apart from poses that happen to fit; chosen by us
 MAX_FOLDS = 8  # times that a part of the pictures is left out, chosen by us
+BETTER = 0.98  # of the left-out error of a simpler model, chosen by us: else the simpler one is taken
 # Standard deviations beyond which a corner is another one, or a reflection; chosen by us: on a real, uneven board some of the right
 # ones are beyond 6 and none beyond 12.
 WRONG = 12.0
@@ -72,7 +73,10 @@ def calibrate_camera(
     errors, parts = {}, {}
     for model in progress(models, f"{name} lens models"):
         errors[model], parts[model] = _left_out(fits[model], fits[models[-1]], views, points, model, groups)
-    model = min(models, key=errors.__getitem__)  # of equals the simplest
+    model = models[0]
+    for other in models[1:]:
+        if errors[other] < BETTER * errors[model]:
+            model = other
     fit, own = fits[model], parts[model]
     if not own:
         raise InputError(
