@@ -55,6 +55,17 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
+def read_head(path: Path, count: int) -> bytes:
+    """Up to `count` first bytes of a file. Raises InputError when it can't be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(count)
+    except OSError as error:
+        raise InputError(
+            f"{shown(path)} can't be read ({error.strerror})", "copy the recording again"
+        ) from None
+
+
 def check_complete(name: str, data: bytes) -> None:
     """Raise InputError when a PNG or JPEG lacks its end, which decoders fill with grey instead of failing."""
     cut = False

@@ -58,13 +58,7 @@ class PngHeader:
     """What the first bytes of a PNG tell: width, height, bits of a value, channels."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            with path.open("rb") as stream:
-                head = stream.read(26)
-        except OSError as error:
-            raise InputError(
-                f"{files.shown(path)} can't be read ({error.strerror})", "copy the recording again"
-            ) from None
+        head = files.read_head(path, 26)
         if len(head) < 26 or not head.startswith(b"\x89PNG\r\n\x1a\n"):
             raise InputError(f"{files.shown(path)} is no PNG ({len(head)} bytes)", "copy the recording again")
         self.width, self.height, self.bits, kind = struct.unpack(">IIBB", head[16:26])

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.readers.files import shown
+from recon.readers.files import read_head, shown
 from twin.errors import InputError
 from twin.geometry import Array
 
@@ -247,13 +247,7 @@ _REENCODE = "copy the recording again, or re-encode it with `ffmpeg -i IN -fps_m
 
 
 def _format(path: Path) -> str:
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(16)
-    except OSError as error:
-        raise InputError(
-            f"{shown(path)} can't be read ({error.strerror})", "copy the recording again"
-        ) from None
+    head = read_head(path, 16)
     for name, at, magics in _SIGNATURES:
         if head[at:].startswith(magics):
             return name

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import recon
 from benchmarks.layouts.phones import (
@@ -26,6 +27,7 @@ from recon.readers.scanner_app import ScannerAppReader
 from recon.readers.streams import recording_of
 from recon.recording import Recording
 from tests.recon.tiny import FRAMES, write_recording
+from twin.errors import InputError
 
 STEPS = (1 / 60, 1 / 30, 1 / 20)  # s, as phones mix them
 START = 8123.25  # s since the phone was switched on
@@ -39,6 +41,14 @@ LAYOUTS: dict[str, tuple[Reader, Callable[..., Path]]] = {
     "arkit_scenes": (ArkitScenesReader(), write_arkit_scenes),
     "r3d": (Record3DReader(), write_r3d),
 }
+
+
+def refused(open_first: Callable[[], object], folder: Path, message: str) -> None:
+    """What `open_first` does is refused in one line, short beside the folder's name."""
+    with pytest.raises(InputError, match=message) as caught:
+        open_first()
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value).replace(str(folder), "PATH")) < 400
 
 
 def opened(layout: str, folder: Path) -> Recording:

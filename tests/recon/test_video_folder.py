@@ -19,7 +19,7 @@ from recon.readers import open_recording
 from recon.readers.streams import recording_of
 from recon.readers.video_folder import VideoFolderReader
 from recon.recording import Recording
-from tests.recon.phone_recording import HOLE, phone_recording, same_pictures
+from tests.recon.phone_recording import HOLE, phone_recording, refused, same_pictures
 from tests.recon.tiny import FRAMES, write_intrinsics, write_poses, write_recording
 from twin.errors import InputError
 
@@ -120,10 +120,7 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
 def test_what_is_wrong_is_said_in_one_line(folder: Path, case: str) -> None:
     change, message = BAD[case]
     change(folder)
-    with pytest.raises(InputError, match=message) as caught:
-        opened(folder).frame(0)
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value).replace(str(folder), "PATH")) < 400
+    refused(lambda: opened(folder).frame(0), folder, message)
 
 
 def test_what_is_no_video_folder(folder: Path) -> None:
