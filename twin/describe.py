@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 if TYPE_CHECKING:  # the types show themselves by what stands here, so they stand above it
+    from twin.inferred import Completion, Inferred, Interior
     from twin.joint import Joint, Revolute
     from twin.quantities import Inertial, PartPhysics, Quantity
     from twin.scene import Box, ContactPath, Mesh, Motion, Part, Recorded, StaticPart, Trajectory, Twin
@@ -79,6 +80,19 @@ def _physics(physics: PartPhysics) -> str:
     return f"<PartPhysics: {told}>"
 
 
+def _inferred(piece: Inferred) -> str:
+    return f"<Inferred {piece.name!r}: {piece.role}, {piece.basis}, {len(piece.mesh.faces)} faces; {piece.reason}>"
+
+
+def _interior(interior: Interior) -> str:
+    return f"<Interior {interior.name!r}: {_lengths(interior.box.size)} m>"
+
+
+def _completion(completion: Completion) -> str:
+    assumed = f", {len(completion.assumed)} of them assumed" if completion.assumed else ""
+    return f"<Completion: {len(completion.pieces)} pieces{assumed}, {len(completion.shapes)} shapes>"
+
+
 def _twin(twin: Twin) -> str:
     named = [f"{p.name}: {joint_text(p.joint)}" for p in twin.parts[:_MOST]]
     more = [f"and {len(twin.parts) - _MOST} more"] if len(twin.parts) > _MOST else []
@@ -98,6 +112,9 @@ _LINES: dict[str, Callable[[Any], str]] = {
     "Part": _part,
     "Trajectory": _trajectory,
     "Recorded": _recorded,
+    "Inferred": _inferred,
+    "Interior": _interior,
+    "Completion": _completion,
     "Inertial": _inertial,
     "PartPhysics": _physics,
     "Twin": _twin,

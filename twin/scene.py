@@ -17,6 +17,7 @@ from twin import geometry as geo
 from twin.describe import html
 from twin.errors import SceneError, nearest_name
 from twin.geometry import Array
+from twin.inferred import Completion as Completion
 from twin.joint import Joint as Joint
 from twin.joint import JointSigma as JointSigma
 from twin.joint import Prismatic as Prismatic
@@ -31,70 +32,15 @@ from twin.quantities import Quantity as Quantity
 from twin.quantities import frozen_array as _frozen
 from twin.quantities import origin_of as origin_of
 from twin.quantities import set_field as _set
+from twin.shapes import Box as Box
+from twin.shapes import Collision as Collision
+from twin.shapes import Mesh as Mesh
 from twin.verdict import Verdict
 
 STATIC_LABEL = 1
 HAND_LABEL = 255
 UNKNOWN_LABEL = 0
 FIRST_PART_ID = 2
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Mesh(Described):
-    """Triangle mesh: vertices (V, 3) m, faces (F, 3) int32, optional vertex colours (V, 3) uint8 sRGB."""
-
-    vertices: Array
-    faces: NDArray[np.int32]
-    colors: NDArray[np.uint8] | None = None
-
-    def __post_init__(self) -> None:
-        _set(self, "vertices", _frozen(self.vertices, (None, 3), "mesh vertices"))
-        _set(self, "faces", _frozen(self.faces, (None, 3), "mesh faces", np.int32))
-        if len(self.faces) and (self.faces.min() < 0 or self.faces.max() >= len(self.vertices)):
-            raise SceneError(
-                f"mesh faces index vertices {self.faces.min()}..{self.faces.max()} of {len(self.vertices)}"
-            )
-        if self.colors is not None:
-            _set(self, "colors", _frozen(self.colors, (len(self.vertices), 3), "mesh colors", np.uint8))
-
-    def transformed(self, T_new_old: Array) -> Mesh:
-        """The mesh in another frame."""
-        return Mesh(geo.transform(T_new_old, self.vertices), self.faces, self.colors)
-
-    @property
-    def area(self) -> float:
-        """Surface area in m^2."""
-        return float(geo.triangle_areas(self.vertices[self.faces]).sum())
-
-    @property
-    def area_centroid(self) -> Array:
-        """Centroid (3,) of the surface, each face weighing its area; the vertex mean for a mesh without area."""
-        w = geo.triangle_areas(self.vertices[self.faces])
-        if w.sum() < 1e-15:
-            return np.asarray(self.vertices.mean(axis=0))
-        return np.asarray((self.vertices[self.faces].mean(axis=1) * w[:, None]).sum(0) / w.sum())
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Box(Described):
-    """Solid box: pose T_world_box (4, 4) of its centre, full `size` (3,) in metres along its axes."""
-
-    T_world_box: Array
-    size: Array
-
-    def __post_init__(self) -> None:
-        _set(self, "T_world_box", _frozen(self.T_world_box, (4, 4), "box pose"))
-        _set(self, "size", _frozen(self.size, (3,), "box size"))
-        if np.any(self.size <= 0):
-            raise SceneError(f"box size must be positive, got {self.size.tolist()}")
-        if not geo.is_rotation(self.T_world_box[:3, :3]):
-            raise SceneError("a box needs a pose with right-handed axes of length 1")
-
-    @property
-    def corners(self) -> Array:
-        """The eight corners (8, 3) in the world frame."""
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return geo.transform(self.T_world_box, signs * self.size / 2)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,16 +93,14 @@ class ContactPath(Described):
             raise SceneError(f"contact width must be finite and not negative, got {self.width}")
 
 
-Collision = Mesh | Box
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class StaticPart(Described):
-    """Everything that never moves."""
+    """Everything that never moves. completion: its inferred layer, None where nobody inferred one."""
 
     name: str
     mesh: Mesh
     collision: tuple[Collision, ...] = ()
+    completion: Completion | None = None
 
     def __post_init__(self) -> None:
         require_legal(self.name)
@@ -167,7 +111,7 @@ class Part(Described):
     """A moving part. `parent` is the id of the part it is mounted on, None for the static scene.
 
     extra: what others wrote about it into twin.json, by key; JSON types. verdict: what it is worth; None of a part that was stated,
-    or made before there were verdicts.
+    or made before there were verdicts. collision: shapes of what was seen. completion: the inferred layer, None where nobody inferred one.
     """
 
     id: int
@@ -185,6 +129,7 @@ class Part(Described):
     type_source: str = "motion"
     extra: Mapping[str, Any] = field(default_factory=dict)
     verdict: Verdict | None = None
+    completion: Completion | None = None
 
     def __post_init__(self) -> None:
         require_legal(self.name)

@@ -71,12 +71,12 @@ def require_own_page(run: Path) -> None:
 def twin_key(run: Path) -> str:
     """SHA-256 of RUN/twin/twin.json without what `twin export` adds to it; empty when there is none.
 
-    Collision geometry is made from the twin by `twin export`, and so does not make it another one.
+    Collision shapes and the inferred layer are made from the twin by `twin export`, and so do not make it another one.
     """
     document = read_json(run / "twin" / "twin.json")
     if not document:
         return ""
-    document.get("static", {}).pop("collision", None)
-    for part in document.get("parts", []):
-        part.pop("collision", None)
+    for owner in (document.get("static", {}), *document.get("parts", [])):
+        for key in ("collision", "completion"):
+            owner.pop(key, None)
     return hashlib.sha256(repr(document).encode()).hexdigest()

@@ -38,7 +38,7 @@ from twin.storage.labels import LABEL
 from twin.storage.tum import tum_lines
 
 # What `twin export` and `twin physics` fill in or change: not what a reconstruction found.
-_FILLED = ("collision", "inertial", "physics")
+_FILLED = ("collision", "inertial", "physics", "completion")
 
 
 def save(twin: Twin, folder: AnyPath) -> None:
@@ -133,7 +133,7 @@ def digest(twin: Twin) -> str:
             owner.pop(key, None)
     document.pop("provenance")
     h = hashlib.sha256(json.dumps(document, sort_keys=True).encode())
-    for path in sorted(p for p in meshes if ".collision." not in p):
+    for path in sorted(p for p in meshes if p.count(".") == 1):  # no shapes, no inferred layer
         h.update(ply_bytes(meshes[path]))
     if (
         twin.cameras is not None

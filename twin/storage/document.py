@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
-from twin.scene import Collision, Joint, Mesh, Part, Quantity, Revolute, Twin
+from twin.scene import Joint, Mesh, Part, Quantity, Revolute, Twin
+from twin.storage.completion import (
+    completion_document,
+    completion_files,
+    shapes_document,
+    with_completion_named,
+)
 from twin.verdict import verdict_document
 
 FORMAT = "funtwin/1"
@@ -35,7 +41,8 @@ def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
         "static": {
             "name": static.name,
             "mesh": f"meshes/{static.name}.ply",
-            "collision": _collision(static.name, static.collision, meshes),
+            "collision": shapes_document(f"{static.name}.collision", static.collision, meshes),
+            **completion_document(static.name, static.completion, meshes),
         },
         "parts": [with_extra(_part(p, meshes), p.extra) for p in twin.parts],
     }
@@ -51,7 +58,7 @@ def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
         "parent": p.parent,
         "verdict": verdict_document(p.verdict),
         "mesh": f"meshes/{p.name}.ply",
-        "collision": _collision(p.name, p.collision, meshes),
+        "collision": shapes_document(f"{p.name}.collision", p.collision, meshes),
         "joint": _joint(p, p.joint),
         "motion": {
             "frames": m.frames.tolist(),
@@ -68,6 +75,7 @@ def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
             k: _quantity(getattr(p.physics, k)) for k in ("friction", "damping", "frictionloss", "density")
         },
         "contact": _contact(p),
+        **completion_document(p.name, p.completion, meshes),
     }
 
 
@@ -124,14 +132,16 @@ def with_changes(
     return out
 
 
-def shape_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, int | None], str]]:
-    """Mesh files of a document: ((part id or None for the static scene, number of the collision shape or None for the
-    mesh itself), path)."""
+def shape_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, int | str | None], str]]:
+    """Mesh files of a document: ((part id or None for the static scene, None for the mesh itself, the number of a collision shape, or
+    where in the inferred layer it stands), path)."""
     for owner in (document["static"], *document["parts"]):
         yield (owner.get("id"), None), owner["mesh"]
         for k, shape in enumerate(owner["collision"]):
             if isinstance(shape, str):
                 yield (owner.get("id"), k), shape
+        for where, path in completion_files(owner.get("completion")):
+            yield (owner.get("id"), where), path
 
 
 def with_files_named(document: Mapping[str, Any], name: Callable[[str], str]) -> dict[str, Any]:
@@ -139,7 +149,10 @@ def with_files_named(document: Mapping[str, Any], name: Callable[[str], str]) ->
 
     def renamed(owner: Mapping[str, Any]) -> dict[str, Any]:
         shapes = [name(s) if isinstance(s, str) else s for s in owner["collision"]]
-        return {**owner, "mesh": name(owner["mesh"]), "collision": shapes}
+        named = {**owner, "mesh": name(owner["mesh"]), "collision": shapes}
+        if owner.get("completion") is not None:
+            named["completion"] = with_completion_named(owner["completion"], name)
+        return named
 
     parts = [renamed(p) for p in document["parts"]]
     return {**document, "static": renamed(document["static"]), "parts": parts}
@@ -199,25 +212,6 @@ def _contact(p: Part) -> dict[str, Any] | None:
 
 def _quantity(q: Quantity) -> dict[str, Any]:
     return {"value": float(q.value), "source": q.source, "interval": [float(v) for v in q.interval]}
-
-
-def _collision(name: str, pieces: tuple[Collision, ...], meshes: dict[str, Mesh]) -> list[Any]:
-    out: list[Any] = []
-    for k, piece in enumerate(pieces):
-        if isinstance(piece, Mesh):
-            path = f"meshes/{name}.collision.{k:03d}.ply"  # a dot: no part's name holds one
-            meshes[path] = piece
-            out.append(path)
-        else:
-            t = piece.T_world_box
-            out.append(
-                {
-                    "center": t[:3, 3].tolist(),
-                    "rotation": t[:3, :3].tolist(),
-                    "size": piece.size.tolist(),
-                }
-            )
-    return out
 
 
 def json_text(value: Any, indent: int = 0) -> str:

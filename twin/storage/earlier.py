@@ -26,7 +26,7 @@ class Earlier:
         cameras = document.get("cameras") or {}
         self._cameras: str | None = cameras.get("file")
 
-    def name(self, role: tuple[int | None, int | None], path: str, mesh: Mesh) -> tuple[str, bool]:
+    def name(self, role: tuple[int | None, int | str | None], path: str, mesh: Mesh) -> tuple[str, bool]:
         """Where to write a mesh, and whether the file that plays this role now holds the same."""
         known = self._shapes.get(role)
         if known is not None and known not in self._strange and self._holds(known, mesh):

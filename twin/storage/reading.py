@@ -11,6 +11,7 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.files.ply import read_ply
 from twin.geometry import Array
+from twin.inferred import BASES, Completion, Inferred, Interior
 from twin.scene import (
     Box,
     Collision,
@@ -49,7 +50,12 @@ def read_twin(folder: Path) -> Twin:
     with root.building():
         twin = Twin(
             name=root.text("name"),
-            static=StaticPart(static.text("name"), _mesh(static, "mesh", folder), _collision(static, folder)),
+            static=StaticPart(
+                static.text("name"),
+                _mesh(static, "mesh", folder),
+                _collision(static, folder),
+                static.maybe("completion", lambda n: _completion(n, folder)),
+            ),
             parts=parts,
             cameras=root.maybe("cameras", lambda n: _cameras(n, folder)),
             recorded=root.maybe(
@@ -82,6 +88,7 @@ def _part(n: Node, folder: Path) -> Part:
             closed_source=joint.text("closed_source"),
             type_source=joint.text("type_source"),
             verdict=n.maybe("verdict", _verdict),
+            completion=n.maybe("completion", lambda c: _completion(c, folder)),
         )
     return replace(part, extra=extra_of(n.value, part_document(part)))
 
@@ -191,17 +198,52 @@ def _inside(n: Node, key: str, name: str, folder: Path) -> Path:
     return path
 
 
-def _collision(n: Node, folder: Path) -> tuple[Collision, ...]:
+def _collision(n: Node, folder: Path, key: str = "collision") -> tuple[Collision, ...]:
     pieces: list[Collision] = []
-    for k, value in enumerate(n.list("collision")):
+    for k, value in enumerate(n.list(key)):
         if isinstance(value, str):
-            pieces.append(_mesh_file(n, f"collision[{k}]", value, folder))
-            continue
-        box = Node(n.file, f"{n.path}.collision[{k}]", value)
-        pose: Array = geo.make_pose(box.array("rotation", (3, 3)), box.array("center", (3,)))
-        with box.building():
-            pieces.append(Box(pose, box.array("size", (3,))))
+            pieces.append(_mesh_file(n, f"{key}[{k}]", value, folder))
+        else:
+            pieces.append(_box(Node(n.file, f"{n.path}.{key}[{k}]", value)))
     return tuple(pieces)
+
+
+def _box(n: Node) -> Box:
+    pose: Array = geo.make_pose(n.array("rotation", (3, 3)), n.array("center", (3,)))
+    with n.building():
+        return Box(pose, n.array("size", (3,)))
+
+
+def _completion(n: Node, folder: Path) -> Completion:
+    interiors = tuple(Interior(i.text("name"), _box(i)) for i in n.children("interiors"))
+    with n.building():
+        return Completion(
+            shown=_mesh(n, "shown", folder),
+            pieces=tuple(_piece(p, folder) for p in n.children("pieces")),
+            collision=_collision(n, folder),
+            interiors=interiors,
+            room=None if n.value.get("room") is None else _mesh(n, "room", folder),
+            room_collision=_collision(n, folder, "room_collision"),
+        )
+
+
+def _piece(n: Node, folder: Path) -> Inferred:
+    basis, color = n.text("basis"), n.array("color", (3,), whole=True)
+    known = next((b for b in BASES if b == basis), None)
+    if known is None:
+        raise n.error(f"must be {' or '.join(BASES)}, is {basis!r:.60}", "basis")
+    if np.any((color < 0) | (color > 255)):
+        raise n.error(f"must hold 0 to 255, is {color.tolist()}", "color")
+    with n.building():
+        return Inferred(
+            name=n.text("name"),
+            role=n.text("role"),
+            mesh=_mesh(n, "mesh", folder),
+            basis=known,
+            reason=n.text("reason"),
+            shapes=_collision(n, folder),
+            color=color.astype(np.uint8),
+        )
 
 
 def _cameras(n: Node, folder: Path) -> Trajectory:

@@ -1,0 +1,98 @@
+"""The inferred layer in twin.json, and collision shapes as it holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from twin.inferred import Completion
+from twin.scene import Collision, Mesh
+
+_LISTS = ("collision", "room_collision")
+
+
+def shapes_document(stem: str, shapes: Iterable[Collision], meshes: dict[str, Mesh]) -> list[Any]:
+    """Collision shapes as twin.json lists them: boxes by their numbers, hulls as files, which are added to `meshes`."""
+    out: list[Any] = []
+    for k, piece in enumerate(shapes):
+        if isinstance(piece, Mesh):
+            path = f"meshes/{stem}.{k:03d}.ply"  # a dot: no part's name holds one
+            meshes[path] = piece
+            out.append(path)
+        else:
+            t = piece.T_world_box
+            out.append(
+                {
+                    "center": t[:3, 3].tolist(),
+                    "rotation": t[:3, :3].tolist(),
+                    "size": piece.size.tolist(),
+                }
+            )
+    return out
+
+
+def completion_document(owner: str, completion: Completion | None, meshes: dict[str, Mesh]) -> dict[str, Any]:
+    """{"completion": the inferred layer}, empty where there is none; every mesh it names is added to `meshes`."""
+    if completion is None:
+        return {}
+    stem = f"{owner}.completion"
+    shown = f"meshes/{stem}.shown.ply"
+    meshes[shown] = completion.shown
+    room = None
+    if completion.room is not None:
+        room = f"meshes/{stem}.room.ply"
+        meshes[room] = completion.room
+    pieces = []
+    for p in completion.pieces:
+        path = f"meshes/{stem}.{p.name}.piece.ply"
+        meshes[path] = p.mesh
+        pieces.append(
+            {
+                "name": p.name,
+                "role": p.role,
+                "basis": p.basis,
+                "reason": p.reason,
+                "color": p.color.tolist(),
+                "mesh": path,
+                "collision": shapes_document(f"{stem}.{p.name}.collision", p.shapes, meshes),
+            }
+        )
+    shapes = {key: shapes_document(f"{stem}.{key}", getattr(completion, key), meshes) for key in _LISTS}
+    boxes = [i.box for i in completion.interiors]
+    interiors = [
+        {"name": i.name, **box}
+        for i, box in zip(completion.interiors, shapes_document("", boxes, meshes), strict=True)
+    ]
+    return {"completion": {"shown": shown, "room": room, "pieces": pieces, "interiors": interiors, **shapes}}
+
+
+def completion_files(completion: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
+    """(where in the inferred layer, path) of every mesh file it names."""
+    if completion is None:
+        return
+    for key in ("shown", "room"):
+        if completion[key] is not None:
+            yield key, completion[key]
+    for piece in completion["pieces"]:
+        yield f"{piece['name']} piece", piece["mesh"]
+        for k, shape in enumerate(piece["collision"]):
+            if isinstance(shape, str):
+                yield f"{piece['name']} {k}", shape
+    for key in _LISTS:
+        for k, shape in enumerate(completion[key]):
+            if isinstance(shape, str):
+                yield f"{key} {k}", shape
+
+
+def with_completion_named(completion: Mapping[str, Any], name: Callable[[str], str]) -> dict[str, Any]:
+    """The inferred layer with every mesh file called `name(path)`."""
+
+    def named(shapes: Iterable[Any]) -> list[Any]:
+        return [name(s) if isinstance(s, str) else s for s in shapes]
+
+    pieces = [
+        {**p, "mesh": name(p["mesh"]), "collision": named(p["collision"])} for p in completion["pieces"]
+    ]
+    room = None if completion["room"] is None else name(completion["room"])
+    lists = {key: named(completion[key]) for key in _LISTS}
+    return {**completion, "shown": name(completion["shown"]), "room": room, "pieces": pieces, **lists}
