@@ -6,6 +6,7 @@ holds for the replay. This file adds the robot, and says who meets whom.
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from robots.model.mjcf import robot_model
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
+from twin.completion.asset import is_reconstructed
 from twin.errors import PlanningError
 from twin.exporters import complete
 from twin.exporters.mjcf import document
@@ -93,6 +95,8 @@ def is_complete(twin: Twin) -> bool:
 
 
 def _is_shaped(twin: Twin) -> bool:
+    if is_reconstructed(twin) and twin.parts:
+        return all(o is not None for o in (twin.static.completion, *(p.completion for p in twin.parts)))
     return bool(twin.static.collision) and all(p.collision for p in twin.parts)
 
 
@@ -110,12 +114,13 @@ def build_world(
     Raises:
         SceneError: a part that can't be exported. PlanningError: a part has no collision shapes, or MuJoCo refuses the scene.
     """
-    bare = [p.name for p in twin.parts if not p.collision]
+    bare = [p.name for p in twin.parts if not p.collision and p.completion is None]
     if bare:
         raise PlanningError(f"part {bare[0]!r} has no collision geometry", "call robots.completed first")
     try:
-        scene = document(build_tree(twin, visual)).spec()
-        _set_masks(scene, twin.static.name)
+        tree = build_tree(twin, visual)
+        scene = document(tree).spec()
+        _set_masks(scene, {k.name for k in tree.standing})
         if visual:
             _light(scene)
         _add_robot(scene, spec, T_world_base, pedestal)
@@ -125,10 +130,10 @@ def build_world(
     return _index(model, twin, spec)
 
 
-def _set_masks(scene: mujoco.MjSpec, static: str) -> None:
+def _set_masks(scene: mujoco.MjSpec, standing: Set[str]) -> None:
     for geom in scene.geoms:
         if geom.contype:
-            geom.contype, geom.conaffinity = STATIC if geom.parent.name == static else PART, ROBOT
+            geom.contype, geom.conaffinity = STATIC if geom.parent.name in standing else PART, ROBOT
             geom.group = _HIDDEN
 
 

@@ -309,7 +309,15 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
     bare = cabinet_twin(name="bare")
 
     def export(
-        twin: Any, folder: Path, formats: Sequence[str], package: str, asset: Any, overwrite: bool
+        twin: Any,
+        folder: Path,
+        formats: Sequence[str],
+        package: str,
+        cache: Path,
+        *,
+        asset: Any,
+        overwrite: bool,
+        view: Any,
     ) -> Files:
         assert (list(formats), package, asset.author) == (["urdf"], "bare_kitchen", "Me")
         return Files(urdf=folder / "x.urdf")

@@ -139,6 +139,23 @@ def _export(parser: ArgumentParser) -> None:
         help="what the files state: author, license, category, qcode (of Wikidata) or date",
     )
     add("--overwrite", action="store_true", help="also replace exported files that were changed since")
+    _view(parser)
+
+
+def _view(parser: ArgumentParser) -> None:
+    """What is shown of the twin; left out, `twin.completion.asset.usual_view` chooses."""
+    add = parser.add_argument
+    add(
+        "--geometry",
+        choices=("seen", "bounded", "complete"),
+        help="what was seen; with what is inferred; with what is assumed [complete]",
+    )
+    add("--room", choices=("keep", "drop"), help="what is no furniture of the parts [drop]")
+    add(
+        "--origin",
+        choices=("furniture", "camera"),
+        help="on the floor under the part's front, or the twin's own world [furniture]",
+    )
 
 
 def _check(parser: ArgumentParser) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +82,9 @@ def export(
     package: str,
     asset: Sequence[str],
     overwrite: bool = False,
+    geometry: str | None = None,
+    room: str | None = None,
+    origin: str | None = None,
 ) -> Outcome:
     """Twin to simulation formats."""
     if package:
@@ -92,7 +95,8 @@ def export(
 
     told = from_dict(AssetInfo, given.texts("--asset", asset), "--asset")
     with console.progress() as progress, page(run):
-        return export_step(progress, run, formats, package, told, overwrite).outcome
+        shown = {"geometry": geometry, "room": room, "origin": origin}
+        return export_step(progress, run, formats, package, told, overwrite, shown).outcome
 
 
 def export_step(
@@ -102,29 +106,36 @@ def export_step(
     package: str = "",
     asset: Any = None,
     overwrite: bool = False,
+    shown: Mapping[str, str | None] | None = None,
 ) -> Step:
     from twin import exporters
-    from twin.exporters.shape_report import COLUMNS, collision_reports
+    from twin.completion.asset import usual_view
+    from twin.exporters.shape_report import COLUMNS, collision_reports, inferred_tables, shapes_of
 
     started = time.perf_counter()
     twin = load(run)
     folder = run_folder(run) / "export"
     progress("collision", 0.0, "convex pieces")
     cache = run_folder(run) / "stages" / "collision"
-    complete = exporters.complete(twin, cache)
+    view = usual_view(twin).but(shown or {})
+    complete = exporters.complete(twin, cache, view)
     update(twin, complete, run)
-    progress("collision", 1.0, f"{sum(len(p.collision) for p in complete.parts)} pieces on moving parts")
+    asset_twin = view.of(complete)
+    progress("collision", 1.0, f"{sum(len(shapes_of(p)) for p in asset_twin.parts)} pieces on moving parts")
     progress("export", 0.0, "")
-    files = exporters.export(complete, folder, formats, package, asset=asset, overwrite=overwrite)
+    files = exporters.export(
+        complete, folder, formats, package, cache, asset=asset, overwrite=overwrite, view=view
+    )
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
-    reports = collision_reports(complete, cache)
+    reports = collision_reports(asset_twin, cache)
     data = {
         "files": {name: str(path) for name, path in files.items()},
         "collision": [r.to_json() for r in reports],
     }
     tables = [
         Table("export", ["format", "file"], rows),
+        *inferred_tables(asset_twin),
         Table("collision shapes", COLUMNS, [r.row() for r in reports]),
     ]
     warnings = [*files.warnings, *(r.warning for r in reports if r.warning)]

@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal, get_args
 
+from twin.completion.asset import AssetView, usual_view
 from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.exporters.asset import AssetInfo
@@ -52,6 +53,7 @@ def export(
     cache_dir: AnyPath | None = None,
     asset: AssetInfo | None = None,
     overwrite: bool = False,
+    view: AssetView | None = None,
 ) -> Exported:
     """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
 
@@ -63,6 +65,7 @@ def export(
         cache_dir: where collision shapes are kept between runs.
         asset: author, licence, kind and date that the files state.
         overwrite: also replace exported files that were changed since, and others of the same names.
+        view: which layer is written, with the room or without, in which frame; `twin.completion.asset.usual_view` by default.
 
     Returns:
         the main file of every format, and warnings about what a format can't carry.
@@ -81,7 +84,8 @@ def export(
 
     made = {owner.name for owner in owners_of(twin) if not owner.collision}
     asset = AssetInfo() if asset is None else asset
-    ready = complete(twin, cache_dir)
+    view = usual_view(twin) if view is None else view
+    ready = complete(view.of(complete(twin, cache_dir, view)), cache_dir, view)
     tree = build_tree(ready)
     files: dict[str, Path] = {}
     warnings = _warnings(twin, ready, tree, made)
@@ -91,6 +95,7 @@ def export(
             for fmt, here in staged.items():
                 path, lost = import_module(f"twin.exporters.{fmt}").write(tree, here, asset)
                 (here / "README.md").write_text(readme(tree, fmt), encoding="utf-8", newline="\n")
+                view.write(here)
                 files[fmt] = folder / fmt / path.name
                 warnings += lost
             if package and "urdf" in files:
@@ -125,8 +130,9 @@ def _put(staged: Mapping[str, Path], folder: Path, overwrite: bool) -> None:
         replace_own(here, folder / fmt, overwrite)
 
 
-def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
-    """The twin with mass, friction and collision shapes wherever they were missing.
+def complete(twin: Twin, cache_dir: AnyPath | None = None, view: AssetView | None = None) -> Twin:
+    """The twin with mass, friction and collision shapes wherever they were missing, and with the inferred layer that a view asks for, by
+    default that of `usual_view`.
 
     Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not convex.
     """
@@ -139,7 +145,16 @@ def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
         from twin.physics import with_physics
 
         twin = with_physics(twin)
-    if not twin.static.collision or any(not p.collision for p in twin.parts):
+    view = usual_view(twin) if view is None else view
+    if view.geometry != "seen":
+        from twin.completion import with_completion
+
+        twin = with_completion(twin)
+    layers = [
+        (twin.static.completion, twin.static.collision),
+        *((p.completion, p.collision) for p in twin.parts),
+    ]
+    if any(layer is None and not shapes for layer, shapes in layers):
         from twin.collision import with_collision
 
         twin = with_collision(twin, cache_dir=cache_dir)

@@ -14,8 +14,9 @@ import numpy as np
 from twin import geometry as geo
 from twin.exporters.asset import AssetInfo
 from twin.exporters.obj import hull, textured
-from twin.exporters.tree import Link, Tree, front, numbers
+from twin.exporters.tree import Link, Tree, Visual, front, numbers, spawn
 from twin.geometry import Array
+from twin.inferred import BASES
 from twin.names import scene_file, unused
 from twin.physics import simulation
 from twin.scene import Mesh
@@ -53,11 +54,14 @@ def document(tree: Tree) -> Document:
     )  # fmt: skip
     _defaults(root, tree)
     asset = ET.SubElement(root, "asset")
-    body = ET.SubElement(
-        ET.SubElement(root, "worldbody"), "body", name=tree.root.name, childclass=_main_class(tree)
-    )
-    _fill(body, tree.root, tree, asset, files)
+    world = ET.SubElement(root, "worldbody")
+    for link in tree.standing:
+        body = ET.SubElement(world, "body", name=link.name, childclass=_main_class(tree))
+        _fill(body, link, tree, asset, files)
     _excludes(root, tree)
+    if tree.whole:
+        _sensors(root, tree)
+        _reasons(root, tree)
     _keyframes(root, tree)
     return Document(_text(root), files)
 
@@ -102,10 +106,17 @@ def _defaults(root: ET.Element, tree: Tree) -> None:
     main = ET.SubElement(ET.SubElement(root, "default"), "default", {"class": name})
     visual = ET.SubElement(main, "default", {"class": f"{name}_visual"})
     ET.SubElement(visual, "geom", type="mesh", contype="0", conaffinity="0", group="2", density="0")
+    if tree.whole:  # what no camera saw whole has classes of its own, so that a scene can shade or hide it
+        for basis in BASES:
+            ET.SubElement(visual, "default", {"class": f"{name}_{basis}"})
     collision = ET.SubElement(main, "default", {"class": f"{name}_collision"})
-    ET.SubElement(collision, "geom", group="3", rgba="0.6 0.3 0.3 0.4")
+    touch = {"friction": _friction(tree.root)} if tree.whole else {}
+    ET.SubElement(collision, "geom", {"group": "3", "rgba": "0.6 0.3 0.3 0.4", **touch})
     site = ET.SubElement(main, "default", {"class": f"{name}_grasp"})
     ET.SubElement(site, "site", type="sphere", size="0.008", group="4", rgba="0.1 0.8 0.2 1")
+    if tree.whole:
+        region = ET.SubElement(main, "default", {"class": f"{name}_region"})
+        ET.SubElement(region, "site", type="box", group="5", rgba="0.2 0.4 0.9 0.15")
 
 
 def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, files: dict[str, bytes]) -> None:
@@ -119,9 +130,10 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, files: di
             range=numbers([j.lower, j.upper]), damping=numbers(j.damping), frictionloss=numbers(j.frictionloss),
             armature=numbers(j.armature),
         )  # fmt: skip
-    if len(link.visual.faces):
-        _visual(body, link, _main_class(tree), asset, files)
-    _collision(body, link, _main_class(tree), asset, files)
+    for shown in link.visuals:
+        _visual(body, link, shown, _main_class(tree), asset, files)
+    _collision(body, link, tree, asset, files)
+    _regions(body, link, _main_class(tree))
     if link.grasp is not None:
         ET.SubElement(
             body, "site", {"class": f"{_main_class(tree)}_grasp"}, name=f"{link.name}_grasp",
@@ -132,39 +144,81 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, files: di
         _fill(inner, child, tree, asset, files)
 
 
-def _visual(body: ET.Element, link: Link, kind: str, asset: ET.Element, files: dict[str, bytes]) -> None:
-    drawn = textured(link.visual, f"{link.name}_visual")
+def material_name(link: Link, shown: Visual) -> str:
+    """What the material of something drawn is called."""
+    return f"{link.name if shown.basis == 'seen' else shown.name}_material"
+
+
+def _visual(
+    body: ET.Element, link: Link, shown: Visual, kind: str, asset: ET.Element, files: dict[str, bytes]
+) -> None:
+    drawn = textured(shown.mesh, shown.name, shown.color)
     files.update(drawn.files)
-    material = {"name": f"{link.name}_material", "specular": "0.2", "shininess": "0.2"}
+    material = {"name": material_name(link, shown), "specular": "0.2", "shininess": "0.2"}
     if drawn.png:
         ET.SubElement(asset, "texture", name=f"{link.name}_texture", type="2d", file=drawn.png)
         material["texture"] = f"{link.name}_texture"
     else:
         material["rgba"] = numbers([*drawn.color, 1.0])
     ET.SubElement(asset, "material", material)
-    ET.SubElement(asset, "mesh", name=f"{link.name}_visual", file=drawn.obj, inertia="shell")
+    ET.SubElement(asset, "mesh", name=shown.name, file=drawn.obj, inertia="shell")
+    of_class = f"{kind}_visual" if shown.basis == "seen" else f"{kind}_{shown.basis}"
     ET.SubElement(
-        body, "geom", {"class": f"{kind}_visual"}, name=f"{link.name}_visual", mesh=f"{link.name}_visual",
-        material=f"{link.name}_material",
+        body, "geom", {"class": of_class}, name=shown.name, mesh=shown.name, material=material["name"]
     )  # fmt: skip
 
 
-def _collision(body: ET.Element, link: Link, kind: str, asset: ET.Element, files: dict[str, bytes]) -> None:
-    friction = numbers([link.friction, simulation.TORSIONAL, simulation.ROLLING])
-    for k, piece in enumerate(link.collision):
-        name = f"{link.name}_collision_{k}"
+def _friction(link: Link) -> str:
+    return numbers([link.friction, simulation.TORSIONAL, simulation.ROLLING])
+
+
+def _collision(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, files: dict[str, bytes]) -> None:
+    of_class = f"{_main_class(tree)}_collision"
+    usual = tree.whole and _friction(link) == _friction(tree.root)
+    touch = {} if usual else {"friction": _friction(link)}
+    for name, piece in link.shapes.items():
         if isinstance(piece, Mesh):
             files[f"{name}.obj"] = hull(piece)
             ET.SubElement(asset, "mesh", name=name, file=f"{name}.obj")
-            ET.SubElement(
-                body, "geom", {"class": f"{kind}_collision"}, name=name, type="mesh", mesh=name, friction=friction
-            )  # fmt: skip
+            ET.SubElement(body, "geom", {"class": of_class}, name=name, type="mesh", mesh=name, **touch)
         else:
             ET.SubElement(
-                body, "geom", {"class": f"{kind}_collision"}, name=name, type="box", size=numbers(piece.size / 2),
+                body, "geom", {"class": of_class}, name=name, type="box", size=numbers(piece.size / 2),
                 pos=numbers(piece.T_world_box[:3, 3]),
-                quat=numbers(geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3])), friction=friction,
+                quat=numbers(geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3])), **touch,
             )  # fmt: skip
+
+
+def _regions(body: ET.Element, link: Link, kind: str) -> None:
+    """Free space inside: a box site to place things in, and a site on its floor to put them down at."""
+    for region in link.regions:
+        pose, size = region.box.T_world_box, region.box.size
+        turn = numbers(geo.quat_wxyz_from_matrix(pose[:3, :3]))
+        ET.SubElement(
+            body, "site", {"class": f"{kind}_region"}, name=f"{region.name}_region", pos=numbers(pose[:3, 3]), quat=turn,
+            size=numbers(size / 2),
+        )  # fmt: skip
+        ET.SubElement(
+            body, "site", {"class": f"{kind}_grasp"}, name=f"{region.name}_spawn", pos=numbers(spawn(region))
+        )
+
+
+def _sensors(root: ET.Element, tree: Tree) -> None:
+    """State and speed of every joint."""
+    if tree.moving:
+        sensors = ET.SubElement(root, "sensor")
+        for joint in (k.joint for k in tree.moving if k.joint is not None):
+            ET.SubElement(sensors, "jointpos", name=f"{joint.name}_pos", joint=joint.name)
+            ET.SubElement(sensors, "jointvel", name=f"{joint.name}_vel", joint=joint.name)
+
+
+def _reasons(root: ET.Element, tree: Tree) -> None:
+    """Why each inferred piece is there, by the name of its geom."""
+    inferred = [v for k in tree.links for v in k.visuals if v.basis != "seen"]
+    if inferred:
+        custom = ET.SubElement(root, "custom")
+        for shown in inferred:
+            ET.SubElement(custom, "text", name=shown.name, data=f"{shown.basis}: {shown.reason}")
 
 
 def _excludes(root: ET.Element, tree: Tree) -> None:
@@ -191,7 +245,7 @@ def _azimuth(tree: Tree) -> float:
 
 def _scene(tree: Tree) -> ET.Element:
     """A floor below the model, light and sky around it."""
-    points = [k.visual.vertices for k in tree.links if len(k.visual.vertices)]
+    points = [k.drawn for k in tree.links if len(k.drawn)]
     low = points[0].min(axis=0) if points else np.zeros(3)
     high = points[0].max(axis=0) if points else np.ones(3)
     center, extent = (

@@ -37,8 +37,8 @@ def hull(mesh: Mesh) -> bytes:
     return _text(_rows("v {:.9f} {:.9f} {:.9f}", mesh.vertices + 0.0) + _rows("f {} {} {}", mesh.faces + 1))
 
 
-def textured(mesh: Mesh, name: str) -> Textured:
-    """The mesh as name.obj, name.mtl and, when it has colours, name.png."""
+def textured(mesh: Mesh, name: str, plain: tuple[float, float, float] | None = None) -> Textured:
+    """The mesh as name.obj, name.mtl and, when it has colours, name.png; plain: the colour (r, g, b) in 0..1 of one that has none."""
     dressed = dress(mesh)
     baked, normals, normal_index = dressed.baked, dressed.normals, dressed.corners
     faces = mesh.faces[baked.order]
@@ -54,7 +54,7 @@ def textured(mesh: Mesh, name: str) -> Textured:
         lines += _rows("f {}/{}/{} {}/{}/{} {}/{}/{}", corners)
     else:
         lines += _rows("f {}//{} {}//{} {}//{}", np.stack([vertex, normal], axis=2).reshape(len(faces), 6))
-    color = mean_color(mesh)
+    color = mean_color(mesh) if plain is None else plain
     kd = (1.0, 1.0, 1.0) if png else color
     mtl = [f"newmtl {name}", "Ka 0 0 0", "Kd {:.4f} {:.4f} {:.4f}".format(*kd), "Ks 0.1 0.1 0.1", "Ns 20"]
     mtl += [f"map_Kd {png}"] if png else []

@@ -11,7 +11,8 @@ from twin.collision.cache import ShapeCache
 from twin.collision.fit import Fit, fit_of
 from twin.collision.solid import Solid
 from twin.physics import read_materials, shell_inertial
-from twin.scene import Box, Mesh, Part, Twin
+from twin.report.sections import Table
+from twin.scene import Box, Collision, Mesh, Part, Twin
 
 _TOLD = 0.1  # share of the boards' area from which an unseen back is worth a warning
 
@@ -53,17 +54,36 @@ def collision_reports(
 ) -> list[ShapeReport]:
     """One report for every part that has shapes; seconds and thickness come from what `with_collision` kept in cache_dir."""
     cache = ShapeCache(cache_dir, asdict(CollisionConfig() if config is None else config))
-    return [_report(p, cache) for p in twin.parts if p.collision and len(p.mesh.faces)]
+    return [_report(p, cache) for p in twin.parts if shapes_of(p) and len(p.mesh.faces)]
+
+
+def shapes_of(part: Part) -> tuple[Collision, ...]:
+    """The collision shapes that are written of a part: those of its inferred layer where it has one."""
+    return part.collision if part.completion is None else part.completion.shapes
+
+
+def inferred_tables(twin: Twin) -> list[Table]:
+    """A row for every inferred piece, what it rests on and why it is there; no table where nothing is inferred."""
+    owners = [(twin.static.name, twin.static.completion), *((p.name, p.completion) for p in twin.parts)]
+    rows = [
+        [name, p.name, p.role, p.basis, p.reason]
+        for name, layer in owners
+        if layer is not None
+        for p in layer.pieces
+    ]
+    return [Table("inferred pieces", ["body", "piece", "role", "rests on", "why"], rows)] if rows else []
 
 
 def _report(part: Part, cache: ShapeCache) -> ShapeReport:
     solid = Solid.of_mesh(part.mesh)
     closed = bool(solid.closed) and not solid.open
-    fit = fit_of(part.collision, solid, None if closed else _slabs(part.mesh))
+    shapes = shapes_of(part)
+    fit = fit_of(shapes, solid, None if closed else _slabs(part.mesh))
     kept = cache.read(cache.key_of_mesh(part.mesh))
     told = kept[1] if kept is not None else {}
-    boxes = sum(isinstance(s, Box) for s in part.collision)
-    return ShapeReport(part.name, boxes, fit, closed, told.get("seconds"), _warning(part.name, told))
+    boxes = sum(isinstance(s, Box) for s in shapes)
+    warning = _warning(part.name, told) if part.completion is None else ""
+    return ShapeReport(part.name, boxes, fit, closed, told.get("seconds"), warning)
 
 
 def _slabs(mesh: Mesh) -> float | None:

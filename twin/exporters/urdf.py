@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -10,7 +11,7 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.exporters.asset import AssetInfo
-from twin.exporters.mjcf import remarks, write_xml
+from twin.exporters.mjcf import material_name, remarks, write_xml
 from twin.exporters.obj import hull, textured
 from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array
@@ -77,19 +78,20 @@ def _link(root: ET.Element, link: Link, folder: Path, links: Sequence[str]) -> N
         inertial, "inertia", ixx=numbers(i[0, 0]), ixy=numbers(i[0, 1]), ixz=numbers(i[0, 2]),
         iyy=numbers(i[1, 1]), iyz=numbers(i[1, 2]), izz=numbers(i[2, 2]),
     )  # fmt: skip
-    if len(link.visual.faces):
-        files = textured(link.visual, f"{link.name}_visual")
+    for shown in link.visuals:
+        files = textured(shown.mesh, shown.name, shown.color)
         for file, content in files.files.items():
             (folder / file).write_bytes(content)
-        visual = ET.SubElement(element, "visual", name=unused(f"{link.name}_visual", links))
+        if shown.basis != "seen":
+            element.append(ET.Comment(f" {shown.basis}: {re.sub('-{2,}', '-', shown.reason)} "))
+        visual = ET.SubElement(element, "visual", name=unused(shown.name, links))
         _origin(visual, np.eye(4))
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"{MESHES}{files.obj}")
-        material = ET.SubElement(visual, "material", name=f"{link.name}_material")
+        material = ET.SubElement(visual, "material", name=material_name(link, shown))
         # readers multiply the texture with this colour (PyBullet), or draw the mesh in it without any texture
         color = (1.0, 1.0, 1.0) if files.png else files.color
         ET.SubElement(material, "color", rgba=numbers([*color, 1.0]))
-    for k, piece in enumerate(link.collision):
-        name = f"{link.name}_collision_{k}"
+    for name, piece in link.shapes.items():
         collision = ET.SubElement(element, "collision", name=unused(name, links))
         if isinstance(piece, Mesh):
             (folder / f"{name}.obj").write_bytes(hull(piece))

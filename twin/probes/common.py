@@ -38,6 +38,14 @@ def bounds(points: ArrayLike, T: Array) -> list[list[float]]:
     return [world.min(axis=0).tolist(), world.max(axis=0).tolist()]
 
 
+def around(found: list[list[list[float]]]) -> list[list[float]] | None:
+    """Bounds (2, 3) of several, null of none."""
+    if not found:
+        return None
+    lows, highs = zip(*found, strict=True)
+    return [np.min(lows, axis=0).tolist(), np.max(highs, axis=0).tolist()]
+
+
 def tensor(rotation: Array, moments: ArrayLike) -> list[list[float]]:
     """World tensor of principal moments (3,) along the columns of a rotation, or of a full tensor (3, 3) in its axes."""
     inner = np.asarray(moments, dtype=np.float64)

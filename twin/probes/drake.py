@@ -14,7 +14,7 @@ from pydrake.multibody.tree import JointActuatorIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from .common import bounds, keep, pose, tensor
+from .common import around, bounds, keep, pose, tensor
 
 VERSION = version("drake")
 ACCURACY = 1e-7  # relative, of its error-controlled integrator
@@ -107,10 +107,13 @@ def _part(plant: Any, scene: Any, context: Any, joint: Any, name: str) -> dict[s
         if p is not None and p.HasProperty("material", "coulomb_friction")
     ]
     out["friction"] = [min(friction), max(friction)] if friction else None
+    found = []
     for g in shapes:
         hull = inspector.GetConvexHull(g)
         if inspector.GetIllustrationProperties(g) is not None and hull is not None:
             corners = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
             in_world = place.GetAsMatrix4() @ inspector.GetPoseInFrame(g).GetAsMatrix4()
-            out["bounds"] = bounds(corners, pose(in_world[:3, :3], in_world[:3, 3]))
+            found.append(bounds(corners, pose(in_world[:3, :3], in_world[:3, 3])))
+    if found:
+        out["bounds"] = around(found)
     return out

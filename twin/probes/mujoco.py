@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from .common import Array, bounds, keep, pose, tensor
+from .common import Array, around, bounds, keep, pose, tensor
 from .stiff import integrated
 
 VERSION = mujoco.__version__
@@ -65,14 +65,15 @@ def _part(model: Any, data: Any, b: int, j: int) -> dict[str, Any]:
 
 
 def _bounds(model: Any, data: Any, body: int) -> list[list[float]] | None:
-    """Bounds (2, 3) of the visual mesh in the world, null without one."""
+    """Bounds (2, 3) of the visual meshes in the world, null without one."""
+    found = []
     for g in range(model.ngeom):
         if model.geom_bodyid[g] == body and model.geom_contype[g] == 0 and model.geom_dataid[g] >= 0:
             mesh = model.mesh(int(model.geom_dataid[g]))
             start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
             vertices = model.mesh_vert[start : start + count]
-            return bounds(vertices, pose(data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g]))
-    return None
+            found.append(bounds(vertices, pose(data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g])))
+    return around(found)
 
 
 def _pose(data: Any, body: int) -> Array:

@@ -13,7 +13,7 @@ wp.config.log_level = wp.LOG_WARNING  # it would tell of every kernel that it lo
 wp.init()
 import newton  # noqa: E402  (after the setting)
 
-from .common import Array, bounds, keep, pose, rotation_xyzw, stepped, tensor, without_step_error  # noqa: E402
+from .common import Array, around, bounds, keep, pose, rotation_xyzw, stepped, tensor, without_step_error  # noqa: E402
 
 VERSION = version("newton")
 KINDS = {int(newton.JointType.REVOLUTE): "revolute", int(newton.JointType.PRISMATIC): "prismatic"}
@@ -108,15 +108,15 @@ def _part(model: Any, b: int, j: int, closed: Array) -> dict[str, Any]:
 
 
 def _bounds(model: Any, shown: list[int], place: Array) -> list[list[float]] | None:
-    """Bounds of the first shape that is shown and touches nothing, null without one."""
+    """Bounds of the shapes that are shown and touch nothing, null without one."""
+    found = []
     for k in shown:
         source = model.shape_source[k]
         if isinstance(source, newton.Mesh):
             scale = model.shape_scale.numpy()[k]
-            return bounds(
-                np.asarray(source.vertices) * scale, place @ _pose(model.shape_transform.numpy()[k])
-            )
-    return None
+            T = place @ _pose(model.shape_transform.numpy()[k])
+            found.append(bounds(np.asarray(source.vertices) * scale, T))
+    return around(found)
 
 
 def _simulate(model: Any, index: list[int], job: dict[str, Any], step: float) -> Array:

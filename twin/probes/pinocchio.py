@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from .common import Array, bounds, keep, pose, tensor
+from .common import Array, around, bounds, keep, pose, tensor
 from .stiff import integrated
 
 VERSION = pin.__version__
@@ -87,9 +87,13 @@ def _bounds(model: Any, path: Path, fmt: str, ids: dict[str, int], out: dict[str
         shapes = pin.buildGeomFromMJCF(model, str(path), visual)
     data = model.createData()
     pin.forwardKinematics(model, data, np.zeros(model.nq))
+    found: dict[str, list[list[list[float]]]] = {}
     for shape in shapes.geometryObjects:
         n = model.frames[shape.parentFrame].name
         if n in ids:
             vertices = np.array([shape.geometry.vertex(i) for i in range(shape.geometry.num_vertices)])
             place = data.oMi[ids[n]] * shape.placement
-            out[n]["bounds"] = bounds(vertices * shape.meshScale, pose(place.rotation, place.translation))
+            box = bounds(vertices * shape.meshScale, pose(place.rotation, place.translation))
+            found.setdefault(n, []).append(box)
+    for n, boxes in found.items():
+        out[n]["bounds"] = around(boxes)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yourdfpy
 
-from .common import bounds, tensor
+from .common import around, bounds, tensor
 
 VERSION = version("yourdfpy")
 
@@ -41,10 +41,13 @@ def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
             "inertia": tensor(place[:3, :3], inertial.inertia),
             "motion": [],
         }
+        found = []
         for shape, mesh in robot.scene.geometry.items():
             node, place = shape, robot.scene.graph.get(shape)[0]
             if robot.scene.graph.transforms.parents[node] == n:
-                out[n]["bounds"] = bounds(mesh.vertices, place)
+                found.append(bounds(mesh.vertices, place))
+        if found:
+            out[n]["bounds"] = around(found)
     for row in job["states"]:
         robot.update_cfg({f"{n}_joint": s for n, s in zip(parts, row, strict=True)})
         for n in parts:

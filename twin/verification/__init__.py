@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from twin.completion.asset import view_of
 from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath
 from twin.scene import Twin
@@ -46,7 +47,13 @@ def check(
             twin has no masses.
         MissingDependencyError: an engine's environment is not installed.
     """
-    return check_many([_inputs(source, exports)], engines)[0]
+    twin, files = _inputs(source, exports)
+    return check_many([(as_exported(twin, files), files)], engines)[0]
+
+
+def as_exported(twin: Twin, files: Mapping[str, Path]) -> Twin:
+    """The twin as files show it: with the inferred layer or without, with the room or without, in their frame."""
+    return view_of(files.values()).of(twin)
 
 
 def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:

@@ -13,7 +13,17 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Revolute, Twin
 from twin.verification.exceptions import unsupported
-from twin.verification.expected import STATES, Course, Dynamics, armatures, course, filled, motion, surface
+from twin.verification.expected import (
+    STATES,
+    Course,
+    Dynamics,
+    armatures,
+    course,
+    filled,
+    motion,
+    surface,
+    written,
+)
 from twin.verification.rows import CheckRow
 
 # Largest difference that passes: degrees; metres; metres or radians; relative; for the rollout relative to the way it goes or
@@ -190,12 +200,12 @@ def _values(truth: Truth, k: int) -> Iterator[tuple[str, Any]]:
         yield "pivot_m", joint.pivot
     yield from (("lower", joint.lower), ("upper", joint.upper))
     for name in ("damping", "frictionloss", "friction"):
-        if name != "friction" or part.collision:
+        if name != "friction" or part.collision or part.completion is not None:
             yield name, getattr(physics, name).value
     yield "armature", float(truth.armature[k])
     yield from (("mass", inertial.mass.value), ("com_m", inertial.com), ("inertia", inertial.inertia))
     if len(part.mesh.faces):
-        v = surface(part.mesh)
+        v = written(part)
         yield "mesh_bounds_m", np.stack([v.min(axis=0), v.max(axis=0)])
     yield "motion", truth.motion[k]
     yield "self_collision_m", 0.0

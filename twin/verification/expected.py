@@ -14,7 +14,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import Inertial, Mesh, PartPhysics, Revolute, Twin
+from twin.scene import Inertial, Mesh, Part, PartPhysics, Revolute, Twin
 
 GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2
 STATES = 11
@@ -75,6 +75,14 @@ def armatures(twin: Twin) -> Array:
             own = float(own * (arm @ arm) + joint.axis @ inertial.inertia @ joint.axis)
         out.append(0.01 * own)
     return np.array(out)
+
+
+def written(part: Part) -> Array:
+    """Vertices (n, 3) m of what is drawn of a part: its seen mesh, or what an inferred layer shows of that, and its pieces."""
+    layer = part.completion
+    if layer is None:
+        return surface(part.mesh)
+    return np.concatenate([surface(m) for m in (layer.shown, *(p.mesh for p in layer.pieces))])
 
 
 def surface(mesh: Mesh) -> Array:

@@ -13,7 +13,7 @@ from twin.report.sections import Table
 from twin.runs.stages import Progress
 from twin.scene import Twin
 from twin.validators import UsdVerdict, validate_usd
-from twin.verification import OURS, behaviour_tables, check, chosen_engines
+from twin.verification import OURS, as_exported, behaviour_tables, check, chosen_engines
 from twin.verification import tables as check_tables
 from twin.verification.behaviour import behave
 
@@ -47,7 +47,7 @@ def prove(
     if valid:
         interpreter(VALIDATORS)  # told before the engines take their time
     proofs = [_agreement(progress, twin, files, engines)] if engines else []
-    proofs.append(_behaviour(progress, twin, files))
+    proofs.append(_behaviour(progress, as_exported(twin, files), files))
     proofs.append(_contacts(twin))
     if valid:
         proofs.append(_validity(progress, files["usd"]))

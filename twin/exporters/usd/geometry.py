@@ -10,8 +10,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 
 from twin import geometry as geo
 from twin.exporters.obj import dress, mean_color
-from twin.exporters.tree import Link, Tree
-from twin.exporters.usd.layers import ints, link_path, new_layer, points, world_origins
+from twin.exporters.tree import Link, Tree, Visual
+from twin.exporters.usd.layers import ints, link_path, new_layer, points, vec, world_origins
 from twin.geometry import Array
 from twin.scene import Box, Mesh
 
@@ -25,9 +25,9 @@ def write_geometry(tree: Tree, payload: Path) -> None:
     ) as stage:
         UsdGeom.Scope.Define(stage, "/Geometry")
         for link in tree.links:
-            if len(link.visual.faces):
-                _visual(stage, f"/Geometry/{link.name}_visual", link.visual)
-            for name, piece in collision_names(link).items():
+            for shown in link.visuals:
+                _visual(stage, f"/Geometry/{shown.name}", shown)
+            for name, piece in link.shapes.items():
                 if isinstance(piece, Mesh):
                     _hull(stage, f"/Geometry/{name}", piece)
     origins = world_origins(tree)
@@ -37,19 +37,20 @@ def write_geometry(tree: Tree, payload: Path) -> None:
             _body(stage, tree, link, origins[link.name])
 
 
-def collision_names(link: Link) -> dict[str, Mesh | Box]:
-    """Prim names of a link's collision shapes."""
-    return {f"{link.name}_collision_{k}": piece for k, piece in enumerate(link.collision)}
-
-
 def _body(stage: Usd.Stage, tree: Tree, link: Link, origin: Array) -> None:
     path = link_path(tree, link.name)
     body = UsdGeom.Xform.Define(stage, path)
     body.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*map(float, origin)))
-    UsdSemantics.LabelsAPI.Apply(body.GetPrim(), "class").CreateLabelsAttr([link.name])
-    if len(link.visual.faces):
-        _refer(stage, f"{path}/{link.name}_visual")
-    for name, piece in collision_names(link).items():
+    UsdSemantics.LabelsAPI.Apply(body.GetPrim(), "class").CreateLabelsAttr(
+        [link.kind if tree.whole else link.name]
+    )
+    for shown in link.visuals:
+        _refer(stage, f"{path}/{shown.name}")
+        if shown.basis != "seen":
+            prim = stage.GetPrimAtPath(f"{path}/{shown.name}")
+            prim.SetCustomDataByKey("inferred", {"basis": shown.basis, "reason": shown.reason})
+            UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr([shown.role])
+    for name, piece in link.shapes.items():
         shape = f"{path}/{name}"
         if isinstance(piece, Mesh):
             _refer(stage, shape)
@@ -58,6 +59,11 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link, origin: Array) -> None:
         UsdGeom.Imageable(stage.GetPrimAtPath(shape)).CreatePurposeAttr(UsdGeom.Tokens.guide)
     if link.grasp is not None:
         _place(UsdGeom.Xform.Define(stage, f"{path}/{link.name}_grasp"), link.grasp)
+    for region in link.regions:
+        inside = UsdGeom.Xform.Define(stage, f"{path}/{region.name}_region")
+        _place(inside, region.box.T_world_box)
+        UsdSemantics.LabelsAPI.Apply(inside.GetPrim(), "class").CreateLabelsAttr(["interior"])
+        inside.GetPrim().SetCustomDataByKey("size", vec(region.box.size))
 
 
 def _refer(stage: Usd.Stage, path: str) -> None:
@@ -82,8 +88,9 @@ def _place(shape: UsdGeom.Xformable, pose: Array) -> None:
     shape.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
 
 
-def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
+def _visual(stage: Usd.Stage, path: str, shown: Visual) -> None:
     """A mesh with its colours twice: texture coordinates, and the display colours of its vertices."""
+    mesh = shown.mesh
     dressed = dress(mesh)
     baked, normals, corners = dressed.baked, dressed.normals, dressed.corners
     shape = _mesh(stage, path, mesh.vertices, mesh.faces[baked.order])
@@ -98,7 +105,8 @@ def _visual(stage: Usd.Stage, path: str, mesh: Mesh) -> None:
         table = np.concatenate([np.ones((1, 3)), (colors / 255.0) ** 2.2])
         where, index = "vertex", which.ravel() + 1
     else:
-        table, where, index = np.array([mean_color(mesh)]) ** 2.2, "constant", None
+        plain = mean_color(mesh) if shown.color is None else shown.color
+        table, where, index = np.array([plain]) ** 2.2, "constant", None
     _primvar(shape, "displayColor", Sdf.ValueTypeNames.Color3fArray, points(np.round(table, 4)), where, index)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
 from twin.exporters.obj import dress, encoded, mean_color
-from twin.exporters.tree import Link, Tree
+from twin.exporters.tree import Link, Tree, Visual
 from twin.exporters.usd.layers import link_path, material_path, new_layer, scope_path
 
 _LIBRARY = "MaterialsLibrary.usdc"
@@ -17,26 +17,30 @@ _UNKNOWN = "unknown"  # the material of a surface is not observed
 
 def write_looks(tree: Tree, payload: Path, textures: Path) -> None:
     """Write MaterialsLibrary.usdc and Materials.usda into `payload`, and an image per coloured link into `textures`."""
-    drawn = [k for k in tree.links if len(k.visual.faces)]
+    drawn = [(k, v, _look_name(k, v)) for k in tree.links for v in k.visuals]
     with new_layer(payload / _LIBRARY, "Materials", f"Looks of {tree.name}") as stage:
         UsdGeom.Scope.Define(stage, "/Materials")
-        for link in drawn:
-            _look(stage, f"/Materials/{link.name}_look", link, payload, textures)
+        for link, shown, name in drawn:
+            _look(stage, f"/Materials/{name}", link, shown, payload, textures)
     with new_layer(payload / "Materials.usda", tree.name, "Which look a shape is drawn with") as stage:
         stage.OverridePrim(f"/{tree.name}")
         UsdGeom.Scope.Define(stage, scope_path(tree, "Materials"))
-        for link in drawn:
-            name = f"{link.name}_look"
+        for link, shown, name in drawn:
             prim = stage.DefinePrim(material_path(tree, name))
             prim.GetReferences().AddReference(f"./{_LIBRARY}", f"/Materials/{name}")
-            shape = stage.OverridePrim(f"{link_path(tree, link.name)}/{link.name}_visual")
+            shape = stage.OverridePrim(f"{link_path(tree, link.name)}/{shown.name}")
             UsdShade.MaterialBindingAPI.Apply(shape).Bind(UsdShade.Material(prim))
 
 
-def _look(stage: Usd.Stage, path: str, link: Link, payload: Path, textures: Path) -> None:
-    """A rough surface with the link's texture (readers multiply it with the colour: white), else with its mean colour."""
-    image = dress(link.visual).baked.image
-    surface = define_surface(stage, path, mean_color(link.visual) if image is None else (1.0, 1.0, 1.0))
+def _look_name(link: Link, shown: Visual) -> str:
+    return f"{link.name if shown.basis == 'seen' else shown.name}_look"
+
+
+def _look(stage: Usd.Stage, path: str, link: Link, shown: Visual, payload: Path, textures: Path) -> None:
+    """A rough surface with the link's texture (readers multiply it with the colour: white), else with its plain or mean colour."""
+    image = dress(shown.mesh).baked.image
+    plain = mean_color(shown.mesh) if shown.color is None else shown.color
+    surface = define_surface(stage, path, plain if image is None else (1.0, 1.0, 1.0))
     if image is None:
         return
     textures.mkdir(exist_ok=True)

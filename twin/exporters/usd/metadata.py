@@ -17,7 +17,7 @@ from twin.verdict import Verdict
 def bounds(tree: Tree) -> Array | None:
     """Lowest and highest corner (2, 3) of what is drawn, in the world at state 0; None when nothing is."""
     origins = world_origins(tree)
-    shown = [k.visual.vertices + origins[k.name] for k in tree.links if len(k.visual.vertices)]
+    shown = [k.drawn + origins[k.name] for k in tree.links if len(k.drawn)]
     if not shown:
         return None
     return np.stack([np.min([p.min(0) for p in shown], 0), np.max([p.max(0) for p in shown], 0)])

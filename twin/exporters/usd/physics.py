@@ -9,7 +9,6 @@ from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from twin import geometry as geo
 from twin.exporters.tree import Link, Tree
-from twin.exporters.usd.geometry import collision_names
 from twin.exporters.usd.layers import joint_path, link_path, material_path, new_layer, quat, scope_path, vec
 from twin.exporters.usd.looks import define_surface
 from twin.geometry import Array
@@ -36,14 +35,14 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link) -> None:
     path = link_path(tree, link.name)
     body = stage.OverridePrim(path)
     UsdPhysics.RigidBodyAPI.Apply(body)
-    if link.parent is None:  # MuJoCo takes whatever is the root for a body
+    if link is tree.root:  # MuJoCo takes whatever is the root for a body
         UsdPhysics.ArticulationRootAPI.Apply(body)
-    else:  # hinges and runners are not modelled as contact
+    elif link.parent is not None:  # hinges and runners are not modelled as contact
         pairs = UsdPhysics.FilteredPairsAPI.Apply(body)
         pairs.CreateFilteredPairsRel().AddTarget(link_path(tree, link.parent))
     _mass(body, link)
     touch = _touch(stage, material_path(tree, f"{link.name}_contact"), link.friction)
-    for name, piece in collision_names(link).items():
+    for name, piece in link.shapes.items():
         shape = stage.OverridePrim(f"{path}/{name}")
         UsdPhysics.CollisionAPI.Apply(shape)
         if isinstance(piece, Mesh):

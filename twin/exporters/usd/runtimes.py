@@ -11,7 +11,6 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from twin.exporters.tree import Link, Tree, TreeJoint
-from twin.exporters.usd.geometry import collision_names
 from twin.exporters.usd.layers import joint_path, link_path, new_layer, points, scope_path
 from twin.exporters.usd.physics import degrees_per
 from twin.scene import Mesh
@@ -62,7 +61,7 @@ def _physx(stage: Usd.Stage, tree: Tree) -> None:
 
 def _newton(stage: Usd.Stage, tree: Tree) -> None:
     for link in tree.links:
-        for name, piece in collision_names(link).items():
+        for name, piece in link.shapes.items():
             if isinstance(piece, Mesh):
                 shape = stage.OverridePrim(f"{link_path(tree, link.name)}/{name}")
                 shape.AddAppliedSchema("NewtonMeshCollisionAPI")
@@ -88,10 +87,9 @@ def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
     """Groups (2 is shown, 3 is for collision shapes, 4 for sites), grasp sites and keyframes."""
     for link in tree.links:
         path = link_path(tree, link.name)
-        if len(link.visual.faces):
-            shape = stage.OverridePrim(f"{path}/{link.name}_visual")
-            _group(shape, "MjcImageableAPI", 2)
-        for name in collision_names(link):
+        for shown in link.visuals:
+            _group(stage.OverridePrim(f"{path}/{shown.name}"), "MjcImageableAPI", 2)
+        for name in link.shapes:
             _group(stage.OverridePrim(f"{path}/{name}"), "MjcCollisionAPI", 3)
         if link.grasp is not None:
             site = UsdGeom.Sphere.Define(stage, f"{path}/{link.name}_grasp/{link.name}_grasp_site")

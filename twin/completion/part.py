@@ -1,0 +1,76 @@
+"""The inferred layer of one moving part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import geometry as geo
+from twin.completion.board import Board
+from twin.completion.cloud import Cloud
+from twin.completion.frame import PartFrame
+from twin.completion.handle import Handle, find_handles
+from twin.completion.leaf import Leaf, find_leaf
+from twin.completion.shown import shown_surface, without_shreds
+from twin.completion.tray import Tray, find_tray
+from twin.geometry import Array
+from twin.inferred import PLAIN, Completion, Interior
+from twin.scene import Box, Mesh, Part
+
+_NEAR = 0.03  # m around a board within which seen vertices tell its colour
+
+
+def complete_part(
+    part: Part, frame: PartFrame | None, rear_limit: float | None
+) -> tuple[Completion, Leaf | None]:
+    """The inferred layer of a part, without collision shapes of what lies in no piece, and its front.
+
+    Args:
+        part: its seen mesh, joint and contact are read.
+        frame: of the part; None where it has no flat front, and then nothing is inferred.
+        rear_limit: where (m along out, negative) the furniture ends behind the front, None where that was not seen.
+    """
+    if frame is None:
+        return Completion(without_shreds(part.mesh)), None
+    cloud = Cloud.of(part.mesh, frame.T_world_frame)
+    leaf = find_leaf(cloud)
+    if leaf is None:
+        return Completion(without_shreds(part.mesh)), None
+    front = leaf.board("front" if frame.kind == "drawer" else "panel")
+    tray = find_tray(cloud, leaf, rear_limit) if frame.kind == "drawer" else None
+    boards = [front, *(tray.boards if tray is not None else ())]
+    boards = [front, *(b for b in boards[1:] if not b.contradicted(cloud))]
+    at = (
+        None
+        if part.contact is None
+        else geo.transform(geo.invert_pose(frame.T_world_frame), part.contact.point[None])[0]
+    )
+    handles = find_handles(cloud, leaf, frame.noise, at)
+    return _layer(part.mesh, frame, boards, handles, tray), leaf
+
+
+def _layer(
+    mesh: Mesh, frame: PartFrame, boards: Sequence[Board], handles: Sequence[Handle], tray: Tray | None
+) -> Completion:
+    T = frame.T_world_frame
+    blurred = [(h.low, h.high) for h in handles]
+    bars = [b for h in handles for b in h.boards]
+    pieces = [b.piece(T, color_near(mesh, b, T)) for b in (*boards, *bars)]
+    interiors = []
+    if tray is not None and np.all(tray.high - tray.low > 0.02):
+        middle = geo.make_pose(translation=(tray.low + tray.high) / 2)
+        interiors.append(Interior("inside", Box(T @ middle, tray.high - tray.low)))
+    return Completion(shown_surface(mesh, boards, T, blurred), tuple(pieces), (), tuple(interiors))
+
+
+def color_near(mesh: Mesh, board: Board, T_world_frame: Array) -> NDArray[np.uint8]:
+    """Median colour (3,) of the seen vertices around a board, of the whole mesh where none lies there."""
+    if mesh.colors is None or not len(mesh.colors):
+        return np.array(PLAIN, np.uint8)
+    local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
+    near = ((local > board.low - _NEAR) & (local < board.high + _NEAR)).all(axis=1)
+    return np.asarray(np.median(mesh.colors[near] if near.sum() > 10 else mesh.colors, axis=0)).astype(
+        np.uint8
+    )

@@ -1,0 +1,93 @@
+"""A twin in another world frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.inferred import Completion, Inferred, Interior
+from twin.scene import Box, Collision, ContactPath, Inertial, Mesh, Part, Twin
+
+
+def placed(twin: Twin, T_new_old: Array) -> Twin:
+    """Everything of a twin in a new world frame: meshes, joints with their uncertainty, masses, contacts, shapes, cameras.
+
+    T_new_old: (4, 4), level: z stays up.
+    """
+
+    def moved(part: Part) -> Part:
+        return replace(
+            part,
+            mesh=part.mesh.transformed(T_new_old),
+            joint=part.joint.transformed(T_new_old),
+            inertial=None if part.inertial is None else _inertial(part.inertial, T_new_old),
+            contact=None if part.contact is None else _contact(part.contact, T_new_old),
+            collision=_shapes(part.collision, T_new_old),
+            completion=None if part.completion is None else _completion(part.completion, T_new_old),
+        )
+
+    static = twin.static
+    return replace(
+        twin,
+        static=replace(
+            static,
+            mesh=static.mesh.transformed(T_new_old),
+            collision=_shapes(static.collision, T_new_old),
+            completion=None if static.completion is None else _completion(static.completion, T_new_old),
+        ),
+        parts=tuple(moved(p) for p in twin.parts),
+        cameras=None if twin.cameras is None else twin.cameras.transformed(T_new_old),
+    )
+
+
+def _shape(shape: Collision, T: Array) -> Collision:
+    return shape.transformed(T) if isinstance(shape, Mesh) else Box(_rigid(T @ shape.T_world_box), shape.size)
+
+
+def _shapes(shapes: tuple[Collision, ...], T: Array) -> tuple[Collision, ...]:
+    return tuple(_shape(s, T) for s in shapes)
+
+
+def _rigid(pose: Array) -> Array:
+    """The pose with its rotation orthonormal to the last digit, as products are not."""
+    u, _, v = np.linalg.svd(pose[:3, :3])
+    return geo.make_pose(u @ v, pose[:3, 3])
+
+
+def _completion(layer: Completion, T: Array) -> Completion:
+    def piece(p: Inferred) -> Inferred:
+        return replace(p, mesh=p.mesh.transformed(T), shapes=_shapes(p.shapes, T))
+
+    return Completion(
+        shown=layer.shown.transformed(T),
+        pieces=tuple(piece(p) for p in layer.pieces),
+        collision=_shapes(layer.collision, T),
+        interiors=tuple(
+            Interior(i.name, Box(_rigid(T @ i.box.T_world_box), i.box.size)) for i in layer.interiors
+        ),
+        room=None if layer.room is None else layer.room.transformed(T),
+        room_collision=_shapes(layer.room_collision, T),
+    )
+
+
+def _inertial(inertial: Inertial, T: Array) -> Inertial:
+    r = T[:3, :3]
+    tensor = r @ inertial.inertia @ r.T
+    box = None
+    if inertial.com_interval is not None:
+        low, high = inertial.com_interval
+        corners = np.array(
+            [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+        )
+        turned = geo.transform(T, corners)
+        box = np.stack([turned.min(axis=0), turned.max(axis=0)])
+    com = geo.transform(T, inertial.com[None])[0]
+    return replace(inertial, com=com, inertia=(tensor + tensor.T) / 2, com_interval=box)
+
+
+def _contact(contact: ContactPath, T: Array) -> ContactPath:
+    rotation = _rigid(geo.make_pose(T[:3, :3] @ contact.rotation))[:3, :3]
+    return replace(contact, point=geo.transform(T, contact.point[None])[0], rotation=rotation)

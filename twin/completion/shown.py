@@ -1,0 +1,90 @@
+"""What of a seen surface is drawn beside the boards: flat where a board's face is flat, without shreds and what a board stands in for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import geometry as geo
+from twin.completion.board import Board
+from twin.geometry import Array
+from twin.mesh import compact, vertex_pieces
+from twin.scene import Mesh
+
+_ON_FACE = 0.008  # m: seen surface this near a board's face is that face
+_BESIDE = 0.020  # m around a board within which a fused surface's ragged skirt lies
+_SKIRT = 0.030  # m that it hangs behind
+_LOOKS = float(np.cos(np.radians(40.0)))  # of a noisy face, from its board's
+_SHRED = 0.002  # share of the surface, and m^2, below which a loose piece is a shred
+_SHRED_AREA = 0.0015
+
+
+def shown_surface(
+    mesh: Mesh, boards: Sequence[Board], T_world_frame: Array, fitted: Sequence[tuple[Array, Array]] = ()
+) -> Mesh:
+    """Seen triangles that are drawn beside the boards.
+
+    A triangle on a board's face is put into its plane and ends where the board ends. One that merely surrounds a board, as a fused
+    surface's skirt does, and one in a box (low, high) of `fitted`, for which other pieces stand, is left out; so are shreds.
+    """
+    if not len(mesh.faces):
+        return mesh
+    local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
+    normals, _ = geo.triangle_normals(local[mesh.faces])
+    keep = np.ones(len(mesh.faces), bool)
+    moved = local.copy()
+    settled = np.zeros(len(mesh.faces), bool)
+    for board in boards:
+        on_board = np.zeros(len(mesh.faces), bool)
+        for axis in range(3):
+            for sign, plane in ((-1, board.low[axis]), (1, board.high[axis])):
+                on_face = _on_face(local, mesh.faces, normals, board, axis, sign, plane) & ~settled
+                _flatten(moved, np.unique(mesh.faces[on_face]), board, axis, plane)
+                on_board |= on_face
+        settled |= on_board
+    for board in boards:
+        low, high = board.low - _BESIDE, board.high + _BESIDE
+        low[2] -= _SKIRT - _BESIDE
+        around = ((local > low) & (local < high)).all(axis=1)
+        keep &= settled | ~np.asarray(around)[mesh.faces].all(axis=1)
+    for low, high in fitted:
+        inside = ((local > low - _ON_FACE) & (local < high + _ON_FACE)).all(axis=1)
+        keep &= settled | ~np.asarray(inside)[mesh.faces].any(axis=1)
+    return without_shreds(_subset(mesh, geo.transform(T_world_frame, moved), keep))
+
+
+def _on_face(
+    local: Array, faces: NDArray[Any], normals: Array, board: Board, axis: int, sign: int, plane: float
+) -> NDArray[np.bool_]:
+    """Which triangles (F,) lie on one face of a board and look its way."""
+    near = np.abs(local[:, axis] - plane) < min(_ON_FACE, 0.6 * float(board.size[axis]))
+    for k in range(3):
+        if k != axis:
+            near &= (local[:, k] > board.low[k] - _ON_FACE) & (local[:, k] < board.high[k] + _ON_FACE)
+    return np.asarray(near[faces].all(axis=1) & (sign * normals[:, axis] > _LOOKS))
+
+
+def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plane: float) -> None:
+    moved[vertices, axis] = plane
+    for k in range(3):
+        if k != axis:
+            moved[vertices, k] = np.clip(moved[vertices, k], board.low[k], board.high[k])
+
+
+def without_shreds(mesh: Mesh) -> Mesh:
+    """The mesh without loose pieces that are too small to be anything, and without faces that have no area."""
+    if not len(mesh.faces):
+        return mesh
+    area = geo.triangle_areas(mesh.vertices[mesh.faces])
+    piece = vertex_pieces(mesh.faces, len(mesh.vertices))[mesh.faces[:, 0]]
+    sizes = np.bincount(piece, weights=area)
+    least = min(_SHRED_AREA, _SHRED * float(area.sum()))
+    return _subset(mesh, mesh.vertices, (sizes[piece] >= least) & (area > 1e-10))
+
+
+def _subset(mesh: Mesh, vertices: Array, keep: NDArray[np.bool_]) -> Mesh:
+    used, faces = compact(mesh.faces[keep])
+    return Mesh(vertices[used], faces, None if mesh.colors is None else mesh.colors[used])

@@ -1,0 +1,189 @@
+"""The inferred layer of what stands still: the cabinets of the parts, boards behind the faces that were seen, and the room apart from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import geometry as geo
+from twin.collision.boards import BoardSearch, beyond, find_boards
+from twin.collision.convex import triangles_of
+from twin.completion.board import Board
+from twin.completion.carcass import Carcass, find_carcass
+from twin.completion.cloud import OUT, SIDE, UP, Cloud
+from twin.completion.handle import Handle, find_handles
+from twin.completion.leaf import Leaf
+from twin.completion.part import color_near
+from twin.completion.room import Apart, Bound, Front
+from twin.completion.shown import shown_surface, without_shreds
+from twin.completion.sweep import out_of_the_way
+from twin.geometry import Array
+from twin.inferred import Completion, Inferred, Interior
+from twin.mesh import compact
+from twin.scene import Box, Mesh, Part, Prismatic
+
+SEARCH = BoardSearch(deepest=0.045, thickness=0.012, cell=0.01, smallest=0.012, noise=0.004, most=24)
+_COPLANAR = 0.04  # m from the plane of a part's front within which other fronts lie
+_FRONT = 0.02  # m^2 of one
+_ALIGNED = float(np.cos(np.radians(8.0)))  # of a wall with a front
+_APART = 0.004  # m between a neighbour and the opening
+_SOLID = 0.05  # m: a neighbour that is less deep is left a board
+
+
+@dataclass(frozen=True, eq=False)
+class Opening:
+    """A front with the part that it belongs to, and the cabinet around it."""
+
+    part: Part
+    front: Front
+    carcass: Carcass
+
+
+def openings(
+    parts: Sequence[Part], fronts: Sequence[Front | None], mesh: Mesh, found: Apart
+) -> list[Opening]:
+    """The cabinets of the parts that have a flat front."""
+    out = []
+    furniture = subset(mesh, found.furniture)
+    for part, front in zip(parts, fronts, strict=True):
+        if front is None:
+            continue
+        cloud = Cloud.of(furniture, front.frame.T_world_frame)
+        corners = front.leaf.corners.copy()
+        if front.frame.kind == "sliding_door" and isinstance(part.joint, Prismatic):
+            way = front.frame.T_world_frame[:3, :2].T @ part.joint.axis * part.joint.upper
+            corners = np.stack(
+                [np.minimum(corners[0], corners[0] + way), np.maximum(corners[1], corners[1] + way)]
+            )
+        wall = wall_behind(front, found.bounds)
+        out.append(Opening(part, front, find_carcass(front, cloud, wall, corners, part.name)))
+    return out
+
+
+def wall_behind(front: Front, bounds: Sequence[Bound]) -> float | None:
+    """Where (m along out, negative) a wall or the floor lies behind a front; None where none was seen."""
+    T = front.frame.T_world_frame
+    found = [b.offset - float(b.normal @ T[:3, 3]) for b in bounds if b.normal @ T[:3, OUT] > _ALIGNED]
+    behind = [h for h in found if h < -0.05]
+    return max(behind) if behind else None
+
+
+def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: Array) -> Completion:
+    """The inferred layer of the static scene, without collision shapes of what lies in no piece.
+
+    Args:
+        mesh: its seen surface.
+        found: which of it is furniture.
+        opened: the cabinets of the parts.
+        swept: points (n, 3) that the parts pass.
+    """
+    furniture, room = subset(mesh, found.furniture), subset(mesh, ~found.furniture)
+    pieces: list[Inferred] = []
+    interiors: list[Interior] = []
+    shown, left = furniture, triangles_of(furniture)
+    for o in opened:
+        T = o.front.frame.T_world_frame
+        passed = geo.transform(geo.invert_pose(T), swept)
+        cloud = Cloud.of(furniture, T)
+        freed = [out_of_the_way(b, passed) for b in o.carcass.boards if not b.contradicted(cloud)]
+        boards = [b for b in freed if b is not None and b.real]
+        pieces += [b.piece(T, color_near(furniture, b, T)) for b in boards]
+        shown = shown_surface(shown, boards, T)
+        left = beyond(left, [b.box(T) for b in boards], 3 * SEARCH.noise)
+        if o.front.frame.kind != "drawer" and np.all(o.carcass.high - o.carcass.low > 0.05):
+            size = o.carcass.high - o.carcass.low
+            middle = geo.make_pose(translation=(o.carcass.low + o.carcass.high) / 2)
+            interiors.append(Interior(f"{o.part.name}_inside", Box(T @ middle, size)))
+    if opened:
+        more, shown = _panels(furniture, shown, left, opened, swept)
+        pieces += more
+    return Completion(without_shreds(shown), tuple(pieces), (), tuple(interiors), room)
+
+
+def _panels(
+    furniture: Mesh, shown: Mesh, left: Array, opened: Sequence[Opening], swept: Array
+) -> tuple[list[Inferred], Mesh]:
+    """Boards and solid neighbours behind the faces that belong to no cabinet of a part, and handles before them."""
+    first = opened[0]
+    T = first.front.frame.T_world_frame
+    passed = geo.transform(geo.invert_pose(T), swept)
+    boards, blurred, bars = [], [], []
+    cloud = Cloud.of(furniture, T)
+    for k, b in enumerate(find_boards(left, T[:3, :3], SEARCH)[0]):
+        board = _neighbour(_local(f"panel_{k + 1}", b.box, b.back, T), opened, cloud)
+        free = out_of_the_way(board, passed)
+        if free is None or not free.real or free.contradicted(cloud):
+            continue
+        boards.append(free)
+        if _is_front(free):
+            for h in _handles(free, cloud, f"panel_{k + 1}_handle"):
+                blurred.append((h.low, h.high))
+                bars += list(h.boards)
+    shown = shown_surface(shown, boards, T, blurred)
+    return [b.piece(T, color_near(furniture, b, T)) for b in (*boards, *bars)], shown
+
+
+def _local(name: str, box: Box, back: str, T_world_frame: Array) -> Board:
+    """A box that lies along the frame's axes, as a board in it."""
+    corners = geo.transform(geo.invert_pose(T_world_frame), box.corners)
+    told = {"seen": "both faces seen", "edge": "face and edges seen"}.get(
+        back, "face seen, as thick as boards are at least"
+    )
+    basis = "assumed" if back == "table" else "evidence"
+    return Board(name, "panel", corners.min(axis=0), corners.max(axis=0), basis, f"furniture: {told}")  # type: ignore[arg-type]
+
+
+def _is_front(board: Board) -> bool:
+    size = board.size
+    return bool(
+        abs(board.high[OUT]) < _COPLANAR
+        and size[SIDE] * size[UP] > _FRONT
+        and size[SIDE] > 0.08
+        and size[UP] > 0.08
+    )
+
+
+def _neighbour(board: Board, opened: Sequence[Opening], cloud: Cloud) -> Board:
+    """A front beside those of the parts stands for its whole cabinet, as deep as theirs, which nobody saw from inside."""
+    rear = max(o.carcass.low[OUT] for o in opened)
+    if not _is_front(board) or board.high[OUT] - rear < _SOLID:
+        return board
+    low = board.low.copy()
+    low[OUT] = rear
+    solid = replace(
+        board,
+        low=low,
+        role="neighbour",
+        basis="assumed",
+        reason="furniture: front seen, as deep as the cabinet beside it",
+    )
+    return board if solid.contradicted(cloud) or any(_meets(solid, o, opened[0]) for o in opened) else solid
+
+
+def _meets(solid: Board, o: Opening, first: Opening) -> bool:
+    """Whether a solid in the first front's frame reaches into the inside of a cabinet."""
+    to_first = geo.invert_pose(first.front.frame.T_world_frame) @ o.front.frame.T_world_frame
+    corners = geo.transform(to_first, np.array([o.carcass.low, o.carcass.high]))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return bool(np.all(np.minimum(high, solid.high) - np.maximum(low, solid.low) > _APART))
+
+
+def _handles(board: Board, cloud: Cloud, name: str) -> list[Handle]:
+    """Handles before a front that stands still."""
+    leaf = Leaf(np.stack([board.low[:2], board.high[:2]]), float(board.size[OUT]), "evidence", "")
+    lifted = Cloud(cloud.points - np.array([0.0, 0.0, board.high[OUT]]), cloud.normals, cloud.area)
+    found = find_handles(lifted, leaf, 0.004, None, name)
+    up = np.array([0.0, 0.0, board.high[OUT]])
+    return [
+        Handle(tuple(replace(b, low=b.low + up, high=b.high + up) for b in h.boards), h.low + up, h.high + up)
+        for h in found
+    ]
+
+
+def subset(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
+    """Some triangles of a mesh, with the vertices that these use."""
+    used, faces = compact(mesh.faces[keep])
+    return Mesh(mesh.vertices[used], faces, None if mesh.colors is None else mesh.colors[used])

@@ -1,0 +1,54 @@
+"""Where moving parts go: what is inferred of the furniture must leave that free, as the recording shows that they move there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from twin import geometry as geo
+from twin.collision.clearance import sweep_states
+from twin.completion.board import Board
+from twin.geometry import Array
+from twin.inferred import Inferred
+from twin.scene import Part
+
+_SPACING = 0.012  # m between points on a part's boards
+_STEP = 0.015  # m that no point moves farther between two states
+_INTO = 0.004  # m into a board that a part may come: noise of both
+_WORTH = 0.5  # share of a board that must be left of it
+
+
+def swept_points(part: Part, pieces: Sequence[Inferred]) -> Array:
+    """Points (n, 3) m of a part's inferred pieces and of its seen surface over its whole range, in the world."""
+    from twin.collision.solid import spread
+
+    clouds = [part.mesh.vertices]
+    for piece in pieces:
+        corners = piece.mesh.vertices[piece.mesh.faces]
+        clouds.append(spread(corners, piece.mesh.area / _SPACING**2)[0])
+    points = np.concatenate(clouds)
+    return np.concatenate([geo.transform(part.joint.pose(s), points) for s in sweep_states(part, _STEP)])
+
+
+def out_of_the_way(board: Board, swept: Array) -> Board | None:
+    """The board, or the largest part of it that is free of points (n, 3) in its frame; None where too little would be left."""
+    hit = swept[np.all((swept > board.low + _INTO) & (swept < board.high - _INTO), axis=1)]
+    if not len(hit):
+        return board
+    best: tuple[float, Array, Array] | None = None
+    for axis in range(3):
+        for high in (False, True):
+            low_, high_ = board.low.copy(), board.high.copy()
+            if high:
+                high_[axis] = hit[:, axis].min() - _INTO
+            else:
+                low_[axis] = hit[:, axis].max() + _INTO
+            share = float((high_[axis] - low_[axis]) / board.size[axis])
+            if share > _WORTH and (best is None or share > best[0]):
+                best = share, low_, high_
+    if best is None:
+        return None
+    return Board(
+        board.name, board.role, best[1], best[2], board.basis, f"{board.reason}, up to where the part moves"
+    )

@@ -1,0 +1,203 @@
+"""What a drawer has behind its front: floor, sides and back, from what was seen of them when it was open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.completion.board import Board
+from twin.completion.cloud import OUT, SIDE, UP, Cloud, Layer, layers, outline
+from twin.completion.leaf import BENT, Leaf
+from twin.geometry import Array
+from twin.inferred import Basis
+
+WALL = 0.012  # m, side of a drawer; FLOOR as well: both as usual, used where no camera saw the other face
+FLOOR = 0.010
+DEPTH = 0.45  # m, usual depth of a drawer, where neither its rear nor the furniture's was seen
+_ASIDE = 0.03  # m from the front's edge to a drawer's side, with its runner, where no side was seen
+_RAISED = 0.025  # m from the front's lower edge to the floor, where no floor was seen
+_HEIGHT = 0.6  # share of the front's height that sides have, where none was seen
+_LEAST = 0.0015  # m^2 of a layer
+_REAL = 0.25  # share of the largest layer that a lower one needs to be the floor: contents lie above it
+_REAR = 0.10  # m: a wall that faces the viewer nearer to the front is none of the back
+_THICKEST = 0.03  # m of a side
+_BELOW_RIM = 0.04  # m
+_SHORTEST = 0.03  # m of a drawer's side
+_APART = 0.02  # m that a drawer keeps from the back of its cabinet
+
+
+@dataclass(frozen=True, eq=False)
+class Tray:
+    """Boards behind a drawer's front, and its inside from corner low (3,) to high (3,) in the part's frame."""
+
+    boards: tuple[Board, ...]
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Wall:
+    """One side: where its inner face is (m along side), how thick it is, whether it was seen and how far back (m along out)."""
+
+    inner: float
+    thickness: float
+    seen: bool
+    rear: float
+    top: float | None
+    told: str
+
+
+def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
+    """The tray of a drawer.
+
+    Args:
+        cloud: the part's surface in its frame.
+        leaf: its front.
+        rear_limit: where (m along out, negative) the furniture ends behind, None where that was not seen.
+    """
+    front = -leaf.thickness
+    margin = np.array([0.02, 0.02])
+    low = np.array([*(leaf.corners[0] - margin), -1.2])
+    high = np.array([*(leaf.corners[1] + margin), front - 0.006])
+    behind = cloud.where(cloud.within(low, high))
+    floor = _floor(behind, float(leaf.corners[1, 1]) - _BELOW_RIM)
+    left, right = _sides(behind, leaf, floor)
+    backs = [k for k in layers(behind, OUT, 1, _LEAST) if k.offset < -_REAR] if len(behind) else []
+    seen = [w.rear for w in (left, right) if w.seen] + ([_end(floor, OUT)] if floor is not None else [])
+    rear_seen = min(seen, default=front)
+    if backs:
+        rear, rear_basis, told = min(k.offset for k in backs[:1]), "evidence", "inner face seen"
+    else:
+        limit = -DEPTH if rear_limit is None else min(rear_limit + _APART, front - 0.1)
+        rear, rear_basis = min(rear_seen, limit), "assumed"
+        told = "nothing bounds it" if rear_limit is None else "no farther than its cabinet is deep"
+    bottom = leaf.corners[0, 1] + _RAISED if floor is None else floor.offset
+    tops = [w.top for w in (left, right) if w.top is not None]
+    top = float(np.median(tops)) if tops else bottom + _HEIGHT * float(leaf.size[1])
+    top = float(np.clip(top, bottom + _SHORTEST, max(leaf.corners[1, 1], bottom + _SHORTEST)))
+    inside = np.array([left.inner, bottom, rear]), np.array([right.inner, top, front])
+    boards = _boards(inside, (left, right), floor, rear_seen, rear_basis, told)  # type: ignore[arg-type]
+    return Tray(tuple(b for b in boards if b.real), *inside)
+
+
+def _floor(behind: Cloud, below: float) -> Layer | None:
+    """The lowest of the large layers that face up and lie `below` (m): above them the skirt of the front's rim does as well."""
+    found = [k for k in layers(behind, UP, 1, _LEAST) if k.offset < below] if len(behind) else []
+    large = [k for k in found if k.cloud.size > _REAL * found[0].cloud.size]
+    return min(large, key=lambda k: k.offset) if large else None
+
+
+def _sides(behind: Cloud, leaf: Leaf, floor: Layer | None) -> tuple[_Wall, _Wall]:
+    middle = float(leaf.corners[:, 0].mean())
+    walls = [_side(behind, s, middle) for s in (-1, 1)]
+    found = [w for w in walls if w is not None]
+    out = []
+    for s, wall in zip((-1, 1), walls, strict=True):
+        if wall is not None:
+            out.append(wall)
+            continue
+        if found:
+            place, told = 2 * middle - found[0].inner, "not seen, as far out as the other"
+        elif floor is not None:
+            corners = outline(floor.cloud.points[:, [SIDE, OUT]])
+            ends = floor.cloud.points[:, SIDE]
+            place = float(
+                (corners[0, 0], corners[1, 0])[s > 0]
+                if corners is not None
+                else np.quantile(ends, 0.5 + 0.48 * s)
+            )
+            place += s * BENT
+            told = "not seen, at the floor's end"
+        else:
+            place, told = (
+                float(leaf.corners[(s + 1) // 2, 0]) - s * _ASIDE,
+                "not seen, inside the front's edge",
+            )
+        out.append(_Wall(place, WALL, False, 0.0, None, told))
+    left, right = out
+    return left, right
+
+
+def _side(behind: Cloud, s: int, middle: float) -> _Wall | None:
+    """The side on the left (-1) or right (1): its inner face looks to the middle."""
+    faces = [k for k in layers(behind, SIDE, -s, _LEAST) if s * (k.offset - middle) > 0.04]
+    if not faces:
+        return None
+    face = faces[0]
+    points = face.cloud.points
+    outer = [
+        k.offset
+        for k in layers(behind, SIDE, s, _LEAST / 3)
+        if 0.003 < s * (k.offset - face.offset) < _THICKEST
+    ]
+    top, rear = (
+        float(np.quantile(points[:, UP], 0.95)) + BENT,
+        float(np.quantile(points[:, OUT], 0.03)) - BENT,
+    )
+    thickness, told = WALL, f"inner face seen, {1000 * WALL:.0f} mm thick as usual"
+    rim = behind.facing(UP, 1) & (np.abs(behind.points[:, UP] - top) < 0.02)
+    beyond = s * (behind.points[rim, SIDE] - face.offset)
+    beyond = beyond[(beyond > -0.003) & (beyond < _THICKEST)]
+    if outer:
+        thickness = abs(outer[0] - face.offset)
+        told = f"both faces seen, {1000 * thickness:.0f} mm thick"
+    elif len(beyond) * behind.area > _LEAST / 3:
+        thickness = float(np.clip(2 * np.median(beyond), 0.006, _THICKEST))
+        told = f"inner face and top seen, {1000 * thickness:.0f} mm thick"
+    return _Wall(face.offset, thickness, True, rear, top, told)
+
+
+def _end(layer: Layer, axis: int) -> float:
+    return float(np.quantile(layer.cloud.points[:, axis], 0.02)) - BENT
+
+
+def _boards(
+    inside: tuple[Array, Array],
+    walls: tuple[_Wall, _Wall],
+    floor: Layer | None,
+    rear_seen: float,
+    rear_basis: Basis,
+    rear_told: str,
+) -> list[Board]:
+    low, high = inside
+    (left, right), rear, front = walls, float(low[2]), float(high[2])
+    outer = np.array([left.inner - left.thickness, right.inner + right.thickness])
+    known = rear if rear_basis == "evidence" else max(rear, rear_seen)
+    spans: list[tuple[str, float, float, bool]] = [("", known, front, True)]
+    if rear < known - 0.005:
+        spans.append(("_rear", rear, known, False))
+    boards = []
+    depth = f"seen {100 * (front - rear_seen):.0f} cm behind the front" if rear_seen < front else "not seen"
+    for suffix, a, b, bounded in spans:
+        if b - a < 0.005:
+            continue
+        told = depth if bounded else f"continued to the rear, {rear_told}"
+        basis: Basis = "evidence" if bounded and floor is not None else "assumed"
+        floor_low, floor_high = [outer[0], low[1] - FLOOR, a], [outer[1], low[1], b]
+        boards.append(
+            Board(
+                f"floor{suffix}", "floor", np.array(floor_low), np.array(floor_high), basis, f"floor: {told}"
+            )
+        )
+        for wall, name, x in (
+            (left, "left_side", (outer[0], left.inner)),
+            (right, "right_side", (right.inner, outer[1])),
+        ):
+            basis = "evidence" if bounded and wall.seen else "assumed"
+            reason = f"side: {wall.told}" if bounded else f"side: {told}"
+            boards.append(
+                Board(
+                    f"{name}{suffix}",
+                    "side",
+                    np.array([x[0], low[1], a]),
+                    np.array([x[1], high[1], b]),
+                    basis,
+                    reason,
+                )
+            )
+    back_low, back_high = [outer[0], low[1] - FLOOR, rear - WALL], [outer[1], high[1], rear]
+    boards.append(
+        Board("back", "back", np.array(back_low), np.array(back_high), rear_basis, f"back: {rear_told}")
+    )
+    return boards
