@@ -65,8 +65,8 @@ class Asset:
     geoms: tuple[Geom, ...]
 
     def visuals(self, owner: str) -> list[Geom]:
-        """What is drawn of a part, or of STATIC with the room, where it is kept."""
-        return [g for g in self.geoms if g.owner == owner and g.visual]
+        """What is drawn of a part, or of STATIC without the room."""
+        return [g for g in self.geoms if g.owner == owner and g.visual and not g.room]
 
     def colliders(self, owner: str) -> list[Geom]:
         """What collides of a part, or of STATIC without the room."""

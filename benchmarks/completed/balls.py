@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy.ndimage import label
 
-from benchmarks.complete.asset import Asset
+from benchmarks.completed.asset import Asset
 from recon.evaluation.truth import TruthPart
 from recon.simulate.ray_caster import Caster
 from twin import geometry as geo

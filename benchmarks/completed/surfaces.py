@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.complete.asset import Geom, merged
+from benchmarks.completed.asset import Geom, merged
 from recon.evaluation.metrics import Surface
 from recon.evaluation.truth import TruthPart
 from twin import geometry as geo

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.complete.asset import Asset, merged
+from benchmarks.completed.asset import Asset, merged
 from recon.evaluation.truth import NOTHING, TruthPart
 from recon.simulate.ray_caster import Caster
 from twin import geometry as geo
@@ -65,7 +65,7 @@ def see_through(
         NOTHING if carcass is None else carcass,
         static,
         merged(g.mesh for g in asset.visuals(name)),
-        merged(g.mesh for g in asset.geoms if g.visual and g.owner != name),
+        merged(g.mesh for g in asset.geoms if g.visual and g.owner != name and not g.room),
     )
     target = np.concatenate([body.vertices, np.zeros((0, 3)) if carcass is None else carcass.vertices])
     counts = sum(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.complete.asset import Geom, merged
+from benchmarks.completed.asset import Geom, merged
 from recon.evaluation.truth import TruthPart
 from recon.simulate.ray_caster import Caster
 from twin import geometry as geo

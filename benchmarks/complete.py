@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks import sealing
-from benchmarks.complete.counts import counts
-from benchmarks.complete.judge import judge, missed
-from benchmarks.complete.page import rates, table, write_section
+from benchmarks.completed.counts import counts
+from benchmarks.completed.judge import judge, missed
+from benchmarks.completed.page import rates, table, write_section
 from benchmarks.sealing import ROOT
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import sealed_set

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.complete import counts as bars
+from benchmarks.completed import counts as bars
 from benchmarks.unseen_page import rate
 
 HEAD = """# Completed assets against the simulator's truth

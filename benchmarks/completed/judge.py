@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.complete.asset import STATIC, Asset, load_asset
-from benchmarks.complete.balls import balls_kept, opens_far
-from benchmarks.complete.handle import Bar, section, true_bar
-from benchmarks.complete.sight import front_of, see_through
-from benchmarks.complete.surfaces import (
+from benchmarks.completed.asset import STATIC, Asset, load_asset
+from benchmarks.completed.balls import balls_kept, opens_far
+from benchmarks.completed.handle import Bar, section, true_bar
+from benchmarks.completed.sight import front_of, see_through
+from benchmarks.completed.surfaces import (
     REAR_SHARE,
     SIDE_SHARE,
     both_faces_seen,
@@ -62,7 +62,7 @@ def judge(run: Path, truth_folder: Path) -> dict[str, Any]:
         out = known.told() | {"found": i in pairs, "carcass": known.carcass_covered(asset)}
         parts.append(out | _measured(asset, twin.parts[pairs[i]], known) if i in pairs else out)
     static = _layer(asset, STATIC, twin.static.completion, truth.static)
-    return {"recording": truth.folder.parent.name, "parts": parts, "static": static}
+    return {"recording": _name(truth), "parts": parts, "static": static}
 
 
 def missed(truth_folder: Path) -> dict[str, Any]:
@@ -72,7 +72,13 @@ def missed(truth_folder: Path) -> dict[str, Any]:
         known.told() | {"found": False, "carcass": None if known.carcass is None else 0.0}
         for known in _known(truth)
     ]
-    return {"recording": truth.folder.parent.name, "parts": parts, "static": None}
+    return {"recording": _name(truth), "parts": parts, "static": None}
+
+
+def _name(truth: Truth) -> str:
+    """Name of the recording around a truth; of the folder around that where it is just called a recording."""
+    place = truth.folder.resolve().parent
+    return place.parent.name if place.name == "recording" else place.name
 
 
 def _simulated(folder: Path) -> Truth:
