@@ -25,6 +25,9 @@ from twin.scene import Prismatic
 from twin.storage import save
 
 T = world_from_cabinet()
+_PLACE = geo.make_pose(
+    geo.exp_so3([0.1, -0.2, 0.3]), [0.2, -0.1, 0.3]
+)  # of the parts' bodies: no frame of their own is the world's
 TWIN = cabinet_twin(T)
 BODIES = {"static": carcass_boards(), "door": door_boards(), "drawer": drawer_boards()}
 FLOOR, LEFT, RIGHT, BACK, BAR = (drawer_boards()[k] for k in range(1, 6))
@@ -54,15 +57,17 @@ def write_run(
     static = spec.worldbody.add_body(name="static")
     shown = {name: drawn(boards) for name, boards in BODIES.items()} | dict(bodies or {})
     for name, geoms in shown.items():
-        body = static if name == "static" else static.add_body(name=name)
-        if name != "static":
-            _add_joint(body, name, T_asset)
+        part = name not in ("static", "room")
+        place = _PLACE if part else np.eye(4)
+        body = static if name == "static" else static.add_body(name=name, pos=place[:3, 3], quat=_quat(place))
+        if part:
+            _add_joint(body, name, geo.invert_pose(place) @ T_asset)
         for g in geoms:
-            box = g.board.box(T_asset @ T)
+            box = g.board.box(geo.invert_pose(place) @ T_asset @ T)
             visual = not g.name.startswith(("collision", "handle_collision"))
             body.add_geom(
                 name=f"{name}_{g.name}", type=mujoco.mjtGeom.mjGEOM_BOX, size=box.size / 2, pos=box.T_world_box[:3, 3],
-                quat=geo.quat_wxyz_from_matrix(box.T_world_box[:3, :3]), group=2 if visual else 3,
+                quat=_quat(box.T_world_box), group=2 if visual else 3,
                 contype=0 if visual else 1, conaffinity=0 if visual else 1,
             )  # fmt: skip
         if not geoms:
@@ -74,6 +79,10 @@ def write_run(
     spec.compile()
     path.write_text(spec.to_xml())
     return run
+
+
+def _quat(pose: Array) -> Array:
+    return geo.quat_wxyz_from_matrix(pose[:3, :3])
 
 
 def _add_joint(body: mujoco.MjsBody, name: str, T_asset: Array) -> None:

@@ -13,14 +13,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from benchmarks import complete, sealing
 from benchmarks.completed import asset as assets
 from benchmarks.completed import sight
-from benchmarks.completed.asset import STATIC, Asset, load_asset
-from benchmarks.completed.balls import balls_kept, inside_of, opens_far
+from benchmarks.completed.asset import STATIC, Asset, load_asset, merged
+from benchmarks.completed.balls import balls_kept, dropped, inside_of, opens_far
 from benchmarks.completed.counts import counts
 from benchmarks.completed.handle import section, true_bar
 from benchmarks.completed.judge import judge, missed
@@ -214,6 +215,52 @@ def test_one_sees_through_a_removed_side_and_into_it(truth: Truth, tmp_path: Pat
     assert one.deeper > one.through
 
 
+def test_a_ray_counts_only_where_nothing_stands_before_the_furniture(truth: Truth, tmp_path: Path) -> None:
+    asset, part = spoilt(tmp_path), truth.parts[1]
+    screen = Board((-2.0, -0.8, -2.0), (2.0, -0.7, 3.0)).box(T)
+    behind = mesh_of([screen])
+    assert see_through(asset, "drawer", part, CARCASS, merged([CARCASS, behind]), -T[:3, 1]) is None
+
+
+def test_a_kept_room_is_no_furniture(truth: Truth, tmp_path: Path) -> None:
+    """It neither covers a missing board, nor hides that one sees through, nor counts as shapes."""
+    left, right = BODIES["static"][:2]
+    wall = Board((-3.0, 0.5, -2.0), (3.0, 0.6, 3.0))
+    bodies = {**without("static", left, right), "room": drawn([wall, left])}
+    kept, dropped_ = (
+        spoilt(tmp_path / "kept", bodies),
+        spoilt(tmp_path / "dropped", without("static", left, right)),
+    )
+    assert looked_at(kept, truth, 1) == looked_at(dropped_, truth, 1)
+    assert covered(CARCASS, kept.visuals(STATIC)) == covered(CARCASS, dropped_.visuals(STATIC)) < 1.0
+    assert len(kept.colliders(STATIC)) == len(BODIES["static"]) - 2
+
+
+def test_the_asset_is_brought_to_the_truth(tmp_path: Path) -> None:
+    there = geo.make_pose(geo.exp_so3([0.3, -0.2, 1.0]), [1.0, 2.0, 3.0])
+    asset = load_asset(write_run(tmp_path), TWIN, there)
+    shown = merged(g.mesh for g in asset.visuals(STATIC))
+    np.testing.assert_allclose(
+        shown.area_centroid, geo.transform(there, CARCASS.area_centroid[None])[0], atol=1e-6
+    )
+    turned = there @ TWIN.part("door").joint.pose(0.7) @ geo.invert_pose(there)
+    np.testing.assert_allclose(asset.moved("door", 0.7), turned, atol=1e-6)
+
+
+def test_an_opened_drawer_is_held_while_balls_roll(tmp_path: Path) -> None:
+    """Under a pull that would shut it, the balls come to rest at the back of the drawer as it stands open."""
+    asset = spoilt(tmp_path)
+    pull = T[:3, :3] @ np.array([0.0, 5.0, -8.0])
+    spec = mujoco.MjSpec.from_file(str(asset.path))
+    spec.option.gravity = pull
+    spec.compile()
+    asset.path.write_text(spec.to_xml())
+    state, back = 0.30, BODIES["drawer"][4].low[1]
+    start = geo.transform(T, np.array([[x, -0.1, 0.70] for x in (-0.1, 0.0, 0.1)]))
+    end = geo.transform(geo.invert_pose(T), dropped(asset.path, asset.joint("drawer"), state, start))
+    np.testing.assert_allclose(end[:, 1], back - state - 0.02, atol=0.003)
+
+
 def test_an_outline_that_is_a_little_off_is_seen_through_only_at_the_rim(
     truth: Truth, tmp_path: Path
 ) -> None:
@@ -353,6 +400,8 @@ def test_what_was_seen_is_told_by_its_points(truth: Truth) -> None:
     door, drawer = truth.parts
     rear = drawer.closed_mesh.vertices @ drawer.joint.axis
     back = drawer.closed_mesh.vertices[rear < rear.min() + 0.012]
+    along = rear.min() + np.arange(0.0, 0.4, 0.001)[:, None] * 1.0
+    assert rear_share(drawer, along * drawer.joint.axis) == pytest.approx(0.03 / 0.4, abs=0.003)
     others = drawer.closed_mesh.vertices[rear > rear.max() - 0.05]
     assert rear_share(drawer, np.concatenate([back, others])) == pytest.approx(
         len(back) / (len(back) + len(others))
@@ -385,6 +434,48 @@ def test_a_part_that_was_not_found_is_charged(truth: Truth) -> None:
     assert found["found"] == found["full"] == found["handle right"] == found["drawers that hold all"] == 0
     assert "not found" in table([judged])
     assert [p["carcass"] for p in judged["parts"]] == [0.0, 0.0]
+
+
+def test_a_handle_is_right_where_it_is_drawn_and_touched_so_and_else_may_say_that_it_is_assumed(
+    truth: Truth,
+) -> None:
+    door = missed(truth.folder)["parts"][0]
+    layer = {"inferred": {}, "pieces": 2, "open pieces": ["a"], "shapes": 25, "open shapes": []}
+    whole = {
+        "full": 0.8,
+        "full, seen layer": 0.4,
+        "outside p95, mm": 7.0,
+        "volume ratio": 1.2,
+        "sight": None,
+        "balls": None,
+    }
+    part = {**door, **layer, **whole, "found": True, "rear seen": True, "both faces seen": True}
+
+    def told(visual: float, collider: float, gap: float, assumed: bool) -> dict[str, int]:
+        handle = {"true": 0.012, "visual": visual, "collider": collider, "gap": gap}
+        one = {**part, "handle": handle, "handle assumed": assumed}
+        return dict(counts({"parts": [one], "static": None}))
+
+    names = ("handle right", "handle right or assumed", "handle wrong but assumed", "gap free")
+    right, thick, marked = (
+        told(0.015, 0.009, 0.7, False),
+        told(0.012, 0.017, 0.69, False),
+        told(0.017, 0.012, 0.69, True),
+    )
+    assert [right.get(n, 0) for n in names] == [1, 1, 0, 1]
+    assert [thick.get(n, 0) for n in names] == [0, 0, 0, 0]
+    assert [marked.get(n, 0) for n in names] == [0, 1, 1, 0]
+    bars = (
+        "full",
+        "full, rear seen",
+        "few shapes",
+        "outside",
+        "ratio",
+        "two-faced ratio",
+        "open pieces",
+        "full bin 80",
+    )
+    assert [right.get(n, 0) for n in bars] == [1, 0, 0, 0, 1, 0, 1, 1]
 
 
 def test_the_sealed_clips_are_of_both_groups_and_all_factors() -> None:
