@@ -70,8 +70,8 @@ def write_run(
                 quat=_quat(box.T_world_box), group=2 if visual else 3,
                 contype=0 if visual else 1, conaffinity=0 if visual else 1,
             )  # fmt: skip
-        if not geoms:
-            body.mass, body.inertia, body.explicitinertial = 1.0, [1, 1, 1], True
+        if not geoms:  # something that weighs, in a group that is neither drawn nor touched
+            body.add_geom(size=[0.01, 0, 0], group=4, contype=0, conaffinity=0)
     for part in TWIN.parts:
         spec.add_exclude(bodyname1="static", bodyname2=part.name)
     path = run / "export" / "mjcf" / f"{TWIN.name}.xml"

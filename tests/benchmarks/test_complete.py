@@ -236,6 +236,17 @@ def test_a_kept_room_is_no_furniture(truth: Truth, tmp_path: Path) -> None:
     assert len(kept.colliders(STATIC)) == len(BODIES["static"]) - 2
 
 
+def test_a_part_of_which_nothing_is_left_has_figures_all_the_same(truth: Truth, tmp_path: Path) -> None:
+    asset, part = spoilt(tmp_path, {"drawer": []}), truth.parts[1]
+    assert covered(part.closed_mesh, asset.visuals("drawer")) == 0.0
+    assert balls_kept(asset, "drawer", part) == 0
+    assert looked_at(asset, truth, 1).through > 0.0
+    bar = true_bar(part, grip(truth, 1))
+    assert bar is not None
+    found = section(bar, part, [], [])
+    assert (found.visual, found.collider, found.gap) == (0.0, 0.0, 1.0)
+
+
 def test_the_asset_is_brought_to_the_truth(tmp_path: Path) -> None:
     there = geo.make_pose(geo.exp_so3([0.3, -0.2, 1.0]), [1.0, 2.0, 3.0])
     asset = load_asset(write_run(tmp_path), TWIN, there)
