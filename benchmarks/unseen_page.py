@@ -46,7 +46,7 @@ def section(commit: str, baseline: str | None, clips: int, counts: Mapping[str, 
     lines += ["| factor | parts | success |", "|---|---|---|"]
     for name in sorted({k.partition(": ")[0] for k in counts} - set(GROUPS)):
         parts, good = counts.get(f"{name}: parts", 0), counts.get(f"{name}: success", 0)
-        lines.append(f"| {name} | {parts} | {_rate(good, parts)} |")
+        lines.append(f"| {name} | {parts} | {rate(good, parts)} |")
     return "\n".join(lines) + "\n"
 
 
@@ -56,10 +56,10 @@ def _cells(group: str, counts: Mapping[str, int]) -> list[str]:
 
     causes = ", ".join(f"{c} {n('cause ' + c)}" for c in CAUSES if n("cause " + c))
     return [
-        group, str(n("clips")), str(n("parts")), _rate(n("success"), n("parts")), str(n("trusted")),
-        _rate(n("trusted success"), n("trusted")), _rate(n("trusted success"), n("success")),
+        group, str(n("clips")), str(n("parts")), rate(n("success"), n("parts")), str(n("trusted")),
+        rate(n("trusted success"), n("trusted")), rate(n("trusted success"), n("success")),
         f"{n('invented')}, {n('invented trusted')} trusted", str(n("doubtful")),
-        _rate(n("exit not 0 where failed"), n("failed clips")), causes or "-", str(n("up wrong")), str(n("broken")),
+        rate(n("exit not 0 where failed"), n("failed clips")), causes or "-", str(n("up wrong")), str(n("broken")),
     ]  # fmt: skip
 
 
@@ -117,7 +117,8 @@ def _percent(part: int, of: int) -> str:
     return f"{100 * part / of:.0f} %" if of else "-"
 
 
-def _rate(good: int, of: int) -> str:
+def rate(good: int, of: int) -> str:
+    """A rate as text, with its Wilson 95 % interval; "-" of nothing."""
     if of == 0:
         return "-"
     low, high = binomtest(good, of).proportion_ci(method="wilson")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import unseen, unseen_counts, unseen_page
+from benchmarks import sealing, unseen, unseen_counts, unseen_page
 from benchmarks.scenes.boards import cabinet_twin
 from recon.evaluation.outcome import Outcome, PartOutcome, outcome
 from recon.evaluation.truth import Truth, TruthPart
@@ -30,24 +30,24 @@ BAD = {"clips": 1, "parts": 1, "cause axis": 1, "trusted": 1, "failed clips": 1}
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(unseen, "STATE", tmp_path / "state")
     monkeypatch.setattr(unseen, "PAGE", tmp_path / "unseen.md")
-    monkeypatch.setattr(unseen, "_commit", lambda: "abc1234567")
+    monkeypatch.setattr(sealing, "commit", lambda: "abc1234567")
     return tmp_path
 
 
 def test_sealed_seeds_follow_from_the_commit_and_are_none_of_the_open_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    seeds = {unseen.sealed_seed(c, i) for c in ("abc", "abd") for i in range(160)}
+    seeds = {sealing.sealed_seed(c, i) for c in ("abc", "abd") for i in range(160)}
     assert len(seeds) == 320
-    assert min(seeds) >= unseen.OPEN_SEEDS
-    assert unseen.sealed_seed("abc", 3) == unseen.sealed_seed("abc", 3)
+    assert min(seeds) >= sealing.OPEN_SEEDS
+    assert sealing.sealed_seed("abc", 3) == sealing.sealed_seed("abc", 3)
 
     class Least:
         def digest(self) -> bytes:
             return bytes(32)
 
-    monkeypatch.setattr(unseen.hashlib, "sha256", lambda _: Least())
-    assert unseen.sealed_seed("abc", 3) == unseen.OPEN_SEEDS
+    monkeypatch.setattr(sealing.hashlib, "sha256", lambda _: Least())
+    assert sealing.sealed_seed("abc", 3) == sealing.OPEN_SEEDS
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -108,9 +108,9 @@ def test_a_baseline_sees_every_fourth_recording_and_has_a_row_of_its_own(
 
 def test_only_counters_by_one_factor_are_kept() -> None:
     strata = sealed_set()
-    names = {key.partition(": ")[0] for s in strata for key in unseen.counted(GOOD, s)}
+    names = {key.partition(": ")[0] for s in strata for key in sealing.counted(GOOD, s)}
     assert all(len(n.split()) in (1, 2, 3) for n in names)
-    total = sum((unseen.counted(GOOD, s) for s in strata), start=unseen.counted({}, strata[0]))
+    total = sum((sealing.counted(GOOD, s) for s in strata), start=sealing.counted({}, strata[0]))
     assert [total[f"{g}: clips"] for g in unseen_page.GROUPS] == [60, 60, 40]
     cells = [v for k, v in total.items() if k.endswith(": clips") and not k.startswith("negative ")]
     assert min(cells) >= 8
@@ -118,7 +118,7 @@ def test_only_counters_by_one_factor_are_kept() -> None:
 
 def test_a_tree_with_changes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        unseen, "_git", lambda *words: " M recon/verbs/twins.py" if words[0] == "status" else "abc"
+        sealing, "git", lambda *words: " M recon/verbs/twins.py" if words[0] == "status" else "abc"
     )
     with pytest.raises(InputError, match="changes that are in no commit"):
         unseen.sealed(None)
@@ -127,8 +127,8 @@ def test_a_tree_with_changes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_an_interval_holds_its_rate() -> None:
-    assert unseen_page._rate(0, 0) == "-"
-    assert unseen_page._rate(45, 60) == "45/60 = 75 % [63-84]"
+    assert unseen_page.rate(0, 0) == "-"
+    assert unseen_page.rate(45, 60) == "45/60 = 75 % [63-84]"
 
 
 def truth_of(twin: Twin) -> Truth:
@@ -272,7 +272,7 @@ def test_a_clip_that_says_nothing_is_broken(monkeypatch: pytest.MonkeyPatch) -> 
     def broken(why: str) -> dict[str, int]:
         return {"clips": 1, "broken": 1, f"broken {why}": 1}
 
-    monkeypatch.setattr(unseen.subprocess, "run", lambda *_, **__: Done())
+    monkeypatch.setattr(sealing.subprocess, "run", lambda *_, **__: Done())
     assert unseen._clip_alone(1, 2, [Path()]) == [broken("output")]
     monkeypatch.setattr(Done, "stdout", b"noise\n" + json.dumps(GOOD).encode())
     assert unseen._clip_alone(1, 2, [Path()]) == [GOOD]

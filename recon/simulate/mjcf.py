@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -17,6 +17,7 @@ from twin.errors import InputError
 from twin.geometry import Array, exp_so3, invert_pose, make_pose
 
 VISUAL_GROUPS = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
+FURNITURE = "_furniture"  # a tuple of this name behind the joint's lists the bodies of the part's furniture, where no tree tells them
 DEFAULT_HINGE, DEFAULT_SLIDE, OPENING_SHARE = 1.2, 0.3, 0.8  # chosen by us
 
 
@@ -39,6 +40,7 @@ class Articulation:
         upper: largest corner (3,).
         has_floor: whether the scene has a plane of its own.
         sites: world positions of the named sites that the part carries.
+        furniture: what stands still of the furniture that the part belongs to, as `static`; empty where the scene doesn't tell.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Articulation:
     upper: Array
     has_floor: bool
     sites: dict[str, Array]
+    furniture: tuple[Surface, ...] = ()
 
     def pose(self, state: float) -> Array:
         """T_world_part (4, 4) at `state`, the identity at 0."""
@@ -98,7 +101,9 @@ def articulations(
     mujoco.mj_forward(model, data)
     dropped = _subtrees(model, [b for b in range(1, model.nbody) if _matches(model.body(b).name, exclude)])
     moving = [_subtrees(model, [int(model.jnt_bodyid[index])]) - dropped for index in found]
+    own = [_furniture(model, index) for index in found]
     static: list[Surface] = []
+    furniture: list[list[Surface]] = [[] for _ in joints]
     parts: list[list[Surface]] = [[] for _ in joints]
     infinite = False
     materials: dict[tuple[str, str], Material] = {}
@@ -110,15 +115,19 @@ def articulations(
         surface = _surface(model, data, geom, materials, contrast, rng)
         owner = next((part for part, bodies in zip(parts, moving, strict=True) if body in bodies), static)
         owner.append(surface)
+        if owner is static:
+            for bodies, shown in zip(own, furniture, strict=True):
+                shown += [surface] if body in bodies else []
     for joint, part in zip(joints, parts, strict=True):
         if not part:
             raise InputError(f"joint {joint!r} of {scene} moves no visible geometry", "choose another joint")
     every = [s for part in (static, *parts) for s in part]
     corners = np.concatenate([s.vertices for s in every if not s.name.startswith("plane:")])
-    return tuple(
+    shells = [
         _articulation(model, data, k, joint, end, bodies, static, part, corners, infinite)
         for k, joint, end, bodies, part in zip(found, joints, ends, moving, parts, strict=True)
-    )
+    ]
+    return tuple(replace(a, furniture=tuple(f)) for a, f in zip(shells, furniture, strict=True))
 
 
 def _articulation(
@@ -180,6 +189,17 @@ def _closed_end(model: mujoco.MjModel, index: int, kind: str) -> tuple[float, fl
     if abs(rest - low) <= abs(rest - high):
         return low, 1.0, high - low
     return high, -1.0, high - low
+
+
+def _furniture(model: mujoco.MjModel, joint: int) -> set[int]:
+    """The bodies of the furniture that a joint belongs to: the whole tree that stands on the world, or those that a tuple lists."""
+    listed = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TUPLE, model.joint(joint).name + FURNITURE)
+    if listed >= 0:
+        start = int(model.tuple_adr[listed])
+        entries = slice(start, start + int(model.tuple_size[listed]))
+        bodies = model.tuple_objtype[entries] == int(mujoco.mjtObj.mjOBJ_BODY)
+        return _subtrees(model, [int(b) for b in model.tuple_objid[entries][bodies]])
+    return _subtrees(model, [int(model.body_rootid[model.jnt_bodyid[joint]])])
 
 
 def _subtrees(model: mujoco.MjModel, roots: list[int]) -> set[int]:

@@ -63,6 +63,8 @@ def write_truth(out: Path, truth: Truth, camera: Camera) -> None:
     np.savez_compressed(folder / "part_poses.npz", **arrays)
     for p in truth.parts:
         merged_mesh(list(p.part.part)).export(folder / f"part_{p.id}.ply")
+        if p.part.furniture:
+            merged_mesh(list(p.part.furniture)).export(folder / f"furniture_{p.id}.ply")
     merged_mesh(list(truth.still)).export(folder / "static.ply")
     keypoints: dict[str, Any] = hand_arrays(truth, camera)
     np.savez_compressed(folder / "hand_keypoints.npz", **keypoints)

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from recon.evaluation.truth import load_truth
 from recon.simulate import simulate_random, textures
 from recon.simulate.hand import hand_shape, mirrored
+from recon.simulate.mjcf import articulations
 from recon.simulate.painters import SIZE
 from recon.simulate.random import scene as random_scene
+from recon.simulate.random.boards import box
 from recon.simulate.random.furniture import HANDLES, KINDS
 from recon.simulate.random.model import Placed, furniture_model
 from recon.simulate.random.scene import Drawn, random_recording
@@ -212,6 +214,25 @@ def test_every_draw_makes_furniture_that_ends_behind_its_front(kind: str, handle
         front, *rest = (b.corners for b in made.panels)
         if kind.startswith("drawer"):
             assert np.ptp(np.concatenate(rest)[:, 2]) < np.ptp(front[:, 2])
+
+
+def test_each_piece_is_furniture_of_its_own_without_its_neighbours() -> None:
+    rng = np.random.default_rng(3)
+    pieces = [
+        Placed(n, KINDS["door_left"](rng, "bar"), np.array([x, 0.0, 0.0]))
+        for n, x in (("a", 0.0), ("b", 2.0))
+    ]
+    pieces = [
+        replace(p, made=replace(p.made, around=[box([0.9, 0.3, 0.5], [0.2, 0.5, 1.0])])) for p in pieces
+    ]
+    model = furniture_model(pieces, rng, weak_fronts=False)
+    parts = articulations(model, "random", ("a", "b"), (), 1.0, rng)
+    for piece, part in zip(pieces, parts, strict=True):
+        found = np.concatenate([s.vertices for s in part.furniture])
+        true = np.concatenate([b.corners for b in piece.made.carcass]) + piece.shift
+        np.testing.assert_allclose(
+            np.unique(found.round(6), axis=0), np.unique(true.round(6), axis=0), atol=1e-6
+        )
 
 
 @pytest.mark.parametrize("kind", KINDS)

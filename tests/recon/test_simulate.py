@@ -88,6 +88,19 @@ def test_the_layout_is_the_native_one(recording: Path) -> None:
     assert image(recording, "depth", 0).dtype == np.uint16
 
 
+def test_the_furniture_is_what_stands_still_of_the_tree_that_carries_the_part(recording: Path) -> None:
+    truth = recording / "truth"
+    own, still = (trimesh.load(truth / f"{n}.ply", process=False) for n in ("furniture_2", "static"))
+
+    def triangles(mesh: trimesh.Trimesh) -> set[bytes]:
+        return {t.tobytes() for t in np.sort(np.round(mesh.triangles, 6), axis=1) + 0.0}
+
+    assert triangles(own) < triangles(still), "the room stands still, too"
+    np.testing.assert_allclose(own.bounds, [[-0.795, -0.068, 0.0], [0.795, 0.56, 0.878]], atol=1e-6)
+    door = trimesh.load(truth / "part_2.ply", process=False)
+    assert not triangles(door) & triangles(own)
+
+
 def test_true_meshes_at_true_poses_give_the_depth_and_the_labels(recording: Path) -> None:
     truth = recording / "truth"
     part, still = trimesh.load(truth / "part_2.ply"), trimesh.load(truth / "static.ply")

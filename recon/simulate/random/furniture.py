@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,14 +33,20 @@ class Grip:
 
 @dataclass(frozen=True)
 class Furniture:
-    """A moving part of boards with its handle and joint, and the carcass and neighbours that stand still. Fronts look towards -y, the
-    floor is z = 0, the part's middle lies near x = 0.
+    """A moving part of boards with its handle and joint, and the carcass that it belongs to and what stands around that: both stand still.
+    Fronts look towards -y, the floor is z = 0, the part's middle lies near x = 0.
     """
 
     panels: list[Box]
     grip: Grip
     joint: Joint
-    static: list[Box]
+    carcass: list[Box]
+    around: list[Box] = field(default_factory=list)
+
+    @property
+    def static(self) -> list[Box]:
+        """All boxes that stand still."""
+        return [*self.carcass, *self.around]
 
     @property
     def part(self) -> list[Box]:
@@ -95,7 +101,7 @@ def _door(side: float) -> Maker:
         turn = np.deg2rad(rng.uniform(60, 110))
         joint = Revolute(np.array([0, 0, side]), 0.0, turn, pivot=np.array([side * width / 2, 0.012, z]))
         around = _neighbours(rng, z - tall / 2, z + tall / 2, width, -side if handle == "edge" else 0.0)
-        return Furniture([front], grip, joint, [*cabinet, *around])
+        return Furniture([front], grip, joint, cabinet, around)
 
     return make
 
@@ -117,7 +123,7 @@ def _flap(up: bool) -> Maker:
         turn = np.deg2rad(rng.uniform(55, 85))
         joint = Revolute(np.array([-s, 0, 0]), 0.0, turn, pivot=np.array([0, 0.012, z + s * tall / 2]))
         around = _neighbours(rng, z - tall / 2, z + tall / 2, width, 0.0)
-        return Furniture([front], grip, joint, [*cabinet, *around])
+        return Furniture([front], grip, joint, cabinet, around)
 
     return make
 
@@ -139,7 +145,7 @@ def _drawer(low: float, high: float) -> Maker:
         grip = _handle(rng, handle, np.array([at, 0.003, z]), rim, vertical=False)
         joint = Prismatic(OUT, 0.0, rng.uniform(0.2, 0.42))
         around = _neighbours(rng, z - tall / 2, z + tall / 2, width, 0.0)
-        return Furniture([front, *tray], grip, joint, [*cabinet, *around])
+        return Furniture([front, *tray], grip, joint, cabinet, around)
 
     return make
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from recon.simulate.mjcf import FURNITURE
 from recon.simulate.random.boards import BOARD, box
 from recon.simulate.random.furniture import Furniture
 from twin import geometry as geo
@@ -55,13 +56,26 @@ def furniture_model(pieces: Sequence[Placed], rng: Rng, weak_fronts: bool) -> mu
     round_handles = bool(rng.random() < 0.6)
     carcass = spec.worldbody.add_body(name="carcass")
     for piece in pieces:
-        for b in piece.made.static:
-            _add(carcass, b, piece.shift, look["carcass"])
+        _add_carcass(spec, carcass, piece, look["carcass"])
         _add_part(spec, piece, look, round_handles)
     beside = spec.worldbody.add_body(name="beside")
     for role, b in _around(pieces, rng):
         _add(beside, b, np.zeros(3), look[role])
     return spec.compile()
+
+
+def _add_carcass(spec: mujoco.MjSpec, carcass: mujoco.MjsBody, piece: Placed, look: str) -> None:
+    """What stands still of a piece, the furniture itself named as what its joint belongs to."""
+    for role, boxes in (("carcass", piece.made.carcass), ("around", piece.made.around)):
+        body = carcass.add_body(name=f"{piece.joint}_{role}")
+        for b in boxes:
+            _add(body, b, piece.shift, look)
+    spec.add_tuple(
+        name=f"{piece.joint}{FURNITURE}",
+        objtype=[mujoco.mjtObj.mjOBJ_BODY],
+        objname=[f"{piece.joint}_carcass"],
+        objprm=[0.0],
+    )
 
 
 def _add_part(spec: mujoco.MjSpec, piece: Placed, look: dict[str, str], round_handles: bool) -> None:
