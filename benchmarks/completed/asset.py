@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 import mujoco
@@ -15,6 +13,7 @@ import numpy as np
 from recon.evaluation.metrics import Surface
 from recon.simulate.geoms import geom_mesh
 from twin import geometry as geo
+from twin.completion.asset import asset_pose
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Mesh, Twin
@@ -22,7 +21,6 @@ from twin.scene import Mesh, Twin
 VISUAL, COLLISION = 2, 3  # groups of the export's geoms
 ROOM = "room"  # the body of what is no furniture
 STATIC = ""  # owner of what belongs to no moving part
-_ORIGINS = "twin.exporters.frame"  # where exports that turn the world say how
 _SAME = 0.003  # m, chosen by us: writers round by less, another origin is further away
 _SOME = 1000  # vertices of a mesh that tell where it lies
 
@@ -179,8 +177,7 @@ def _lineage(model: mujoco.MjModel, body: int) -> list[str]:
 def _twin_from_asset(twin: Twin, geoms: list[Geom], path: Path) -> Array:
     """T_twin_asset (4, 4): of the origins that an export may have, the one that puts what was seen of the parts where the twin has it."""
     candidates = [np.eye(4)]
-    if find_spec(_ORIGINS) is not None:
-        candidates.append(geo.invert_pose(import_module(_ORIGINS).asset_pose(twin, "furniture")))
+    candidates.append(geo.invert_pose(asset_pose(twin)))
     named = {STATIC: twin.static.mesh, **{p.name: p.mesh for p in twin.parts}}
     surfaces = {name: Surface(mesh) for name, mesh in named.items()}
     seen = [g for g in geoms if g.visual and g.inferred is None and len(g.mesh.faces)]
