@@ -73,13 +73,14 @@ LEFT = ((-0.22, 0.018, 0.63), (-0.208, 0.45, 0.72))
 RIGHT = ((0.208, 0.018, 0.63), (0.22, 0.45, 0.72))
 BACK = ((-0.22, 0.45, 0.62), (0.22, 0.462, 0.72))
 BAR = ((-0.08, -0.050, 0.68), (0.08, -0.038, 0.692))
+BLURRED = ((-0.085, -0.050, 0.674), (0.085, -0.030, 0.698))  # as a fused surface has it: thicker
 DRAWER = (
     (*FRONT, "-y +z"),
     (*FLOOR, "+z"),
     (*LEFT, "+x +z"),
     (*RIGHT, "-x +z"),
     (*BACK, "-y"),
-    (*BAR, "-y +z"),
+    (*BLURRED, "-y +z"),
 )
 # The cabinet's side boards from inside, a neighbour's front, floor and wall.
 CABINET = (

@@ -1,0 +1,228 @@
+"""What is inferred of closed-form scans is what they were scanned from; it stands apart from what was seen, and says what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.twin import scans
+from twin import geometry as geo
+from twin.completion import infer, with_completion
+from twin.completion.asset import AS_SEEN, AssetView, asset_pose, usual_view
+from twin.completion.sweep import swept_points
+from twin.errors import InputError
+from twin.geometry import Array
+from twin.inferred import Completion, Inferred
+from twin.mesh import edges
+from twin.scene import Mesh, Part, Prismatic, Twin
+
+NEAR = 0.004  # m: half of the scan's spacing, by which its borders are ragged
+
+
+def layer(thing: Part | Twin) -> Completion:
+    found = thing.static.completion if isinstance(thing, Twin) else thing.completion
+    assert found is not None
+    return found
+
+
+def pieces(thing: Part | Twin) -> dict[str, Inferred]:
+    return {p.name: p for p in layer(thing).pieces}
+
+
+def corners(piece: Inferred) -> Array:
+    return np.stack([piece.mesh.vertices.min(axis=0), piece.mesh.vertices.max(axis=0)])
+
+
+@pytest.fixture(scope="module")
+def drawer() -> Twin:
+    return infer(scans.twin_of(scans.drawer()))
+
+
+@pytest.fixture(scope="module")
+def door() -> Twin:
+    return infer(scans.twin_of(scans.door()))
+
+
+@pytest.mark.parametrize(
+    ("name", "true"),
+    [
+        ("front", scans.FRONT),
+        ("floor", scans.FLOOR),
+        ("left_side", scans.LEFT),
+        ("right_side", scans.RIGHT),
+        ("back", scans.BACK),
+        ("handle", scans.BAR),
+    ],
+)
+def test_a_drawer_s_boards_are_those_that_it_was_scanned_from(
+    drawer: Twin, name: str, true: tuple[scans.Corner, scans.Corner]
+) -> None:
+    piece = pieces(drawer.parts[0])[name]
+    assert piece.basis == "evidence"
+    off = np.abs(corners(piece) - np.array(true))
+    assert off.max() < scans.STEP
+    assert np.median(off) < NEAR
+
+
+def test_a_door_has_its_back_and_edges(door: Twin) -> None:
+    (panel,) = pieces(door.parts[0]).values()
+    assert panel.basis == "evidence"
+    assert np.abs(corners(panel) - [[-0.25, 0.0, 0.37], [0.25, 0.018, 0.77]]).max() < 0.006
+    assert "18 mm" in panel.reason
+
+
+def test_the_cabinet_is_closed_by_what_was_seen_of_it(door: Twin) -> None:
+    found = pieces(door)
+    left, right = (corners(found[f"part_2_cabinet_{s}"]) for s in ("left", "right"))
+    assert abs(left[1, 0] + 0.25) < NEAR
+    assert abs(right[0, 0] - 0.25) < NEAR
+    assert found["part_2_cabinet_left"].basis == "evidence"
+    back = found["part_2_cabinet_back"]
+    assert abs(corners(back)[1, 1] - 0.57) < 0.003  # the wall
+    assert found["part_2_cabinet_bottom"].basis == "assumed"
+    neighbour = corners(found["panel_1"])
+    assert np.abs(neighbour[:, 0] - [0.272, 0.70]).max() < 0.012
+    assert neighbour[1, 1] > 0.5
+    assert found["panel_1"].basis == "assumed"
+    (inside,) = layer(door).interiors
+    assert np.all(inside.box.size > [0.4, 0.3, 0.3])
+
+
+def test_every_piece_is_closed_and_faces_outwards(drawer: Twin, door: Twin) -> None:
+    for thing in (drawer, drawer.parts[0], door, door.parts[0]):
+        for piece in layer(thing).pieces:
+            ends, count = np.unique(edges(piece.mesh.faces), axis=0, return_counts=True)
+            assert set(count) == {2}, piece.name
+            middle = piece.mesh.vertices.mean(axis=0)
+            assert np.linalg.det(piece.mesh.vertices[piece.mesh.faces] - middle).sum() > 0
+            assert len(ends) == 18
+
+
+def test_parts_pass_what_is_inferred_of_the_furniture(drawer: Twin, door: Twin) -> None:
+    for twin in (drawer, door):
+        passed = swept_points(twin.parts[0], layer(twin.parts[0]).pieces)
+        for piece in layer(twin).pieces:
+            low, high = corners(piece)
+            inside = np.all((passed > low + 0.006) & (passed < high - 0.006), axis=1)
+            assert not inside.any(), piece.name
+
+
+def test_the_seen_meshes_stay_and_what_is_shown_of_them_ends_with_the_boards(drawer: Twin) -> None:
+    before, part = scans.drawer(), drawer.parts[0]
+    assert np.array_equal(part.mesh.vertices, before.mesh.vertices)
+    shown = layer(part).shown
+    assert 0.5 * before.mesh.area < shown.area <= before.mesh.area * 1.02
+    front = shown.vertices[np.abs(shown.vertices[:, 1]) < 3e-4]
+    assert len(front) > 700  # the front is flat: the scan's noise is half a millimetre
+    assert np.ptp(front[:, 1]) < 1e-4
+    assert not np.any(shown.vertices[:, 1] < -0.01)  # the bar stands in for its blurred surface
+
+
+def test_the_room_is_apart(drawer: Twin) -> None:
+    room, shown = layer(drawer).room, layer(drawer).shown
+    assert room is not None
+    assert np.abs(room.vertices[:, 2]).min() < 0.01
+    assert room.vertices[:, 0].max() > 1.9
+    assert shown.vertices[:, 0].max() < 0.75
+    assert len(room.faces) + len(shown.faces) <= len(drawer.static.mesh.faces)
+
+
+@pytest.mark.parametrize("make", [scans.drawer, scans.door])
+def test_the_frame_of_the_world_does_not_matter(make: Callable[[], Part]) -> None:
+    twin = scans.twin_of(make())
+    T = geo.make_pose(geo.exp_so3([0.0, 0.0, 0.7]), [1.5, -0.4, -0.9])
+    here, there = infer(twin), infer(scans.moved(twin, 0.7, [1.5, -0.4, -0.9]))
+    for a, b in ((here, there), (here.parts[0], there.parts[0])):
+        one, other = pieces(a), pieces(b)
+        assert {n: p.basis for n, p in one.items()} == {n: p.basis for n, p in other.items()}
+        for name, piece in one.items():
+            away = np.linalg.norm(geo.transform(T, piece.mesh.vertices) - other[name].mesh.vertices, axis=1)
+            assert away.max() < 0.012, name
+
+
+def test_what_nobody_saw_is_assumed_and_says_so() -> None:
+    front_alone = scans.drawer(((*scans.FRONT, "-y"), (*scans.BLURRED, "-y +z")))
+    found = pieces(infer(scans.twin_of(front_alone)).parts[0])
+    for name in ("floor_rear", "left_side_rear", "right_side_rear", "back"):
+        assert found[name].basis == "assumed"
+    assert found["front"].basis == "assumed"  # nobody saw how thick it is
+    assert "not seen" in found["front"].reason
+
+
+def test_a_side_that_was_seen_tells_the_other_which_stays_assumed() -> None:
+    one_side = tuple(k for k in scans.DRAWER if k[0] != scans.RIGHT[0])
+    found = pieces(infer(scans.twin_of(scans.drawer(one_side))).parts[0])
+    assert found["left_side"].basis == "evidence"
+    assert found["right_side"].basis == "assumed"
+    assert abs(corners(found["right_side"])[0, 0] - 0.208) < 0.006
+
+
+def test_nothing_is_inferred_of_what_has_no_flat_front() -> None:
+    angles = np.linspace(0, np.pi, 40)
+    ring = np.stack([0.2 * np.cos(angles), -0.2 * np.sin(angles)], axis=1)
+    points = np.concatenate([np.column_stack([ring, np.full(40, z)]) for z in np.linspace(0.3, 0.8, 50)])
+    k = (np.arange(49)[:, None] * 40 + np.arange(39)).ravel()
+    faces = np.concatenate([np.stack([k, k + 1, k + 41], 1), np.stack([k, k + 41, k + 40], 1)])
+    part = scans.part_of(
+        Mesh(points, faces.astype(np.int32)), Prismatic(np.array([0.0, -1.0, 0.0]), 0.0, 0.2)
+    )
+    twin = infer(scans.twin_of(part))
+    assert layer(twin.parts[0]).pieces == ()
+    assert layer(twin).pieces == ()
+    assert len(layer(twin.parts[0]).shown.faces) == len(faces)
+
+
+def test_a_surface_inside_a_board_says_that_there_is_none() -> None:
+    """A shelf where the drawer's back would be assumed: what was seen wins."""
+    full = infer(scans.twin_of(scans.drawer()))
+    across = ((-0.2, 0.20, 0.64), (0.2, 0.21, 0.76), "-y +y")
+    filled = infer(scans.twin_of(scans.drawer((*scans.DRAWER, across))))
+    assert set(pieces(filled.parts[0])) <= set(pieces(full.parts[0]))
+
+
+def test_shapes_stand_clear_of_one_another_and_belong_to_their_pieces(drawer: Twin) -> None:
+    twin = with_completion(scans.twin_of(scans.drawer()))
+    part = pieces(twin.parts[0])
+    assert all(len(p.shapes) == 1 for p in part.values())
+    assert len(layer(twin.parts[0]).shapes) <= 24
+    assert len(layer(twin).shapes) <= 60
+    assert layer(twin).room_collision
+    assert with_completion(twin) is twin
+
+
+def test_a_stated_twin_is_whole_as_it_is() -> None:
+    twin = replace(scans.twin_of(scans.drawer()), verdict=None)
+    assert with_completion(twin) is twin
+    assert usual_view(twin) == AS_SEEN
+
+
+def test_views_show_one_layer_or_both(drawer: Twin) -> None:
+    seen = AS_SEEN.of(drawer)
+    assert seen.static.completion is None
+    assert seen.parts[0].mesh is drawer.parts[0].mesh
+    bounded = AssetView("bounded", "drop", "camera").of(drawer)
+    assert {p.basis for p in layer(bounded).pieces} == {"evidence"}
+    assert layer(bounded).room is None
+    furniture = AssetView("seen", "drop", "camera").of(drawer)
+    assert 0 < len(furniture.static.mesh.faces) < len(drawer.static.mesh.faces)
+    assert furniture.static.mesh.vertices[:, 0].max() < 0.75
+    with pytest.raises(InputError, match="not known"):
+        AssetView().but({"geometry": "all"})
+
+
+def test_the_furniture_s_frame_stands_on_the_floor_under_the_front(drawer: Twin) -> None:
+    twin = scans.moved(drawer, 0.7, [1.5, -0.4, -0.9])
+    asset = AssetView(origin="furniture").of(twin)
+    part = asset.parts[0]
+    front = corners(pieces(part)["front"])
+    assert np.allclose(part.joint.axis, [0.0, -1.0, 0.0], atol=0.01)
+    assert abs(front[0, 1]) < 0.003
+    assert abs(front[:, 0].mean()) < 0.02
+    assert abs(corners(pieces(part)["floor"])[0, 2] - 0.62) < 0.006  # the floor is z = 0
+    T = asset_pose(twin)
+    again = asset_pose(asset)
+    assert np.allclose(again, np.eye(4), atol=2e-3)
+    assert np.allclose(T[2, :3], [0, 0, 1])
