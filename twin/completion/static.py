@@ -30,6 +30,7 @@ _COPLANAR = 0.04  # m from the plane of a part's front within which other fronts
 _FRONT = 0.02  # m^2 of one
 _ALIGNED = float(np.cos(np.radians(8.0)))  # of a wall with a front
 _APART = 0.004  # m between a neighbour and the opening
+MOST, _FEWEST = 32, 12  # pieces of the furniture, and of them beside the cabinets of the parts
 _SOLID = 0.05  # m: a neighbour that is less deep is left a board
 
 
@@ -53,8 +54,11 @@ def openings(
             continue
         cloud = Cloud.of(furniture, front.frame.T_world_frame)
         corners = front.leaf.corners.copy()
-        if front.frame.kind == "sliding_door" and isinstance(part.joint, Prismatic):
-            way = front.frame.T_world_frame[:3, :2].T @ part.joint.axis * part.joint.upper
+        if front.frame.kind == "sliding_door" and isinstance(
+            part.joint, Prismatic
+        ):  # two doors wide at least
+            way = front.frame.T_world_frame[:3, :2].T @ part.joint.axis
+            way = way * np.where(np.abs(way) > 0.5, np.maximum(front.leaf.size, part.joint.upper), 0.0)
             corners = np.stack(
                 [np.minimum(corners[0], corners[0] + way), np.maximum(corners[1], corners[1] + way)]
             )
@@ -98,21 +102,28 @@ def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: 
             middle = geo.make_pose(translation=(o.carcass.low + o.carcass.high) / 2)
             interiors.append(Interior(f"{o.part.name}_inside", Box(T @ middle, size)))
     if opened:
-        more, shown = _panels(furniture, shown, left, opened, swept)
+        more, shown = _panels(furniture, shown, left, opened, swept, max(_FEWEST, MOST - len(pieces)))
         pieces += more
     return Completion(without_shreds(shown), tuple(pieces), (), tuple(interiors), room)
 
 
 def _panels(
-    furniture: Mesh, shown: Mesh, left: Array, opened: Sequence[Opening], swept: Array
+    furniture: Mesh, shown: Mesh, left: Array, opened: Sequence[Opening], swept: Array, most: int
 ) -> tuple[list[Inferred], Mesh]:
-    """Boards and solid neighbours behind the faces that belong to no cabinet of a part, and handles before them."""
+    """Boards and solid neighbours behind the faces that belong to no cabinet of a part, and handles before them: `most` pieces, the
+    largest faces first."""
     first = opened[0]
     T = first.front.frame.T_world_frame
     passed = geo.transform(geo.invert_pose(T), swept)
-    boards, blurred, bars = [], [], []
+    boards: list[Board] = []
+    bars: list[Board] = []
+    blurred: list[tuple[Array, Array]] = []
     cloud = Cloud.of(furniture, T)
-    for k, b in enumerate(find_boards(left, T[:3, :3], SEARCH)[0]):
+    found = find_boards(left, T[:3, :3], SEARCH)[0]
+    found.sort(key=lambda b: -float(np.sort(b.box.size)[1:].prod()))
+    for k, b in enumerate(found):
+        if len(boards) + len(bars) >= most:
+            break
         board = _neighbour(_local(f"panel_{k + 1}", b.box, b.back, T), opened, cloud)
         free = out_of_the_way(board, passed)
         if free is None or not free.real or free.contradicted(cloud):

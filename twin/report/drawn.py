@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from twin.files.text import read_json, write_json
+from twin.inferred import Completion
 from twin.scene import Mesh, Part, Twin
 
 Pictures = dict[str, Any]
-_DRAWING = 1  # raised when the same twin gives other pictures
+_DRAWING = 2  # raised when the same twin gives other pictures
 _FILE = "pictures.json"
 
 
@@ -54,11 +55,21 @@ def _key(twin: Twin) -> str:
 
 def _shows(twin: Twin) -> Iterator[object]:
     yield from _surface(twin.static.mesh)
+    yield from _layer(twin.static.completion)
     if twin.cameras is not None:
         yield twin.cameras.T_world_cam
     for part in twin.parts:
         yield from _surface(part.mesh)
+        yield from _layer(part.completion)
         yield from _motion(part)
+
+
+def _layer(completion: Completion | None) -> Iterator[object]:
+    if completion is not None:
+        yield from _surface(completion.shown)
+        for piece in completion.pieces:
+            yield from _surface(piece.mesh)
+            yield from (piece.basis, piece.color)
 
 
 def _surface(mesh: Mesh) -> Iterator[object]:

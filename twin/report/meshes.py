@@ -11,11 +11,18 @@ from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.inferred import Basis, Completion
 from twin.report.frames import AXIS_COLOR, Image, axis_line, draw_polyline, part_color
 from twin.scene import Mesh, Twin
 
+Color = tuple[int, int, int]
+Shown = tuple[Mesh, Color, float]  # a mesh, a colour, and how strongly that tints the mesh's own (0..1)
 BACKGROUND = np.array([246.0, 247.0, 249.0])
 STATIC_COLOR = (205, 208, 212)
+SHADES: dict[Basis, Color] = {
+    "evidence": (120, 160, 205),
+    "assumed": (224, 160, 96),
+}  # of inferred pieces: blue and orange
 _SUPERSAMPLING = 2
 
 
@@ -102,10 +109,10 @@ def opening(twin: Twin, steps: int, width: int = 560, height: int = 420) -> list
     """Pictures of the twin from closed to open, every part at the same share of its range."""
     view = part_view(twin, width, height).scaled(_SUPERSAMPLING)
     rays = view.rays()
-    static = _Caster([(twin.static.mesh, STATIC_COLOR, 0.0)]).cast(rays)
+    static = _Caster(_layers(twin.static.mesh, twin.static.completion, STATIC_COLOR, 0.0)).cast(rays)
     pictures = []
     for share in np.linspace(0.0, 1.0, steps):
-        moving = _Caster(_placed_parts(twin, float(share))).cast(rays)
+        moving = _Caster(_placed_layers(twin, float(share))).cast(rays)
         pictures.append(_shrink(_compose(static, moving)))
     return pictures
 
@@ -151,7 +158,7 @@ class _Layer:
 class _Caster:
     """Casts rays at meshes, each with a colour and how strongly that colour tints the mesh's own (0..1)."""
 
-    def __init__(self, meshes: Sequence[tuple[Mesh, tuple[int, int, int], float]]) -> None:
+    def __init__(self, meshes: Sequence[Shown]) -> None:
         import open3d as o3d
 
         self._scene = o3d.t.geometry.RaycastingScene()
@@ -206,9 +213,27 @@ class _Caster:
         return colors
 
 
-def _placed_parts(twin: Twin, share: float) -> list[tuple[Mesh, tuple[int, int, int], float]]:
+def _placed_parts(twin: Twin, share: float) -> list[Shown]:
     states = {p.id: p.joint.lower + share * (p.joint.upper - p.joint.lower) for p in twin.parts}
     return [(p.mesh.transformed(twin.part_pose(p.id, states)), part_color(p), 0.3) for p in twin.parts]
+
+
+def _placed_layers(twin: Twin, share: float) -> list[Shown]:
+    """What was seen and what is inferred of every part, opened by a share of its range."""
+    states = {p.id: p.joint.lower + share * (p.joint.upper - p.joint.lower) for p in twin.parts}
+    return [
+        (mesh.transformed(twin.part_pose(p.id, states)), color, tint)
+        for p in twin.parts
+        for mesh, color, tint in _layers(p.mesh, p.completion, part_color(p), 0.3)
+    ]
+
+
+def _layers(mesh: Mesh, completion: Completion | None, color: Color, tint: float) -> list[Shown]:
+    """A seen mesh, or what an inferred layer shows of it, with the room, and its pieces in the shade of what they rest on."""
+    if completion is None:
+        return [(mesh, color, tint)]
+    seen = [completion.shown, *([] if completion.room is None else [completion.room])]
+    return [*((m, color, tint) for m in seen), *((p.mesh, SHADES[p.basis], 1.0) for p in completion.pieces)]
 
 
 def _swept(twin: Twin) -> Array:

@@ -51,6 +51,7 @@ def render(run: AnyPath) -> Path:
         "verdict": twin.verdict if twin else None,
         "unjudged": unjudged(twin) if twin else "",
         "said": _said(twin) if twin else "",
+        "inferred": twin is not None and twin.static.completion is not None,
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
         "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
