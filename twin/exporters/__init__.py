@@ -18,6 +18,7 @@ from twin.exporters.tree import Tree, build_tree, require_ranges
 from twin.files.atomic import staging
 from twin.files.own_files import hashes, refuse_edited, replace_own
 from twin.files.paths import AnyPath
+from twin.level import level_evidence
 from twin.runs.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import overlaps, require_sound
@@ -106,11 +107,15 @@ def export(
 def _warnings(twin: Twin, ready: Twin, tree: Tree, made: Set[str]) -> list[str]:
     """What of a completed twin (`ready`) is not as one would wish; made: names of what got its shapes just now."""
     from twin.collision.stated import meetings
+    from twin.physics import unheld
 
     bare = [k.name for k in tree.links if not k.collision]
     found = [f"{name} has no collision shapes, so nothing can touch it" for name in bare]
     found += [*overlaps(ready), *meetings(ready, made)]
     found += [f"{off.problem}; {off.remedy}" for off in contacts_off(twin)]
+    found += unheld(ready)
+    level = level_evidence(ready)
+    found += [level.text] if level.contradicted else []
     if not tree.moving:
         found.append("the twin has no moving part, so nothing in its files opens")
     return [f"all: {text}" for text in found]
@@ -126,7 +131,7 @@ def _put(staged: Mapping[str, Path], folder: Path, overwrite: bool) -> None:
 
 
 def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
-    """The twin with mass, friction and collision shapes wherever they were missing.
+    """The twin with mass, friction and collision shapes wherever they were missing, and joints that hold its parts where they rested.
 
     Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not convex.
     """
@@ -139,6 +144,9 @@ def complete(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
         from twin.physics import with_physics
 
         twin = with_physics(twin)
+    from twin.physics import with_rests
+
+    twin = with_rests(twin)
     if not twin.static.collision or any(not p.collision for p in twin.parts):
         from twin.collision import with_collision
 

@@ -2,7 +2,8 @@
 
 A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
 N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
-demonstration, and slides, whether its weight is more than friction holds when it is closed. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
+demonstration, slides, whether its weight is more than friction holds when it is closed, and rests, the states in which it stood still, each with the
+others {name: state} held. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
 The files are simulated as they are, with the step and the integrator that they ask for. What is changed, in memory: the other
 parts have no joints (`moved.moved`); in `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight
@@ -57,6 +58,7 @@ def _measured(part: Mapping[str, Any], file: _File, touching: _File) -> dict[str
     return {
         "rest": None if part["slides"] else _guarded(_stay, closed, 0.0),
         "rest_half_open": _guarded(_stay, weighed, (weighed.lower + weighed.upper) / 2),
+        "rests": [_guarded(_stay, moved(*file, part["name"], r["held"]), r["state"]) for r in part["rests"]],
         "slide": _guarded(_slide, closed) if part["slides"] else None,
         "armature": float(model.dof_armature[weighed.dof]),
         "open": _guarded(_reach, free, free.lower, part["force"]),
