@@ -8,11 +8,12 @@ the twin's own, and is then that of least squares over those that agree. Witness
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.geometry import Array
@@ -23,7 +24,8 @@ DOUBTED = "up_doubted"  # of a twin's provenance: what the reconstruction said a
 TILT_DEG = 2.0  # chosen by us, as `twin check` calls a hinge upright: more than a carpenter's error and a reconstructed axis'
 AGREE_DEG = 1.0  # of a witness and an up; chosen by us: planes fitted to a clean scan are within .2 deg, axes within 1
 FEWEST = 2  # witnesses against the twin's up; chosen by us: one may be a sloping board
-_SAMPLES = 20_000  # points on the static mesh
+_SAMPLES = 8_000  # points on the static mesh
+_GUESSES, _FEW = 48, 10  # planes that are tried for the next largest, and points by which one is
 _EDGE = 0.15  # m, least edge of a plane, and
 _AREA = 0.1  # m^2, least area; chosen by us: 2 mm of noise tilt it by less than half a degree
 _OFF = 0.01  # m from a plane, and
@@ -31,7 +33,12 @@ _TURNED = math.cos(
     math.radians(25.0)
 )  # of a point's normal from the plane's: still points of it; chosen by us
 _SAME = 0.05  # m between parallel planes that count once, the two sides of a board; chosen by us
+_PARALLEL = math.cos(math.radians(3.0))  # of their normals
 _APART = math.sin(math.radians(20.0))  # of two witnesses whose cross product is a direction; chosen by us
+_SHARED = 0.1  # of a condition; chosen by us: two that are less than 26 degrees apart are taken for the same
+_SIDE = geo.unit(
+    np.array([0.3, 0.5, 0.8])
+)  # askew to a room: the two faces of a board look to different sides of it
 UP = np.array([0.0, 0.0, 1.0])  # of every twin
 
 
@@ -45,6 +52,10 @@ class Witness:
     name: str
     direction: Array
     level_only: bool = False
+
+    def is_level(self, up: Array) -> bool:
+        """Whether it is nearer to level than to plumb where `up` (3,) is up."""
+        return self.level_only or abs(float(self.direction @ up)) < math.sqrt(0.5)
 
     def off_deg(self, up: Array) -> float:
         """Degrees by which it is neither level nor plumb where `up` (3,) is up."""
@@ -62,6 +73,8 @@ class LevelEvidence:
         tilt_deg: between that and the twin's.
         agree: how many are within 1 deg of it.
         against: names of those among these that are more than 2 deg off the twin's own.
+        spare: how many more conditions these set than it takes to find an up that meets them; two that share no condition always
+            agree, on what is square to both.
     """
 
     witnesses: tuple[Witness, ...]
@@ -69,11 +82,12 @@ class LevelEvidence:
     tilt_deg: float
     agree: int
     against: tuple[str, ...]
+    spare: int
 
     @property
     def contradicted(self) -> bool:
-        """At least two witnesses agree on an up that is more than 2 deg from the twin's."""
-        return self.tilt_deg > TILT_DEG and len(self.against) >= FEWEST
+        """At least two witnesses agree, and not by chance, on an up that is more than 2 deg from the twin's."""
+        return self.tilt_deg > TILT_DEG and len(self.against) >= FEWEST and self.spare > 0
 
     @property
     def text(self) -> str:
@@ -123,9 +137,20 @@ def judged(found: Sequence[Witness]) -> LevelEvidence:
 
 def _told(found: Sequence[Witness], up: Array) -> LevelEvidence:
     those = _within(found, up, AGREE_DEG)
-    against = tuple(w.name for w in those if w.off_deg(UP) > TILT_DEG)
+    against = [w for w in those if w.off_deg(UP) > TILT_DEG]
     tilt = math.degrees(float(geo.angle_between(up, UP)))
-    return LevelEvidence(tuple(found), up, tilt, len(those), against)
+    names = tuple(w.name for w in against)
+    return LevelEvidence(tuple(found), up, tilt, len(those), names, _spare(against, up))
+
+
+def _spare(those: Sequence[Witness], up: Array) -> int:
+    """Conditions on `up` that witnesses set, one by what is level and two by what is plumb, less the directions in which they hold it."""
+    form, count = np.zeros((3, 3)), 0
+    for w in those:
+        level = w.is_level(up)
+        form += np.outer(w.direction, w.direction) if level else np.eye(3) - np.outer(up, up)
+        count += 1 if level else 2
+    return count - int((np.linalg.eigvalsh(form)[1:] > _SHARED).sum())
 
 
 def _within(found: Sequence[Witness], up: Array, most_deg: float) -> list[Witness]:
@@ -150,54 +175,65 @@ def _refined(those: Sequence[Witness], up: Array) -> Array:
     form = 1e-6 * (np.eye(3) - np.outer(up, up))
     for w in those:
         square = np.outer(w.direction, w.direction)
-        form += square if abs(float(w.direction @ up)) < math.sqrt(0.5) else np.eye(3) - square
+        form += square if w.is_level(up) else np.eye(3) - square
     least = np.linalg.eigh(form)[1][:, 0]
     return np.asarray(least if least @ up > 0 else -least)
 
 
 def _planes(mesh: Mesh) -> list[Witness]:
-    """Large planes of a mesh, those that are parallel and beside each other once.
+    """Large planes of a mesh, largest first, those that are parallel and beside each other once.
 
-    Patches are found by Araujo and Oliveira 2020 ("A robust statistics approach for plane detection in unorganized point clouds") as
-    Open3D has it; the plane of each is then that of least squares.
+    Each is the best of some guesses (RANSAC, Fischler and Bolles 1981), which are planes of least squares of a point's neighbours that
+    look the same way, among the points that no plane has yet; then that of least squares of its own points. Open3D's search for patches
+    (0.20) finds none in a cabinet of boards, whose faces are two centimetres apart.
     """
-    import open3d as o3d
-
-    points, normals = sample_surface(mesh, _SAMPLES, np.random.default_rng(0))
-    if not len(points):
-        return []
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-    cloud.normals = o3d.utility.Vector3dVector(normals)
-    least = max(50, round(_SAMPLES * _AREA / mesh.area))
-    patches = cloud.detect_planar_patches(min_plane_edge_length=_EDGE, min_num_points=least)
-    fitted = []
-    for patch in patches:
-        inside = np.array(patch.get_point_indices_within_bounding_box(cloud.points), dtype=np.intp)
-        near = inside[np.abs(normals[inside] @ np.array(patch.R)[:, 2]) > _TURNED]
-        if len(near) >= least:
-            fitted.append(_fitted(points[near]))
-    fitted.sort(key=lambda f: -f[2])
-    kept: list[tuple[Array, Array, int]] = []
-    for normal, centre, count in fitted:
-        beside = (
-            abs(normal @ n) > math.cos(math.radians(AGREE_DEG)) and abs(n @ (centre - c)) < _SAME
-            for n, c, _ in kept
-        )
-        if count >= least and not any(beside):
-            kept.append((normal, centre, count))
+    rng = np.random.default_rng(0)
+    points, normals = sample_surface(mesh, _SAMPLES, rng)
+    least, kept = (
+        max(50, round(_SAMPLES * _AREA / mesh.area)) if len(points) else 1,
+        list[tuple[Array, Array, int]](),
+    )
+    while len(points) >= least:
+        guesses = (_fitted(near) for near in _neighbours(points, normals, rng))
+        best = max(guesses, key=lambda g: int(_on(points, normals, g, _OFF).sum()), default=None)
+        if best is None:
+            break
+        for _ in range(3):
+            own = _on(points, normals, best, _OFF)
+            best = _fitted(points[own]) if own.sum() > 3 else best
+        if own.sum() < least:
+            break
+        normal, centre = best
+        wide = np.sqrt(np.linalg.eigvalsh(np.cov(points[own].T))[1] * 12) >= _EDGE
+        beside = (abs(normal @ n) > _PARALLEL and abs(n @ (centre - c)) < _SAME for n, c, _ in kept)
+        if wide and not any(beside):
+            kept.append((normal, centre, int(own.sum())))
+        rest = ~_on(points, normals, best, 2 * _OFF)
+        points, normals = points[rest], normals[rest]
+    kept.sort(key=lambda k: -k[2])
     return [Witness(_named(n, c, count * mesh.area / _SAMPLES), n) for n, c, count in kept]
 
 
-def _fitted(points: Array) -> tuple[Array, Array, int]:
-    """Unit normal (3,) and centre (3,) m of the plane of points (n, 3), and how many of them are within 1 cm of it."""
-    for _ in range(3):
-        centre = points.mean(axis=0)
-        normal = np.linalg.eigh((points - centre).T @ (points - centre))[1][:, 0]
-        near = points[np.abs((points - centre) @ normal) < _OFF]
-        if len(near) < 3:
-            break
-        points = near
-    return np.asarray(normal), np.asarray(centre), len(points)
+def _neighbours(points: Array, normals: Array, rng: np.random.Generator) -> Iterator[Array]:
+    """Points (k, 3) m within 15 cm of some random ones that look the same way."""
+    for k in rng.choice(len(points), min(_GUESSES, len(points)), replace=False):
+        near = (np.abs(points - points[k]) < _EDGE).all(axis=1) & (normals @ normals[k] > _TURNED)
+        if near.sum() >= _FEW:
+            yield points[near]
+
+
+def _fitted(points: Array) -> tuple[Array, Array]:
+    """Unit normal (3,) and centre (3,) m of the plane of points (n, 3)."""
+    centre = points.mean(axis=0)
+    return np.linalg.eigh((points - centre).T @ (points - centre))[1][:, 0], centre
+
+
+def _on(points: Array, normals: Array, plane: tuple[Array, Array], off: float) -> NDArray[np.bool_]:
+    """Which points (n,) are within `off` m of a plane (normal, centre) and look to one side of it, that to which most do."""
+    normal, centre = plane
+    near, facing = np.abs((points - centre) @ normal) < off, normals @ normal
+    front, back = near & (facing > _TURNED), near & (facing < -_TURNED)
+    return np.asarray(front if front.sum() >= back.sum() else back)
 
 
 def _named(normal: Array, centre: Array, area: float) -> str:

@@ -122,7 +122,7 @@ def with_rests(twin: Twin, table: MaterialTable | None = None) -> Twin:
     doubted: bool | None = None  # looked at once, and only where it matters
     parts = list(twin.parts)
     for k, part in enumerate(parts):
-        if part.inertial is None or part.physics is None:
+        if part.physics is None or not _weighed(twin, part):
             continue
         now, law = part.physics.frictionloss, table.joints[part.joint.kind]
         asked = _asked(twin, part, now, law)
@@ -142,7 +142,7 @@ def unheld(twin: Twin) -> tuple[str, ...]:
     """One line for every part that, by its friction loss, does not stay where the recording left it."""
     told = []
     for part in twin.parts:
-        if part.inertial is None or part.physics is None:
+        if part.physics is None or not _weighed(twin, part):
             continue
         loss = part.physics.frictionloss
         worst = _worst(twin, part, loss.value)
@@ -160,6 +160,11 @@ def place(part: Part, rest: Rest) -> str:
     """Where and when, for people."""
     at = f"{np.degrees(rest.state):.0f} deg" if part.joint.kind == "revolute" else f"{rest.state:.3f} m"
     return f"at {at} in frames {rest.first} to {rest.last}"
+
+
+def _weighed(twin: Twin, part: Part) -> bool:
+    """Whether the part and all it carries have a mass."""
+    return all(p.inertial is not None for p in carried(twin, part))
 
 
 def _remedy(twin: Twin, part: Part, loss: Quantity) -> str:
@@ -243,13 +248,11 @@ def _alone(twin: Twin, part: Part, frame: int) -> bool:
 
 def _rest(twin: Twin, part: Part, first: int, last: int) -> Rest | None:
     """The rest in these frames; None where the state is not steady or not known."""
-    joint, motion, near = part.joint, part.motion, STEADY[part.joint.kind]
+    joint, motion = part.joint, part.motion
     states = motion.state[(motion.frames >= first) & (motion.frames <= last)]
-    if len(states) < 2 or np.ptp(states) > near:
+    if len(states) < 2 or np.ptp(states) > STEADY[joint.kind]:
         return None
-    state = float(np.clip(np.median(states), joint.lower, joint.upper))
-    stop = joint.lower if state - joint.lower < joint.upper - state else joint.upper
-    state = stop if abs(state - stop) <= near else state
+    state = _placed(part, float(np.median(states)))
     others = _others(twin, part, first, last)
     pull = weight_pull(twin, part, {**others, part.id: state})
     return Rest(first, last, state, others, pull, state == (joint.lower if pull < 0 else joint.upper))
@@ -261,6 +264,14 @@ def _others(twin: Twin, part: Part, first: int, last: int) -> dict[int, float]:
     for p in twin.parts:
         if p is not part:
             seen = len(p.motion.frames) > 0
-            state = float(np.interp((first + last) / 2, p.motion.frames, p.motion.state)) if seen else 0.0
-            out[p.id] = float(np.clip(state, p.joint.lower, p.joint.upper))
+            middle = float(np.interp((first + last) / 2, p.motion.frames, p.motion.state)) if seen else 0.0
+            out[p.id] = _placed(p, middle)
     return out
+
+
+def _placed(part: Part, state: float) -> float:
+    """The state within the limits, and at one where it is as near as a rest is steady."""
+    lower, upper = part.joint.lower, part.joint.upper
+    state = min(max(state, lower), upper)
+    stop = lower if state - lower < upper - state else upper
+    return stop if abs(state - stop) <= STEADY[part.joint.kind] else state

@@ -40,7 +40,7 @@ from twin.verification.behaviour_rows import BehaviourRow as BehaviourRow
 from twin.verification.expected import filled, surface
 from twin.verification.process import BEHAVIOUR, ask
 from twin.verification.rest import hold, inertia, slide
-from twin.verification.rested import asked_rests, left, rested_rows
+from twin.verification.rested import Rested, left, rested, rested_rows
 
 PULL = {"revolute": 2.0, "prismatic": 10.0}  # N m, N: no furniture in a home should ask for more
 HEAVY = 0.1  # of weight x lever (twin/physics/joints.py); chosen by us: three times the friction of a usual hinge, twice a runner's
@@ -80,7 +80,8 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
     for path in files.values():
         if not Path(path).is_file():
             raise InputError(f"{path} does not exist", "run twin export again")
-    asked = [_asked(twin, p) for p in twin.parts]
+    left_at = {p.name: rested(twin, p) for p in twin.parts}
+    asked = [_asked(twin, p, left_at[p.name]) for p in twin.parts]
     jobs = [_job(f, Path(p).resolve(), asked) for f, p in files.items()]
     answers = ask(BEHAVIOUR, jobs)
     rows: list[BehaviourRow] = []
@@ -90,7 +91,7 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
             warnings.append(f"{fmt}: can't be simulated: {' '.join(answer['error'].split())}")
             continue
         for part in twin.parts:
-            rows += _judge(fmt, twin, part, answer["parts"][part.name])
+            rows += _judge(fmt, twin, part, left_at[part.name], answer["parts"][part.name])
     return BehaviourReport(tuple(rows), tuple(warnings))
 
 
@@ -101,7 +102,7 @@ def _job(fmt: str, path: Path, asked: list[dict[str, Any]]) -> dict[str, Any]:
     return {"path": str(path), "format": fmt, "parts": asked, "scene": str(with_floor)}
 
 
-def _asked(twin: Twin, part: Part) -> dict[str, Any]:
+def _asked(twin: Twin, part: Part, where: Rested) -> dict[str, Any]:
     """What the probe has to know of a part."""
     kind, motion, lever = part.joint.kind, part.motion, _hand_lever(part)
     return {
@@ -112,7 +113,7 @@ def _asked(twin: Twin, part: Part) -> dict[str, Any]:
         "hand_inertia": HAND_MASS * lever**2,
         "speed": PUSH[kind],
         "slides": hold(twin, part, 0.0).moves,
-        "rests": asked_rests(twin, part),
+        "rests": where.asked,
         "times": motion.times.tolist(),
         "states": motion.state.tolist(),
     }
@@ -152,7 +153,7 @@ def _hand_lever(part: Part) -> float:
     return float(geo.point_line_distance(part.contact.point, part.joint.pivot, part.joint.axis))
 
 
-def _judge(fmt: str, twin: Twin, part: Part, got: Mapping[str, Any]) -> list[BehaviourRow]:
+def _judge(fmt: str, twin: Twin, part: Part, where: Rested, got: Mapping[str, Any]) -> list[BehaviourRow]:
     """The rows of one part in one format."""
     rows: list[BehaviourRow] = []
     lever = _lever(part)
@@ -172,14 +173,14 @@ def _judge(fmt: str, twin: Twin, part: Part, got: Mapping[str, Any]) -> list[Beh
         )
         add("slides_m", None if off is None else off * lever, limit * lever + FLOOR, told)
     else:
-        add(*left("rest_m", "closed", got["rest"], closed, lever), how)
+        add(*left("rest_m", f"closed{where.closed}", got["rest"], closed, lever), how)
     if _is_level(part):
         middle = (part.joint.lower + part.joint.upper) / 2
         held = {p.id: _state_beside(part, p) for p in twin.parts if p is not part}
         half = hold(twin, part, middle, held)
         if not half.moves:
             add(*left("rest_half_open_m", "half open", got["rest_half_open"], half, lever), how)
-    for row in rested_rows(twin, part, got["rests"], lever):
+    for row in rested_rows(twin, part, where, got["rests"], lever):
         add(*row, how)
     moved = f"{inertia(twin, part):.2g} {'kg m²' if closed.unit == 'N m' else 'kg'} to move"
     against = f"against friction of {closed.friction:.2g} {closed.unit}, {moved}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,26 +20,53 @@ Demand = tuple[
 ]  # quantity, measured and limit in m at the farthest point, explanation
 
 
-def asked_rests(twin: Twin, part: Part) -> list[dict[str, Any]]:
-    """What the probe is asked of the states in which a part rested: state, and the others by name."""
-    names = {p.id: p.name for p in twin.parts}
-    return [
-        {"state": r.state, "held": {names[k]: s for k, s in r.others.items()}} for r in rests(twin, part.id)
-    ]
+@dataclass(frozen=True)
+class Rested:
+    """Where the recording left a part.
+
+    Attributes:
+        closed: text for when it was closed and all others were, empty where it was not.
+        others: the other rests.
+        names: part id -> name, of the whole twin.
+    """
+
+    closed: str
+    others: tuple[Rest, ...]
+    names: Mapping[int, str]
+
+    @property
+    def asked(self) -> list[dict[str, Any]]:
+        """What the probe is asked of the others: state, and the other parts' by name."""
+        return [
+            {"state": r.state, "held": {self.names[k]: s for k, s in r.others.items()}} for r in self.others
+        ]
+
+
+def rested(twin: Twin, part: Part) -> Rested:
+    """When and where a part of a twin with masses rested, no hand in view."""
+    found = rests(twin, part.id)
+    own = (
+        None
+        if hold(twin, part, 0.0).moves
+        else next((r for r in found if not (r.state or any(r.others.values()))), None)
+    )
+    told = "" if own is None else f", as it rested {place(part, own)}"
+    return Rested(told, tuple(r for r in found if r is not own), {p.id: p.name for p in twin.parts})
 
 
 def rested_rows(
-    twin: Twin, part: Part, got: Sequence[Mapping[str, float] | None], lever: float
+    twin: Twin, part: Part, where: Rested, got: Sequence[Mapping[str, float] | None], lever: float
 ) -> Iterator[Demand]:
-    """A demand for every state in which a part rested in the recording. A part that the file does not hold there fails it.
+    """A demand for every other state in which a part rested in the recording. A part that the file does not hold there fails it.
 
     Args:
         twin: what was exported.
         part: of it.
-        got: what the probe measured, in the order of `asked_rests`.
+        where: it rested.
+        got: what the probe measured, in the order of `where.others`.
         lever: m, of the part's farthest point; 1 for a slide.
     """
-    for rest, measured in zip(rests(twin, part.id), got, strict=True):
+    for rest, measured in zip(where.others, got, strict=True):
         held = hold(twin, part, rest.state, dict(rest.others))
         name, drift, limit, told = left(
             _name(part, rest), f"it rested {place(part, rest)}", measured, held, lever
