@@ -128,7 +128,7 @@ def test_export_and_check_tell_and_a_lid_that_needs_a_catch_is_not_raised(
     assert f"all: {doubt}" in files.warnings
     assert any("lid rested at 50 deg" in w and "up is in doubt" in w for w in files.warnings)
     save(twin, tmp_path / "twin")
-    monkeypatch.setattr(proofs, "behave", lambda twin, files: BehaviourReport(()))
+    monkeypatch.setattr(proofs, "behave", lambda *_: BehaviourReport(()))
     assert run(["check", str(tmp_path), "--format", "mjcf", "--engines", "mujoco", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["up"]["contradicted"]
