@@ -34,6 +34,7 @@ from recon.recording.said import require_said
 from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.tracking.tracks import TRACKS, track_points
 from recon.verdict.judge import VERDICT, judge
+from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
 from twin.runs.keys import Stage
 from twin.runs.manifest import versions
@@ -154,7 +155,7 @@ def _run(
             recording, up.value, labels.value, found.value, refined.value, c.refine, moving, sigma
         ),
     )
-    made = _provenance(c, hints)
+    made = _provenance(c, hints, up.warnings)
     twin = _judged_twin(stage, recording, c, up, noise, found, labels, polished, made)
     return with_physics(twin, table=materials)
 
@@ -194,7 +195,7 @@ def _judged_twin(
     return assemble(recording, cameras, scene.static, finished.value, images, made, judged.value, parts)
 
 
-def _provenance(config: ReconConfig, hints: Sequence[TypeHint]) -> dict[str, Any]:
+def _provenance(config: ReconConfig, hints: Sequence[TypeHint], up_doubted: Sequence[str]) -> dict[str, Any]:
     made: dict[str, Any] = {"versions": versions(), "config": as_dict(config)}
-    told = {"joint_hints": as_dict(hints), "said": config.said.texts}
+    told = {"joint_hints": as_dict(hints), "said": config.said.texts, DOUBTED: list(up_doubted)}
     return made | {name: what for name, what in told.items() if what}

@@ -15,7 +15,7 @@ from twin.describe import line
 from twin.errors import SceneError
 from twin.geometry import Array
 
-Origin = Literal["measured", "geometry", "vlm", "user", "default", "other"]
+Origin = Literal["measured", "geometry", "vlm", "recording", "user", "default", "other"]
 ORIGINS: tuple[Origin, ...] = get_args(Origin)
 # Chosen by us: beyond it a double can't tell tenths of a millimetre, and what is computed from it soon overflows.
 LARGEST = 1e12
@@ -52,7 +52,8 @@ def set_field(instance: object, name: str, value: Any) -> None:
 
 def origin_of(source: str) -> Origin:
     """The leading word of a source text, "word: detail": measured (weighed, timed), geometry (surface x table), vlm (a
-    vision-language model's answer), user (stated by the user), default (from a table); other for any other text."""
+    vision-language model's answer), recording (what the recording shows asks for it), user (stated by the user), default (from a
+    table); other for any other text."""
     word = source.partition(":")[0].strip()
     return next((known for known in ORIGINS if known == word), "other")
 

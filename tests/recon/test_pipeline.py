@@ -14,11 +14,12 @@ from recon import pipeline
 from recon.config import ReconConfig
 from recon.joints.type_selection import TypeHint
 from recon.parts.config import MotionConfig
-from recon.pipeline import _run, reconstruct
+from recon.pipeline import _provenance, _run, reconstruct
 from recon.readers import open_recording
 from tests.recon import tiny
 from twin.errors import InputError, MissingDependencyError
 from twin.files.text import read_json
+from twin.level import DOUBTED
 from twin.physics.edit import given, set_physics
 from twin.runs.manifest import MANIFEST
 from twin.storage import load, save
@@ -45,6 +46,13 @@ def test_a_run_without_hints_has_the_keys_it_had(hints: tuple[TypeHint, ...]) ->
     assert seen["motion"] == (
         ((config.motion, config.joints), hints) if hints else (config.motion, config.joints)
     )
+
+
+def test_provenance_keeps_what_gravity_doubts_and_nothing_where_it_does_not() -> None:
+    assert DOUBTED not in _provenance(ReconConfig(), (), ())
+    assert _provenance(ReconConfig(), (), ("wall and floor may be exchanged",))[DOUBTED] == [
+        "wall and floor may be exchanged"
+    ]
 
 
 def test_a_missing_extra_is_told_before_the_recording_is_opened(

@@ -19,6 +19,7 @@ from twin.exporters.tree import Tree, build_tree, require_ranges
 from twin.files.atomic import staging
 from twin.files.own_files import hashes, refuse_edited, replace_own
 from twin.files.paths import AnyPath
+from twin.level import level_evidence
 from twin.runs.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import overlaps, require_sound
@@ -86,6 +87,10 @@ def export(
     asset = AssetInfo() if asset is None else asset
     view = usual_view(twin) if view is None else view
     ready = complete(view.of(complete(twin, cache_dir, view)), cache_dir, view)
+    if view.plain:  # as it was before rests were looked at, to the byte
+        from twin.physics import without_rests
+
+        ready = without_rests(ready)
     tree = build_tree(ready)
     files: dict[str, Path] = {}
     warnings = _warnings(twin, ready, tree, made)
@@ -111,11 +116,15 @@ def export(
 def _warnings(twin: Twin, ready: Twin, tree: Tree, made: Set[str]) -> list[str]:
     """What of a completed twin (`ready`) is not as one would wish; made: names of what got its shapes just now."""
     from twin.collision.stated import meetings
+    from twin.physics import unheld
 
     bare = [k.name for k in tree.links if not k.collision]
     found = [f"{name} has no collision shapes, so nothing can touch it" for name in bare]
     found += [*overlaps(ready), *meetings(ready, made)]
     found += [f"{off.problem}; {off.remedy}" for off in contacts_off(twin)]
+    found += unheld(ready)
+    level = level_evidence(ready)
+    found += [level.text] if level.contradicted else []
     if not tree.moving:
         found.append("the twin has no moving part, so nothing in its files opens")
     return [f"all: {text}" for text in found]
@@ -131,8 +140,8 @@ def _put(staged: Mapping[str, Path], folder: Path, overwrite: bool) -> None:
 
 
 def complete(twin: Twin, cache_dir: AnyPath | None = None, view: AssetView | None = None) -> Twin:
-    """The twin with mass, friction and collision shapes wherever they were missing, and with the inferred layer that a view asks for, by
-    default that of `usual_view`.
+    """The twin with mass, friction and collision shapes wherever they were missing, joints that hold its parts where they rested, and the
+    inferred layer that a view asks for, by default that of `usual_view`.
 
     Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not convex.
     """
@@ -145,6 +154,9 @@ def complete(twin: Twin, cache_dir: AnyPath | None = None, view: AssetView | Non
         from twin.physics import with_physics
 
         twin = with_physics(twin)
+    from twin.physics import with_rests
+
+    twin = with_rests(twin)
     view = usual_view(twin) if view is None else view
     if view.geometry != "seen":
         from twin.completion import with_completion

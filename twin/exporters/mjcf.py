@@ -125,11 +125,13 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, files: di
     full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     ET.SubElement(body, "inertial", pos=numbers(link.com), mass=numbers(link.mass), fullinertia=numbers(full))
     if j is not None:
-        ET.SubElement(
+        joint = ET.SubElement(
             body, "joint", name=j.name, type=_MJ_TYPE[j.kind], axis=numbers(j.axis),
             range=numbers([j.lower, j.upper]), damping=numbers(j.damping), frictionloss=numbers(j.frictionloss),
             armature=numbers(j.armature),
         )  # fmt: skip
+        if j.holds:
+            joint.set("solimpfriction", numbers([simulation.HOLDING_IMPEDANCE] * 2))
     for shown in link.visuals:
         _visual(body, link, shown, _main_class(tree), asset, files)
     _collision(body, link, tree, asset, files)

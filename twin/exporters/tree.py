@@ -34,7 +34,10 @@ _NOTHING = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping, friction and armature."""
+    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping, friction and armature.
+
+    holds: its friction stands for what held the part at rest in the recording, and must not creep.
+    """
 
     name: str
     kind: Literal["revolute", "prismatic"]
@@ -44,6 +47,7 @@ class TreeJoint:
     damping: float
     frictionloss: float
     armature: float
+    holds: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,6 +306,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array, visual: bool) -
             damping=physics.damping.value,
             frictionloss=physics.frictionloss.value,
             armature=armature(joint, inertial),
+            holds=physics.frictionloss.origin == "recording",
         ),
         mass=inertial.mass.value,
         com=inertial.com - origin,

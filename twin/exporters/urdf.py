@@ -16,6 +16,7 @@ from twin.exporters.obj import hull, textured
 from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array
 from twin.names import unused
+from twin.physics.simulation import HOLDING_ITERATIONS
 from twin.scene import Mesh
 
 MESHES = "meshes/"
@@ -37,6 +38,8 @@ def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]
         strippath="false",
         balanceinertia="false",
     )
+    if any(k.joint is not None and k.joint.holds for k in tree.links):
+        ET.SubElement(mujoco, "option", noslip_iterations=str(HOLDING_ITERATIONS))
     ET.SubElement(root, "link", name="world")
     links = [*(k.name for k in tree.links), "world"]
     joints = [f"{tree.root.name}_to_world", *(k.joint.name for k in tree.links if k.joint is not None)]

@@ -9,14 +9,20 @@ import numpy as np
 
 from twin.physics.joints import armature as armature
 from twin.physics.joints import inertia_about as inertia_about
-from twin.physics.joints import resistance
+from twin.physics.joints import resistance, weight_on_lever
 from twin.physics.materials import Material as Material
 from twin.physics.materials import MaterialTable as MaterialTable
 from twin.physics.materials import read_materials as read_materials
 from twin.physics.parts import inertial_of as inertial_of
 from twin.physics.parts import physics_of as physics_of
 from twin.physics.parts import weight_load as weight_load
+from twin.physics.rests import Rest as Rest
+from twin.physics.rests import rests as rests
+from twin.physics.rests import unheld as unheld
+from twin.physics.rests import with_rests as with_rests
+from twin.physics.rests import without_rests as without_rests
 from twin.physics.surface_mass import shell_inertial as shell_inertial
+from twin.quantities import Quantity
 from twin.scene import Inertial, Part, PartPhysics, Twin
 
 # Numbers that somebody took the trouble to find out: nothing but the user replaces them.
@@ -29,7 +35,7 @@ def with_physics(
     table: MaterialTable | None = None,
     renew: bool = False,
 ) -> Twin:
-    """Give every moving part mass, inertia, friction and joint resistance.
+    """Give every moving part mass, inertia, friction and joint resistance, enough of it to stay where it rested in the recording.
 
     Args:
         materials: part name -> material name; parts that are not named get the table's default.
@@ -54,7 +60,7 @@ def with_physics(
             else joint_and_contact(new, material, table)
         )
         parts.append(with_known(replace(new, physics=physics), part, table))
-    return replace(twin, parts=tuple(parts))
+    return with_rests(replace(twin, parts=tuple(parts)), table)
 
 
 def joint_and_contact(
@@ -72,8 +78,11 @@ def joint_and_contact(
 
 
 def weighed(part: Part, inertial: Inertial, table: MaterialTable | None = None) -> Part:
-    """The part with another mass; a damping or frictionloss that nobody stated follows it, by the table."""
-    part = replace(part, inertial=inertial)
+    """The part with another mass; a damping or frictionloss that nobody stated follows it, by the table.
+
+    A frictionloss that rests ask for grows with the weight on its lever; `with_rests` finds it again where there are labels.
+    """
+    before, part = part.inertial, replace(part, inertial=inertial)
     if part.physics is None:
         return part
     law = (read_materials() if table is None else table).joints[part.joint.kind]
@@ -82,6 +91,11 @@ def weighed(part: Part, inertial: Inertial, table: MaterialTable | None = None) 
         for k, q in resistance(part.joint, inertial, law).items()
         if getattr(part.physics, k).origin == "default"
     }
+    loss = part.physics.frictionloss
+    if loss.origin == "recording" and before is not None:
+        grown = weight_on_lever(part.joint, inertial) / weight_on_lever(part.joint, before)
+        low, high = loss.interval
+        follows["frictionloss"] = Quantity(loss.value * grown, loss.source, (low * grown, high * grown))
     return replace(part, physics=replace(part.physics, **follows))
 
 
@@ -117,4 +131,4 @@ def keep_known(twin: Twin, earlier: Twin) -> Twin:
         return twin
     before = {(p.name, p.joint.kind): p for p in earlier.parts}
     parts = [with_known(p, before.get((p.name, p.joint.kind), p)) for p in twin.parts]
-    return replace(twin, parts=tuple(parts), extra={**earlier.extra, **twin.extra})
+    return with_rests(replace(twin, parts=tuple(parts), extra={**earlier.extra, **twin.extra}))

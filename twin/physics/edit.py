@@ -10,6 +10,7 @@ import numpy as np
 from twin.errors import InputError, SceneError
 from twin.physics import KEPT, joint_and_contact, weighed
 from twin.physics.materials import Material, MaterialTable, read_materials
+from twin.physics.rests import unheld, with_rests
 from twin.physics.surface_mass import shell_inertial
 from twin.physics.text import described
 from twin.quantities import Inertial, Quantity
@@ -112,8 +113,24 @@ def set_physics(
         friction = physics.friction if physics.friction.origin in KEPT else named.friction
         physics = replace(physics, density=named.density, friction=friction)
     new = replace(new, physics=replace(physics, **{k: v for k, v in values.items() if k != "mass"}))
-    parts = tuple(new if p.id == old.id else p for p in twin.parts)
-    return Edited(replace(twin, parts=parts), changes(old, new), _doubts(old, inertial.mass, prior))
+    edited = with_part(twin, new, table)
+    new = edited.part(old.id)
+    return Edited(
+        edited, changes(old, new), (*_doubts(old, inertial.mass, prior), *followed(twin, edited, new))
+    )
+
+
+def with_part(twin: Twin, new: Part, table: MaterialTable) -> Twin:
+    """The twin with another state of one of its parts, and joints that hold all where they rested."""
+    return with_rests(replace(twin, parts=tuple(new if p.id == new.id else p for p in twin.parts)), table)
+
+
+def followed(before: Twin, after: Twin, edited: Part) -> tuple[str, ...]:
+    """What else a change of one part brought, each in one line: other joints that follow it, and that it will not stay where it rested."""
+    pairs = zip(before.parts, after.parts, strict=True)
+    others = ((b.name, c) for a, b in pairs if b.id != edited.id for c in changes(a, b))
+    told = [f"{name}: its {c.name} follows: {c.before} is now {c.after}, {c.source}" for name, c in others]
+    return (*told, *(line for line in unheld(after) if line.startswith(f"{edited.name} ")))
 
 
 def _prior(part: Part, material: Material) -> Inertial | None:

@@ -2,7 +2,8 @@
 
 A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
 N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
-demonstration, and slides, whether its weight is more than friction holds when it is closed. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
+demonstration, slides, whether its weight is more than friction holds when it is closed, and rests, the states in which it stood still, each with the
+others {name: state} held. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
 The files are simulated as they are, with the step and the integrator that they ask for. What is changed, in memory: the other
 parts have no joints (`moved.moved`); in `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight
@@ -33,6 +34,7 @@ SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
 VERSION = mujoco.__version__
 _STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
 
+_SLOW = 0.01  # ranges a second: slower, the servo leaves the joint's dry friction to its stiffness
 
 _File = tuple[Any, Any]  # mujoco.MjSpec and the mujoco.MjModel compiled from it
 
@@ -57,6 +59,7 @@ def _measured(part: Mapping[str, Any], file: _File, touching: _File) -> dict[str
     return {
         "rest": None if part["slides"] else _guarded(_stay, closed, 0.0),
         "rest_half_open": _guarded(_stay, weighed, (weighed.lower + weighed.upper) / 2),
+        "rests": [_guarded(_stay, moved(*file, part["name"], r["held"]), r["state"]) for r in part["rests"]],
         "slide": _guarded(_slide, closed) if part["slides"] else None,
         "armature": float(model.dof_armature[weighed.dof]),
         "open": _guarded(_reach, free, free.lower, part["force"]),
@@ -108,8 +111,10 @@ def _slide(part: Moved) -> list[float]:
 
 def _creep(part: Moved, pull: float) -> float:
     """Speed (m/s or rad/s) at which dry friction yields to a `pull` (N or N m) that it holds: MuJoCo's friction is a soft
-    constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model")."""
+    constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model"). Its solver without slip leaves none."""
     model, (constant, ratio) = part.model, map(float, part.model.dof_solref[part.dof])
+    if model.opt.noslip_iterations > 0:
+        return 0.0
     d = float(model.dof_solimp[part.dof, 0])
     damping = 2.0 / (float(model.dof_solimp[part.dof, 1]) * constant) if constant > 0 else -ratio
     return (1.0 - d) / d * float(model.dof_invweight0[part.dof]) * pull / damping
@@ -216,13 +221,14 @@ def _demonstration(part: Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
     unit[part.dof] = 1.0
     mujoco.mj_mulM(model, data, column, unit)
     inertia, damping = float(column[part.dof]), float(model.dof_damping[part.dof])
+    friction, slow = float(model.dof_frictionloss[part.dof]), _SLOW * (part.upper - part.lower)
     hand, motion, most = float(asked["hand"]), [], 0.0
     for t in times:
         while steps[k] < t:
             state, speed, push = course[k]
             off, lag = state - float(data.qpos[part.at]), speed - float(data.qvel[part.dof])
             pull = inertia * (push + _STIFF**2 * off + 2 * _STIFF * lag)
-            pull += float(data.qfrc_bias[part.dof]) + damping * speed
+            pull += float(data.qfrc_bias[part.dof]) + damping * speed + friction * math.tanh(speed / slow)
             pull = min(max(pull, -hand), hand)
             data.qfrc_applied[part.dof] = pull
             most, k = max(most, abs(pull)), k + 1

@@ -13,6 +13,7 @@ from typing import Any
 from twin.completion.asset import view_of
 from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath
+from twin.physics import without_rests
 from twin.scene import Twin
 from twin.verification.compare import Truth, compare, far_away, loads
 from twin.verification.exceptions import expected_to_say
@@ -53,7 +54,8 @@ def check(
 
 def as_exported(twin: Twin, files: Mapping[str, Path]) -> Twin:
     """The twin as files show it: with the inferred layer or without, with the room or without, in their frame."""
-    return view_of(files.values()).of(twin)
+    view = view_of(files.values())
+    return without_rests(twin) if view.plain else view.of(twin)
 
 
 def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:

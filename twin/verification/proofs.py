@@ -9,6 +9,7 @@ from typing import Any
 
 from twin.contacts import contacts_off
 from twin.engines import interpreter
+from twin.level import UP, level_evidence
 from twin.report.sections import Table
 from twin.runs.stages import Progress
 from twin.scene import Twin
@@ -49,6 +50,7 @@ def prove(
     proofs = [_agreement(progress, twin, files, engines)] if engines else []
     proofs.append(_behaviour(progress, as_exported(twin, files), files))
     proofs.append(_contacts(twin))
+    proofs.append(_up(twin))
     if valid:
         proofs.append(_validity(progress, files["usd"]))
     return proofs
@@ -86,6 +88,27 @@ def _contacts(twin: Twin) -> Proof:
     summary = f"{stated - len(off)} of {stated} contacts lie on their parts"
     data = {"ok": not off, "off": [vars(o) for o in off]}
     return Proof("contacts", not off, summary, data, tables, warnings=[o.problem for o in off])
+
+
+def _up(twin: Twin) -> Proof:
+    """Do large planes, slides and hinges agree with the twin's up? One that they contradict is a warning: what leans may lean."""
+    found = level_evidence(twin)
+    rows = [
+        [
+            w.name,
+            "level" if w.level_only else "level or plumb",
+            f"{w.off_deg(UP):.2f} deg",
+            f"{w.off_deg(found.up):.2f} deg",
+        ]
+        for w in found.witnesses
+    ]
+    columns = ["what", "is", "off by the twin's up", f"by an up {found.tilt_deg:.1f} deg away"]
+    tables = [Table("up is in doubt", columns, rows)] if found.contradicted else []
+    data = {
+        "ok": True, "contradicted": found.contradicted, "tilt_deg": found.tilt_deg, "agree": found.agree,
+        "witnesses": [{"name": w.name, "off_deg": w.off_deg(UP)} for w in found.witnesses],
+    }  # fmt: skip
+    return Proof("up", True, found.text, data, tables, warnings=[found.text] if found.contradicted else [])
 
 
 def _validity(progress: Progress, path: Path) -> Proof:

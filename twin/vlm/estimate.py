@@ -17,7 +17,7 @@ from twin.errors import SceneError, ServiceError
 from twin.geometry import Array
 from twin.mesh import used_vertices
 from twin.physics import KEPT, joint_and_contact, weighed
-from twin.physics.edit import Edited, changes
+from twin.physics.edit import Edited, changes, followed, with_part
 from twin.physics.materials import Material, MaterialTable, read_materials
 from twin.physics.surface_mass import shell_inertial
 from twin.quantities import Quantity
@@ -191,8 +191,9 @@ def apply(
         friction = new.physics.friction if new.physics.friction.origin in KEPT else physics.friction
         physics = replace(new.physics, friction=friction, density=physics.density)
     new = replace(new, physics=physics)
-    parts = tuple(new if p.id == old.id else p for p in twin.parts)
-    return Edited(replace(twin, parts=parts), changes(old, new), tuple(doubts))
+    edited = with_part(twin, new, table)
+    new = edited.part(old.id)
+    return Edited(edited, changes(old, new), (*doubts, *followed(twin, edited, new)))
 
 
 def _mass(geometry: Quantity, stated: float, material: Material, model: str) -> tuple[Quantity, str]:

@@ -13,6 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from twin.exporters.tree import Link, Tree, TreeJoint
 from twin.exporters.usd.layers import joint_path, link_path, new_layer, points, scope_path
 from twin.exporters.usd.physics import degrees_per
+from twin.physics.simulation import HOLDING_IMPEDANCE
 from twin.scene import Mesh
 
 RUNTIMES = {"PhysX": "physx", "Newton": "newton", "MuJoCo": "mujoco"}  # variant set -> file stem
@@ -84,7 +85,19 @@ def _mujoco_joints(stage: Usd.Stage, tree: Tree) -> None:
 
 
 def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
-    """Groups (2 is shown, 3 is for collision shapes, 4 for sites), grasp sites and keyframes."""
+    """Groups (2 is shown, 3 is for collision shapes, 4 for sites), friction that does not creep, grasp sites and keyframes."""
+    for _, j in _joints(tree):
+        if j.holds:
+            prim = stage.OverridePrim(joint_path(tree, j.name))
+            prim.AddAppliedSchema("MjcJointAPI")
+            impedance = [
+                HOLDING_IMPEDANCE,
+                HOLDING_IMPEDANCE,
+                0.001,
+                0.5,
+                2.0,
+            ]  # and MuJoCo's own width, midpoint, power
+            _author(prim, "mjc:solimpfriction", Sdf.ValueTypeNames.DoubleArray, impedance, uniform=True)
     for link in tree.links:
         path = link_path(tree, link.name)
         for shown in link.visuals:
@@ -110,7 +123,9 @@ def _joints(tree: Tree) -> list[tuple[Link, TreeJoint]]:
     return [(k, k.joint) for k in tree.links if k.joint is not None]
 
 
-def _author(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: float, uniform: bool = False) -> None:
+def _author(
+    prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: float | list[float], uniform: bool = False
+) -> None:
     variability = Sdf.VariabilityUniform if uniform else Sdf.VariabilityVarying
     prim.CreateAttribute(name, kind, False, variability).Set(value)
 
