@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal, get_args
 
-from twin.completion.asset import AssetView, usual_view
+from twin.completion.asset import AssetView, is_reconstructed, usual_view
 from twin.contacts import contacts_off
 from twin.errors import InputError
 from twin.exporters.asset import AssetInfo
@@ -87,7 +87,7 @@ def export(
     asset = AssetInfo() if asset is None else asset
     view = usual_view(twin) if view is None else view
     ready = complete(view.of(complete(twin, cache_dir, view)), cache_dir, view)
-    if view.plain:  # as it was before rests were looked at, to the byte
+    if view.plain and is_reconstructed(twin):  # as it was before rests were looked at, to the byte
         from twin.physics import without_rests
 
         ready = without_rests(ready)

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from twin.completion.asset import view_of
+from twin.completion.asset import is_reconstructed, view_of
 from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath
 from twin.physics import without_rests
@@ -55,7 +55,7 @@ def check(
 def as_exported(twin: Twin, files: Mapping[str, Path]) -> Twin:
     """The twin as files show it: with the inferred layer or without, with the room or without, in their frame."""
     view = view_of(files.values())
-    return without_rests(twin) if view.plain else view.of(twin)
+    return without_rests(twin) if view.plain and is_reconstructed(twin) else view.of(twin)
 
 
 def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:
