@@ -31,6 +31,7 @@ _FRONT = 0.02  # m^2 of one
 _ALIGNED = float(np.cos(np.radians(8.0)))  # of a wall with a front
 _APART = 0.004  # m between a neighbour and the opening
 MOST, _FEWEST = 32, 12  # pieces of the furniture, and of them beside the cabinets of the parts
+_CLEAR = 0.0025  # m, a little more than shapes keep from what moves past them
 _SOLID = 0.05  # m: a neighbour that is less deep is left a board
 
 
@@ -94,7 +95,7 @@ def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: 
         cloud = Cloud.of(furniture, T)
         freed = [out_of_the_way(b, passed) for b in o.carcass.boards if not b.contradicted(cloud)]
         boards = [b for b in freed if b is not None and b.real]
-        pieces += [b.piece(T, color_near(furniture, b, T)) for b in boards]
+        pieces += [_clear_piece(b, T, furniture, passed) for b in boards]
         shown = shown_surface(shown, boards, T)
         left = beyond(left, [b.box(T) for b in boards], 3 * SEARCH.noise)
         if o.front.frame.kind != "drawer" and np.all(o.carcass.high - o.carcass.low > 0.05):
@@ -134,7 +135,17 @@ def _panels(
                 blurred.append((h.low, h.high))
                 bars += list(h.boards)
     shown = shown_surface(shown, boards, T, blurred)
-    return [b.piece(T, color_near(furniture, b, T)) for b in (*boards, *bars)], shown
+    return [_clear_piece(b, T, furniture, passed) for b in (*boards, *bars)], shown
+
+
+def _clear_piece(board: Board, T_world_frame: Array, furniture: Mesh, passed: Array) -> Inferred:
+    """A board as a piece whose shape keeps clear of where the parts pass (n, 3), as a shorter box if it can: shapes that are cut there
+    later fall to many pieces."""
+    piece = board.piece(T_world_frame, color_near(furniture, board, T_world_frame))
+    shorter = out_of_the_way(board, passed, -_CLEAR)
+    return (
+        piece if shorter is None or not shorter.real else replace(piece, shapes=(shorter.box(T_world_frame),))
+    )
 
 
 def _local(name: str, box: Box, back: str, T_world_frame: Array) -> Board:

@@ -16,6 +16,7 @@ from twin.scene import Part
 _SPACING = 0.012  # m between points on a part's boards
 _STEP = 0.015  # m that no point moves farther between two states
 _INTO = 0.004  # m into a board that a part may come: noise of both
+_SPARE = 0.004  # m from where the part passes that a shortened board ends
 _WORTH = 0.5  # share of a board that must be left of it
 
 
@@ -31,9 +32,12 @@ def swept_points(part: Part, pieces: Sequence[Inferred]) -> Array:
     return np.concatenate([geo.transform(part.joint.pose(s), points) for s in sweep_states(part, _STEP)])
 
 
-def out_of_the_way(board: Board, swept: Array) -> Board | None:
-    """The board, or the largest part of it that is free of points (n, 3) in its frame; None where too little would be left."""
-    hit = swept[np.all((swept > board.low + _INTO) & (swept < board.high - _INTO), axis=1)]
+def out_of_the_way(board: Board, swept: Array, into: float = _INTO) -> Board | None:
+    """The board, or the largest part of it that is free of points (n, 3) in its frame; None where too little would be left.
+
+    into: m that points may come into it; below zero they keep that far away.
+    """
+    hit = swept[np.all((swept > board.low + into) & (swept < board.high - into), axis=1)]
     if not len(hit):
         return board
     best: tuple[float, Array, Array] | None = None
@@ -41,9 +45,9 @@ def out_of_the_way(board: Board, swept: Array) -> Board | None:
         for high in (False, True):
             low_, high_ = board.low.copy(), board.high.copy()
             if high:
-                high_[axis] = hit[:, axis].min() - _INTO
+                high_[axis] = hit[:, axis].min() + min(into, 0.0) - _SPARE
             else:
-                low_[axis] = hit[:, axis].max() + _INTO
+                low_[axis] = hit[:, axis].max() - min(into, 0.0) + _SPARE
             share = float((high_[axis] - low_[axis]) / board.size[axis])
             if share > _WORTH and (best is None or share > best[0]):
                 best = share, low_, high_
