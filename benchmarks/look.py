@@ -127,7 +127,7 @@ def compared(twin: Twin, recording: Recording, truth: Path, photo: bool, sheet: 
         tiles.append(np.concatenate([real, np.where(np.isfinite(z)[..., None], picture, 255)], axis=1))
     if sheet is not None:
         some = np.linspace(0, len(tiles) - 1, 4).round().astype(int)
-        cv2.imwrite(str(sheet), np.concatenate([tiles[k] for k in some])[..., ::-1])
+        cv2.imwrite(str(sheet), np.concatenate([tiles[k] for k in some])[..., ::-1].astype(np.uint8))
     return Look(*(float(v) for v in np.mean(rows, axis=0)))
 
 

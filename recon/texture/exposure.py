@@ -11,7 +11,10 @@ from twin.geometry import Array
 # Chosen by us and the same for every recording.
 _DARK, _BRIGHT = 20.0, 235.0  # levels of 255 between which a ratio of colours tells of exposure
 _USUAL = 0.05  # of the logarithm, about 5 %: a colour that is off by as much counts half, as a shadow or a highlight
-_ROUNDS = 12
+_WIDE, _ROUNDS = (
+    1.0,
+    16,
+)  # that scale at first, when the gains are not known, and how often it shrinks by 0.6 or stays
 _FEWEST = 40  # places that a frame shares with others, below which its gain stays near 1
 _MOST = 2.0  # largest gain: what differs by more is no exposure
 
@@ -34,14 +37,14 @@ def gains(seen: Sequence[tuple[Array, Array]], frames: int) -> Array:
     if not len(logs):
         return np.ones((frames, 3))
     frame, weights = np.zeros((frames, 3)), fair
-    for _ in range(_ROUNDS):
+    for k in range(_ROUNDS):
         total = np.maximum(weights.sum(axis=1), 1e-9)
         place = np.einsum("nk,nkc->nc", weights, logs - frame) / total[:, None]
-        count = weights.sum(axis=0)[:, None] + _FEWEST
-        frame = np.einsum("nk,nkc->kc", weights, logs - place[:, None]) / count
         anchor = weights.sum(axis=0)
+        frame = np.einsum("nk,nkc->kc", weights, logs - place[:, None]) / np.maximum(anchor, 1e-9)[:, None]
         frame -= anchor @ frame / max(float(anchor.sum()), 1e-9)
         off = np.abs(logs - place[:, None] - frame).max(axis=2)
-        weights = fair / (1.0 + (off / _USUAL) ** 2) ** 2
-    frame[~fair.any(axis=0)] = 0.0
+        weights = fair / (1.0 + (off / max(_USUAL, _WIDE * 0.6**k)) ** 2) ** 2
+    told = fair.sum(axis=0)
+    frame *= (told / (told + _FEWEST))[:, None]
     return np.clip(np.exp(-frame), 1.0 / _MOST, _MOST)
