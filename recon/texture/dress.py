@@ -78,7 +78,8 @@ def dress(
 
     Args:
         labels: frame -> (H, W) label image; frames without a camera pose are left out.
-        static: mesh in the world. parts: with their meshes at state 0.
+        static: mesh in the world.
+        parts: with their meshes at state 0.
         noise: of depth.
     """
     camera = recording.intrinsics
