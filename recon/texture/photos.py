@@ -22,7 +22,7 @@ U8 = NDArray[np.uint8]
 # Chosen by us and the same for every recording.
 LOW = 4  # px of the photograph a pixel of its low band
 _BLUR = 0.8  # pixels of the low band: its standard deviation is 3 px of the photograph
-_HAND = 0.03  # of the picture's width around a hand that shows its soft edge and the shadow close to it
+_HAND = 0.06  # of the picture's width around a hand that shows its soft edge and the shadow close to it
 _RIM, _FULL = (
     1.0,
     5.0,

@@ -24,8 +24,8 @@ SHARP = 2.0  # power of their weights: near 1 all share alike, far above only th
 ODD = 12.0  # levels of 255 off the median of a point's photographs, at which one counts half: shadows, highlights
 _GRAZING = 0.1  # cosine at which a surface is seen too flat
 _SIGMAS, _SURFACE = (
-    3.0,
-    0.012,
+    2.0,
+    0.006,
 )  # a reading agrees with the surface within so many deviations, and m of fusion's and decimation's error
 _TAPS = 0.6  # of the cubic weights must lie on the body's own pixels
 _AT_ONCE = 1 << 16
@@ -134,25 +134,25 @@ def _detail_at(
     """Colour (3,) between pixels, from those of the body alone; False where too few of them are."""
     h, w, _ = color.shape
     i, j = int(np.floor(v)), int(np.floor(u))
-    total = 0.0
-    out[:] = 0.0
-    for dy in range(-1, 3):
-        y = i + dy
+    across = (_cubic(u - j + 1), _cubic(u - j), _cubic(u - j - 1), _cubic(u - j - 2))
+    total = red = green = blue = 0.0
+    for dy in range(4):
+        y = i + dy - 1
         if y < 0 or y >= h:
             continue
-        wy = _cubic(v - y)
-        for dx in range(-1, 3):
-            x = j + dx
+        down = _cubic(v - y)
+        for dx in range(4):
+            x = j + dx - 1
             if x < 0 or x >= w or trust[y, x] <= 0:
                 continue
-            weight = wy * _cubic(u - x)
+            weight = down * across[dx]
             total += weight
-            for c in range(3):
-                out[c] += weight * color[y, x, c]
+            red += weight * color[y, x, 0]
+            green += weight * color[y, x, 1]
+            blue += weight * color[y, x, 2]
     if total < _TAPS:
         return False
-    for c in range(3):
-        out[c] /= total
+    out[0], out[1], out[2] = red / total, green / total, blue / total
     return True
 
 
