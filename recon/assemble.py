@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,20 @@ from twin.names import legal_name
 from twin.physics import keep_known
 from twin.runs.manifest import MANIFEST, update_manifest
 from twin.runs.stages import Run
-from twin.scene import UNKNOWN_LABEL, Mesh, Part, Recorded, Revolute, StaticPart, Trajectory, Twin
+from twin.scene import (
+    STATIC_LABEL,
+    UNKNOWN_LABEL,
+    Mesh,
+    Part,
+    Recorded,
+    Revolute,
+    StaticPart,
+    Texture,
+    Trajectory,
+    Twin,
+)
 from twin.storage import aside_name, digest, keep_aside, load, save
+from twin.storage.texture import same_textures
 from twin.verdict import Verdict, of_twin, verdict_document
 
 
@@ -34,11 +47,13 @@ def assemble(
     provenance: Mapping[str, Any],
     judged: Judged,
     moved: Sequence[MovingPart],
+    textures: Mapping[int, Texture],
 ) -> Twin:
     """The twin, without mass or collision geometry yet (`twin.physics`, `twin.collision` add them).
 
     moved: all parts that were found. Those that are refused are no parts of it: their pixels count as unknown, and verdict and
     provenance tell of them. They are told by the id that they would have, under the names that they would have.
+    textures: of the static scene and of parts, by label id.
     """
     name = legal_name(recording.name)
     taken = [name, "static"]
@@ -52,7 +67,7 @@ def assemble(
         Part(
             id=part.moving.id,
             name=names[part.moving.id],
-            mesh=part.mesh,
+            mesh=replace(part.mesh, texture=textures.get(part.moving.id)),
             joint=part.moving.joint.with_pivot(part.mesh.area_centroid),
             motion=part.moving.motion,
             contact=part.contact,
@@ -67,7 +82,7 @@ def assemble(
     left_out = [_left_out(p, names[p.id], judged.parts[p.id]) for p in moved if p.id in refused]
     return Twin(
         name=name,
-        static=StaticPart(legal_name("static", []), static),
+        static=StaticPart(legal_name("static", []), replace(static, texture=textures.get(STATIC_LABEL))),
         parts=tuple(finished),
         cameras=cameras,
         recorded=Recorded(Path(recording.source).name, len(recording), recording.fingerprint),
@@ -112,8 +127,11 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
         if found in (before, there):
             if there != found:
                 run.warn(f"{folder} was changed since and stays as it is: the result is the same as before")
+            dressed = _with_textures(earlier, twin)
+            if not same_textures(dressed, earlier):
+                save(dressed, folder)
             update_manifest(out, twin=found)
-            return earlier
+            return dressed
         known = keep_known(twin, earlier)
         if there != before or (earlier.extra and not known.extra):
             run.warn(
@@ -123,6 +141,19 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
     save(twin, folder)
     update_manifest(out, twin=found)
     return twin
+
+
+def _with_textures(earlier: Twin, twin: Twin) -> Twin:
+    """The earlier twin with the textures of the new one, wherever their meshes have the same faces: a digest knows nothing of them."""
+
+    def dressed(old: Mesh, new: Mesh) -> Mesh:
+        same = np.array_equal(old.faces, new.faces) and np.array_equal(old.vertices, new.vertices)
+        return replace(old, texture=new.texture) if same else old
+
+    new = {p.id: p.mesh for p in twin.parts}
+    parts = tuple(replace(p, mesh=dressed(p.mesh, new.get(p.id, p.mesh))) for p in earlier.parts)
+    static = replace(earlier.static, mesh=dressed(earlier.static.mesh, twin.static.mesh))
+    return replace(earlier, static=static, parts=parts)
 
 
 def _earlier_twin(run: Run, folder: Path) -> Twin | None:

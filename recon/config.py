@@ -15,6 +15,7 @@ from recon.labels.label_frames import LabelConfig
 from recon.parts.config import MotionConfig
 from recon.recording.said import Said
 from recon.refine.observations import RefineConfig
+from recon.texture.dress import TextureConfig
 from recon.tracking.tracks import TrackConfig
 from twin.runs.setting import Former, Settings, group
 
@@ -33,6 +34,7 @@ class ReconConfig(Settings):
     fusion: FusionConfig = group(FusionConfig, "meshes of the static scene and the parts")
     closed_end: ClosedEndConfig = group(ClosedEndConfig, "which end of a part's travel is the closed one")
     contact: ContactConfig = group(ContactConfig, "where the hand held a part")
+    texture: TextureConfig = group(TextureConfig, "photographs on the meshes")
     said: Said = group(Said, "the user's word")
 
     FORMERLY: ClassVar[Former] = {"motion.joint": "joints"}

@@ -32,6 +32,7 @@ from recon.recording import Recording
 from recon.recording.kept import kept
 from recon.recording.said import require_said
 from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
+from recon.texture.dress import TEXTURE, dress
 from recon.tracking.tracks import TRACKS, track_points
 from recon.verdict.judge import VERDICT, judge
 from twin.level import DOUBTED
@@ -172,12 +173,12 @@ def _judged_twin(
     made: Mapping[str, Any],
 ) -> Twin:
     """The last stages, and the twin of what they leave."""
-    cameras, images, parts, told = up.value, labels.value, polished.value, stage.run.loop("fusion")
+    cameras, images, parts, loop = up.value, labels.value, polished.value, stage.run.loop
     # Truncated signed distances of the static scene and of each part.
     fused = stage(
         FUSION,
         [up, polished, labels, noise],
-        lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=told),
+        lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=loop("fusion")),
     )
     scene = fused.value
     # Joint limits from the closed end, and where the hand held the part.
@@ -186,13 +187,30 @@ def _judged_twin(
         [up, found, polished, labels, fused],
         lambda: finish_parts(recording, cameras, images, found.value, parts, scene, c.closed_end, c.contact),
     )
+    # Photographs on the meshes.
+    dressed = stage(
+        TEXTURE,
+        [up, labels, noise, fused, finished],
+        lambda: dress(
+            recording,
+            cameras,
+            images,
+            scene.static,
+            finished.value,
+            c.texture,
+            noise.value,
+            progress=loop("texture"),
+        ),
+    )
     # What each part is worth, by numbers that need no truth.
     judged = stage(
         VERDICT,
         [up, found, polished, labels, fused, finished],
         lambda: judge(recording, cameras, images, found.value, parts, scene, finished.value),
     )
-    return assemble(recording, cameras, scene.static, finished.value, images, made, judged.value, parts)
+    return assemble(
+        recording, cameras, scene.static, finished.value, images, made, judged.value, parts, dressed.value
+    )
 
 
 def _provenance(config: ReconConfig, hints: Sequence[TypeHint], up_doubted: Sequence[str]) -> dict[str, Any]:

@@ -35,6 +35,7 @@ from twin.quantities import set_field as _set
 from twin.shapes import Box as Box
 from twin.shapes import Collision as Collision
 from twin.shapes import Mesh as Mesh
+from twin.shapes import Texture as Texture
 from twin.verdict import Verdict
 
 STATIC_LABEL = 1

@@ -16,12 +16,37 @@ from twin.quantities import set_field as _set
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Texture(Described):
+    """Picture of a mesh's surface.
+
+    uv: (F, 3, 2) float32, where each corner of each face lies in the image, 0..1, v up. image: (H, W, 3) uint8 sRGB, top row first.
+    seen: (H, W) bool, texels that a picture shows; the others are in-painted, or lie off every face.
+    """
+
+    uv: NDArray[np.float32]
+    image: NDArray[np.uint8]
+    seen: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        _set(self, "uv", _frozen(self.uv, (None, 3, 2), "texture coordinates", np.float32))
+        _set(self, "image", _frozen(self.image, (None, None, 3), "texture image", np.uint8))
+        _set(self, "seen", _frozen(self.seen, self.image.shape[:2], "texture mask", np.bool_))
+        if not self.image.size:
+            raise SceneError(f"a texture needs an image, got one of {self.image.shape[:2]} texels")
+        if len(self.uv) and not (self.uv.min() >= 0 and self.uv.max() <= 1):
+            raise SceneError(
+                f"texture coordinates must be in 0..1, got {self.uv.min():g} to {self.uv.max():g}"
+            )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh(Described):
-    """Triangle mesh: vertices (V, 3) m, faces (F, 3) int32, optional vertex colours (V, 3) uint8 sRGB."""
+    """Triangle mesh: vertices (V, 3) m, faces (F, 3) int32, optional vertex colours (V, 3) uint8 sRGB and photo texture."""
 
     vertices: Array
     faces: NDArray[np.int32]
     colors: NDArray[np.uint8] | None = None
+    texture: Texture | None = None
 
     def __post_init__(self) -> None:
         _set(self, "vertices", _frozen(self.vertices, (None, 3), "mesh vertices"))
@@ -32,10 +57,14 @@ class Mesh(Described):
             )
         if self.colors is not None:
             _set(self, "colors", _frozen(self.colors, (len(self.vertices), 3), "mesh colors", np.uint8))
+        if self.texture is not None and len(self.texture.uv) != len(self.faces):
+            raise SceneError(
+                f"a texture for {len(self.texture.uv)} faces does not fit a mesh of {len(self.faces)}"
+            )
 
     def transformed(self, T_new_old: Array) -> Mesh:
         """The mesh in another frame."""
-        return Mesh(geo.transform(T_new_old, self.vertices), self.faces, self.colors)
+        return Mesh(geo.transform(T_new_old, self.vertices), self.faces, self.colors, self.texture)
 
     @property
     def area(self) -> float:

@@ -1,4 +1,4 @@
-"""Twins on disk: `twin.json` (format "funtwin/1"), `cameras.txt`, `meshes/*.ply`, `labels/*.png`.
+"""Twins on disk: `twin.json` (format "funtwin/1"), `cameras.txt`, `meshes/*.ply`, `textures/*`, `labels/*.png`.
 
 Numbers are written with as many digits as it takes to read back the same double, so a saved and loaded twin is the
 same twin (camera rotations, stored as quaternions, to 1e-12). docs/twin_format.md describes the format. What else lies in
@@ -35,10 +35,13 @@ from twin.storage.document import (
 )
 from twin.storage.earlier import Earlier, free_name, same_mesh
 from twin.storage.labels import LABEL
+from twin.storage.texture import same_textures, texture_bytes, texture_files, textures_of
 from twin.storage.tum import tum_lines
 
 # What `twin export` and `twin physics` fill in or change: not what a reconstruction found.
 _FILLED = ("collision", "inertial", "physics", "completion")
+# What is made of a recording and tells nothing new of the scene: with and without it a twin is the same.
+_LOOKS = ("texture",)
 
 
 def save(twin: Twin, folder: AnyPath) -> None:
@@ -91,12 +94,12 @@ def twin_folder(folder: AnyPath) -> Path:
 
 
 def update(old: Twin, new: Twin, folder: AnyPath) -> None:
-    """Write into a folder that holds `old` what differs in `new`: numbers and collision shapes, not meshes, cameras or labels.
+    """Write into a folder that holds `old` what differs in `new`: numbers and collision shapes, not meshes, textures, cameras or labels.
 
     Every other value of twin.json stays as it stands there, and every file. New shapes get files of their own; twin.json,
     replaced last and at once, is what makes them count. Does nothing where the twins say the same.
 
-    Raises InputError when a mesh of the twin is not in the folder, or the folder can't be written.
+    Raises InputError when a mesh of the twin is not in the folder, a mesh or texture is another, or the folder can't be written.
     """
     here = twin_folder(folder).resolve()
     known: dict[str, Mesh] = {}
@@ -108,6 +111,8 @@ def update(old: Twin, new: Twin, folder: AnyPath) -> None:
         raise InputError(f"{here / absent[0]} does not exist", "save the whole twin with twin.save")
     fresh = {path: ply_bytes(m) for path, m in meshes.items() if not same_mesh(m, known.get(path))}
     other = [path for (_, shape), path in shape_files(after) if shape is None and path in fresh]
+    if not same_textures(old, new):
+        other.append("a texture")
     if other:
         raise InputError(f"{other[0]} is not what {here} holds", "save the whole twin with twin.save")
     with _writing(here):
@@ -129,7 +134,7 @@ def digest(twin: Twin) -> str:
     for owner in (document, document["static"], *document["parts"]):
         if owner.get("verdict") is None:  # as in twins that were made before there were verdicts
             owner.pop("verdict", None)
-        for key in _FILLED:
+        for key in (*_FILLED, *_LOOKS):
             owner.pop(key, None)
     document.pop("provenance")
     h = hashlib.sha256(json.dumps(document, sort_keys=True).encode())
@@ -193,7 +198,7 @@ def _earlier(folder: Path) -> dict[str, Any] | None:
         return None
     document = read_document(folder / "twin.json")
     try:
-        list(shape_files(document))
+        list(shape_files(document)), list(texture_files(document))
     except (KeyError, TypeError, AttributeError) as e:
         raise InputError(
             f"{folder / 'twin.json'} is not a twin (no {e})", "move it away or give another folder"
@@ -208,6 +213,7 @@ def _files_of(folder: Path, document: Mapping[str, Any]) -> set[str]:
     own = {
         "twin.json",
         *(path for _, path in shape_files(document)),
+        *(path for _, path in texture_files(document)),
         *labels,
         *([cameras] if cameras else []),
     }
@@ -226,6 +232,7 @@ def _write(twin: Twin, folder: Path, earlier: Earlier) -> None:
             os.link(earlier.folder / names[path], target)
         else:
             target.write_bytes(ply_bytes(meshes[path]))
+    names |= _write_textures(twin, document, folder, earlier)
     document = with_files_named(document, lambda path: names[path])
     if twin.cameras is not None:
         text = tum_lines(twin.cameras)
@@ -233,6 +240,22 @@ def _write(twin: Twin, folder: Path, earlier: Earlier) -> None:
         (folder / document["cameras"]["file"]).write_text(text, encoding="ascii", newline="\n")
     _write_labels(twin.labels, folder / "labels")
     write_file(folder / "twin.json", (json_text(document) + "\n").encode())
+
+
+def _write_textures(
+    twin: Twin, document: Mapping[str, Any], folder: Path, earlier: Earlier
+) -> dict[str, str]:
+    """Path in the document -> name of the file that was written."""
+    textures, names = textures_of(twin), {}
+    for (owner, key), path in texture_files(document):
+        texture = textures[owner]
+        assert texture is not None
+        data = texture_bytes(texture, key)
+        names[path] = earlier.texture((owner, key), path, data)
+        target = folder / names[path]
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(data)
+    return names
 
 
 def _write_labels(labels: Mapping[int, NDArray[np.uint8]], folder: Path) -> None:

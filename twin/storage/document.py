@@ -16,6 +16,7 @@ from twin.storage.completion import (
     shapes_document,
     with_completion_named,
 )
+from twin.storage.texture import texture_document, with_texture_named
 from twin.verdict import verdict_document
 
 FORMAT = "funtwin/1"
@@ -42,6 +43,7 @@ def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
             "name": static.name,
             "mesh": f"meshes/{static.name}.ply",
             "collision": shapes_document(f"{static.name}.collision", static.collision, meshes),
+            **texture_document(static.name, static.mesh.texture),
             **completion_document(static.name, static.completion, meshes),
         },
         "parts": [with_extra(_part(p, meshes), p.extra) for p in twin.parts],
@@ -75,6 +77,7 @@ def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
             k: _quantity(getattr(p.physics, k)) for k in ("friction", "damping", "frictionloss", "density")
         },
         "contact": _contact(p),
+        **texture_document(p.name, p.mesh.texture),
         **completion_document(p.name, p.completion, meshes),
     }
 
@@ -145,11 +148,11 @@ def shape_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None,
 
 
 def with_files_named(document: Mapping[str, Any], name: Callable[[str], str]) -> dict[str, Any]:
-    """The document with every mesh file called `name(path)`."""
+    """The document with every file of a mesh or texture called `name(path)`."""
 
     def renamed(owner: Mapping[str, Any]) -> dict[str, Any]:
         shapes = [name(s) if isinstance(s, str) else s for s in owner["collision"]]
-        named = {**owner, "mesh": name(owner["mesh"]), "collision": shapes}
+        named = {**owner, "mesh": name(owner["mesh"]), "collision": shapes, **with_texture_named(owner, name)}
         if owner.get("completion") is not None:
             named["completion"] = with_completion_named(owner["completion"], name)
         return named

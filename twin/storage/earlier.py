@@ -15,6 +15,7 @@ from twin.storage.document import (
     CAMERAS,
     shape_files,
 )
+from twin.storage.texture import texture_files
 
 
 class Earlier:
@@ -23,6 +24,7 @@ class Earlier:
     def __init__(self, folder: Path, document: Mapping[str, Any], strange: Collection[str]) -> None:
         self.folder, self._strange = folder, strange
         self._shapes = dict(shape_files(document)) if document else {}
+        self._textures = dict(texture_files(document)) if document else {}
         cameras = document.get("cameras") or {}
         self._cameras: str | None = cameras.get("file")
 
@@ -32,6 +34,15 @@ class Earlier:
         if known is not None and known not in self._strange and self._holds(known, mesh):
             return known, True
         return free_name(path, lambda p: p in self._strange), False
+
+    def texture(self, role: tuple[int | None, str], path: str, data: bytes) -> str:
+        """The name for a texture's file: that of the earlier one if it holds the same."""
+        known = self._textures.get(role)
+        if known is not None and known not in self._strange:
+            there = self.folder / known
+            if there.is_file() and there.read_bytes() == data:
+                return known
+        return free_name(path, lambda p: p in self._strange)
 
     def cameras(self, text: str) -> str:
         """The name for the cameras' file: that of the earlier one if it says the same."""

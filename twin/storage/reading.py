@@ -28,6 +28,7 @@ from twin.scene import (
     Recorded,
     Revolute,
     StaticPart,
+    Texture,
     Trajectory,
     Twin,
     origin_of,
@@ -36,6 +37,7 @@ from twin.storage import read_document
 from twin.storage.document import FORMAT, extra_of, part_document, twin_document
 from twin.storage.labels import LabelFolder
 from twin.storage.node import Node
+from twin.storage.texture import read_texture
 from twin.verdict import Verdict, verdict_from
 
 
@@ -52,7 +54,7 @@ def read_twin(folder: Path) -> Twin:
             name=root.text("name"),
             static=StaticPart(
                 static.text("name"),
-                _mesh(static, "mesh", folder),
+                _textured(static, folder),
                 _collision(static, folder),
                 static.maybe("completion", lambda n: _completion(n, folder)),
             ),
@@ -76,7 +78,7 @@ def _part(n: Node, folder: Path) -> Part:
         part = Part(
             id=n.integer("id"),
             name=n.text("name"),
-            mesh=_mesh(n, "mesh", folder),
+            mesh=_textured(n, folder),
             joint=_joint(joint),
             motion=_motion(n.child("motion")),
             inertial=n.maybe("inertial", _inertial),
@@ -175,6 +177,17 @@ def _contact(n: Node) -> ContactPath:
             tuple(int(f) for f in n.array("frames", (None,), whole=True)),
             n.text("source"),
         )
+
+
+def _textured(n: Node, folder: Path) -> Mesh:
+    """The mesh of the static scene or of a part, with its texture."""
+    mesh = _mesh(n, "mesh", folder)
+
+    def read(t: Node) -> Texture:
+        image, uv = (_inside(t, key, t.text(key), folder) for key in ("image", "uv"))
+        return read_texture(image, uv, len(mesh.faces))
+
+    return replace(mesh, texture=n.maybe("texture", read))
 
 
 def _mesh(n: Node, key: str, folder: Path) -> Mesh:

@@ -1,0 +1,1 @@
+"""Texture: photographs of the recording on the meshes."""

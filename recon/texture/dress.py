@@ -1,0 +1,237 @@
+"""Photo textures: the colours of every texel of the static scene and of each part, from the labelled frames that show it best.
+
+Charts (`charts`), the point of the body at each texel (`raster`), the photographs that show it (`photos`), their exposure made equal
+(`exposure`), colours in two bands (`shade`), and plain colours where nothing was seen (`fill`). After Lempitsky and Ivanov 2007, "Seamless mosaicing of
+image-based texture maps", and Allène, Pons and Keriven 2008, who blend the bands of several views in place of one view a face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from recon.contact.finish_parts import FinishedPart
+from recon.dense.noise import GOOD_SENSOR, DepthNoise
+from recon.recording import Intrinsics, Recording
+from recon.texture.charts import Layout, lay_out
+from recon.texture.exposure import gains
+from recon.texture.fill import around, over_surface
+from recon.texture.photos import Photos, Shot, of_body, take
+from recon.texture.raster import faces_at, vertex_normals, weights_at
+from recon.texture.shade import lows, shade
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.runs.keys import Stage
+from twin.runs.loop import Loop, untold
+from twin.runs.setting import Settings, setting
+from twin.scene import STATIC_LABEL, Mesh, Revolute, Texture, Trajectory
+
+TEXTURE = Stage("texture", 1, ("texture",))
+
+_PER_PIXEL = 1.4  # texels a pixel of the nearer photographs, chosen by us: sampling twice, into the texture and out of it, blurs less
+_NEARER = 0.1  # share of the depths that are nearer than what the texel is made for
+_PLACES = 3000  # points of a body, spread evenly over its vertices, in which photographs are compared
+_GROW = 1.12  # of the texel, each time that the charts don't fit
+FACINGS = 6  # ways that a side of a body may face
+_STATES = 5  # of a part, that the static scene near it is found by
+
+
+@dataclass(frozen=True)
+class TextureConfig(Settings):
+    """How photo textures are made; chosen by us."""
+
+    texel: float = setting(0.002, "largest texel, where the image has room for it", unit="m", above=0)
+    finest: float = setting(0.0005, "smallest texel", unit="m", above=0)
+    most: int = setting(4096, "largest width and height of a texture", unit="px", at_least=64, at_most=16384)
+    near: float = setting(
+        0.5,
+        "around what the parts reach, the static scene has texels as fine as theirs",
+        unit="m",
+        at_least=0,
+    )
+    max_depth: float = setting(5.0, "depth beyond is left out", unit="m", above=0)
+    most_frames: int = setting(48, "most frames that are used, spread evenly", unit="frames", at_least=1)
+    skip_every: int = setting(
+        0,
+        "every so many frames one is left out, to be compared with; 0 leaves none out",
+        unit="frames",
+        at_least=0,
+    )
+
+
+def dress(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    static: Mesh,
+    parts: Sequence[FinishedPart],
+    config: TextureConfig = TextureConfig(),
+    noise: DepthNoise = GOOD_SENSOR,
+    *,
+    progress: Loop | None = None,
+) -> dict[int, Texture]:
+    """A texture of the static scene (key 1) and of each part (key: its id); bodies without faces have none.
+
+    Args:
+        labels: frame -> (H, W) label image; frames without a camera pose are left out.
+        static: mesh in the world.
+        parts: with their meshes at state 0.
+        noise: of depth.
+    """
+    camera = recording.intrinsics
+    frames = chosen([f for f in sorted(labels) if cameras.pose(f) is not None], config)
+    shots = take(recording, cameras, labels, frames, config.max_depth)
+    bodies: dict[int, tuple[Mesh, FinishedPart | None]] = {STATIC_LABEL: (static, None)}
+    bodies |= {p.moving.id: (p.mesh, p) for p in parts}
+    bodies = {key: body for key, body in bodies.items() if len(body[0].faces)}
+    photos = {key: _photos(shots, key, part, camera) for key, (_, part) in bodies.items()}
+    equal = _gains(photos, bodies, noise)
+    out = {}
+    for key, (mesh, part) in (progress or untold)(list(bodies.items()), "textures"):
+        texel = _texels(mesh, part, parts, photos[key], config)
+        out[key] = _texture(mesh, part, texel, photos[key], equal[key], config, noise)
+    return out
+
+
+def chosen(frames: Sequence[int], config: TextureConfig) -> list[int]:
+    """The frames that are used, of those that are labelled."""
+    skip = config.skip_every
+    kept = [f for f in frames if not (skip and f % skip == 0)]
+    if len(kept) <= config.most_frames:
+        return kept
+    return [kept[k] for k in np.linspace(0, len(kept) - 1, config.most_frames).round().astype(int)]
+
+
+def _photos(shots: Sequence[Shot], key: int, part: FinishedPart | None, camera: Intrinsics) -> Photos:
+    poses = [np.eye(4) if part is None else part.moving.pose(s.frame) for s in shots]
+    return of_body(shots, key, poses, camera)
+
+
+def _gains(
+    photos: Mapping[int, Photos], bodies: Mapping[int, tuple[Mesh, FinishedPart | None]], noise: DepthNoise
+) -> dict[int, Array]:
+    """Per body the gains (G, K, 3) of its photographs, for each way that its surface may face (`facing`).
+
+    They are those of the whole frames, and for what turns, those of the light on each of its sides.
+    """
+    count = 1 + max((int(p.which.max()) for p in photos.values() if len(p.which)), default=-1)
+    seen, groups = {}, {}
+    for key, (mesh, part) in bodies.items():
+        some = np.unique(np.linspace(0, len(mesh.vertices) - 1, _PLACES).round().astype(int))
+        normals = vertex_normals(mesh.vertices, mesh.faces)[some]
+        seen[key] = lows(mesh.vertices[some], normals, photos[key], noise)
+        groups[key] = facing(normals, mesh, part)
+    equal = gains([_spread(*seen[key], photos[key].which, count) for key in bodies], count)
+    out = {}
+    for key, (_, part) in bodies.items():
+        of_frame = equal[photos[key].which]
+        color, weight = seen[key]
+        ways = [of_frame] * (1 if _still(part) else FACINGS)
+        if not _still(part):
+            mine = [groups[key] == g for g in range(FACINGS)]
+            ways = [of_frame * gains([(color[m] * of_frame, weight[m])], len(of_frame)) for m in mine]
+        out[key] = np.stack(ways)
+    return out
+
+
+def _spread(color: Array, weight: Array, which: NDArray[np.int64], count: int) -> tuple[Array, Array]:
+    """Colours (n, K, 3) and weights (n, K) of a body's photographs among all `count` frames."""
+    colors, weights = np.zeros((len(color), count, 3)), np.zeros((len(color), count))
+    colors[:, which], weights[:, which] = color, weight
+    return colors, weights
+
+
+def _still(part: FinishedPart | None) -> bool:
+    """Whether a body never turns, so that light falls on it from the same side."""
+    return part is None or not isinstance(part.moving.joint, Revolute)
+
+
+def facing(normals: Array, mesh: Mesh, part: FinishedPart | None) -> NDArray[np.int64]:
+    """Which way (n,) 0..`FACINGS` - 1 surfaces with unit normals (n, 3) face: along the hinge, along the most common normal across it or along the third
+    direction, to either side. All 0 for what never turns."""
+    if part is None or _still(part):
+        return np.zeros(len(normals), np.int64)
+    axis = part.moving.joint.axis
+    areas = geo.vector_areas(mesh.vertices[mesh.faces])
+    across = areas - np.outer(areas @ axis, axis)
+    spread = across.T @ (across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12))
+    front = np.linalg.eigh(spread)[1][:, -1]
+    along = normals @ np.stack([axis, front, np.cross(axis, front)], axis=1)
+    best = np.abs(along).argmax(axis=1)
+    return np.asarray(2 * best + (along[np.arange(len(normals)), best] < 0), dtype=np.int64)
+
+
+def _texels(
+    mesh: Mesh,
+    part: FinishedPart | None,
+    parts: Sequence[FinishedPart],
+    photos: Photos,
+    config: TextureConfig,
+) -> Array:
+    """Size (F,) m wanted of the texels of each face."""
+    finest = min(config.finest, config.texel)
+    own = photos.depth[(photos.trust > 0) & (photos.depth > 0)]
+    pixel = float(np.quantile(own, _NEARER)) / photos.camera.fx if len(own) else config.texel
+    fine = float(np.clip(pixel / _PER_PIXEL, finest, config.texel))
+    if part is not None or not parts:
+        return np.full(len(mesh.faces), fine)
+    return np.where(_near(mesh, parts, config.near), fine, config.texel)
+
+
+def _near(mesh: Mesh, parts: Sequence[FinishedPart], reach: float) -> NDArray[np.bool_]:
+    """Faces (F,) of the static scene within `reach` m of anything that a part reaches."""
+    points = [
+        geo.transform(p.moving.joint.pose(float(state)), p.mesh.vertices[::4])
+        for p in parts
+        for state in np.linspace(p.moving.joint.lower, p.moving.joint.upper, _STATES)
+    ]
+    away, _ = cKDTree(np.concatenate(points)).query(
+        mesh.vertices[mesh.faces].mean(axis=1), distance_upper_bound=max(reach, 1e-9)
+    )
+    return np.asarray(np.isfinite(away))
+
+
+def _texture(
+    mesh: Mesh,
+    part: FinishedPart | None,
+    texel: Array,
+    photos: Photos,
+    equal: Array,
+    config: TextureConfig,
+    noise: DepthNoise,
+) -> Texture:
+    """Charts, and the colour of each texel."""
+    layout = _fitting(mesh, texel, config.most)
+    height, width = layout.size
+    normals = vertex_normals(mesh.vertices, mesh.faces)
+    owner = faces_at(layout.uv, height, width)
+    y, x = np.nonzero(owner >= 0)
+    face = owner[y, x]
+    weights = weights_at(layout.uv, face, y, x)
+    corners = mesh.faces[face]
+    points = np.einsum("nk,nkd->nd", weights, mesh.vertices[corners])
+    inside = np.clip(weights, 0.0, 1.0)
+    inside /= inside.sum(axis=1, keepdims=True)
+    ahead = np.einsum("nk,nkd->nd", inside, normals[corners])
+    shown = shade(points, ahead, photos, equal, facing(ahead, mesh, part), noise)
+    at_vertices = shade(mesh.vertices, normals, photos, equal, facing(normals, mesh, part), noise)
+    plain = over_surface(at_vertices.color, at_vertices.views > 0, mesh.faces)
+    seen = shown.views > 0
+    colors = np.where(seen[:, None], shown.color, np.einsum("nk,nkc->nc", inside, plain[corners]))
+    image, mask = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
+    image[y, x], mask[y, x] = np.round(colors), seen
+    image = around(image, owner >= 0)
+    return Texture((layout.uv / [width, height]).astype(np.float32), image[::-1], mask[::-1])
+
+
+def _fitting(mesh: Mesh, texel: Array, most: int) -> Layout:
+    """Charts with texels as small as fit into an image of `most` px a side."""
+    while True:
+        layout = lay_out(mesh, texel)
+        if max(layout.size) <= most:
+            return layout
+        texel = texel * _GROW

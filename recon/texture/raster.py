@@ -1,0 +1,75 @@
+"""Texels of a mesh: which face each shows, and the point of the face that lies there."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import geometry as geo
+from twin.geometry import Array
+
+I32 = NDArray[np.int32]
+
+MARGIN = 1.5  # texels around a chart that its faces run on over: what cubic sampling reads beside its border
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def within(
+    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, x: float, y: float
+) -> float:  # pragma: no cover - compiled
+    """How far a point lies within a triangle that runs anticlockwise; negative outside: the distance to a line it is beyond."""
+    ab, bc, ca = np.hypot(bx - ax, by - ay), np.hypot(cx - bx, cy - by), np.hypot(ax - cx, ay - cy)
+    if min(ab, bc, ca) < 1e-9:
+        return -np.inf
+    first = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / ab
+    second = ((cx - bx) * (y - by) - (cy - by) * (x - bx)) / bc
+    third = ((ax - cx) * (y - cy) - (ay - cy) * (x - cx)) / ca
+    return min(first, second, third)
+
+
+@numba.njit(cache=True, nogil=True)
+def faces_at(uv: Array, height: int, width: int) -> I32:  # pragma: no cover - compiled
+    """(height, width), lowest row first: the face of (F, 3, 2) texels that each texel's centre lies within, or nearest within `MARGIN`; -1
+    for none."""
+    owner = np.full((height, width), -1, np.int32)
+    depth = np.full((height, width), -MARGIN, np.float32)
+    for face in range(len(uv)):
+        ax, ay, bx, by, cx, cy = uv[face].ravel()
+        if (bx - ax) * (cy - ay) < (by - ay) * (cx - ax):  # packing mirrors charts
+            bx, by, cx, cy = cx, cy, bx, by
+        x0, x1 = int(max(min(ax, bx, cx) - MARGIN, 0)), int(min(max(ax, bx, cx) + MARGIN, width - 1))
+        y0, y1 = int(max(min(ay, by, cy) - MARGIN, 0)), int(min(max(ay, by, cy) + MARGIN, height - 1))
+        for y in range(y0, y1 + 1):
+            for x in range(x0, x1 + 1):
+                d = within(ax, ay, bx, by, cx, cy, x + 0.5, y + 0.5)
+                if d > depth[y, x]:
+                    depth[y, x] = d
+                    owner[y, x] = face
+    return owner
+
+
+def weights_at(uv: Array, face: NDArray[np.integer], y: NDArray[np.int64], x: NDArray[np.int64]) -> Array:
+    """Weights (n, 3) of the corners of `face` (n,) at the centres of the texels in rows y from below and columns x; outside of the face
+    they run on over its plane."""
+    a, b, c = (uv[face, k] for k in range(3))
+    p = np.stack([x, y], axis=1) + 0.5
+    double = geo_cross(b - a, c - a)
+    double = np.where(np.abs(double) < 1e-9, 1.0, double)
+    v, w = geo_cross(p - a, c - a) / double, geo_cross(b - a, p - a) / double
+    return np.stack([1.0 - v - w, v, w], axis=1)
+
+
+def geo_cross(a: Array, b: Array) -> Array:
+    """z of the cross product of (n, 2) and (n, 2)."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def vertex_normals(vertices: Array, faces: I32) -> Array:
+    """Unit normals (V, 3), faces weighing their area; (0, 0, 1) where there is none."""
+    areas = geo.vector_areas(vertices[faces])
+    total = np.stack(
+        [np.bincount(faces.ravel(), np.repeat(a, 3), minlength=len(vertices)) for a in areas.T], axis=1
+    )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(length > 1e-15, total / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])

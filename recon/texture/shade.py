@@ -1,0 +1,243 @@
+"""Colours of points on a body, from the photographs that show them.
+
+Two bands (Burt and Adelson 1983, "A multiresolution spline with application to image mosaics"): what changes slowly over a picture is a mean
+over all photographs of a point, so that brightness leaves no seams; detail is that of the few that see the point best, so that it stays sharp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.dense.depth import F32
+from recon.dense.noise import DepthNoise
+from recon.texture.photos import LOW, Photos
+from twin.geometry import Array
+from twin.runs.threads import each
+
+# Chosen by us and the same for every recording.
+BEST = 8  # photographs that share the detail of a point
+SHARP = 2.0  # power of their weights: near 1 all share alike, far above only the best counts and seams show
+ODD = 12.0  # levels of 255 off the median of a point's photographs, at which one counts half: shadows, highlights
+_GRAZING = 0.1  # cosine at which a surface is seen too flat
+_SIGMAS, _SURFACE = (
+    2.0,
+    0.006,
+)  # a reading agrees with the surface within so many deviations, and m of fusion's and decimation's error
+_TAPS = 0.6  # of the cubic weights must lie on the body's own pixels
+_AT_ONCE = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Shaded:
+    """Colours (n, 3) float32 in 0..255 of points, and how many photographs show each (n,); 0: its colour is 0."""
+
+    color: F32
+    views: NDArray[np.uint8]
+
+
+def shade(
+    points: Array, normals: Array, photos: Photos, gains: Array, group: NDArray[np.int64], noise: DepthNoise
+) -> Shaded:
+    """Colours of points (n, 3) m with unit normals (n, 3) on a body at state 0; gains (G, K, 3) multiply each photograph's colours, each
+    `group` (n,) of points having its own."""
+
+    def some(start: int) -> tuple[F32, NDArray[np.uint8]]:
+        part = slice(start, start + _AT_ONCE)
+        return _shade(
+            points[part], normals[part], photos.color, photos.depth, photos.trust, photos.low, photos.T_cam_body,
+            photos.camera.vector, gains, group[part], noise.base, noise.slope,
+        )  # fmt: skip
+
+    made = list(each(some, range(0, len(points), _AT_ONCE)))
+    if not made:
+        return Shaded(np.zeros((0, 3), np.float32), np.zeros(0, np.uint8))
+    return Shaded(np.concatenate([m[0] for m in made]), np.concatenate([m[1] for m in made]))
+
+
+def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tuple[Array, Array]:
+    """What each photograph shows of points (n, 3) m without detail: colours (n, K, 3) and weights (n, K), 0 where it does not show one."""
+    return _lows(
+        points, normals, photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector, noise.base,
+        noise.slope,
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def _seen(
+    p: Array, n: Array, T: Array, camera: Array, depth: F32, trust: F32, base: float, slope: float
+) -> tuple[float, float, float]:  # pragma: no cover - compiled
+    """Column and row at which a photograph shows a point, and how well: pixels per metre on the surface, squared, times trust."""
+    x = T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3]
+    y = T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3]
+    z = T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3]
+    if z < 0.05:
+        return 0.0, 0.0, 0.0
+    u, v = x / z * camera[0] + camera[2], y / z * camera[1] + camera[3]
+    h, w = depth.shape
+    if u < 0 or v < 0 or u > w - 1 or v > h - 1:
+        return 0.0, 0.0, 0.0
+    i, j = int(v + 0.5), int(u + 0.5)
+    if trust[i, j] <= 0:
+        return 0.0, 0.0, 0.0
+    nx = T[0, 0] * n[0] + T[0, 1] * n[1] + T[0, 2] * n[2]
+    ny = T[1, 0] * n[0] + T[1, 1] * n[1] + T[1, 2] * n[2]
+    nz = T[2, 0] * n[0] + T[2, 1] * n[1] + T[2, 2] * n[2]
+    cosine = -(x * nx + y * ny + z * nz) / np.sqrt(x * x + y * y + z * z)
+    if cosine < _GRAZING:
+        return 0.0, 0.0, 0.0
+    d = z - 0.4
+    sigma = max(0.002 + 0.003 * d * d, base + slope * z * z)
+    if abs(depth[i, j] - z) * cosine > _SURFACE + _SIGMAS * sigma * cosine:
+        return 0.0, 0.0, 0.0
+    # trust between pixels, so that weights change smoothly
+    a, b = min(int(v), h - 2), min(int(u), w - 2)
+    fv, fu = v - a, u - b
+    t = (trust[a, b] * (1 - fu) + trust[a, b + 1] * fu) * (1 - fv) + (
+        trust[a + 1, b] * (1 - fu) + trust[a + 1, b + 1] * fu
+    ) * fv
+    return u, v, t * cosine * (camera[0] / z) ** 2
+
+
+@numba.njit(cache=True, nogil=True)
+def _low_at(low: F32, u: float, v: float, out: Array) -> None:  # pragma: no cover - compiled
+    """Colour (3,) of the low band at a pixel of the photograph."""
+    h, w, _ = low.shape
+    x = min(max((u + 0.5) / LOW - 0.5, 0.0), w - 1.001)
+    y = min(max((v + 0.5) / LOW - 0.5, 0.0), h - 1.001)
+    i, j = int(y), int(x)
+    fy, fx = y - i, x - j
+    for c in range(3):
+        top = low[i, j, c] * (1 - fx) + low[i, j + 1, c] * fx
+        bottom = low[i + 1, j, c] * (1 - fx) + low[i + 1, j + 1, c] * fx
+        out[c] = top * (1 - fy) + bottom * fy
+
+
+@numba.njit(cache=True, nogil=True)
+def _cubic(t: float) -> float:  # pragma: no cover - compiled
+    """Keys' kernel (1981) with a = -0.5."""
+    t = abs(t)
+    if t < 1:
+        return (1.5 * t - 2.5) * t * t + 1
+    if t < 2:
+        return ((-0.5 * t + 2.5) * t - 4) * t + 2
+    return 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _detail_at(
+    color: NDArray[np.uint8], trust: F32, u: float, v: float, out: Array
+) -> bool:  # pragma: no cover - compiled
+    """Colour (3,) between pixels, from those of the body alone; False where too few of them are."""
+    h, w, _ = color.shape
+    i, j = int(np.floor(v)), int(np.floor(u))
+    across = (_cubic(u - j + 1), _cubic(u - j), _cubic(u - j - 1), _cubic(u - j - 2))
+    total = red = green = blue = 0.0
+    for dy in range(4):
+        y = i + dy - 1
+        if y < 0 or y >= h:
+            continue
+        down = _cubic(v - y)
+        for dx in range(4):
+            x = j + dx - 1
+            if x < 0 or x >= w or trust[y, x] <= 0:
+                continue
+            weight = down * across[dx]
+            total += weight
+            red += weight * color[y, x, 0]
+            green += weight * color[y, x, 1]
+            blue += weight * color[y, x, 2]
+    if total < _TAPS:
+        return False
+    out[0], out[1], out[2] = red / total, green / total, blue / total
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
+def _weighted_median(values: Array, weights: Array, count: int) -> float:  # pragma: no cover - compiled
+    order = np.argsort(values[:count])
+    half, run = 0.5 * weights[:count].sum(), 0.0
+    for k in order:
+        run += weights[k]
+        if run >= half:
+            return values[k]
+    return values[order[-1]]
+
+
+@numba.njit(cache=True, nogil=True)
+def _lows(
+    points: Array,
+    normals: Array,
+    depth: F32,
+    trust: F32,
+    low: F32,
+    T: Array,
+    camera: Array,
+    base: float,
+    slope: float,
+) -> tuple[Array, Array]:  # pragma: no cover - compiled
+    n, count = len(points), len(T)
+    colors, weights = np.zeros((n, count, 3)), np.zeros((n, count))
+    for p in range(n):
+        for k in range(count):
+            u, v, weight = _seen(points[p], normals[p], T[k], camera, depth[k], trust[k], base, slope)
+            if weight > 0:
+                weights[p, k] = weight
+                _low_at(low[k], u, v, colors[p, k])
+    return colors, weights
+
+
+@numba.njit(cache=True, nogil=True)
+def _shade(
+    points: Array, normals: Array, color: NDArray[np.uint8], depth: F32, trust: F32, low: F32, T: Array, camera: Array,
+    gains: Array, group: NDArray[np.int64], base: float, slope: float,
+) -> tuple[F32, NDArray[np.uint8]]:  # pragma: no cover - compiled  # fmt: skip
+    n, count = len(points), len(T)
+    out, views = np.zeros((n, 3), np.float32), np.zeros(n, np.uint8)
+    at, weight, bright = np.empty((count, 2)), np.empty(count), np.empty(count)
+    slow, which = np.empty((count, 3)), np.empty(count, np.int64)
+    fine, smooth, sharp = np.empty(3), np.empty(3), np.empty(3)
+    for p in range(n):
+        seen = 0
+        for k in range(count):
+            u, v, good = _seen(points[p], normals[p], T[k], camera, depth[k], trust[k], base, slope)
+            if good > 0:
+                at[seen, 0], at[seen, 1], weight[seen], which[seen] = u, v, good, k
+                _low_at(low[k], u, v, slow[seen])
+                slow[seen] *= gains[group[p], k]
+                bright[seen] = slow[seen].mean()
+                seen += 1
+        if seen == 0:
+            continue
+        usual = _weighted_median(bright, weight, seen)
+        smooth[:] = 0.0
+        total = 0.0
+        for s in range(seen):
+            weight[s] /= 1.0 + ((bright[s] - usual) / ODD) ** 4
+            total += weight[s]
+            smooth += weight[s] * slow[s]
+        smooth /= total
+        sharp[:] = 0.0
+        total, most = 0.0, 0.0
+        for _ in range(min(BEST, seen)):
+            s = int(np.argmax(weight[:seen]))
+            if weight[s] <= 0:
+                break
+            good = weight[s]
+            weight[s] = 0.0
+            if not _detail_at(color[which[s]], trust[which[s]], at[s, 0], at[s, 1], fine):
+                continue
+            most = max(most, good)
+            share = (good / most) ** SHARP
+            for c in range(3):
+                sharp[c] += share * (fine[c] * gains[group[p], which[s], c] - slow[s, c])
+            total += share
+        if total <= 0:
+            continue
+        views[p] = min(seen, 255)
+        for c in range(3):
+            out[p, c] = min(max(smooth[c] + sharp[c] / total, 0.0), 255.0)
+    return out, views

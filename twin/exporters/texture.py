@@ -1,0 +1,85 @@
+"""Photo textures for the writers: of a whole mesh, or of some of its faces with an image that holds no more than these need."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from twin import geometry as geo
+from twin.exporters.obj import Baked
+from twin.files.png import png_bytes
+from twin.scene import Mesh, Texture
+
+BORDER = 4  # texels around a chart that go with it: what mip levels and cubic sampling read beside it
+I64 = NDArray[np.int64]
+
+
+def photo_atlas(mesh: Mesh, keep: NDArray[np.integer] | None = None) -> Baked:
+    """The photo texture of the faces `keep` (n,) of a mesh with one, all where None, in their order.
+
+    Texels are copied, never sampled again. The image is the mesh's own, the very array, unless a smaller one holds all charts of `keep`:
+    so several writers, or the two halves of a mesh, can share one file. Raises ValueError for a mesh without texture.
+    """
+    if mesh.texture is None:
+        raise ValueError("the mesh has no texture")
+    texture = mesh.texture
+    order = np.arange(len(mesh.faces)) if keep is None else np.asarray(keep, np.int64)
+    uv = texture.uv[order].astype(np.float64)
+    if keep is None or not len(order):
+        return Baked(order, uv.reshape(-1, 2), texture.image)
+    height, width = texture.image.shape[:2]
+    texels = np.stack([uv[..., 0] * width, (1.0 - uv[..., 1]) * height], axis=-1)  # rows from the top
+    chart = _charts(uv)
+    low, size = _frames(texels, chart, (width, height))
+    place, (wide, high) = _shelves(size)
+    if wide * high >= width * height:
+        return Baked(order, uv.reshape(-1, 2), texture.image)
+    image = np.zeros((high, wide, 3), np.uint8)
+    for (x, y), (w, h), (i, j) in zip(low, size, place, strict=True):
+        image[j : j + h, i : i + w] = texture.image[y : y + h, x : x + w]
+    moved = texels + (place - low)[chart][:, None]
+    out = np.stack([moved[..., 0] / wide, 1.0 - moved[..., 1] / high], axis=-1)
+    return Baked(order, out.reshape(-1, 2), image)
+
+
+def photo_png(texture: Texture) -> bytes:
+    """The image of a texture as RGB PNG, without the mask of what was seen."""
+    return png_bytes(texture.image)
+
+
+def _charts(uv: NDArray[np.float64]) -> I64:
+    """Chart (n,) of each face (n, 3, 2): faces that share a corner's place are on one."""
+    _, corner = geo.unique_rows(np.round(uv.reshape(-1, 2) * 2**22).astype(np.int64))
+    ends = corner.reshape(-1, 3)
+    pairs = ends[:, [0, 1, 1, 2]].reshape(-1, 2)
+    count = int(corner.max()) + 1
+    graph = coo_array((np.ones(len(pairs)), pairs.T), (count, count))
+    _, piece = connected_components(graph, directed=False)
+    return np.unique(piece[ends[:, 0]], return_inverse=True)[1].astype(np.int64)
+
+
+def _frames(texels: NDArray[np.float64], chart: I64, most: tuple[int, int]) -> tuple[I64, I64]:
+    """First texel (C, 2) and texels (C, 2), across and down, of each chart with its border, within an image of `most`."""
+    count = int(chart.max()) + 1
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, chart, texels.min(axis=1))
+    np.maximum.at(high, chart, texels.max(axis=1))
+    first = np.clip(np.floor(low).astype(np.int64) - BORDER, 0, most)
+    last = np.clip(np.ceil(high).astype(np.int64) + BORDER, 0, most)
+    return first, np.maximum(last - first, 1)
+
+
+def _shelves(size: I64) -> tuple[I64, tuple[int, int]]:
+    """Places (C, 2) for frames of `size` (C, 2) in rows, the highest first, and the width and height of all of them."""
+    wide = int(max(size[:, 0].max(), np.ceil(np.sqrt((size[:, 0] * size[:, 1]).sum()))))
+    place = np.zeros_like(size)
+    x = y = row = 0
+    for k in np.lexsort((np.arange(len(size)), -size[:, 1])):
+        w, h = size[k]
+        if x + w > wide:
+            x, y, row = 0, y + row, 0
+        place[k] = (x, y)
+        x, row = x + int(w), max(row, int(h))
+    return place, (wide, y + row)
