@@ -31,8 +31,8 @@ class Described:
 def frozen_array(
     values: Any, shape: tuple[int | None, ...], what: str, dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """Read-only copy with a checked shape (None = any length) and finite values."""
-    a = np.array(values, dtype=dtype)
+    """Read-only copy with a checked shape (None = any length) and finite values; an array that is frozen already is its own copy."""
+    a = values if _is_frozen(values, dtype) else np.array(values, dtype=dtype)
     if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
         raise SceneError(f"{what} must have shape {shape}, got {a.shape}")
     if a.dtype.kind == "f" and not np.all(np.isfinite(a)):
@@ -43,6 +43,13 @@ def frozen_array(
         require_sane(float(a.flat[int(np.argmax(np.abs(a)))]), f"the largest of {what}")
     a.flags.writeable = False
     return a
+
+
+def _is_frozen(values: Any, dtype: Any) -> bool:
+    """Whether nobody can change an array, through itself or another."""
+    if not isinstance(values, np.ndarray) or values.dtype != np.dtype(dtype):
+        return False
+    return values.flags.owndata and not values.flags.writeable
 
 
 def set_field(instance: object, name: str, value: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,10 @@ class Texture(Described):
                 f"texture coordinates must be in 0..1, got {self.uv.min():g} to {self.uv.max():g}"
             )
 
+    def of(self, faces: NDArray[Any]) -> Texture:
+        """The texture of some faces, by mask or number; the image stays whole."""
+        return Texture(self.uv[faces], self.image, self.seen)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(Described):
@@ -65,6 +70,18 @@ class Mesh(Described):
     def transformed(self, T_new_old: Array) -> Mesh:
         """The mesh in another frame."""
         return Mesh(geo.transform(T_new_old, self.vertices), self.faces, self.colors, self.texture)
+
+    def of(self, keep: NDArray[np.bool_], vertices: Array | None = None) -> Mesh:
+        """Some faces (F,) with the vertices that these use, which may be moved (V, 3) m; colours and texture come along."""
+        used = np.unique(self.faces[keep])
+        number = np.zeros(len(self.vertices), np.int32)
+        number[used] = np.arange(len(used))
+        return Mesh(
+            (self.vertices if vertices is None else vertices)[used],
+            number[self.faces[keep]],
+            None if self.colors is None else self.colors[used],
+            None if self.texture is None else self.texture.of(keep),
+        )
 
     @property
     def area(self) -> float:

@@ -17,7 +17,6 @@ from twin.errors import InputError
 from twin.files.text import read_json, write_json
 from twin.geometry import Array
 from twin.inferred import Completion
-from twin.mesh import compact
 from twin.scene import Mesh, Twin
 
 Geometry = Literal["seen", "bounded", "complete"]
@@ -66,11 +65,12 @@ class AssetView:
 
     def _layers(self, twin: Twin) -> Twin:
         if self.geometry == "seen":
-            mesh, layer = twin.static.mesh, twin.static.completion
-            static = replace(twin.static, completion=None)
+            mesh, layer = replace(twin.static.mesh, texture=None), twin.static.completion
+            static = replace(twin.static, mesh=mesh, completion=None)
             if self.room == "drop" and layer is not None and layer.room is not None:
                 static = replace(static, mesh=_without(mesh, layer.room), collision=())
-            return replace(twin, static=static, parts=tuple(replace(p, completion=None) for p in twin.parts))
+            parts = tuple(replace(p, mesh=replace(p.mesh, texture=None), completion=None) for p in twin.parts)
+            return replace(twin, static=static, parts=parts)
 
         def layer_of(layer: Completion | None) -> Completion | None:
             if layer is None:
@@ -160,9 +160,7 @@ def _without(mesh: Mesh, room: Mesh) -> Mesh:
     """The triangles of a mesh that are not among those of another, which were taken from it."""
     rows = np.ascontiguousarray(mesh.vertices[mesh.faces].reshape(-1, 9))
     others = np.ascontiguousarray(room.vertices[room.faces].reshape(-1, 9))
-    keep = ~_among(rows, others)
-    used, faces = compact(mesh.faces[keep])
-    return Mesh(mesh.vertices[used], faces, None if mesh.colors is None else mesh.colors[used])
+    return mesh.of(~_among(rows, others))
 
 
 def _among(rows: Array, others: Array) -> NDArray[np.bool_]:

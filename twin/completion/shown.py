@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.completion.board import Board
 from twin.geometry import Array
-from twin.mesh import compact, vertex_pieces
+from twin.mesh import vertex_pieces
 from twin.scene import Mesh
 
 _ON_FACE = 0.008  # m: seen surface this near a board's face is that face
@@ -53,7 +53,7 @@ def shown_surface(
     for low, high in fitted:
         inside = ((local > low - _ON_FACE) & (local < high + _ON_FACE)).all(axis=1)
         keep &= settled | ~np.asarray(inside)[mesh.faces].any(axis=1)
-    return without_shreds(_subset(mesh, geo.transform(T_world_frame, moved), keep))
+    return without_shreds(mesh.of(keep, geo.transform(T_world_frame, moved)))
 
 
 def _on_face(
@@ -82,9 +82,4 @@ def without_shreds(mesh: Mesh) -> Mesh:
     piece = vertex_pieces(mesh.faces, len(mesh.vertices))[mesh.faces[:, 0]]
     sizes = np.bincount(piece, weights=area)
     least = min(_SHRED_AREA, _SHRED * float(area.sum()))
-    return _subset(mesh, mesh.vertices, (sizes[piece] >= least) & (area > 1e-10))
-
-
-def _subset(mesh: Mesh, vertices: Array, keep: NDArray[np.bool_]) -> Mesh:
-    used, faces = compact(mesh.faces[keep])
-    return Mesh(vertices[used], faces, None if mesh.colors is None else mesh.colors[used])
+    return mesh.of((sizes[piece] >= least) & (area > 1e-10))

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.collision.boards import BoardSearch, beyond, find_boards
@@ -22,7 +21,6 @@ from twin.completion.shown import shown_surface, without_shreds
 from twin.completion.sweep import out_of_the_way
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, Interior
-from twin.mesh import compact
 from twin.scene import Box, Mesh, Part, Prismatic
 
 SEARCH = BoardSearch(deepest=0.045, thickness=0.012, cell=0.01, smallest=0.012, noise=0.004, most=24)
@@ -49,7 +47,7 @@ def openings(
 ) -> list[Opening]:
     """The cabinets of the parts that have a flat front."""
     out = []
-    furniture = subset(mesh, found.furniture)
+    furniture = mesh.of(found.furniture)
     for part, front in zip(parts, fronts, strict=True):
         if front is None:
             continue
@@ -85,7 +83,7 @@ def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: 
         opened: the cabinets of the parts.
         swept: points (n, 3) that the parts pass.
     """
-    furniture, room = subset(mesh, found.furniture), subset(mesh, ~found.furniture)
+    furniture, room = mesh.of(found.furniture), mesh.of(~found.furniture)
     pieces: list[Inferred] = []
     interiors: list[Interior] = []
     shown, left = furniture, triangles_of(furniture)
@@ -203,9 +201,3 @@ def _handles(board: Board, cloud: Cloud, name: str) -> list[Handle]:
         Handle(tuple(replace(b, low=b.low + up, high=b.high + up) for b in h.boards), h.low + up, h.high + up)
         for h in found
     ]
-
-
-def subset(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
-    """Some triangles of a mesh, with the vertices that these use."""
-    used, faces = compact(mesh.faces[keep])
-    return Mesh(mesh.vertices[used], faces, None if mesh.colors is None else mesh.colors[used])

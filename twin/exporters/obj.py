@@ -101,7 +101,11 @@ def dress(mesh: Mesh) -> Dressed:
 
 
 def bake(mesh: Mesh) -> Baked:
-    """Bake vertex colours into a texture."""
+    """The photo texture of a mesh that has one, with an image that its faces use; else vertex colours baked into one."""
+    if mesh.texture is not None and len(mesh.faces):
+        from twin.exporters.texture import photo_atlas  # here: it makes what this module defines
+
+        return photo_atlas(mesh, np.arange(len(mesh.faces)))
     order = _spatial_order(mesh)
     if mesh.colors is None or not len(order):
         return Baked(order, np.zeros((0, 2)), None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from twin import geometry as geo
@@ -23,19 +25,20 @@ def drawn(mesh: Mesh) -> Mesh:
     """
     used, faces = compact(mesh.faces)
     vertices = mesh.vertices[used]
-    colors = None if mesh.colors is None else mesh.colors[used]
+    colors, texture = None if mesh.colors is None else mesh.colors[used], mesh.texture
     normals, area = geo.triangle_normals(vertices[faces])
     if not area.sum() > 0:
         return Mesh(vertices[:0], faces[:0], None if colors is None else colors[:0])
     thick = max(SHEET, _SPACINGS * float(np.spacing(np.float32(np.abs(vertices).max()))))
     if _thickness(vertices[faces], normals, area) >= thick:
-        return Mesh(vertices, faces, colors)
+        return Mesh(vertices, faces, colors, texture)
     behind = (vertices[faces] - thick * normals[:, None]).reshape(-1, 3)
     back = len(vertices) + np.arange(len(behind)).reshape(-1, 3)[:, ::-1]
     return Mesh(
         np.concatenate([vertices, behind]),
         np.concatenate([faces, np.asarray(back, dtype=np.int32)]),
         None if colors is None else np.concatenate([colors, colors[faces.ravel()]]),
+        None if texture is None else replace(texture, uv=np.concatenate([texture.uv, texture.uv[:, ::-1]])),
     )
 
 

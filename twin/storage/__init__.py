@@ -26,6 +26,7 @@ from twin.files.atomic import contents, put, staging, tidy, write_file
 from twin.files.paths import AnyPath
 from twin.files.ply import ply_bytes
 from twin.scene import Mesh, Twin
+from twin.storage.completion import uv_files
 from twin.storage.document import (
     json_text,
     shape_files,
@@ -35,7 +36,7 @@ from twin.storage.document import (
 )
 from twin.storage.earlier import Earlier, free_name, same_mesh
 from twin.storage.labels import LABEL
-from twin.storage.texture import same_textures, texture_bytes, texture_files, textures_of
+from twin.storage.texture import same_texture, same_textures, texture_bytes, texture_files, texture_of
 from twin.storage.tum import tum_lines
 
 # What `twin export` and `twin physics` fill in or change: not what a reconstruction found.
@@ -110,6 +111,10 @@ def update(old: Twin, new: Twin, folder: AnyPath) -> None:
     if absent:
         raise InputError(f"{here / absent[0]} does not exist", "save the whole twin with twin.save")
     fresh = {path: ply_bytes(m) for path, m in meshes.items() if not same_mesh(m, known.get(path))}
+    layered = dict(uv_files(before))
+    for role, path in uv_files(after):
+        if role not in layered or not same_texture(texture_of(old, role), texture_of(new, role)):
+            fresh[path] = texture_bytes(texture_of(new, role), role[1])
     other = [path for (_, shape), path in shape_files(after) if shape is None and path in fresh]
     if not same_textures(old, new):
         other.append("a texture")
@@ -246,12 +251,10 @@ def _write_textures(
     twin: Twin, document: Mapping[str, Any], folder: Path, earlier: Earlier
 ) -> dict[str, str]:
     """Path in the document -> name of the file that was written."""
-    textures, names = textures_of(twin), {}
-    for (owner, key), path in texture_files(document):
-        texture = textures[owner]
-        assert texture is not None
-        data = texture_bytes(texture, key)
-        names[path] = earlier.texture((owner, key), path, data)
+    names = {}
+    for role, path in texture_files(document):
+        data = texture_bytes(texture_of(twin, role), role[1])
+        names[path] = earlier.texture(role, path, data)
         target = folder / names[path]
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(data)

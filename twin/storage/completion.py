@@ -63,7 +63,24 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
         {"name": i.name, **box}
         for i, box in zip(completion.interiors, shapes_document("", boxes, meshes), strict=True)
     ]
-    return {"completion": {"shown": shown, "room": room, "pieces": pieces, "interiors": interiors, **shapes}}
+    uv = {
+        f"{key}_uv": f"textures/{stem}.{key}.uv.npy"
+        for key, mesh in (("shown", completion.shown), ("room", completion.room))
+        if mesh is not None and mesh.texture is not None
+    }
+    return {
+        "completion": {"shown": shown, "room": room, "pieces": pieces, "interiors": interiors, **shapes, **uv}
+    }
+
+
+def uv_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, str], str]]:
+    """Files of texture coordinates of the inferred layers, whose image is the body's: ((part id or None for the static scene,
+    "shown_uv" or "room_uv"), path)."""
+    for owner in (document["static"], *document["parts"]):
+        layer = owner.get("completion") or {}
+        for key in ("shown_uv", "room_uv"):
+            if layer.get(key) is not None:
+                yield (owner.get("id"), key), layer[key]
 
 
 def completion_files(completion: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
@@ -94,5 +111,6 @@ def with_completion_named(completion: Mapping[str, Any], name: Callable[[str], s
         {**p, "mesh": name(p["mesh"]), "collision": named(p["collision"])} for p in completion["pieces"]
     ]
     room = None if completion["room"] is None else name(completion["room"])
-    lists = {key: named(completion[key]) for key in _LISTS}
+    lists: dict[str, Any] = {key: named(completion[key]) for key in _LISTS}
+    lists |= {k: name(completion[k]) for k in ("shown_uv", "room_uv") if completion.get(k) is not None}
     return {**completion, "shown": name(completion["shown"]), "room": room, "pieces": pieces, **lists}

@@ -37,7 +37,7 @@ from twin.storage import read_document
 from twin.storage.document import FORMAT, extra_of, part_document, twin_document
 from twin.storage.labels import LabelFolder
 from twin.storage.node import Node
-from twin.storage.texture import read_texture
+from twin.storage.texture import read_texture, with_coordinates
 from twin.verdict import Verdict, verdict_from
 
 
@@ -49,14 +49,15 @@ def read_twin(folder: Path) -> Twin:
         raise root.error(f"is {root.text('format')!r}, this program reads {FORMAT!r}", "format")
     static = root.child("static")
     parts = tuple(_part(n, folder) for n in root.children("parts"))
+    scene = _textured(static, folder)
     with root.building():
         twin = Twin(
             name=root.text("name"),
             static=StaticPart(
                 static.text("name"),
-                _textured(static, folder),
+                scene,
                 _collision(static, folder),
-                static.maybe("completion", lambda n: _completion(n, folder)),
+                static.maybe("completion", lambda n: _completion(n, folder, scene)),
             ),
             parts=parts,
             cameras=root.maybe("cameras", lambda n: _cameras(n, folder)),
@@ -73,12 +74,12 @@ def read_twin(folder: Path) -> Twin:
 
 
 def _part(n: Node, folder: Path) -> Part:
-    joint = n.child("joint")
+    joint, mesh = n.child("joint"), _textured(n, folder)
     with n.building():
         part = Part(
             id=n.integer("id"),
             name=n.text("name"),
-            mesh=_textured(n, folder),
+            mesh=mesh,
             joint=_joint(joint),
             motion=_motion(n.child("motion")),
             inertial=n.maybe("inertial", _inertial),
@@ -90,7 +91,7 @@ def _part(n: Node, folder: Path) -> Part:
             closed_source=joint.text("closed_source"),
             type_source=joint.text("type_source"),
             verdict=n.maybe("verdict", _verdict),
-            completion=n.maybe("completion", lambda c: _completion(c, folder)),
+            completion=n.maybe("completion", lambda c: _completion(c, folder, mesh)),
         )
     return replace(part, extra=extra_of(n.value, part_document(part)))
 
@@ -227,15 +228,22 @@ def _box(n: Node) -> Box:
         return Box(pose, n.array("size", (3,)))
 
 
-def _completion(n: Node, folder: Path) -> Completion:
+def _completion(n: Node, folder: Path, seen: Mesh) -> Completion:
+    def mesh(key: str) -> Mesh:
+        """A mesh of the layer, with its place in the picture of the body's seen mesh."""
+        found, uv = _mesh(n, key, folder), f"{key}_uv"
+        if n.value.get(uv) is None or seen.texture is None:
+            return found
+        return with_coordinates(found, seen.texture, _inside(n, uv, n.text(uv), folder))
+
     interiors = tuple(Interior(i.text("name"), _box(i)) for i in n.children("interiors"))
     with n.building():
         return Completion(
-            shown=_mesh(n, "shown", folder),
+            shown=mesh("shown"),
             pieces=tuple(_piece(p, folder) for p in n.children("pieces")),
             collision=_collision(n, folder),
             interiors=interiors,
-            room=None if n.value.get("room") is None else _mesh(n, "room", folder),
+            room=None if n.value.get("room") is None else mesh("room"),
             room_collision=_collision(n, folder, "room_collision"),
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, SceneError
 from twin.files.png import png_bytes, read_png
-from twin.scene import Texture, Twin
+from twin.scene import Mesh, Texture, Twin
+from twin.storage.completion import uv_files
 
 _FILES = ("image", "uv")
 Owner = int | None
@@ -26,10 +28,12 @@ def texture_document(owner: str, texture: Texture | None) -> dict[str, Any]:
 
 
 def texture_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[Owner, str], str]]:
-    """Files of the textures of a document: ((part id or None for the static scene, "image" or "uv"), path)."""
+    """Files of the textures of a document: ((part id or None for the static scene, "image" or "uv"), path), and of the coordinates
+    that its inferred layers have in the same images: "shown_uv", "room_uv"."""
     for owner in (document["static"], *document["parts"]):
         for key in _FILES if owner.get("texture") is not None else ():
             yield (owner.get("id"), key), owner["texture"][key]
+    yield from uv_files(document)
 
 
 def with_texture_named(owner: Mapping[str, Any], name: Callable[[str], str]) -> dict[str, Any]:
@@ -41,6 +45,18 @@ def with_texture_named(owner: Mapping[str, Any], name: Callable[[str], str]) -> 
 def textures_of(twin: Twin) -> dict[Owner, Texture | None]:
     """Part id, None for the static scene -> texture."""
     return {None: twin.static.mesh.texture, **{p.id: p.mesh.texture for p in twin.parts}}
+
+
+def texture_of(twin: Twin, role: tuple[Owner, str]) -> Texture:
+    """The texture that a file of `texture_files` is of."""
+    owner, key = role
+    body = twin.static if owner is None else twin.part(owner)
+    layer = body.completion
+    of_layer = {"shown_uv": layer.shown, "room_uv": layer.room} if layer is not None else {}
+    mesh = of_layer.get(key, body.mesh)
+    assert mesh is not None
+    assert mesh.texture is not None
+    return mesh.texture
 
 
 def same_textures(a: Twin, b: Twin) -> bool:
@@ -57,12 +73,20 @@ def same_texture(a: Texture | None, b: Texture | None) -> bool:
 
 
 def texture_bytes(texture: Texture, key: str) -> bytes:
-    """Content of its file: "image" or "uv"."""
+    """Content of its file: "image", or one of coordinates."""
     if key == "image":
         return png_bytes(texture.image, texture.seen)
     buffer = io.BytesIO()
     np.lib.format.write_array(buffer, np.ascontiguousarray(texture.uv), version=(1, 0), allow_pickle=False)
     return buffer.getvalue()
+
+
+def with_coordinates(mesh: Mesh, texture: Texture, uv: Path) -> Mesh:
+    """A mesh with its own coordinates in the image of a texture. Raises InputError that names the file."""
+    try:
+        return replace(mesh, texture=Texture(_read_uv(uv, len(mesh.faces)), texture.image, texture.seen))
+    except SceneError as e:
+        raise InputError(f"{uv}: {e.problem}", e.remedy) from e
 
 
 def read_texture(image: Path, uv: Path, faces: int) -> Texture:
