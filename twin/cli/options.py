@@ -7,10 +7,7 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from twin.cli import recording_options
-
-FORMATS = ("urdf", "mjcf", "usd")
-
+from twin.cli import export_options, recording_options
 
 _MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--part", "--interval")
 
@@ -126,41 +123,9 @@ def _import(parser: ArgumentParser) -> None:
     )
 
 
-def _export(parser: ArgumentParser) -> None:
-    add = parser.add_argument
-    _run(parser)
-    _formats(parser)
-    add("--package", metavar="NAME", default="", help="make the URDF's folder the ROS package NAME")
-    add(
-        "--asset",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="what the files state: author, license, category, qcode (of Wikidata) or date",
-    )
-    add("--overwrite", action="store_true", help="also replace exported files that were changed since")
-    _view(parser)
-
-
-def _view(parser: ArgumentParser) -> None:
-    """What is shown of the twin; left out, `twin.completion.asset.usual_view` chooses."""
-    add = parser.add_argument
-    add(
-        "--geometry",
-        choices=("seen", "bounded", "complete"),
-        help="what was seen; with what is inferred; with what is assumed [complete]",
-    )
-    add("--room", choices=("keep", "drop"), help="what is no furniture of the parts [drop]")
-    add(
-        "--origin",
-        choices=("furniture", "camera"),
-        help="on the floor under the part's front, or the twin's own world [furniture]",
-    )
-
-
 def _check(parser: ArgumentParser) -> None:
-    _run(parser)
-    _formats(parser)
+    export_options.run(parser)
+    export_options.formats(parser)
     parser.add_argument(
         "--engines",
         metavar="NAME",
@@ -178,7 +143,7 @@ def _lint(parser: ArgumentParser) -> None:
 
 def _replay(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    _run(parser)
+    export_options.run(parser)
     _robot(parser)
     add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to move [all]")
     add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
@@ -195,7 +160,7 @@ def _replay(parser: ArgumentParser) -> None:
 
 def _trajectory(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    _run(parser)
+    export_options.run(parser)
     _robot(parser)
     add("--part", metavar="NAME", help="part that it moves [all, each in a folder of its name]")
     add("--goal", metavar="open|close|SHARE", default="open", help="where the replay brought it [open]")
@@ -214,7 +179,7 @@ def _trajectory(parser: ArgumentParser) -> None:
 
 
 def _evaluate(parser: ArgumentParser) -> None:
-    _run(parser)
+    export_options.run(parser)
     parser.add_argument(
         "--truth",
         metavar="FOLDER",
@@ -264,10 +229,6 @@ def _recording(parser: ArgumentParser) -> None:
     recording_options.add_options(parser)
 
 
-def _run(parser: ArgumentParser) -> None:
-    parser.add_argument("run", metavar="RUN", type=Path, help="run folder, or a folder that holds only twin/")
-
-
 def _settings(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add(
@@ -277,18 +238,6 @@ def _settings(parser: ArgumentParser) -> None:
         help="settings; keys that are left out keep their defaults",
     )
     add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting, e.g. --set seed=3")
-
-
-def _formats(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "--format",
-        dest="formats",
-        help="urdf mjcf usd [all]",
-        nargs="+",
-        choices=FORMATS,
-        default=list(FORMATS),
-        metavar="FORMAT",
-    )
 
 
 def _robot(parser: ArgumentParser) -> None:
@@ -304,7 +253,7 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "calibrate": recording_options.calibrate,
     "reconstruct": _reconstruct,
     "import": _import,
-    "export": _export,
+    "export": export_options.export,
     "check": _check,
     "lint": _lint,
     "replay": _replay,

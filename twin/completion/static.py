@@ -30,6 +30,10 @@ _ALIGNED = float(np.cos(np.radians(8.0)))  # of a wall with a front
 _APART = 0.004  # m between a neighbour and the opening
 MOST, _FEWEST = 32, 12  # pieces of the furniture, and of them beside the cabinets of the parts
 _CLEAR = 0.0025  # m, a little more than shapes keep from what moves past them
+_PIECES = 3  # of a handle: a bar on two posts
+_RESERVED = 12  # pieces for handles
+_PLANE = 0.012  # m within which fronts are in one plane
+NOISE = 0.004  # m, of a face of the static scene, as BoardSearch has it
 _SOLID = 0.05  # m: a neighbour that is less deep is left a board
 
 
@@ -115,23 +119,20 @@ def _panels(
     T = first.front.frame.T_world_frame
     passed = geo.transform(geo.invert_pose(T), swept)
     boards: list[Board] = []
-    bars: list[Board] = []
-    blurred: list[tuple[Array, Array]] = []
     cloud = Cloud.of(furniture, T)
     found = find_boards(left, T[:3, :3], SEARCH)[0]
     found.sort(key=lambda b: -float(np.sort(b.box.size)[1:].prod()))
     for k, b in enumerate(found):
-        if len(boards) + len(bars) >= most:
+        if len(boards) >= most - _RESERVED:
             break
         board = _neighbour(_local(f"panel_{k + 1}", b.box, b.back, T), opened, cloud)
         free = out_of_the_way(board, passed)
         if free is None or not free.real or free.contradicted(cloud):
             continue
         boards.append(free)
-        if _is_front(free):
-            for h in _handles(free, cloud, f"panel_{k + 1}_handle"):
-                blurred.append((h.low, h.high))
-                bars += list(h.boards)
+    handles = _handles([b for b in boards if _is_front(b)], cloud)
+    handles = handles[: max(0, (most - len(boards)) // _PIECES)]
+    bars, blurred = [b for h in handles for b in h.boards], [(h.low, h.high) for h in handles]
     shown = shown_surface(shown, boards, T, blurred)
     return [_clear_piece(b, T, furniture, passed) for b in (*boards, *bars)], shown
 
@@ -191,13 +192,36 @@ def _meets(solid: Board, o: Opening, first: Opening) -> bool:
     return bool(np.all(np.minimum(high, solid.high) - np.maximum(low, solid.low) > _APART))
 
 
-def _handles(board: Board, cloud: Cloud, name: str) -> list[Handle]:
-    """Handles before a front that stands still."""
-    leaf = Leaf(np.stack([board.low[:2], board.high[:2]]), float(board.size[OUT]), "evidence", "")
-    lifted = Cloud(cloud.points - np.array([0.0, 0.0, board.high[OUT]]), cloud.normals, cloud.area)
-    found = find_handles(lifted, leaf, 0.004, None, name)
-    up = np.array([0.0, 0.0, board.high[OUT]])
-    return [
-        Handle(tuple(replace(b, low=b.low + up, high=b.high + up) for b in h.boards), h.low + up, h.high + up)
-        for h in found
-    ]
+def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:
+    """Handles before fronts that stand still, found on all in one plane at once: a front may be several boards."""
+    found: list[Handle] = []
+    left = sorted(fronts, key=lambda b: -float(b.high[OUT]))
+    while left:
+        plane = float(left[0].high[OUT])
+        same = [b for b in left if plane - b.high[OUT] < _PLANE]
+        left = left[len(same) :]
+        corners = np.stack(
+            [np.min([b.low[:2] for b in same], axis=0), np.max([b.high[:2] for b in same], axis=0)]
+        )
+        up = np.array([0.0, 0.0, float(np.median([b.high[OUT] for b in same]))])
+        lifted = Cloud(cloud.points - up, cloud.normals, cloud.area)
+        whole = Leaf(corners, 0.0, "evidence", "")
+        for h in find_handles(lifted, whole, NOISE, None, f"handle_{len(found) + 1}"):
+            if any(_before(h, b) for b in same):
+                boards = tuple(replace(b, low=b.low + up, high=b.high + up) for b in h.boards)
+                found.append(Handle(boards, h.low + up, h.high + up))
+    named = []
+    for k, h in enumerate(found):  # the first of a plane bears its own name, the others are counted on
+        first = h.boards[0].name
+        named.append(
+            replace(
+                h,
+                boards=tuple(replace(b, name=b.name.replace(first, f"handle_{k + 1}", 1)) for b in h.boards),
+            )
+        )
+    return named
+
+
+def _before(handle: Handle, board: Board) -> bool:
+    middle = (handle.low + handle.high)[:2] / 2
+    return bool(np.all((middle > board.low[:2]) & (middle < board.high[:2])))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
@@ -81,19 +81,12 @@ def export(
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
     if package:
         check_package(package)
-    from twin.collision.stated import owners_of
-
-    made = {owner.name for owner in owners_of(twin) if not owner.collision}
     asset = AssetInfo() if asset is None else asset
     view = usual_view(twin) if view is None else view
-    ready = complete(view.of(complete(twin, cache_dir, view)), cache_dir, view)
-    if view.plain and is_reconstructed(twin):  # as it was before rests were looked at, to the byte
-        from twin.physics import without_rests
-
-        ready = without_rests(ready)
+    ready = _shown(twin, view, cache_dir)
     tree = build_tree(ready)
     files: dict[str, Path] = {}
-    warnings = _warnings(twin, ready, tree, made)
+    warnings = _warnings(twin, ready, tree)
     try:
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
@@ -113,9 +106,21 @@ def export(
     return Exported(files, tuple(warnings))
 
 
-def _warnings(twin: Twin, ready: Twin, tree: Tree, made: Set[str]) -> list[str]:
-    """What of a completed twin (`ready`) is not as one would wish; made: names of what got its shapes just now."""
-    from twin.collision.stated import meetings
+def _shown(twin: Twin, view: AssetView, cache_dir: AnyPath | None) -> Twin:
+    """The twin as it is written."""
+    ready = complete(view.of(complete(twin, cache_dir, view)), cache_dir, view)
+    if not (view.plain and is_reconstructed(twin)):
+        return ready
+    from twin.physics import without_rests
+
+    return without_rests(ready)  # as it was before rests were looked at, to the byte
+
+
+def _warnings(twin: Twin, ready: Twin, tree: Tree) -> list[str]:
+    """What of a completed twin (`ready`) is not as one would wish."""
+    from twin.collision.stated import meetings, owners_of
+
+    made = {owner.name for owner in owners_of(twin) if not owner.collision}
     from twin.physics import unheld
 
     bare = [k.name for k in tree.links if not k.collision]

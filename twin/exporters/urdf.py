@@ -11,7 +11,8 @@ import numpy as np
 
 from twin import geometry as geo
 from twin.exporters.asset import AssetInfo
-from twin.exporters.mjcf import material_name, remarks, write_xml
+from twin.exporters.mjcf import material_name, write_xml
+from twin.exporters.mjcf_scene import remarks
 from twin.exporters.obj import hull, textured
 from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
 from twin.geometry import Array

@@ -1,0 +1,132 @@
+"""Links, joints and all that is drawn of them: the types of the one intermediate model that all writers read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from twin.geometry import Array
+from twin.scene import Box, Collision, Mesh
+from twin.verdict import Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class TreeJoint:
+    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping, friction and armature.
+
+    holds: its friction stands for what held the part at rest in the recording, and must not creep.
+    """
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    axis: Array
+    lower: float
+    upper: float
+    damping: float
+    frictionloss: float
+    armature: float
+    holds: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """Something that is drawn of a link, in its frame: `<link>_visual`, what was seen, or `<link>_inferred_<piece>`.
+
+    basis: "seen", or what an inferred piece rests on; role and reason as of that piece. color: (r, g, b) in 0..1 of a piece, which is
+    plain; None where the mesh has its own.
+    """
+
+    name: str
+    mesh: Mesh
+    basis: Literal["seen", "evidence", "assumed"] = "seen"
+    role: str = "part"
+    reason: str = ""
+    color: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Free space inside furniture: a box in its link's frame."""
+
+    name: str
+    box: Box
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """One rigid body; everything is in the link's frame.
+
+    parent: name of the parent link, None for what stands still. offset (3,): origin in the parent's frame. visuals: what is drawn.
+    shapes: name -> collision shape. mass in kg, inertia (3, 3) about com (3,). grasp (4, 4): frame of the contact path, columns as in
+    ContactPath, and the width (m) of what is held there. kind: what it is, in one word.
+    """
+
+    name: str
+    parent: str | None
+    offset: Array
+    visuals: tuple[Visual, ...]
+    shapes: Mapping[str, Collision]
+    friction: float
+    mass: float
+    com: Array
+    inertia: Array
+    joint: TreeJoint | None = None
+    grasp: Array | None = None
+    grasp_width: float = 0.0
+    regions: tuple[Region, ...] = ()
+    kind: str = ""
+
+    @property
+    def collision(self) -> tuple[Collision, ...]:
+        """The collision shapes."""
+        return tuple(self.shapes.values())
+
+    @property
+    def drawn(self) -> Array:
+        """Vertices (n, 3) m of all that is drawn."""
+        return np.concatenate([v.mesh.vertices for v in self.visuals]) if self.visuals else np.zeros((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Links, the root first and every parent before its children, in depth-first order; source names what it was made from.
+
+    verdict: on the twin, None where it has none; told: the line that says it, or why there is none. whole: with the inferred layer.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    source: str = "twin.json"
+    verdict: Verdict | None = None
+    told: str = ""
+    whole: bool = False
+
+    @property
+    def root(self) -> Link:
+        return self.links[0]
+
+    @property
+    def standing(self) -> list[Link]:
+        """The links that stand still: the root, and the room where it is apart."""
+        return [k for k in self.links if k.parent is None]
+
+    def children(self, name: str) -> list[Link]:
+        return [k for k in self.links if k.parent == name]
+
+    @property
+    def moving(self) -> list[Link]:
+        return [k for k in self.links if k.joint is not None]
+
+
+def spawn(region: Region) -> Array:
+    """Where a thing is put down in a region, in its link's frame (3,): the middle of its floor. The axes of a link are the world's."""
+    corners = region.box.corners
+    return np.array([*corners[:, :2].mean(axis=0), corners[:, 2].min()])
+
+
+def numbers(values: object) -> str:
+    """Numbers for a text format, with as many digits as it takes to read back the same double."""
+    return " ".join(repr(float(v) + 0.0) for v in np.asarray(values, dtype=np.float64).ravel())
