@@ -48,7 +48,7 @@ def infer(twin: Twin) -> Twin:
     opened = openings(twin.parts, fronts, mesh, found)
     rears = {o.part.id: float(o.carcass.low[2]) for o in opened}
     layers = [complete_part(p, f, rears.get(p.id))[0] for p, f in zip(twin.parts, frames, strict=True)]
-    passed = [swept_points(p, layer.pieces) for p, layer in zip(twin.parts, layers, strict=True)]
+    passed = [swept_points(p, layer) for p, layer in zip(twin.parts, layers, strict=True)]
     static = complete_static(mesh, found, opened, np.concatenate(passed))
     parts = tuple(replace(p, completion=layer) for p, layer in zip(twin.parts, layers, strict=True))
     return replace(twin, static=replace(twin.static, completion=static), parts=parts)

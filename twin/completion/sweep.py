@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from twin import geometry as geo
 from twin.collision.clearance import sweep_states
 from twin.completion.board import Board
 from twin.geometry import Array
-from twin.inferred import Inferred
+from twin.inferred import Completion
 from twin.scene import Part
 
 _SPACING = 0.012  # m between points on a part's boards
@@ -20,12 +18,12 @@ _SPARE = 0.004  # m from where the part passes that a shortened board ends
 _WORTH = 0.5  # share of a board that must be left of it
 
 
-def swept_points(part: Part, pieces: Sequence[Inferred]) -> Array:
-    """Points (n, 3) m of a part's inferred pieces and of its seen surface over its whole range, in the world."""
+def swept_points(part: Part, layer: Completion) -> Array:
+    """Points (n, 3) m of a part's pieces and of what is shown of its seen surface over its whole range, in the world."""
     from twin.collision.solid import spread
 
-    clouds = [part.mesh.vertices]
-    for piece in pieces:
+    clouds = [layer.shown.vertices]
+    for piece in layer.pieces:
         corners = piece.mesh.vertices[piece.mesh.faces]
         clouds.append(spread(corners, piece.mesh.area / _SPACING**2)[0])
     points = np.concatenate(clouds)
