@@ -98,8 +98,8 @@ class ReplayConfig(Settings):
     """How `robots.replay` plays and records; every default was chosen by us."""
 
     control: Literal["position", "impedance"] = setting(
-        "position",
-        '"position": the robot\'s own joint servos; "impedance": a compliant hand like Spot\'s (robots/simulation/impedance.py)',
+        "impedance",
+        '"impedance": a compliant hand like Spot\'s (robots/simulation/impedance.py); "position": the robot\'s own joint servos',
     )
     stiffness: float = setting(
         1.0,

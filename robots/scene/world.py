@@ -67,8 +67,13 @@ class World:
         self.model.body_quat[self.mount] = geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
 
     def body_of(self, geom: int) -> str:
-        """Name of a geom's body, as the twin or the robot's own model has it."""
-        return str(self.model.body(self.model.geom_bodyid[geom]).name).rpartition("/")[2]
+        """Name of a geom's body, as the twin or the robot's own model has it; of an inferred piece with that piece's."""
+        body = str(self.model.body(self.model.geom_bodyid[geom]).name).rpartition("/")[2]
+        if self.owner[geom] not in (PART, STATIC):
+            return body
+        name = str(self.model.geom(geom).name).removeprefix(f"{body}_")
+        piece = name.rpartition("_collision_")[0]
+        return f"{body}: inferred {piece}" if piece else body
 
     def set_stiffness(self, share: float) -> None:
         """Scale the arm's servos: stiffness by `share`, damping by its square root, so that the damping ratio stays."""

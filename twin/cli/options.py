@@ -151,7 +151,7 @@ def _replay(parser: ArgumentParser) -> None:
     add("--recording", metavar="FOLDER", type=Path, help="shown beside the robot [where RUN has it from]")
     add("--contact", type=point, metavar="X,Y,Z", help="hold it there: m, twin's world, part at state 0")
     add("--floor", type=_height, metavar="Z", help="its height: m, twin's world [seen, else assumed]")
-    add("--control", metavar="position|impedance", help="stiff joints or a compliant hand [position]")
+    add("--control", metavar="position|impedance", help="stiff joints or a compliant hand [impedance]")
     add("--stiffness", type=float, metavar="SHARE", help="share of the stiffness of either [1]")
     add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
     add("--grid", action="store_true", help="trials also of each kind of error alone")
