@@ -61,7 +61,7 @@ class AssetView:
     def of(self, twin: Twin) -> Twin:
         """The twin to be written. It has an inferred layer already where the geometry asks for one."""
         shown = self._layers(twin)
-        return shown if self.origin == "camera" else placed(shown, asset_pose(twin))
+        return shown if self.origin == "camera" else placed(shown, self.pose(twin))
 
     def _layers(self, twin: Twin) -> Twin:
         if self.geometry == "seen":
@@ -84,10 +84,15 @@ class AssetView:
             twin, static=replace(twin.static, completion=layer_of(twin.static.completion)), parts=parts
         )
 
-    def write(self, folder: Path) -> None:
+    def pose(self, twin: Twin) -> Array:
+        """T_asset_twin (4, 4): from the twin's world, in which trajectories of robots are, into the asset's."""
+        return np.eye(4) if self.origin == "camera" else asset_pose(twin)
+
+    def write(self, twin: Twin, folder: Path) -> None:
         """Write FILE into the folder of an export; the plain view needs none."""
         if not self.plain:
-            write_json(folder / FILE, {"format": _FORMAT, **asdict(self)})
+            told = {"format": _FORMAT, **asdict(self), "T_asset_twin": self.pose(twin).tolist()}
+            write_json(folder / FILE, told)
 
 
 AS_SEEN = AssetView("seen", "keep", "camera")

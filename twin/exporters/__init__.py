@@ -93,7 +93,7 @@ def export(
             for fmt, here in staged.items():
                 path, lost = import_module(f"twin.exporters.{fmt}").write(tree, here, asset)
                 (here / "README.md").write_text(readme(tree, fmt), encoding="utf-8", newline="\n")
-                view.write(here)
+                view.write(twin, here)
                 files[fmt] = folder / fmt / path.name
                 warnings += lost
             if package and "urdf" in files:

@@ -21,7 +21,34 @@ def readme(tree: Tree, fmt: str) -> str:
                 (j.lower, j.upper, j.damping, j.frictionloss), (unit[0], *unit), strict=True)]  # fmt: skip
             rows.append(f"| {j.name} | {j.kind} | {' | '.join(cells)} |")
     told = "Metres, kilograms, seconds, radians; z up. Every joint is closed at 0 and opens towards its upper limit."
-    return f"# {tree.name}\n\n{_verdict(tree)}\n\n{body}\n\n{told}\n\n" + "\n".join(rows) + "\n"
+    layers = f"{_layers(tree, fmt)}\n\n" if tree.whole else ""
+    return f"# {tree.name}\n\n{_verdict(tree)}\n\n{body}\n\n{layers}{told}\n\n" + "\n".join(rows) + "\n"
+
+
+def _layers(tree: Tree, fmt: str) -> str:
+    """What a reader must know of the inferred layer."""
+    pieces = [(k, v) for k in tree.links for v in k.visuals if v.basis != "seen"]
+    assumed = sum(v.basis == "assumed" for _, v in pieces)
+    where = {
+        "urdf": "visuals `<link>_inferred_<piece>`, each under a comment with its reason",
+        "mjcf": f"geoms `<body>_inferred_<piece>` of the classes `{tree.name}_evidence` and `{tree.name}_assumed`, reasons under `custom`",
+        "usd": "prims `<body>_inferred_<piece>` with the custom data `inferred` (basis, reason) and a semantic label",
+    }[fmt]
+    stands = f"What a camera saw and what is inferred stand apart. Inferred are {len(pieces)} pieces, {assumed} of them assumed"
+    lines = [
+        f"{stands} (nothing that was seen bounds them): {where}.",
+        "`asset.json` says which layer is shown, and `T_asset_twin`: from the twin's world, in which robots' trajectories are, into this one.",
+    ]
+    if any(k.regions for k in tree.links) and fmt != "urdf":
+        sites = (
+            " are sites (a box to place things in, and a point on its floor)"
+            if fmt == "mjcf"
+            else " are frames with their `size`"
+        )
+        lines.append(f"`<body>_..._region`{' and `..._spawn`' if fmt == 'mjcf' else ''}{sites}.")
+    if fmt == "mjcf":
+        lines.append("Sensors `<joint>_pos` and `<joint>_vel`.")
+    return " ".join(lines)
 
 
 def _verdict(tree: Tree) -> str:
