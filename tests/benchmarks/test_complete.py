@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import mujoco
@@ -180,20 +177,15 @@ def test_balls_fall_where_the_asset_lies(truth: Truth, tmp_path: Path) -> None:
 
 
 def _turned_run(folder: Path, turn: np.ndarray) -> Path:
-    module = ModuleType("tests.turned_frame")
-    module.asset_pose = lambda _twin, origin: {"furniture": turn}[origin]  # type: ignore[attr-defined]
-    module.__spec__ = ModuleSpec(module.__name__, None)
-    sys.modules[module.__name__] = module
-    assets._ORIGINS = module.__name__
+    assets.asset_pose = lambda _twin: turn  # type: ignore[assignment]
     return write_run(folder, T_asset_twin=turn)
 
 
 @pytest.fixture(autouse=True)
 def known_origins() -> Iterator[None]:
-    before = assets._ORIGINS
+    before = assets.asset_pose
     yield
-    assets._ORIGINS = before
-    sys.modules.pop("tests.turned_frame", None)
+    assets.asset_pose = before
 
 
 def test_an_asset_that_lies_nowhere_known_is_refused(tmp_path: Path) -> None:

@@ -253,8 +253,8 @@ def test_the_word_is_kept_in_the_settings_and_told() -> None:
     config = ReconConfig(said=SAID)
     assert from_dict(ReconConfig, tomllib.loads(to_toml(config))) == config
     told = {"part": ["31,40@5"], "interval": ["3:28"], "joint": ["hinge"], "up": "0,-1,0.25"}
-    assert _provenance(config, ())["said"] == told
-    assert "said" not in _provenance(ReconConfig(), ())
+    assert _provenance(config, (), ())["said"] == told
+    assert "said" not in _provenance(ReconConfig(), (), ())
 
 
 def test_the_word_changes_the_keys_of_the_stages_that_it_is_about() -> None:
@@ -268,7 +268,7 @@ def test_the_word_changes_the_keys_of_the_stages_that_it_is_about() -> None:
                 seen[name] = settings
                 if name == "verdict":
                     raise KeyboardInterrupt
-                return types.SimpleNamespace(value=types.SimpleNamespace(static=None))
+                return types.SimpleNamespace(value=types.SimpleNamespace(static=None), warnings=())
 
         with pytest.raises(KeyboardInterrupt):
             _run(Recorder(), None, ReconConfig(said=said), (), None)  # type: ignore[arg-type]

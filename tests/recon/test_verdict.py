@@ -203,7 +203,7 @@ def judged_twin(clip: Clip, evidence: PartEvidence, sigma: float, cut: bool = Fa
     fused = FusedScene(clip.static, {} if cut else {part.id: clip.mesh})
     verdict = judge(clip.recording, clip.cameras, labels, found, (part,), fused, finished)
     return assemble(
-        clip.recording, clip.cameras, clip.static, finished, labels, {"made": 1}, verdict, (part,)
+        clip.recording, clip.cameras, clip.static, finished, labels, {"made": 1}, verdict, (part,), {}
     )
 
 

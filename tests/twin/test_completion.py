@@ -10,8 +10,9 @@ import pytest
 
 from tests.twin import scans
 from twin import geometry as geo
-from twin.completion import infer, with_completion
+from twin.completion import with_completion
 from twin.completion.asset import AS_SEEN, AssetView, asset_pose, usual_view
+from twin.completion.infer import infer
 from twin.completion.sweep import swept_points
 from twin.errors import InputError
 from twin.geometry import Array

@@ -150,7 +150,7 @@ def test_a_part_without_collision_shapes_is_warned_about(
 ) -> None:
     twin = cabinet_twin()
     bare = replace(twin.parts[0], collision=())
-    monkeypatch.setattr("twin.exporters.complete", lambda t, _: t)
+    monkeypatch.setattr("twin.exporters.complete", lambda t, *_: t)
     said = export(replace(twin, parts=(bare, *twin.parts[1:])), tmp_path, formats=("mjcf",)).warnings
     assert said == ("all: door has no collision shapes, so nothing can touch it",)
     assert export(twin, tmp_path, formats=("mjcf",)).warnings == ()

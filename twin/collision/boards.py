@@ -149,6 +149,8 @@ def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Board]:
     boards = []
     for i0, i1, j0, j1 in _rectangles(grid, thick, search):
         inside = (index >= (i0, j0)).all(axis=1) & (index < (i1, j1)).all(axis=1)
+        if not inside.any():  # where large gaps were closed
+            continue
         low, high = np.quantile(points[inside], 0.005, axis=0), np.quantile(points[inside], 0.995, axis=0)
         seen = thick[i0:i1, j0:j1][np.isfinite(thick[i0:i1, j0:j1]) & grid[i0:i1, j0:j1]]
         source: Literal["seen", "edge", "table"] = "seen"

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.completion.frame import part_frame, viewer
 from twin.completion.placed import placed
 from twin.errors import InputError
 from twin.files.text import read_json, write_json
@@ -138,6 +137,8 @@ def asset_pose(twin: Twin) -> Array:
     """
     if not twin.parts:
         return np.eye(4)
+    from twin.completion.frame import part_frame, viewer  # SciPy, which a wrong option needs not wait for
+
     part = twin.parts[0]
     frame = part_frame(part, viewer(twin))
     middle = part.mesh.area_centroid if len(part.mesh.faces) else np.zeros(3)

@@ -1,0 +1,36 @@
+"""The inferred layer of a whole twin: fronts, what is furniture, cabinets, parts, and what stands still around them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from twin.completion.frame import part_frame, viewer
+from twin.completion.part import complete_part
+from twin.completion.room import Front, apart
+from twin.completion.static import complete_static, openings
+from twin.completion.sweep import swept_points
+from twin.scene import Twin
+
+
+def infer(twin: Twin) -> Twin:
+    """The twin with the inferred layer of its static scene and every part, without collision shapes of what lies in no piece.
+
+    It has at least one part.
+    """
+    eye = viewer(twin)
+    frames = [part_frame(p, eye) for p in twin.parts]
+    leaves = [complete_part(p, f, None)[1] for p, f in zip(twin.parts, frames, strict=True)]
+    fronts = [
+        None if f is None or leaf is None else Front(f, leaf) for f, leaf in zip(frames, leaves, strict=True)
+    ]
+    mesh = twin.static.mesh
+    found = apart(mesh, [f for f in fronts if f is not None])
+    opened = openings(twin.parts, fronts, mesh, found)
+    rears = {o.part.id: float(o.carcass.low[2]) for o in opened}
+    layers = [complete_part(p, f, rears.get(p.id))[0] for p, f in zip(twin.parts, frames, strict=True)]
+    passed = [swept_points(p, layer) for p, layer in zip(twin.parts, layers, strict=True)]
+    static = complete_static(mesh, found, opened, np.concatenate(passed))
+    parts = tuple(replace(p, completion=layer) for p, layer in zip(twin.parts, layers, strict=True))
+    return replace(twin, static=replace(twin.static, completion=static), parts=parts)
