@@ -13,7 +13,7 @@ from twin.completion.cloud import Cloud
 from twin.completion.frame import PartFrame
 from twin.completion.handle import Handle, find_handles
 from twin.completion.leaf import Leaf, find_leaf
-from twin.completion.shown import shown_surface, without_shreds
+from twin.completion.shown import shown_surface, without_floaters, without_shreds
 from twin.completion.tray import Tray, find_tray
 from twin.geometry import Array
 from twin.inferred import PLAIN, Completion, Interior
@@ -62,7 +62,8 @@ def _layer(
     if tray is not None and np.all(tray.high - tray.low > 0.02):
         middle = geo.make_pose(translation=(tray.low + tray.high) / 2)
         interiors.append(Interior("inside", Box(T @ middle, tray.high - tray.low)))
-    return Completion(shown_surface(mesh, boards, T, blurred), tuple(pieces), (), tuple(interiors))
+    shown = without_floaters(shown_surface(mesh, boards, T, blurred, boards[0]), [*boards, *bars], T)
+    return Completion(shown, tuple(pieces), (), tuple(interiors))
 
 
 def color_near(mesh: Mesh, board: Board, T_world_frame: Array) -> NDArray[np.uint8]:

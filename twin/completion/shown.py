@@ -17,18 +17,25 @@ from twin.scene import Mesh
 _ON_FACE = 0.008  # m: seen surface this near a board's face is that face
 _BESIDE = 0.020  # m around a board within which a fused surface's ragged skirt lies
 _SKIRT = 0.030  # m that it hangs behind
+_TOUCHES = 0.015  # m from a board within which a piece is not loose
+_HANGS = 0.12  # m that it hangs behind a front that moves
 _LOOKS = float(np.cos(np.radians(40.0)))  # of a noisy face, from its board's
 _SHRED = 0.002  # share of the surface, and m^2, below which a loose piece is a shred
 _SHRED_AREA = 0.0015
 
 
 def shown_surface(
-    mesh: Mesh, boards: Sequence[Board], T_world_frame: Array, fitted: Sequence[tuple[Array, Array]] = ()
+    mesh: Mesh,
+    boards: Sequence[Board],
+    T_world_frame: Array,
+    fitted: Sequence[tuple[Array, Array]] = (),
+    front: Board | None = None,
 ) -> Mesh:
     """Seen triangles that are drawn beside the boards.
 
     A triangle on a board's face is put into its plane and ends where the board ends. One that merely surrounds a board, as a fused
-    surface's skirt does, and one in a box (low, high) of `fitted`, for which other pieces stand, is left out; so are shreds.
+    surface's skirt does, and one in a box (low, high) of `fitted`, for which other pieces stand, is left out; so are shreds. front: a
+    part's front, whose skirt hangs far behind: before it lies what the part moves away from.
     """
     if not len(mesh.faces):
         return mesh
@@ -50,10 +57,24 @@ def shown_surface(
         low[2] -= _SKIRT - _BESIDE
         around = ((local > low) & (local < high)).all(axis=1)
         keep &= settled | ~np.asarray(around)[mesh.faces].all(axis=1)
+    if front is not None:
+        keep &= settled | ~_skirt(local, front)[mesh.faces].all(axis=1)
     for low, high in fitted:
         inside = ((local > low - _ON_FACE) & (local < high + _ON_FACE)).all(axis=1)
         keep &= settled | ~np.asarray(inside)[mesh.faces].any(axis=1)
     return without_shreds(mesh.of(keep, geo.transform(T_world_frame, moved)))
+
+
+def _skirt(local: Array, front: Board) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie beside and behind the border of a front: noise that the fusion draws from it to what is farther away."""
+    beside = _BESIDE + _ON_FACE
+    around = np.all(
+        (local[:, :2] > front.low[:2] - beside) & (local[:, :2] < front.high[:2] + beside), axis=1
+    )
+    inside = np.all(
+        (local[:, :2] > front.low[:2] + _ON_FACE) & (local[:, :2] < front.high[:2] - _ON_FACE), axis=1
+    )
+    return np.asarray(around & ~inside & (local[:, 2] < _ON_FACE) & (local[:, 2] > -_HANGS))
 
 
 def _on_face(
@@ -72,6 +93,18 @@ def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plan
     for k in range(3):
         if k != axis:
             moved[vertices, k] = np.clip(moved[vertices, k], board.low[k], board.high[k])
+
+
+def without_floaters(mesh: Mesh, boards: Sequence[Board], T_world_frame: Array) -> Mesh:
+    """The mesh without loose pieces that touch no board: what hangs in the air is none of a part made of these."""
+    if not len(mesh.faces):
+        return mesh
+    local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
+    near = np.zeros(len(local), bool)
+    for b in boards:
+        near |= np.all((local > b.low - _TOUCHES) & (local < b.high + _TOUCHES), axis=1)
+    piece = vertex_pieces(mesh.faces, len(mesh.vertices))
+    return mesh.of(np.isin(piece[mesh.faces[:, 0]], np.unique(piece[near])))
 
 
 def without_shreds(mesh: Mesh) -> Mesh:
