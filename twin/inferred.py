@@ -19,6 +19,7 @@ from twin.shapes import Box, Collision, Mesh
 
 Basis = Literal["evidence", "assumed"]
 BASES: tuple[Basis, ...] = get_args(Basis)
+VERSION = 1  # of what infers: raised whenever the same twin may get other pieces, so that a twin on disk gets them anew
 PLAIN = (180, 180, 180)  # sRGB of what nobody saw the colour of
 
 
@@ -67,6 +68,7 @@ class Completion(Described):
 
     shown: the seen triangles that are drawn beside the pieces: all but shreds and what a piece stands in for, as a blurred handle.
     pieces: what is inferred. collision: shapes of what is seen and lies in no piece. interiors: free space inside.
+    version: of what inferred it.
     room: of the static scene, the seen triangles that belong to no furniture of the parts; room_collision: their shapes.
     """
 
@@ -76,6 +78,7 @@ class Completion(Described):
     interiors: tuple[Interior, ...] = ()
     room: Mesh | None = None
     room_collision: tuple[Collision, ...] = ()
+    version: int = VERSION
 
     def __post_init__(self) -> None:
         for what in ("pieces", "interiors"):

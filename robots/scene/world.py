@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from robots.model.mjcf import robot_model
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
+from twin.completion import has_completion
 from twin.completion.asset import is_reconstructed
 from twin.errors import PlanningError
 from twin.exporters import complete
@@ -101,7 +102,7 @@ def is_complete(twin: Twin) -> bool:
 
 def _is_shaped(twin: Twin) -> bool:
     if is_reconstructed(twin) and twin.parts:
-        return all(o is not None for o in (twin.static.completion, *(p.completion for p in twin.parts)))
+        return has_completion(twin)
     return bool(twin.static.collision) and all(p.collision for p in twin.parts)
 
 

@@ -16,7 +16,7 @@ from twin.completion.infer import infer
 from twin.completion.sweep import swept_points
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.inferred import Completion, Inferred
+from twin.inferred import VERSION, Completion, Inferred
 from twin.mesh import edges
 from twin.scene import Mesh, Part, Prismatic, Twin
 
@@ -192,6 +192,8 @@ def test_shapes_stand_clear_of_one_another_and_belong_to_their_pieces(drawer: Tw
     assert len(layer(twin).shapes) <= 60
     assert layer(twin).room_collision
     assert with_completion(twin) is twin
+    older = replace(twin, static=replace(twin.static, completion=replace(layer(twin), version=0)))
+    assert layer(with_completion(older)).version == VERSION  # another program's is inferred anew
 
 
 def test_a_stated_twin_is_whole_as_it_is() -> None:

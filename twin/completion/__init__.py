@@ -9,17 +9,25 @@ The seam for a learned model is `infer` (twin/completion/infer.py): whatever giv
 from __future__ import annotations
 
 from twin.completion.asset import is_reconstructed
+from twin.inferred import VERSION
 from twin.scene import Twin
 
 
 def with_completion(twin: Twin) -> Twin:
-    """The twin with the inferred layer of its static scene and every part, collision shapes included; itself where it has one.
+    """The twin with the inferred layer of its static scene and every part, collision shapes included; itself where it has one that the
+    program of today inferred.
 
     A twin that was not made from a recording was stated by somebody, whole as it is: nothing is inferred.
     """
-    if not (is_reconstructed(twin) and twin.parts) or twin.static.completion is not None:
+    if not (is_reconstructed(twin) and twin.parts) or has_completion(twin):
         return twin
     from twin.completion.infer import infer  # SciPy and Open3D, which a wrong option needs not wait for
     from twin.completion.shapes import with_shapes
 
     return with_shapes(infer(twin))
+
+
+def has_completion(twin: Twin) -> bool:
+    """Whether all of a twin has an inferred layer that the program of today inferred."""
+    layers = [twin.static.completion, *(p.completion for p in twin.parts)]
+    return all(k is not None and k.version == VERSION for k in layers)

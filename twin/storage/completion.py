@@ -69,7 +69,15 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
         if mesh is not None and mesh.texture is not None
     }
     return {
-        "completion": {"shown": shown, "room": room, "pieces": pieces, "interiors": interiors, **shapes, **uv}
+        "completion": {
+            "version": completion.version,
+            "shown": shown,
+            "room": room,
+            "pieces": pieces,
+            "interiors": interiors,
+            **shapes,
+            **uv,
+        }
     }
 
 
