@@ -19,7 +19,8 @@ from twin.geometry import Array
 from twin.inferred import PLAIN, Completion, Interior
 from twin.scene import Box, Mesh, Part
 
-_NEAR = 0.03  # m around a board within which seen vertices tell its colour
+_NEAR = 0.01  # m around a board within which seen vertices tell its colour
+_FEW = 30  # vertices that tell none
 
 
 def complete_part(
@@ -66,12 +67,15 @@ def _layer(
     return Completion(shown, tuple(pieces), (), tuple(interiors))
 
 
-def color_near(mesh: Mesh, board: Board, T_world_frame: Array) -> NDArray[np.uint8]:
-    """Median colour (3,) of the seen vertices around a board, of the whole mesh where none lies there."""
+def color_near(
+    mesh: Mesh, board: Board, T_world_frame: Array, otherwise: NDArray[np.uint8] | None = None
+) -> NDArray[np.uint8]:
+    """Median colour (3,) of the seen vertices around a board; where few lie there, another one, by default that of the whole mesh."""
     if mesh.colors is None or not len(mesh.colors):
-        return np.array(PLAIN, np.uint8)
+        return np.array(PLAIN, np.uint8) if otherwise is None else otherwise
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
     near = ((local > board.low - _NEAR) & (local < board.high + _NEAR)).all(axis=1)
-    return np.asarray(np.median(mesh.colors[near] if near.sum() > 10 else mesh.colors, axis=0)).astype(
-        np.uint8
-    )
+    told = int(near.sum()) > _FEW
+    if not told and otherwise is not None:
+        return otherwise
+    return np.asarray(np.median(mesh.colors[near] if told else mesh.colors, axis=0)).astype(np.uint8)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.collision.boards import BoardSearch, beyond, find_boards
@@ -97,7 +98,8 @@ def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: 
         cloud = Cloud.of(furniture, T)
         freed = [out_of_the_way(b, passed) for b in o.carcass.boards if not b.contradicted(cloud)]
         boards = [b for b in freed if b is not None and b.real]
-        pieces += [_clear_piece(b, T, furniture, passed) for b in boards]
+        wood = color_near(o.part.mesh, o.front.leaf.board("front"), T)
+        pieces += [_clear_piece(b, T, furniture, passed, wood) for b in boards]
         shown = shown_surface(shown, boards, T)
         left = beyond(left, [b.box(T) for b in boards], 3 * SEARCH.noise)
         if o.front.frame.kind != "drawer" and np.all(o.carcass.high - o.carcass.low > 0.05):
@@ -137,10 +139,12 @@ def _panels(
     return [_clear_piece(b, T, furniture, passed) for b in (*boards, *bars)], shown
 
 
-def _clear_piece(board: Board, T_world_frame: Array, furniture: Mesh, passed: Array) -> Inferred:
+def _clear_piece(
+    board: Board, T_world_frame: Array, furniture: Mesh, passed: Array, color: NDArray[np.uint8] | None = None
+) -> Inferred:
     """A board as a piece whose shape keeps clear of where the parts pass (n, 3), as a shorter box if it can: shapes that are cut there
     later fall to many pieces."""
-    piece = board.piece(T_world_frame, color_near(furniture, board, T_world_frame))
+    piece = board.piece(T_world_frame, color_near(furniture, board, T_world_frame, color))
     shorter = out_of_the_way(board, passed, -_CLEAR)
     return (
         piece if shorter is None or not shorter.real else replace(piece, shapes=(shorter.box(T_world_frame),))
