@@ -184,6 +184,23 @@ def test_a_surface_inside_a_board_says_that_there_is_none() -> None:
     assert set(pieces(filled.parts[0])) <= set(pieces(full.parts[0]))
 
 
+@pytest.mark.parametrize("wall_seen", [False, True])
+def test_a_neighbour_that_the_picture_cut_off_is_as_wide_as_what_is_below_it(wall_seen: bool) -> None:
+    """Unless a camera saw the wall where it would stand."""
+    sides = tuple(k for k in scans.CABINET if k[0] != (0.272, 0.0, 0.1))
+    rows = (
+        ((0.272, 0.0, 0.1), (0.90, 0.55, 0.45), "-y"),
+        ((0.272, 0.0, 0.45), (0.70, 0.55, 0.8), "-y"),
+    )
+    wall = ((-2.0, 0.57, 0.0), (2.0 if wall_seen else 0.2, 0.6, 2.0), "-y")
+    floor = ((-2.0, -1.5, -0.02), (0.2, 0.57, 0.0), "+z")
+    found = infer(scans.twin_of(scans.drawer(), (*sides, *rows, wall, floor)))
+    neighbours = {n: p for n, p in pieces(found).items() if p.role == "neighbour"}
+    upper = max((p for p in neighbours.values() if corners(p)[1, 2] > 0.7), key=lambda p: corners(p)[1, 0])
+    assert abs(corners(upper)[1, 0] - (0.70 if wall_seen else 0.90)) < 0.015
+    assert ("as wide as" in upper.reason) is not wall_seen
+
+
 def test_shapes_stand_clear_of_one_another_and_belong_to_their_pieces(drawer: Twin) -> None:
     twin = with_completion(scans.twin_of(scans.drawer()))
     part = pieces(twin.parts[0])

@@ -9,6 +9,7 @@ import numpy as np
 from twin.completion.frame import part_frame, viewer
 from twin.completion.part import complete_part
 from twin.completion.room import Front, apart
+from twin.completion.squared import Sight
 from twin.completion.static import complete_static, openings
 from twin.completion.sweep import swept_points
 from twin.scene import Twin
@@ -31,6 +32,8 @@ def infer(twin: Twin) -> Twin:
     rears = {o.part.id: float(o.carcass.low[2]) for o in opened}
     layers = [complete_part(p, f, rears.get(p.id))[0] for p, f in zip(twin.parts, frames, strict=True)]
     passed = [swept_points(p, layer) for p, layer in zip(twin.parts, layers, strict=True)]
-    static = complete_static(mesh, found, opened, np.concatenate(passed))
+    eyes = None if twin.cameras is None else twin.cameras.T_world_cam[:, :3, 3]
+    sight = Sight(mesh, eyes) if eyes is not None and len(mesh.faces) else None
+    static = complete_static(mesh, found, opened, np.concatenate(passed), sight)
     parts = tuple(replace(p, completion=layer) for p, layer in zip(twin.parts, layers, strict=True))
     return replace(twin, static=replace(twin.static, completion=static), parts=parts)

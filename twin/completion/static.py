@@ -19,6 +19,7 @@ from twin.completion.leaf import Leaf
 from twin.completion.part import color_near
 from twin.completion.room import Apart, Bound, Front
 from twin.completion.shown import shown_surface, without_shreds
+from twin.completion.squared import PLANE, Sight, squared
 from twin.completion.sweep import out_of_the_way
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, Interior
@@ -33,7 +34,6 @@ MOST, _FEWEST = 32, 12  # pieces of the furniture, and of them beside the cabine
 _CLEAR = 0.0025  # m, a little more than shapes keep from what moves past them
 _PIECES = 3  # of a handle: a bar on two posts
 _RESERVED = 12  # pieces for handles
-_PLANE = 0.012  # m within which fronts are in one plane
 NOISE = 0.004  # m, of a face of the static scene, as BoardSearch has it
 _SOLID = 0.05  # m: a neighbour that is less deep is left a board
 
@@ -79,7 +79,9 @@ def wall_behind(front: Front, bounds: Sequence[Bound]) -> float | None:
     return max(behind) if behind else None
 
 
-def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: Array) -> Completion:
+def complete_static(
+    mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: Array, sight: Sight | None
+) -> Completion:
     """The inferred layer of the static scene, without collision shapes of what lies in no piece.
 
     Args:
@@ -87,6 +89,7 @@ def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: 
         found: which of it is furniture.
         opened: the cabinets of the parts.
         swept: points (n, 3) that the parts pass.
+        sight: what cameras saw, None where nobody knows where they were.
     """
     furniture, room = mesh.of(found.furniture), mesh.of(~found.furniture)
     pieces: list[Inferred] = []
@@ -107,13 +110,19 @@ def complete_static(mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: 
             middle = geo.make_pose(translation=(o.carcass.low + o.carcass.high) / 2)
             interiors.append(Interior(f"{o.part.name}_inside", Box(T @ middle, size)))
     if opened:
-        more, shown = _panels(furniture, shown, left, opened, swept, max(_FEWEST, MOST - len(pieces)))
+        more, shown = _panels(furniture, shown, left, opened, swept, sight, max(_FEWEST, MOST - len(pieces)))
         pieces += more
     return Completion(without_shreds(shown), tuple(pieces), (), tuple(interiors), room)
 
 
 def _panels(
-    furniture: Mesh, shown: Mesh, left: Array, opened: Sequence[Opening], swept: Array, most: int
+    furniture: Mesh,
+    shown: Mesh,
+    left: Array,
+    opened: Sequence[Opening],
+    swept: Array,
+    sight: Sight | None,
+    most: int,
 ) -> tuple[list[Inferred], Mesh]:
     """Boards and solid neighbours behind the faces that belong to no cabinet of a part, and handles before them: `most` pieces, the
     largest faces first."""
@@ -132,6 +141,14 @@ def _panels(
         if free is None or not free.real or free.contradicted(cloud):
             continue
         boards.append(free)
+    if sight is not None:
+        theirs = [_inside_of(o, first) for o in opened]
+        wider = [
+            w if any(w is b for b in boards) else out_of_the_way(w, passed)
+            for w in squared(boards, theirs, sight, T)
+            if not w.contradicted(cloud)
+        ]
+        boards = [b for b in wider if b is not None]
     handles = _handles([b for b in boards if _is_front(b)], cloud)
     handles = handles[: max(0, (most - len(boards)) // _PIECES)]
     bars, blurred = [b for h in handles for b in h.boards], [(h.low, h.high) for h in handles]
@@ -190,10 +207,19 @@ def _neighbour(board: Board, opened: Sequence[Opening], cloud: Cloud) -> Board:
 
 def _meets(solid: Board, o: Opening, first: Opening) -> bool:
     """Whether a solid in the first front's frame reaches into the inside of a cabinet."""
+    inside = _inside_of(o, first)
+    return bool(np.all(np.minimum(inside.high, solid.high) - np.maximum(inside.low, solid.low) > _APART))
+
+
+def _inside_of(o: Opening, first: Opening) -> Board:
+    """The inside of a cabinet, up to its front, as a box in the first front's frame."""
     to_first = geo.invert_pose(first.front.frame.T_world_frame) @ o.front.frame.T_world_frame
-    corners = geo.transform(to_first, np.array([o.carcass.low, o.carcass.high]))
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    return bool(np.all(np.minimum(high, solid.high) - np.maximum(low, solid.low) > _APART))
+    low, high = o.carcass.low.copy(), o.carcass.high.copy()
+    high[OUT] = 0.0
+    corners = geo.transform(to_first, np.array([low, high]))
+    return Board(
+        "inside", "interior", corners.min(axis=0), corners.max(axis=0), "assumed", "the inside of a cabinet"
+    )
 
 
 def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:
@@ -202,7 +228,7 @@ def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:
     left = sorted(fronts, key=lambda b: -float(b.high[OUT]))
     while left:
         plane = float(left[0].high[OUT])
-        same = [b for b in left if plane - b.high[OUT] < _PLANE]
+        same = [b for b in left if plane - b.high[OUT] < PLANE]
         left = left[len(same) :]
         corners = np.stack(
             [np.min([b.low[:2] for b in same], axis=0), np.max([b.high[:2] for b in same], axis=0)]
