@@ -1,4 +1,4 @@
-"""Neighbours whose fronts a picture's border cut off, made as wide as those in their plane: furniture has straight sides."""
+"""Neighbours and worktops that a picture's border cut off, made as wide as what stands beside and below: furniture has straight sides."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ _FREE = 0.1  # share of free points from which nothing is there
 _NARROW = 0.02  # m, less is raggedness
 _WIDEST = 0.6  # m, a cabinet's width
 _LOWEST = 0.05  # m
+_THIN, _LONG, _BELOW = (
+    0.06,
+    0.2,
+    0.06,
+)  # m, of a worktop: how thick at most, how long at least, how far above what it lies on
 _OVER = 0.01  # m that fronts may overlap: noise
 
 
@@ -58,8 +63,8 @@ class Sight:
 def squared(
     boards: Sequence[Board], others: Sequence[Board], sight: Sight, T_world_frame: Array
 ) -> list[Board]:
-    """The boards, of which neighbours reach to the side as far as the farthest in their plane does, where nothing says that this is free,
-    by themselves or by a board beside them.
+    """The boards, of which neighbours reach to the side as far as the farthest in their plane does, and worktops as far as the neighbours
+    below, where nothing says that this is free; by themselves or by a board beside them.
 
     Args:
         boards: of the furniture, in one frame.
@@ -68,11 +73,10 @@ def squared(
         T_world_frame: pose (4, 4) of the frame.
     """
     out = list(boards)
-    solid = [k for k, b in enumerate(out) if b.role == "neighbour"]
-    for k in solid:
-        same = [out[j] for j in solid if abs(out[j].high[OUT] - out[k].high[OUT]) < PLANE]
+    for k in range(len(boards)):
+        same = _in_line(out[k], out)
         for sign in (-1, 1):
-            edge = max(float(sign * (b.high if sign > 0 else b.low)[SIDE]) for b in same)
+            edge = max((float(sign * (b.high if sign > 0 else b.low)[SIDE]) for b in same), default=-np.inf)
             mine = float(sign * (out[k].high if sign > 0 else out[k].low)[SIDE])
             if not _NARROW < edge - mine < _WIDEST:
                 continue
@@ -81,15 +85,26 @@ def squared(
             added = _beside(replace(out[k], low=low, high=high, basis="assumed"), [*out[:k], *out[k + 1 :]])
             if added is None or any(_overlap(added, b) for b in others):
                 continue
-            if sight.free(geo.transform(T_world_frame, _front_grid(added))) > _FREE:
+            if sight.free(geo.transform(T_world_frame, _grid(added))) > _FREE:
                 continue
-            reason = f"{out[k].reason}, and as wide as those in its plane"
+            beside = "those in its plane" if out[k].role == "neighbour" else "what is below"
+            reason = f"{out[k].reason}, and as wide as {beside}"
             if np.allclose(added.size[UP], out[k].size[UP]):
                 grown = np.minimum(out[k].low, added.low), np.maximum(out[k].high, added.high)
                 out[k] = replace(out[k], low=grown[0], high=grown[1], basis="assumed", reason=reason)
             else:
                 out.append(replace(added, name=f"{out[k].name}_wide", reason=reason))
     return out
+
+
+def _in_line(board: Board, boards: Sequence[Board]) -> list[Board]:
+    """The boards whose sides those of one should be in line with: fronts in its plane; of a worktop, the neighbours right below."""
+    solid = [b for b in boards if b.role == "neighbour"]
+    if board.role == "neighbour":
+        return [b for b in solid if abs(b.high[OUT] - board.high[OUT]) < PLANE]
+    if board.size[UP] > _THIN or board.size[SIDE] < _LONG or board.size[OUT] < _LONG:
+        return []
+    return [b for b in solid if -_BELOW < board.low[UP] - b.high[UP] < _BELOW]
 
 
 def _beside(strip: Board, boards: Sequence[Board]) -> Board | None:
@@ -111,11 +126,14 @@ def _overlap(a: Board, b: Board) -> bool:
     return bool(np.all(np.minimum(a.high, b.high) - np.maximum(a.low, b.low) > _OVER))
 
 
-def _front_grid(board: Board) -> Array:
-    """Points (n, 3) on the outer face of a board."""
+def _grid(board: Board) -> Array:
+    """Points (n, 3) on the face of a board that one sees: its front, of a worktop its top."""
+    seen = OUT if board.role == "neighbour" else UP
+    across = [k for k in (SIDE, UP, OUT) if k != seen]
     axes = [
-        np.linspace(board.low[k], board.high[k], max(2, round(float(board.size[k]) / _GRID)))
-        for k in (SIDE, UP)
+        np.linspace(board.low[k], board.high[k], max(2, round(float(board.size[k]) / _GRID))) for k in across
     ]
-    s, u = (g.ravel() for g in np.meshgrid(*axes, indexing="ij"))
-    return np.stack([s, u, np.full(len(s), board.high[OUT])], axis=1)
+    out = np.full((len(axes[0]) * len(axes[1]), 3), board.high[seen])
+    for k, values in zip(across, np.meshgrid(*axes, indexing="ij"), strict=True):
+        out[:, k] = values.ravel()
+    return out
