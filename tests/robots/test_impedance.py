@@ -149,7 +149,8 @@ def test_a_scene_is_as_it_was_after_a_replay_whatever_drove_the_arm(planned):
     """One scene replayed stiffly, at half the stiffness, softly and stiffly again: first and last are the same."""
     twin, trajectory, spec = planned
     world = build_world(twin, spec, trajectory.T_world_base, trajectory.pedestal)
-    configs = (ReplayConfig(), ReplayConfig(stiffness=0.5), SOFT, ReplayConfig())
+    stiff = ReplayConfig(control="position")
+    configs = (stiff, ReplayConfig(control="position", stiffness=0.5), SOFT, stiff)
     first, half, soft, last = (simulate(world, trajectory, c)[0].torque for c in configs)
     assert np.array_equal(first, last)
     assert not np.array_equal(first, half)

@@ -107,10 +107,15 @@ def test_a_part_moves_alone_by_the_weight_of_its_payload():
 def test_a_nested_part_is_opened_and_closed_while_the_other_rests(part, goal):
     twin = furniture.laden_door(8.0)
     trajectory = robots.plan(twin, part, goal=goal, config=FAST)
-    report = robots.replay(twin, trajectory, video=False)
-    assert report.ok, report.reason
-    world = build_world(completed(twin), resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
-    _, frames = simulate(world, trajectory, robots.ReplayConfig())
-    (other,) = (p for p in twin.parts if p.name != part)
-    strayed = np.abs(frames[:, world.part_qpos[other.id]]).max()
-    assert strayed < 0.02, "nothing holds the other part but its friction: rad or m"
+    for control, most in (
+        ("position", 0.02),
+        ("impedance", 0.03),
+    ):  # a hand that gives way pulls a little aside
+        config = robots.ReplayConfig(control=control)
+        report = robots.replay(twin, trajectory, video=False, config=config)
+        assert report.ok, report.reason
+        world = build_world(completed(twin), resolve("franka"), trajectory.T_world_base, trajectory.pedestal)
+        _, frames = simulate(world, trajectory, config)
+        (other,) = (p for p in twin.parts if p.name != part)
+        strayed = np.abs(frames[:, world.part_qpos[other.id]]).max()
+        assert strayed < most, "nothing holds the other part but its friction: rad or m"

@@ -225,9 +225,9 @@ def test_same_seed_same_bytes_whatever_the_workers(drawer, tmp_path):
 
 def test_a_report_tells_how_the_arm_was_driven(drawer):
     twin, trajectory = drawer
-    soft = ReplayConfig(control="impedance", stiffness=0.5)
-    told = [run_trials(twin, trajectory, trials=1, config=c).to_json() for c in (None, soft)]
-    assert [(t["control"], t["stiffness"]) for t in told] == [("position", 1.0), ("impedance", 0.5)]
+    stiff = ReplayConfig(control="position", stiffness=0.5)
+    told = [run_trials(twin, trajectory, trials=1, config=c).to_json() for c in (None, stiff)]
+    assert [(t["control"], t["stiffness"]) for t in told] == [("impedance", 1.0), ("position", 0.5)]
     assert told[0]["rows"] != told[1]["rows"]
 
 

@@ -34,7 +34,8 @@ def face(
 ) -> Mesh:
     """One face of a box, triangles of a centimetre, facing outwards."""
     u, v = (k for k in range(3) if k != axis)
-    a = [np.linspace(low[k] + BENT, high[k] - BENT, max(2, round((high[k] - low[k]) / STEP))) for k in (u, v)]
+    step = STEP if max(high[k] - low[k] for k in (u, v)) < 1.0 else 4 * STEP  # walls need no more
+    a = [np.linspace(low[k] + BENT, high[k] - BENT, max(2, round((high[k] - low[k]) / step))) for k in (u, v)]
     grid = np.stack(np.meshgrid(*a, indexing="ij"), axis=-1)
     n, m = grid.shape[:2]
     points = np.empty((n * m, 3))

@@ -219,8 +219,8 @@ def test_control_and_stiffness_reach_the_replay(run: Path, monkeypatch: pytest.M
     stand_in(monkeypatch, plan=lambda *_, **__: Trajectory(1.0), replay=keep)
     replay = ["replay", str(run), "--part", "door"]
     assert cli.run(replay) == 0
-    assert cli.run([*replay, "--control", "impedance", "--stiffness", "0.5"]) == 0
-    assert used == [("position", 1.0), ("impedance", 0.5)]
+    assert cli.run([*replay, "--control", "position", "--stiffness", "0.5"]) == 0
+    assert used == [("impedance", 1.0), ("position", 0.5)]
 
 
 def test_another_recording_is_not_shown_and_a_wrong_path_is_told_before_planning(
