@@ -153,6 +153,14 @@ def test_what_nobody_saw_is_assumed_and_says_so() -> None:
     assert "not seen" in found["front"].reason
 
 
+def test_the_rim_of_a_side_is_no_floor() -> None:
+    rim_alone = scans.drawer(((*scans.FRONT, "-y +z"), (*scans.RIGHT, "-x +z")))
+    found = pieces(infer(scans.twin_of(rim_alone)).parts[0])
+    assert found["floor"].basis == "assumed"
+    assert corners(found["floor"])[1, 2] < 0.65  # not at the side's top, which is 72 cm high
+    assert found["right_side"].basis == "evidence"
+
+
 def test_a_side_that_was_seen_tells_the_other_which_stays_assumed() -> None:
     one_side = tuple(k for k in scans.DRAWER if k[0] != scans.RIGHT[0])
     found = pieces(infer(scans.twin_of(scans.drawer(one_side))).parts[0])

@@ -23,6 +23,7 @@ _REAL = 0.25  # share of the largest layer that a lower one needs to be the floo
 _REAR = 0.10  # m: a wall that faces the viewer nearer to the front is none of the back
 _THICKEST = 0.03  # m of a side
 _BELOW_RIM = 0.04  # m
+_WIDE = 0.3  # share of the front's width that a floor has at least
 _SHORTEST = 0.03  # m of a drawer's side
 _APART = 0.02  # m that a drawer keeps from the back of its cabinet
 
@@ -61,7 +62,7 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     low = np.array([*(leaf.corners[0] - margin), -1.2])
     high = np.array([*(leaf.corners[1] + margin), front - 0.006])
     behind = cloud.where(cloud.within(low, high))
-    floor = _floor(behind, float(leaf.corners[1, 1]) - _BELOW_RIM)
+    floor = _floor(behind, leaf)
     left, right = _sides(behind, leaf, floor)
     backs = [k for k in layers(behind, OUT, 1, _LEAST) if k.offset < -_REAR] if len(behind) else []
     seen = [w.rear for w in (left, right) if w.seen] + ([_end(floor, OUT)] if floor is not None else [])
@@ -81,9 +82,15 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     return Tray(tuple(b for b in boards if b.real), *inside)
 
 
-def _floor(behind: Cloud, below: float) -> Layer | None:
-    """The lowest of the large layers that face up and lie `below` (m): above them the skirt of the front's rim does as well."""
-    found = [k for k in layers(behind, UP, 1, _LEAST) if k.offset < below] if len(behind) else []
+def _floor(behind: Cloud, leaf: Leaf) -> Layer | None:
+    """The lowest of the large layers that face up, below the skirt of the front's rim and wider than the rim of a side."""
+    below, wide = float(leaf.corners[1, 1]) - _BELOW_RIM, _WIDE * float(leaf.size[0])
+    found = layers(behind, UP, 1, _LEAST) if len(behind) else []
+    found = [
+        k
+        for k in found
+        if k.offset < below and np.ptp(np.quantile(k.cloud.points[:, SIDE], [0.05, 0.95])) > wide
+    ]
     large = [k for k in found if k.cloud.size > _REAL * found[0].cloud.size]
     return min(large, key=lambda k: k.offset) if large else None
 
