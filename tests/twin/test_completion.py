@@ -161,6 +161,15 @@ def test_the_rim_of_a_side_is_no_floor() -> None:
     assert found["right_side"].basis == "evidence"
 
 
+def test_a_side_seen_from_outside_tells_where_the_drawer_ends_below() -> None:
+    outside = scans.drawer(((*scans.FRONT, "-y +z"), (*scans.RIGHT, "+x +z"), (*scans.LEFT, "+z")))
+    found = pieces(infer(scans.twin_of(outside)).parts[0])
+    assert "outer face seen" in found["right_side"].reason
+    assert np.abs(corners(found["right_side"])[:, 0] - [0.208, 0.22]).max() < 0.004
+    assert found["floor"].basis == "assumed"  # the rims of two sides are none
+    assert abs(corners(found["floor"])[1, 2] - 0.64) < 0.012
+
+
 def test_a_side_that_was_seen_tells_the_other_which_stays_assumed() -> None:
     one_side = tuple(k for k in scans.DRAWER if k[0] != scans.RIGHT[0])
     found = pieces(infer(scans.twin_of(scans.drawer(one_side))).parts[0])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.completion.board import Board
-from twin.completion.cloud import OUT, SIDE, UP, Cloud, Layer, layers, outline
+from twin.completion.cloud import OUT, SIDE, UP, Cloud, Layer, Mask, layers, outline
 from twin.completion.leaf import BENT, Leaf
 from twin.geometry import Array
 from twin.inferred import Basis
@@ -23,6 +23,9 @@ _REAL = 0.25  # share of the largest layer that a lower one needs to be the floo
 _REAR = 0.10  # m: a wall that faces the viewer nearer to the front is none of the back
 _THICKEST = 0.03  # m of a side
 _BELOW_RIM = 0.04  # m
+_MIDDLE = 0.25  # share of a floor that lies in the middle half of the width
+_MUCH = 2.0  # times the surface of its inner face from which a side's outer one tells more
+_BORDER, _HANGS = 0.008, 0.12  # m inside a front's edges and behind it that its skirt takes
 _WIDE = 0.3  # share of the front's width that a floor has at least
 _SHORTEST = 0.03  # m of a drawer's side
 _APART = 0.02  # m that a drawer keeps from the back of its cabinet
@@ -39,7 +42,8 @@ class Tray:
 
 @dataclass(frozen=True, eq=False)
 class _Wall:
-    """One side: where its inner face is (m along side), how thick it is, whether it was seen and how far back (m along out)."""
+    """One side: where its inner face is (m along side), how thick it is, whether it was seen, how far back (m along out), how high and
+    low (m along up)."""
 
     inner: float
     thickness: float
@@ -47,6 +51,7 @@ class _Wall:
     rear: float
     top: float | None
     told: str
+    low: float | None = None
 
 
 def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
@@ -61,7 +66,7 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     margin = np.array([0.02, 0.02])
     low = np.array([*(leaf.corners[0] - margin), -1.2])
     high = np.array([*(leaf.corners[1] + margin), front - 0.006])
-    behind = cloud.where(cloud.within(low, high))
+    behind = cloud.where(cloud.within(low, high) & ~_skirt(cloud, leaf))
     floor = _floor(behind, leaf)
     left, right = _sides(behind, leaf, floor)
     backs = [k for k in layers(behind, OUT, 1, _LEAST) if k.offset < -_REAR] if len(behind) else []
@@ -73,7 +78,10 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
         limit = -DEPTH if rear_limit is None else min(rear_limit + _APART, front - 0.1)
         rear, rear_basis = min(rear_seen, limit), "assumed"
         told = "nothing bounds it" if rear_limit is None else "no farther than its cabinet is deep"
+    lows = [w.low for w in (left, right) if w.low is not None]
     bottom = leaf.corners[0, 1] + _RAISED if floor is None else floor.offset
+    if floor is None and lows:  # a side ends below where the floor does
+        bottom = max(bottom, min(lows) + FLOOR)
     tops = [w.top for w in (left, right) if w.top is not None]
     top = float(np.median(tops)) if tops else bottom + _HEIGHT * float(leaf.size[1])
     top = float(np.clip(top, bottom + _SHORTEST, max(leaf.corners[1, 1], bottom + _SHORTEST)))
@@ -82,17 +90,26 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     return Tray(tuple(b for b in boards if b.real), *inside)
 
 
+def _skirt(cloud: Cloud, leaf: Leaf) -> Mask:
+    """Which points lie right behind the front's border, where a fused surface hangs on to what was farther away."""
+    p = cloud.points
+    inside = np.all((p[:, :2] > leaf.corners[0] + _BORDER) & (p[:, :2] < leaf.corners[1] - _BORDER), axis=1)
+    return np.asarray(~inside & (p[:, OUT] > -_HANGS))
+
+
 def _floor(behind: Cloud, leaf: Leaf) -> Layer | None:
     """The lowest of the large layers that face up, below the skirt of the front's rim and wider than the rim of a side."""
     below, wide = float(leaf.corners[1, 1]) - _BELOW_RIM, _WIDE * float(leaf.size[0])
     found = layers(behind, UP, 1, _LEAST) if len(behind) else []
-    found = [
-        k
-        for k in found
-        if k.offset < below and np.ptp(np.quantile(k.cloud.points[:, SIDE], [0.05, 0.95])) > wide
-    ]
+    found = [k for k in found if k.offset < below and _spans(k.cloud.points[:, SIDE], leaf, wide)]
     large = [k for k in found if k.cloud.size > _REAL * found[0].cloud.size]
     return min(large, key=lambda k: k.offset) if large else None
+
+
+def _spans(along: Array, leaf: Leaf, wide: float) -> bool:
+    """Whether a layer at these places (n,) m along the side is a floor: wide, and not the rims of two sides with nothing between."""
+    middle = np.abs(along - leaf.corners[:, 0].mean()) < leaf.size[0] / 4
+    return bool(np.ptp(np.quantile(along, [0.05, 0.95])) > wide and middle.mean() > _MIDDLE)
 
 
 def _sides(behind: Cloud, leaf: Leaf, floor: Layer | None) -> tuple[_Wall, _Wall]:
@@ -127,32 +144,36 @@ def _sides(behind: Cloud, leaf: Leaf, floor: Layer | None) -> tuple[_Wall, _Wall
 
 
 def _side(behind: Cloud, s: int, middle: float) -> _Wall | None:
-    """The side on the left (-1) or right (1): its inner face looks to the middle."""
-    faces = [k for k in layers(behind, SIDE, -s, _LEAST) if s * (k.offset - middle) > 0.04]
-    if not faces:
+    """The side on the left (-1) or right (1): its inner face looks to the middle, its outer one away; the larger of what was seen tells."""
+    beyond = [k for k in layers(behind, SIDE, -s, _LEAST) if s * (k.offset - middle) > 0.04]
+    away = [k for k in layers(behind, SIDE, s, _LEAST / 3) if s * (k.offset - middle) > 0.04]
+    if not beyond and not (away and away[0].cloud.size > _LEAST):
         return None
-    face = faces[0]
-    points = face.cloud.points
-    outer = [
-        k.offset
-        for k in layers(behind, SIDE, s, _LEAST / 3)
-        if 0.003 < s * (k.offset - face.offset) < _THICKEST
-    ]
-    top, rear = (
-        float(np.quantile(points[:, UP], 0.95)) + BENT,
-        float(np.quantile(points[:, OUT], 0.03)) - BENT,
-    )
-    thickness, told = WALL, f"inner face seen, {1000 * WALL:.0f} mm thick as usual"
-    rim = behind.facing(UP, 1) & (np.abs(behind.points[:, UP] - top) < 0.02)
-    beyond = s * (behind.points[rim, SIDE] - face.offset)
-    beyond = beyond[(beyond > -0.003) & (beyond < _THICKEST)]
+    if not beyond or (away and away[0].cloud.size > _MUCH * beyond[0].cloud.size):
+        inner, points = away[0].offset - s * WALL, away[0].cloud.points
+        thickness, told = WALL, f"outer face seen, {1000 * WALL:.0f} mm thick as usual"
+    else:
+        inner, points = beyond[0].offset, beyond[0].cloud.points
+        thickness, told = _thickness(behind, s, inner, points, away)
+    low, top = (float(q) for q in np.quantile(points[:, UP], [0.05, 0.95]))
+    rear = float(np.quantile(points[:, OUT], 0.03)) - BENT
+    return _Wall(inner, thickness, True, rear, top + BENT, told, low - BENT)
+
+
+def _thickness(behind: Cloud, s: int, inner: float, points: Array, away: list[Layer]) -> tuple[float, str]:
+    """How thick a side is whose inner face was seen: by its outer face, by its rim, or as usual."""
+    outer = [k.offset for k in away if 0.003 < s * (k.offset - inner) < _THICKEST]
     if outer:
-        thickness = abs(outer[0] - face.offset)
-        told = f"both faces seen, {1000 * thickness:.0f} mm thick"
-    elif len(beyond) * behind.area > _LEAST / 3:
-        thickness = float(np.clip(2 * np.median(beyond), 0.006, _THICKEST))
-        told = f"inner face and top seen, {1000 * thickness:.0f} mm thick"
-    return _Wall(face.offset, thickness, True, rear, top, told)
+        thickness = abs(outer[0] - inner)
+        return thickness, f"both faces seen, {1000 * thickness:.0f} mm thick"
+    top = float(np.quantile(points[:, UP], 0.95)) + BENT
+    rim = behind.facing(UP, 1) & (np.abs(behind.points[:, UP] - top) < 0.02)
+    wide = s * (behind.points[rim, SIDE] - inner)
+    wide = wide[(wide > -0.003) & (wide < _THICKEST)]
+    if len(wide) * behind.area > _LEAST / 3:
+        thickness = float(np.clip(2 * np.median(wide), 0.006, _THICKEST))
+        return thickness, f"inner face and top seen, {1000 * thickness:.0f} mm thick"
+    return WALL, f"inner face seen, {1000 * WALL:.0f} mm thick as usual"
 
 
 def _end(layer: Layer, axis: int) -> float:
