@@ -63,7 +63,8 @@ def _layer(
     if tray is not None and np.all(tray.high - tray.low > 0.02):
         middle = geo.make_pose(translation=(tray.low + tray.high) / 2)
         interiors.append(Interior("inside", Box(T @ middle, tray.high - tray.low)))
-    shown = without_floaters(shown_surface(mesh, boards, T, blurred, boards[0]), [*boards, *bars], T)
+    front = boards[0] if tray is not None else None
+    shown = without_floaters(shown_surface(mesh, boards, T, blurred, boards[0]), [*boards, *bars], T, front)
     return Completion(shown, tuple(pieces), (), tuple(interiors))
 
 

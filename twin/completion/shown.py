@@ -17,6 +17,7 @@ from twin.scene import Mesh
 _ON_FACE = 0.008  # m: seen surface this near a board's face is that face
 _BESIDE = 0.020  # m around a board within which a fused surface's ragged skirt lies
 _SKIRT = 0.030  # m that it hangs behind
+_BESIDE_SHARE = 0.2  # of a piece behind a drawer's front that may lie beside the opening
 _TOUCHES = 0.015  # m from a board within which a piece is not loose
 _HANGS = 0.12  # m that it hangs behind a front that moves
 _LOOKS = float(np.cos(np.radians(40.0)))  # of a noisy face, from its board's
@@ -95,8 +96,13 @@ def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plan
             moved[vertices, k] = np.clip(moved[vertices, k], board.low[k], board.high[k])
 
 
-def without_floaters(mesh: Mesh, boards: Sequence[Board], T_world_frame: Array) -> Mesh:
-    """The mesh without loose pieces that touch no board: what hangs in the air is none of a part made of these."""
+def without_floaters(
+    mesh: Mesh, boards: Sequence[Board], T_world_frame: Array, opening: Board | None = None
+) -> Mesh:
+    """The mesh without loose pieces that touch no board: what hangs in the air is none of a part made of these.
+
+    opening: a drawer's front. What stands behind it must pass the opening that it covers: a piece much of which lies beside does not.
+    """
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
@@ -104,7 +110,16 @@ def without_floaters(mesh: Mesh, boards: Sequence[Board], T_world_frame: Array) 
     for b in boards:
         near |= np.all((local > b.low - _TOUCHES) & (local < b.high + _TOUCHES), axis=1)
     piece = vertex_pieces(mesh.faces, len(mesh.vertices))
-    return mesh.of(np.isin(piece[mesh.faces[:, 0]], np.unique(piece[near])))
+    kept = np.isin(piece, np.unique(piece[near]))
+    if opening is not None:
+        beside = np.any(
+            (local[:, :2] < opening.low[:2] - _ON_FACE) | (local[:, :2] > opening.high[:2] + _ON_FACE), axis=1
+        )
+        share = np.bincount(piece, beside & (local[:, 2] < opening.low[2])) / np.maximum(
+            np.bincount(piece), 1
+        )
+        kept &= share[piece] < _BESIDE_SHARE
+    return mesh.of(kept[mesh.faces[:, 0]])
 
 
 def without_shreds(mesh: Mesh) -> Mesh:
