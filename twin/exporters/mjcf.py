@@ -92,10 +92,14 @@ def _defaults(root: ET.Element, tree: Tree) -> None:
     name = _main_class(tree)
     main = ET.SubElement(ET.SubElement(root, "default"), "default", {"class": name})
     visual = ET.SubElement(main, "default", {"class": f"{name}_visual"})
-    ET.SubElement(visual, "geom", type="mesh", contype="0", conaffinity="0", group="2", density="0")
+    drawn = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2", "density": "0"}
+    ET.SubElement(visual, "geom", drawn)
     if tree.whole:  # what no camera saw whole has classes of its own, so that a scene can shade or hide it
         for basis in BASES:
-            ET.SubElement(visual, "default", {"class": f"{name}_{basis}"})
+            inner = ET.SubElement(visual, "default", {"class": f"{name}_{basis}"})
+            ET.SubElement(
+                inner, "geom", drawn
+            )  # once more: Drake takes none of a class from the class around it
     collision = ET.SubElement(main, "default", {"class": f"{name}_collision"})
     touch = {"friction": _friction(tree.root)} if tree.whole else {}
     ET.SubElement(collision, "geom", {"group": "3", "rgba": "0.6 0.3 0.3 0.4", **touch})

@@ -49,6 +49,9 @@ TABLE: tuple[Unsupported, ...] = (
     Unsupported("drake", "mjcf", "texture", "not read from MJCF", says="'texturedir'|texture element"),
     Unsupported("drake", "mjcf", "grasp site", "sites are not read", says="tag 'site'"),
     Unsupported("drake", "mjcf", "keyframe", "keyframes are not read", says="tag 'keyframe'"),
+    Unsupported("drake", "mjcf", "joint sensor", "sensors are not read", says="tag 'sensor'"),
+    Unsupported("drake", "mjcf", "time step, solver", "Drake has its own", says="found in a 'option' tag"),
+    Unsupported("drake", "mjcf", "reason of a piece", "texts are not read", says="tag 'custom'"),
     *(
         Unsupported("newton", fmt, "flat body", "a sheet's moments meet the triangle inequality as an equation, which single precision "
                     "can miss by a digit; Newton says that it mends it", says="Inertia validation corrected")
