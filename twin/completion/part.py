@@ -13,7 +13,7 @@ from twin.completion.cloud import Cloud
 from twin.completion.frame import PartFrame
 from twin.completion.handle import Handle, find_handles
 from twin.completion.leaf import Leaf, find_leaf
-from twin.completion.shown import shown_surface, without_floaters, without_shreds
+from twin.completion.shown import passing, shown_surface, without_floaters, without_shreds
 from twin.completion.tray import Tray, find_tray
 from twin.geometry import Array
 from twin.inferred import PLAIN, Completion, Interior
@@ -40,9 +40,12 @@ def complete_part(
     if leaf is None:
         return Completion(without_shreds(part.mesh)), None
     front = leaf.board("front" if frame.kind == "drawer" else "panel")
-    tray = find_tray(cloud, leaf, rear_limit) if frame.kind == "drawer" else None
-    boards = [front, *(tray.boards if tray is not None else ())]
-    boards = [front, *(b for b in boards[1:] if not b.contradicted(cloud))]
+    tray, boards = None, [front]
+    if frame.kind == "drawer":
+        T = frame.T_world_frame  # without what can't pass the opening, and without the front's skirt
+        inside = Cloud.of(passing(shown_surface(part.mesh, [front], T, (), front), front, T), T)
+        tray = find_tray(inside, leaf, rear_limit)
+        boards += [b for b in tray.boards if not b.contradicted(inside)]
     at = (
         None
         if part.contact is None

@@ -110,16 +110,21 @@ def without_floaters(
     for b in boards:
         near |= np.all((local > b.low - _TOUCHES) & (local < b.high + _TOUCHES), axis=1)
     piece = vertex_pieces(mesh.faces, len(mesh.vertices))
-    kept = np.isin(piece, np.unique(piece[near]))
-    if opening is not None:
-        beside = np.any(
-            (local[:, :2] < opening.low[:2] - _ON_FACE) | (local[:, :2] > opening.high[:2] + _ON_FACE), axis=1
-        )
-        share = np.bincount(piece, beside & (local[:, 2] < opening.low[2])) / np.maximum(
-            np.bincount(piece), 1
-        )
-        kept &= share[piece] < _BESIDE_SHARE
-    return mesh.of(kept[mesh.faces[:, 0]])
+    kept = mesh.of(np.isin(piece[mesh.faces[:, 0]], np.unique(piece[near])))
+    return kept if opening is None else passing(kept, opening, T_world_frame)
+
+
+def passing(mesh: Mesh, front: Board, T_world_frame: Array) -> Mesh:
+    """The surface of a drawer without pieces much of which lies beside the opening that its front covers."""
+    if not len(mesh.faces):
+        return mesh
+    local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
+    out = np.any(
+        (local[:, :2] < front.low[:2] - _ON_FACE) | (local[:, :2] > front.high[:2] + _ON_FACE), axis=1
+    )
+    piece = vertex_pieces(mesh.faces, len(mesh.vertices))
+    share = np.bincount(piece, out & (local[:, 2] < front.low[2])) / np.maximum(np.bincount(piece), 1)
+    return mesh.of((share < _BESIDE_SHARE)[piece[mesh.faces[:, 0]]])
 
 
 def without_shreds(mesh: Mesh) -> Mesh:
