@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.completion.frame import part_frame, viewer
-from twin.completion.part import complete_part
-from twin.completion.room import Front, apart
+from twin.completion.frame import viewer
+from twin.completion.part import complete_part, front_of
+from twin.completion.room import apart
 from twin.completion.squared import Sight
 from twin.completion.static import complete_static, openings
 from twin.completion.sweep import swept_points
@@ -21,16 +21,12 @@ def infer(twin: Twin) -> Twin:
     It has at least one part.
     """
     eye = viewer(twin)
-    frames = [part_frame(p, eye) for p in twin.parts]
-    leaves = [complete_part(p, f, None)[1] for p, f in zip(twin.parts, frames, strict=True)]
-    fronts = [
-        None if f is None or leaf is None else Front(f, leaf) for f, leaf in zip(frames, leaves, strict=True)
-    ]
+    fronts = [front_of(p, eye) for p in twin.parts]
     mesh = twin.static.mesh
     found = apart(mesh, [f for f in fronts if f is not None])
     opened = openings(twin.parts, fronts, mesh, found)
     rears = {o.part.id: float(o.carcass.low[2]) for o in opened}
-    layers = [complete_part(p, f, rears.get(p.id))[0] for p, f in zip(twin.parts, frames, strict=True)]
+    layers = [complete_part(p, f, rears.get(p.id)) for p, f in zip(twin.parts, fronts, strict=True)]
     passed = [swept_points(p, layer) for p, layer in zip(twin.parts, layers, strict=True)]
     eyes = None if twin.cameras is None else twin.cameras.T_world_cam[:, :3, 3]
     sight = Sight(mesh, eyes) if eyes is not None and len(mesh.faces) else None

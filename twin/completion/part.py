@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.completion.board import Board
 from twin.completion.cloud import Cloud
-from twin.completion.frame import PartFrame
+from twin.completion.frame import PartFrame, part_frame
 from twin.completion.handle import Handle, find_handles
-from twin.completion.leaf import Leaf, find_leaf
+from twin.completion.leaf import find_leaf
+from twin.completion.room import Front
 from twin.completion.shown import passing, shown_surface, without_floaters, without_shreds
 from twin.completion.tray import Tray, find_tray
 from twin.geometry import Array
@@ -23,22 +24,25 @@ _NEAR = 0.01  # m around a board within which seen vertices tell its colour
 _FEW = 30  # vertices that tell none
 
 
-def complete_part(
-    part: Part, frame: PartFrame | None, rear_limit: float | None
-) -> tuple[Completion, Leaf | None]:
-    """The inferred layer of a part, without collision shapes of what lies in no piece, and its front.
+def front_of(part: Part, eye: Array | None) -> Front | None:
+    """The frame of a part and its front; None where no flat face fills a rectangle. eye: where the viewer stood (3,)."""
+    frame = part_frame(part, eye)
+    leaf = None if frame is None else find_leaf(Cloud.of(part.mesh, frame.T_world_frame))
+    return None if frame is None or leaf is None else Front(frame, leaf)
+
+
+def complete_part(part: Part, found: Front | None, rear_limit: float | None) -> Completion:
+    """The inferred layer of a part, without collision shapes of what lies in no piece.
 
     Args:
         part: its seen mesh, joint and contact are read.
-        frame: of the part; None where it has no flat front, and then nothing is inferred.
+        found: its front; None where it has none, and then nothing is inferred.
         rear_limit: where (m along out, negative) the furniture ends behind the front, None where that was not seen.
     """
-    if frame is None:
-        return Completion(without_shreds(part.mesh)), None
+    if found is None:
+        return Completion(without_shreds(part.mesh))
+    frame, leaf = found.frame, found.leaf
     cloud = Cloud.of(part.mesh, frame.T_world_frame)
-    leaf = find_leaf(cloud)
-    if leaf is None:
-        return Completion(without_shreds(part.mesh)), None
     front = leaf.board("front" if frame.kind == "drawer" else "panel")
     tray, boards = None, [front]
     if frame.kind == "drawer":
@@ -52,7 +56,7 @@ def complete_part(
         else geo.transform(geo.invert_pose(frame.T_world_frame), part.contact.point[None])[0]
     )
     handles = find_handles(cloud, leaf, frame.noise, at)
-    return _layer(part.mesh, frame, boards, handles, tray), leaf
+    return _layer(part.mesh, frame, boards, handles, tray)
 
 
 def _layer(
