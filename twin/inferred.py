@@ -19,7 +19,7 @@ from twin.shapes import Box, Collision, Mesh
 
 Basis = Literal["evidence", "assumed"]
 BASES: tuple[Basis, ...] = get_args(Basis)
-VERSION = 1  # of what infers: raised whenever the same twin may get other pieces, so that a twin on disk gets them anew
+VERSION = 2  # of what infers: raised whenever the same twin may get other pieces, so that a twin on disk gets them anew
 PLAIN = (180, 180, 180)  # sRGB of what nobody saw the colour of
 
 
@@ -68,7 +68,7 @@ class Completion(Described):
 
     shown: the seen triangles that are drawn beside the pieces: all but shreds and what a piece stands in for, as a blurred handle.
     pieces: what is inferred. collision: shapes of what is seen and lies in no piece. interiors: free space inside.
-    version: of what inferred it.
+    version: of what inferred it. kind: what a moving part is, in one word as drawer, sliding_door, door, flap, lid; empty where nobody knows.
     room: of the static scene, the seen triangles that belong to no furniture of the parts; room_collision: their shapes.
     """
 
@@ -79,8 +79,11 @@ class Completion(Described):
     room: Mesh | None = None
     room_collision: tuple[Collision, ...] = ()
     version: int = VERSION
+    kind: str = ""
 
     def __post_init__(self) -> None:
+        if self.kind and not self.kind.isidentifier():
+            raise SceneError(f"what a part is is one word, got {self.kind!r}")
         for what in ("pieces", "interiors"):
             names = [p.name for p in getattr(self, what)]
             if len({n.lower() for n in names}) != len(names):

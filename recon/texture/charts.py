@@ -20,10 +20,11 @@ from twin.mesh import edges
 from twin.scene import Mesh
 
 # Chosen by us and the same for every mesh.
-MAX_TURN = float(np.cos(np.deg2rad(50.0)))  # a texel stretches by no more than 1 / cos = 1.6
+MAX_TURN = float(np.cos(np.deg2rad(50.0)))  # a texel stretches by no more than 1 / cos = 1.6 along a chart
 MAX_TURN_SMALL = float(
     np.cos(np.deg2rad(72.0))
 )  # for crumbs, which would cost more border than they have area
+TURNED = 0.05  # share of a chart's area that may turn farther from it than its texels are made for
 CRUMB = 12  # faces: a chart of fewer joins one beside it where it can
 ROUNDS = 4  # of cutting sheets apart; what still lies on another then gets a chart a face
 PADDING = 8  # texels between two charts, so that each has four of its own around it
@@ -39,7 +40,7 @@ I32 = NDArray[np.int32]
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Where the faces of a mesh lie in its texture: `uv` (F, 3, 2) in texels, v up, of an image of `size` = (height, width) texels;
-    `stretch` (F,): metres on the face over metres on the chart, along the direction in which it is squeezed most."""
+    `stretch` (F,): metres a texel on the face, along the direction in which it is squeezed most, over what was asked for."""
 
     uv: Array
     size: tuple[int, int]
@@ -56,10 +57,21 @@ def lay_out(mesh: Mesh, texel: Array) -> Layout:
     corners = mesh.vertices[mesh.faces]
     normals, area = geo.triangle_normals(corners)
     charts, first = _cut(corners, normals, area, texel, _neighbours(mesh.faces))
-    flat = _on_planes(corners, normals[first], charts) / texel[first][charts][:, None, None]
+    turn = np.clip(np.einsum("ij,ij->i", normals, normals[first][charts]), MAX_TURN_SMALL, 1.0)
+    finer = _low_turn(turn, area, charts)
+    flat = _on_planes(corners, normals[first], charts) / (texel[first] * finer)[charts][:, None, None]
     uv, size = _packed(flat, mesh.faces, charts)
-    turn = np.einsum("ij,ij->i", normals, normals[first][charts])
-    return Layout(uv, size, 1.0 / np.clip(turn, MAX_TURN_SMALL, 1.0))
+    return Layout(uv, size, finer[charts] / turn)
+
+
+def _low_turn(turn: Array, area: Array, charts: I32) -> Array:
+    """The cosine (C,) that all but `TURNED` of a chart's area does not turn beyond: texels finer by it are as small there as was asked."""
+    order = np.lexsort((turn, charts))
+    last = np.flatnonzero(np.diff(charts[order], append=-1))
+    total = np.cumsum(area[order])
+    before = np.concatenate([[0.0], total[last][:-1]])
+    at = np.searchsorted(total, before + TURNED * (total[last] - before))
+    return np.asarray(turn[order][np.minimum(at, last)])
 
 
 def _neighbours(faces: NDArray[np.int32]) -> I32:

@@ -30,7 +30,7 @@ from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Mesh, Revolute, Texture, Trajectory
 
-TEXTURE = Stage("texture", 1, ("texture",))
+TEXTURE = Stage("texture", 2, ("texture",))
 
 _PER_PIXEL = 1.4  # texels a pixel of the nearer photographs, chosen by us: sampling twice, into the texture and out of it, blurs less
 _NEARER = 0.1  # share of the depths that are nearer than what the texel is made for

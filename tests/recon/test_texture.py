@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
 from recon.contact.finish_parts import FinishedPart
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
-from recon.texture.charts import lay_out
+from recon.texture.charts import MAX_TURN, lay_out
 from recon.texture.dress import TextureConfig, chosen, dress
 from recon.texture.exposure import gains
 from recon.texture.fill import around, over_surface
@@ -213,6 +214,21 @@ def test_charts_share_no_texel_and_keep_their_size() -> None:
     owner = faces_at(uv, *layout.size)
     held = np.bincount(owner[owner >= 0], minlength=len(uv))
     assert (held > 0.8 * area).all()  # with its margin each face holds at least what it covers
+
+
+def test_texels_are_as_small_as_asked_on_what_turns_away_from_its_chart() -> None:
+    """On a ball hardly a face lies in the plane of its chart."""
+    shape = trimesh.creation.icosphere(4, 0.3)
+    ball = Mesh(np.asarray(shape.vertices, np.float64), np.asarray(shape.faces, np.int32))
+    layout = lay_out(ball, np.full(len(ball.faces), 0.004))
+    corners = ball.vertices[ball.faces]
+    along = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    across = np.stack([layout.uv[:, 1] - layout.uv[:, 0], layout.uv[:, 2] - layout.uv[:, 0]], axis=2)
+    texel = np.linalg.svd(along @ np.linalg.inv(across), compute_uv=False)[:, 0]
+    area = geo.triangle_areas(corners)
+    assert area[texel > 0.004 * 1.01].sum() <= 0.06 * area.sum()
+    assert texel.max() < 0.004 / MAX_TURN
+    np.testing.assert_allclose(texel, 0.004 * layout.stretch, rtol=0.02)  # xatlas rounds
 
 
 def test_sheets_of_one_chart_are_cut_apart() -> None:

@@ -27,6 +27,7 @@ BENT = 0.005
 STEP = 0.01
 WOOD = (150, 110, 70)
 Corner = tuple[float, float, float]
+Piece = tuple[Corner, Corner, str]
 
 
 def face(
@@ -49,7 +50,7 @@ def face(
     return Mesh(points, faces.astype(np.int32), np.tile(np.array(WOOD, np.uint8), (len(points), 1)))
 
 
-def surface(pieces: Sequence[tuple[Corner, Corner, str]], seed: int = 0) -> Mesh:
+def surface(pieces: Sequence[Piece], seed: int = 0) -> Mesh:
     """Faces of boxes, named by "-x +z"; all six by "all"."""
     rng = np.random.default_rng(seed)
     meshes = []
@@ -107,7 +108,7 @@ def part_of(mesh: Mesh, joint: Joint, contact: Array | None = None) -> Part:
     )
 
 
-def drawer(pieces: Sequence[tuple[Corner, Corner, str]] = DRAWER) -> Part:
+def drawer(pieces: Sequence[Piece] = DRAWER) -> Part:
     """The drawer, opened by 25 cm."""
     return part_of(surface(pieces, 1), Prismatic(np.array([0.0, -1.0, 0.0]), 0.0, 0.25))
 
@@ -119,7 +120,7 @@ def door() -> Part:
     return part_of(surface([(*board, "-y +y +x")], 2), joint)
 
 
-def twin_of(part: Part, static: Sequence[tuple[Corner, Corner, str]] = (*CABINET, *ROOM)) -> Twin:
+def twin_of(part: Part, static: Sequence[Piece] = (*CABINET, *ROOM)) -> Twin:
     """A twin as a reconstruction makes them, with a verdict."""
     poses = np.tile(
         geo.make_pose(np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]]), [0.0, -1.2, 1.4]), (30, 1, 1)

@@ -72,7 +72,7 @@ def _layer(
         interiors.append(Interior("inside", Box(T @ middle, tray.high - tray.low)))
     front = boards[0] if tray is not None else None
     shown = without_floaters(shown_surface(mesh, boards, T, blurred, boards[0]), [*boards, *bars], T, front)
-    return Completion(shown, tuple(pieces), (), tuple(interiors))
+    return Completion(shown, tuple(pieces), (), tuple(interiors), kind=frame.kind)
 
 
 def color_near(

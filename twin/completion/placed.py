@@ -70,6 +70,7 @@ def _completion(layer: Completion, T: Array) -> Completion:
         ),
         room=None if layer.room is None else layer.room.transformed(T),
         room_collision=_shapes(layer.room_collision, T),
+        kind=layer.kind,
     )
 
 

@@ -27,6 +27,10 @@ _CELL = 0.025  # m: what is nearer than one to two of these belongs together
 _AROUND = 0.06  # m around a front where its furniture begins
 _DEEP = 1.0  # m behind a front
 _BEFORE = 0.03  # m before it
+_PLINTH = 0.2  # m above the floor, the highest plinth
+_MOSTLY = (
+    0.5  # share of a piece that lies under the furniture; a picture cuts off more of that than of a plinth
+)
 _WITHIN = 0.02  # m inside a front's edges: what is seen behind there is the furniture's inside
 
 
@@ -93,7 +97,23 @@ def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
         for f in fronts:
             near |= f.behind(middles[left], _AROUND, _BEFORE)
         chosen[left] = np.isin(piece, np.unique(piece[near]))
+        if floor is not None and fronts and chosen.any():
+            low = _below(fronts[0], floor, middles[chosen | inside], middles[left])
+            share = np.bincount(piece, low) / np.maximum(np.bincount(piece), 1)
+            chosen[left] |= (share > _MOSTLY)[piece]
     return Apart(chosen | inside, tuple(found), floor)
+
+
+def _below(front: Front, floor: Bound, furniture: Array, points: Array) -> NDArray[np.bool_]:
+    """Which points (n, 3) are low ones under the furniture (m, 3): a plinth, or legs, that hang together with it nowhere in sight."""
+    ours, theirs = front.local(furniture), front.local(points)
+    low, high = np.quantile(ours, 0.01, axis=0) - _AROUND, np.quantile(ours, 0.99, axis=0) + _AROUND
+    axes = [0, 1, 2]
+    axes.remove(int(np.argmax(np.abs(front.frame.T_world_frame[2, :3]))))  # the upright one
+    above = points @ floor.normal - floor.offset
+    return np.asarray(
+        (above < _PLINTH) & np.all((theirs[:, axes] > low[axes]) & (theirs[:, axes] < high[axes]), axis=1)
+    )
 
 
 def _bounds(mesh: Mesh) -> Iterator[Bound]:

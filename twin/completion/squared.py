@@ -1,4 +1,5 @@
-"""Neighbours and worktops that a picture's border cut off, made as wide as what stands beside and below: furniture has straight sides."""
+"""Neighbours, plinths and worktops that a picture's border cut off, made as wide as what is beside, below and above: furniture has straight
+sides."""
 
 from __future__ import annotations
 
@@ -18,16 +19,18 @@ PLANE = 0.012  # m within which fronts are in one plane
 _EYES = 12  # cameras that are asked
 _GRID = 0.03  # m between the points that are asked for
 _BEYOND = 0.05  # m behind a point at which something was seen, so that the point is free
-_FREE = 0.1  # share of free points from which nothing is there
+FREE = 0.1  # share of free points from which nothing is there
 _NARROW = 0.02  # m, less is raggedness
 _WIDEST = 0.6  # m, a cabinet's width
-_LOWEST = 0.05  # m
+_LOWEST, _MOSTLY = 0.05, 0.8  # m of a strip that is left beside other boards, and share of a lower one
 _THIN, _LONG, _BELOW = (
     0.06,
     0.2,
     0.06,
 )  # m, of a worktop: how thick at most, how long at least, how far above what it lies on
-_OVER = 0.01  # m that fronts may overlap: noise
+_OVERHANG = 0.05  # m, the widest overhang of a worktop
+PLINTH = 0.15  # m, the highest plinth, and how far behind the fronts it stands at most
+OVER = 0.01  # m that fronts may overlap: noise
 
 
 class Sight:
@@ -61,79 +64,141 @@ class Sight:
 
 
 def squared(
-    boards: Sequence[Board], others: Sequence[Board], sight: Sight, T_world_frame: Array
+    boards: Sequence[Board], cabinets: Sequence[Board], sight: Sight, T_world_frame: Array
 ) -> list[Board]:
-    """The boards, of which neighbours reach to the side as far as the farthest in their plane does, and worktops as far as the neighbours
-    below, where nothing says that this is free; by themselves or by a board beside them.
+    """The boards, of which neighbours, plinths and worktops reach to the side as far as what they are in line with, where nothing says
+    that this is free; by themselves or by a board beside them.
 
     Args:
         boards: of the furniture, in one frame.
-        others: what is in the way beside them: the fronts and cabinets of the parts.
+        cabinets: insides of the parts' cabinets, which are in the way.
         sight: what cameras saw, in the world.
         T_world_frame: pose (4, 4) of the frame.
     """
     out = list(boards)
-    for k in range(len(boards)):
-        same = _in_line(out[k], out)
-        for sign in (-1, 1):
-            edge = max((float(sign * (b.high if sign > 0 else b.low)[SIDE]) for b in same), default=-np.inf)
-            mine = float(sign * (out[k].high if sign > 0 else out[k].low)[SIDE])
-            if not _NARROW < edge - mine < _WIDEST:
-                continue
-            low, high = out[k].low.copy(), out[k].high.copy()
-            low[SIDE], high[SIDE] = sorted((sign * mine, sign * edge))
-            added = _beside(replace(out[k], low=low, high=high, basis="assumed"), [*out[:k], *out[k + 1 :]])
-            if added is None or any(_overlap(added, b) for b in others):
-                continue
-            if sight.free(geo.transform(T_world_frame, _grid(added))) > _FREE:
-                continue
-            beside = "those in its plane" if out[k].role == "neighbour" else "what is below"
-            reason = f"{out[k].reason}, and as wide as {beside}"
-            if np.allclose(added.size[UP], out[k].size[UP]):
-                grown = np.minimum(out[k].low, added.low), np.maximum(out[k].high, added.high)
-                out[k] = replace(out[k], low=grown[0], high=grown[1], basis="assumed", reason=reason)
-            else:
-                out.append(replace(added, name=f"{out[k].name}_wide", reason=reason))
+    for last in (False, True):  # worktops follow what is below them, which follows a plinth
+        for k in [k for k, b in enumerate(boards) if _is_worktop(b) is last]:
+            for sign in (-1, 1):
+                added = _added(out[k], [*out[:k], *out[k + 1 :]], cabinets, sign)
+                if added is None or sight.free(geo.transform(T_world_frame, _face(added))) > FREE:
+                    continue
+                if out[k].basis == "assumed" and np.allclose(added.size[UP], out[k].size[UP]):
+                    low, high = np.minimum(out[k].low, added.low), np.maximum(out[k].high, added.high)
+                    out[k] = replace(added, name=out[k].name, low=low, high=high)
+                else:
+                    out.append(added)
     return out
 
 
-def _in_line(board: Board, boards: Sequence[Board]) -> list[Board]:
-    """The boards whose sides those of one should be in line with: fronts in its plane; of a worktop, the neighbours right below."""
-    solid = [b for b in boards if b.role == "neighbour"]
+def _added(board: Board, others: Sequence[Board], cabinets: Sequence[Board], sign: int) -> Board | None:
+    """What is missing of a board to one side, up to the farthest that it is in line with; None where nothing is, or something stands there."""
+    edge, beside = max(_ends(board, others, cabinets, sign), default=(-np.inf, ""))
+    mine = _end(board, sign)
+    if not _NARROW < edge - mine < _WIDEST:
+        return None
+    low, high = board.low.copy(), board.high.copy()
+    low[SIDE], high[SIDE] = sorted((sign * mine, sign * edge))
+    side = "right" if sign > 0 else "left"
+    strip = replace(
+        board,
+        name=f"{board.name}_{side}",
+        low=low,
+        high=high,
+        basis="assumed",
+        reason=f"{board.reason}, and as wide as {beside}",
+    )
+    added = _beside(strip, others)
+    return None if added is None or any(overlap(added, b) for b in cabinets) else added
+
+
+def _face(board: Board) -> Array:
+    """Points (n, 3) on the face of a board that one sees: its front, of a worktop its top."""
+    return sheet(board, UP if int(np.argmin(board.size)) == UP else OUT)
+
+
+def _end(board: Board, sign: int) -> float:
+    """How far a board reaches to one side."""
+    return float(sign * (board.high if sign > 0 else board.low)[SIDE])
+
+
+def _ends(
+    board: Board, boards: Sequence[Board], cabinets: Sequence[Board], sign: int
+) -> list[tuple[float, str]]:
+    """How far what a board is in line with reaches to one side, and what that is: fronts in its plane; of a neighbour the plinth below and
+    the worktop above; of these the neighbours."""
+    found = []
+    fronts = [b for b in boards if b.role == "neighbour"]
     if board.role == "neighbour":
-        return [b for b in solid if abs(b.high[OUT] - board.high[OUT]) < PLANE]
-    if board.size[UP] > _THIN or board.size[SIDE] < _LONG or board.size[OUT] < _LONG:
-        return []
-    return [b for b in solid if -_BELOW < board.low[UP] - b.high[UP] < _BELOW]
+        level = [b for b in (*fronts, *cabinets) if abs(b.high[OUT] - board.high[OUT]) < PLANE]
+        found += [(_end(b, sign), "those in its plane") for b in level]
+        found += [(_end(b, sign), "its plinth") for b in boards if b.role == "plinth" and stands_on(board, b)]
+        found += [
+            (_end(b, sign) - _overhang(b, board), "its worktop")
+            for b in boards
+            if _is_worktop(b) and _lies_on(b, board)
+        ]
+    elif board.role == "plinth":
+        found += [(_end(b, sign), "what it carries") for b in fronts if stands_on(b, board)]
+    elif _is_worktop(board):
+        below = [b for b in (*fronts, *cabinets) if _lies_on(board, b)]
+        found += [(_end(b, sign) + _overhang(board, b), "what is below") for b in below]
+    return found
+
+
+def _is_worktop(board: Board) -> bool:
+    return bool(
+        board.role == "panel" and board.size[UP] < _THIN and min(board.size[SIDE], board.size[OUT]) > _LONG
+    )
+
+
+def _lies_on(top: Board, solid: Board) -> bool:
+    shared = min(top.high[SIDE], solid.high[SIDE]) - max(top.low[SIDE], solid.low[SIDE])
+    return bool(-_BELOW < top.low[UP] - solid.high[UP] < _BELOW and shared > 0.0)
+
+
+def _overhang(top: Board, solid: Board) -> float:
+    """How far (m) a worktop stands out before what it lies on, and beside it as much."""
+    return float(np.clip(top.high[OUT] - solid.high[OUT], 0.0, _OVERHANG))
+
+
+def stands_on(front: Board, plinth: Board) -> bool:
+    """Whether a neighbour stands right above a board that stands back below it."""
+    shared = min(front.high[SIDE], plinth.high[SIDE]) - max(front.low[SIDE], plinth.low[SIDE])
+    return bool(
+        -OVER < front.low[UP] - plinth.high[UP] < PLINTH
+        and 0.0 < front.high[OUT] - plinth.high[OUT] < PLINTH
+        and shared > _LONG
+    )
 
 
 def _beside(strip: Board, boards: Sequence[Board]) -> Board | None:
     """The highest piece of a strip that no board takes, None where little is left."""
-    taken = [(float(b.low[UP]), float(b.high[UP])) for b in boards if _overlap(strip, b)]
+    taken = [(float(b.low[UP]), float(b.high[UP])) for b in boards if overlap(strip, b)]
     edges = sorted([(float(strip.low[UP]),) * 2, *taken, (float(strip.high[UP]),) * 2])
     best, reached = (0.0, 0.0), edges[0][1]
     for low, high in edges[1:]:
         best = max(best, (reached, low), key=lambda span: span[1] - span[0])
         reached = max(reached, high)
-    if best[1] - best[0] < _LOWEST:
+    if best[1] - best[0] < min(_LOWEST, _MOSTLY * float(strip.size[UP])):
         return None
     low_, high_ = strip.low.copy(), strip.high.copy()
     low_[UP], high_[UP] = best
     return replace(strip, low=low_, high=high_)
 
 
-def _overlap(a: Board, b: Board) -> bool:
-    return bool(np.all(np.minimum(a.high, b.high) - np.maximum(a.low, b.low) > _OVER))
+def overlap(a: Board, b: Board) -> bool:
+    """Whether two boards share more than noise."""
+    return bool(np.all(np.minimum(a.high, b.high) - np.maximum(a.low, b.low) > OVER))
 
 
-def _grid(board: Board) -> Array:
-    """Points (n, 3) on the face of a board that one sees: its front, of a worktop its top."""
-    seen = OUT if board.role == "neighbour" else UP
-    across = [k for k in (SIDE, UP, OUT) if k != seen]
+def sheet(board: Board, axis: int) -> Array:
+    """Points (n, 3) inside the borders of that face of a board which looks along an axis of the frame."""
+    across = [k for k in (SIDE, UP, OUT) if k != axis]
+    counts = [max(2, round(float(board.size[k]) / _GRID)) for k in across]
     axes = [
-        np.linspace(board.low[k], board.high[k], max(2, round(float(board.size[k]) / _GRID))) for k in across
+        board.low[k] + board.size[k] * (np.arange(n) + 0.5) / n for k, n in zip(across, counts, strict=True)
     ]
-    out = np.full((len(axes[0]) * len(axes[1]), 3), board.high[seen])
+    out = np.full((len(axes[0]) * len(axes[1]), 3), board.high[axis])
     for k, values in zip(across, np.meshgrid(*axes, indexing="ij"), strict=True):
         out[:, k] = values.ravel()
     return out

@@ -15,6 +15,7 @@ from twin.completion.board import Board
 from twin.completion.carcass import Carcass, find_carcass
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
 from twin.completion.handle import Handle, find_handles
+from twin.completion.joined import Row, joined, worktop_over
 from twin.completion.leaf import Leaf
 from twin.completion.part import color_near
 from twin.completion.room import Apart, Bound, Front
@@ -92,68 +93,76 @@ def complete_static(
         sight: what cameras saw, None where nobody knows where they were.
     """
     furniture, room = mesh.of(found.furniture), mesh.of(~found.furniture)
-    pieces: list[Inferred] = []
-    interiors: list[Interior] = []
+    if not opened:
+        return Completion(without_shreds(furniture), (), (), (), room)
+    cabinets: list[tuple[Opening, list[Board]]] = []
     shown, left = furniture, triangles_of(furniture)
     for o in opened:
         T = o.front.frame.T_world_frame
-        passed = geo.transform(geo.invert_pose(T), swept)
-        cloud = Cloud.of(furniture, T)
+        cloud, passed = Cloud.of(furniture, T), o.front.local(swept)
         freed = [out_of_the_way(b, passed) for b in o.carcass.boards if not b.contradicted(cloud)]
-        boards = [b for b in freed if b is not None and b.real]
-        wood = color_near(o.part.mesh, o.front.leaf.board("front"), T)
-        pieces += [_clear_piece(b, T, furniture, passed, wood) for b in boards]
-        shown = shown_surface(shown, boards, T)
-        left = beyond(left, [b.box(T) for b in boards], 3 * SEARCH.noise)
-        if o.front.frame.kind != "drawer" and np.all(o.carcass.high - o.carcass.low > 0.05):
-            size = o.carcass.high - o.carcass.low
+        cabinets.append((o, [b for b in freed if b is not None and b.real]))
+        shown = shown_surface(shown, cabinets[-1][1], T)
+        left = beyond(left, [b.box(T) for b in cabinets[-1][1]], 3 * SEARCH.noise)
+    most = max(_FEWEST, MOST - sum(len(boards) for _, boards in cabinets))
+    panels = _panels(furniture, left, opened, swept, sight, most)
+    T = opened[0].front.frame.T_world_frame
+    pieces: list[Inferred] = []
+    for o, boards in cabinets:
+        own = [
+            b for b in boards if not (b.role == "top" and worktop_over(_in_first(b, o, opened[0]), panels))
+        ]
+        wood = color_near(o.part.mesh, o.front.leaf.board("front"), o.front.frame.T_world_frame)
+        pieces += [
+            _clear_piece(b, o.front.frame.T_world_frame, furniture, o.front.local(swept), wood) for b in own
+        ]
+    handles = _handles([b for b in panels if _is_front(b)], Cloud.of(furniture, T))
+    handles = handles[: max(0, (most - len(panels)) // _PIECES)]
+    bars, blurred = [b for h in handles for b in h.boards], [(h.low, h.high) for h in handles]
+    shown = shown_surface(shown, panels, T, blurred)
+    pieces += [_clear_piece(b, T, furniture, opened[0].front.local(swept)) for b in (*panels, *bars)]
+    return Completion(without_shreds(shown), tuple(pieces), (), _interiors(opened), room)
+
+
+def _interiors(opened: Sequence[Opening]) -> tuple[Interior, ...]:
+    """The insides of cabinets with a door."""
+    out = []
+    for o in opened:
+        size = o.carcass.high - o.carcass.low
+        if o.front.frame.kind != "drawer" and np.all(size > 0.05):
             middle = geo.make_pose(translation=(o.carcass.low + o.carcass.high) / 2)
-            interiors.append(Interior(f"{o.part.name}_inside", Box(T @ middle, size)))
-    if opened:
-        more, shown = _panels(furniture, shown, left, opened, swept, sight, max(_FEWEST, MOST - len(pieces)))
-        pieces += more
-    return Completion(without_shreds(shown), tuple(pieces), (), tuple(interiors), room)
+            out.append(Interior(f"{o.part.name}_inside", Box(o.front.frame.T_world_frame @ middle, size)))
+    return tuple(out)
 
 
 def _panels(
-    furniture: Mesh,
-    shown: Mesh,
-    left: Array,
-    opened: Sequence[Opening],
-    swept: Array,
-    sight: Sight | None,
-    most: int,
-) -> tuple[list[Inferred], Mesh]:
-    """Boards and solid neighbours behind the faces that belong to no cabinet of a part, and handles before them: `most` pieces, the
-    largest faces first."""
+    furniture: Mesh, left: Array, opened: Sequence[Opening], swept: Array, sight: Sight | None, most: int
+) -> list[Board]:
+    """Boards and solid neighbours behind the faces (n, 3, 3) that belong to no cabinet of a part, `most` less what is kept for handles,
+    the largest faces first; in the frame of the first part's front."""
     first = opened[0]
-    T = first.front.frame.T_world_frame
-    passed = geo.transform(geo.invert_pose(T), swept)
-    boards: list[Board] = []
+    T, passed = first.front.frame.T_world_frame, first.front.local(swept)
     cloud = Cloud.of(furniture, T)
     found = find_boards(left, T[:3, :3], SEARCH)[0]
     found.sort(key=lambda b: -float(np.sort(b.box.size)[1:].prod()))
+    boards: list[Board] = []
     for k, b in enumerate(found):
-        if len(boards) >= most - _RESERVED:
-            break
         board = _neighbour(_local(f"panel_{k + 1}", b.box, b.back, T), opened, cloud)
         free = out_of_the_way(board, passed)
-        if free is None or not free.real or free.contradicted(cloud):
-            continue
-        boards.append(free)
-    if sight is not None:
-        theirs = [_inside_of(o, first) for o in opened]
-        wider = [
-            w if any(w is b for b in boards) else out_of_the_way(w, passed)
-            for w in squared(boards, theirs, sight, T)
-            if not w.contradicted(cloud)
-        ]
-        boards = [b for b in wider if b is not None]
-    handles = _handles([b for b in boards if _is_front(b)], cloud)
-    handles = handles[: max(0, (most - len(boards)) // _PIECES)]
-    bars, blurred = [b for h in handles for b in h.boards], [(h.low, h.high) for h in handles]
-    shown = shown_surface(shown, boards, T, blurred)
-    return [_clear_piece(b, T, furniture, passed) for b in (*boards, *bars)], shown
+        if free is not None and free.real and not free.contradicted(cloud):
+            boards.append(free)
+    if sight is None:
+        return boards[: most - _RESERVED]
+    insides = tuple(_inside_of(o, first) for o in opened)
+    rear = max(float(o.carcass.low[OUT]) for o in opened)
+    tops = tuple(_in_first(b, o, first) for o in opened for b in o.carcass.boards if b.role == "top")
+    whole = joined(boards, Row(insides, tops, rear, cloud, sight, T))[: most - _RESERVED]
+    wider = [
+        w if any(w is b for b in boards) else out_of_the_way(w, passed)
+        for w in squared(whole, insides, sight, T)
+        if not w.contradicted(cloud)
+    ]
+    return [b for b in wider if b is not None]
 
 
 def _clear_piece(
@@ -213,13 +222,17 @@ def _meets(solid: Board, o: Opening, first: Opening) -> bool:
 
 def _inside_of(o: Opening, first: Opening) -> Board:
     """The inside of a cabinet, up to its front, as a box in the first front's frame."""
-    to_first = geo.invert_pose(first.front.frame.T_world_frame) @ o.front.frame.T_world_frame
-    low, high = o.carcass.low.copy(), o.carcass.high.copy()
-    high[OUT] = 0.0
-    corners = geo.transform(to_first, np.array([low, high]))
-    return Board(
-        "inside", "interior", corners.min(axis=0), corners.max(axis=0), "assumed", "the inside of a cabinet"
+    high = np.array([*o.carcass.high[:2], 0.0])
+    return _in_first(
+        Board("inside", "interior", o.carcass.low, high, "assumed", "the inside of a cabinet"), o, first
     )
+
+
+def _in_first(board: Board, o: Opening, first: Opening) -> Board:
+    """A board in the frame of a front, in that of the first."""
+    to_first = geo.invert_pose(first.front.frame.T_world_frame) @ o.front.frame.T_world_frame
+    corners = geo.transform(to_first, np.array([board.low, board.high]))
+    return replace(board, low=corners.min(axis=0), high=corners.max(axis=0))
 
 
 def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:

@@ -153,8 +153,14 @@ def _link(part: Part, parent: str, origin: Array, offset: Array, visual: bool) -
         grasp=None if contact is None else geo.make_pose(contact.rotation, contact.point - origin),
         grasp_width=0.0 if contact is None else contact.width,
         regions=regions_of(part, to_link),
-        kind=part.name.rstrip("0123456789").rstrip("_"),
+        kind=_kind(part),
     )
+
+
+def _kind(part: Part) -> str:
+    """What a part is: as its inferred layer says, else as its name begins."""
+    told = "" if part.completion is None else part.completion.kind
+    return told or part.name.rstrip("0123456789").rstrip("_")
 
 
 def front(tree: Tree) -> Array:

@@ -71,6 +71,7 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
     return {
         "completion": {
             "version": completion.version,
+            "kind": completion.kind,
             "shown": shown,
             "room": room,
             "pieces": pieces,

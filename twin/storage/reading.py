@@ -246,6 +246,7 @@ def _completion(n: Node, folder: Path, seen: Mesh) -> Completion:
             room=None if n.value.get("room") is None else mesh("room"),
             room_collision=_collision(n, folder, "room_collision"),
             version=n.integer("version"),
+            kind=n.text("kind") if n.value.get("kind") else "",
         )
 
 
