@@ -16,8 +16,10 @@ from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.film.video import draw
 from robots.model.joint_frames import APART, TURNED
+from robots.model.mjcf import compiled, robot_model
 from robots.model.skin import find_skin, skin_of
 from robots.model.spec import load_spec
+from robots.model.wear import wear
 from robots.scene.world import World, build_world
 from robots.simulation.replay import simulate
 from tests.robots.checkout import LINKS, Changes, write_checkout
@@ -161,6 +163,25 @@ def test_a_skin_shows_and_touches_nothing_and_weighs_nothing(name, checkout):
     assert np.array_equal(a.geom_group[~mounted], b.geom_group[own[~mounted]]), "the scene's are not"
     for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "dof_invweight0", "jnt_range", "actuator_gainprm"):  # fmt: skip
         assert np.array_equal(getattr(a, field), getattr(b, field)), field
+
+
+def test_a_body_that_takes_its_mass_from_its_shapes_keeps_it(checkout, tmp_path):
+    inertial = '<inertial mass="0.73" pos="-0.01 0 0.03" diaginertia="0.001 0.0025 0.0017"/>'
+    path = copied("franka", tmp_path)
+    file = path.with_suffix(".xml")
+    text = file.read_text()
+    assert inertial in text
+    file.write_text(text.replace(inertial, '<geom type="sphere" size="0.05" mass="0.73"/>'))
+    spec = load_spec(path)
+    write_checkout(checkout, spec)
+    skin = skin_of(spec)
+    assert skin is not None
+    robot = robot_model(spec)
+    wear(robot, skin, 5)
+    bare, dressed = compiled(spec), robot.compile()
+    assert bare.body("hand").mass == 0.73
+    for field in ("body_mass", "body_inertia", "body_ipos"):
+        assert np.array_equal(getattr(bare, field), getattr(dressed, field)), field
 
 
 @pytest.fixture(scope="module")
