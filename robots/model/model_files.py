@@ -23,7 +23,8 @@ def locate(model: str, beside: Path) -> Path:
 
     Raises InputError when the path leaves the folders it is looked for in, or no folder has it.
     """
-    found = find(model, beside)
+    relative = below(model)
+    found = find(model, beside) or (_installed(relative) if len(relative.parts) > 1 else None)
     if found is None:
         raise InputError(
             f"robot file names the model {model}, which is not beside it",
@@ -35,7 +36,7 @@ def locate(model: str, beside: Path) -> Path:
 
 
 def find(model: str, beside: Path) -> Path | None:
-    """The same file, None when no folder has it.
+    """The same file beside the robot file or in a checkout, None when neither has it. Installed packages take a second to look through.
 
     Raises InputError when the path leaves the folders it is looked for in, or FUNTWIN_MENAGERIE names none.
     """
@@ -43,7 +44,7 @@ def find(model: str, beside: Path) -> Path | None:
     for root in _folders(beside):
         if (root / relative).is_file():
             return root / relative
-    return _installed(relative) if len(relative.parts) > 1 else None
+    return None
 
 
 def below(model: str) -> PurePosixPath:
