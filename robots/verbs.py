@@ -10,6 +10,7 @@ import numpy as np
 from robots.model.catalog import fetch, names, resolve
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
+from robots.model.skin import find_skin
 from robots.model.spec import RobotSpec
 from twin.cli.console import Console, Outcome
 from twin.errors import InputError
@@ -62,14 +63,26 @@ def _show(spec: RobotSpec) -> Outcome:
         spec.description,
         f"model: {spec.model}",
         f"base: {spec.base_kind}; gripper: {grip}",
+        f"looks: {_looks(spec)}",
     ]
     limits = {"lower": chain.lower.tolist(), "upper": chain.upper.tolist()}
     return Outcome({"robot": _plain(spec) | limits}, [table], notes)
 
 
+def _looks(spec: RobotSpec) -> str:
+    """What the robot wears in films on this machine, or why it wears nothing."""
+    try:
+        skin = find_skin(spec)
+    except InputError as e:
+        return f"its own shapes: {e}"
+    return "its own shapes" if skin is None else f"visuals from {skin.source.parent}"
+
+
 def _plain(spec: RobotSpec) -> dict[str, Any]:
     values = {f.name: getattr(spec, f.name) for f in dataclasses.fields(spec)}
     values["model"] = str(spec.model)
+    if spec.looks is not None:
+        values["looks"] = dataclasses.asdict(spec.looks) | {"folder": str(spec.looks.folder)}
     return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
 
 

@@ -23,25 +23,39 @@ def locate(model: str, beside: Path) -> Path:
 
     Raises InputError when the path leaves the folders it is looked for in, or no folder has it.
     """
+    relative = below(model)
+    found = find(model, beside) or (_installed(relative) if len(relative.parts) > 1 else None)
+    if found is None:
+        raise InputError(
+            f"robot file names the model {model}, which is not beside it",
+            f"put it there, or set {MENAGERIE} to a checkout that has it",
+        )
+    if found.parent != (beside / model).parent:
+        _LOG.info("robot model %s from %s", model, found)
+    return found
+
+
+def find(model: str, beside: Path) -> Path | None:
+    """The same file beside the robot file or in a checkout, None when neither has it. Installed packages take a second to look through.
+
+    Raises InputError when the path leaves the folders it is looked for in, or FUNTWIN_MENAGERIE names none.
+    """
+    relative = below(model)
+    for root in _folders(beside):
+        if (root / relative).is_file():
+            return root / relative
+    return None
+
+
+def below(model: str) -> PurePosixPath:
+    """The path of a model file as one that stays below a folder. Raises InputError for one that does not."""
     relative = PurePosixPath(model)
     if relative.is_absolute() or ".." in relative.parts or not relative.parts:
         raise InputError(
             f"robot model {model!r} must be a path below the robot file's folder or below a Menagerie checkout",
             "give it without a leading / and without ..",
         )
-    for root in _folders(beside):
-        if (root / relative).is_file():
-            if root != beside:
-                _LOG.info("robot model %s from %s", model, root)
-            return root / relative
-    installed = _installed(relative) if len(relative.parts) > 1 else None
-    if installed is not None:
-        _LOG.info("robot model %s from the installed package file %s", model, installed)
-        return installed
-    raise InputError(
-        f"robot file names the model {model}, which is not beside it",
-        f"put it there, or set {MENAGERIE} to a checkout that has it",
-    )
+    return relative
 
 
 def _folders(beside: Path) -> Iterator[Path]:

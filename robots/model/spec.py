@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from robots.model.looks import Looks, read_looks
 from robots.model.model_files import locate
-from twin.errors import InputError, nearest_name
+from robots.model.robot_file import check_keys, section
+from twin.errors import InputError
 from twin.geometry import Array
 
 BASE_KINDS = ("fixed", "planar")
@@ -24,7 +26,7 @@ _PLANAR = {"joints", "actuators", "velocity", "acceleration", "effort"}
 _TOOL = {"site", "body", "position", "quat_wxyz", "palm", "palm_width", "tip", "finger_width"}
 _GRIPPER = {"kind", "actuator", "joints", "bodies", "stroke", "force"}
 _CLAW = {"open", "closed", "lever", "fixed_jaw"}
-_TOP = {"name", "description", "model", "arm", "base", "tool", "gripper"}
+_TOP = {"name", "description", "model", "arm", "base", "tool", "gripper", "looks"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class RobotSpec:
 
     A model without a tool site gets one: on `tool_body` (empty: it has one), at tool_position (3,) m, turned by
     tool_quat_wxyz (4,). stiffness, damping: (n,) of servos that replace the model's actuators (N m/rad, N m s/rad), or
-    empty: it has its own. See robots/model/mjcf.py.
+    empty: it has its own. See robots/model/mjcf.py. looks: whose visuals it wears in a film, None for its own shapes.
     """
 
     name: str
@@ -85,6 +87,7 @@ class RobotSpec:
     tool_quat_wxyz: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
     stiffness: tuple[float, ...] = ()
     damping: tuple[float, ...] = ()
+    looks: Looks | None = None
 
     def __post_init__(self) -> None:
         n = len(self.arm_joints)
@@ -204,18 +207,18 @@ def load_spec(path: Path) -> RobotSpec:
         raise InputError(f"robot file {path} can't be read ({e.strerror})", "give a .toml robot file") from e
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
         raise InputError(f"robot file {path} is not TOML: {e}") from e
-    _check_keys(raw, _TOP, "", path)
-    sections = {s: _section(raw, s, path) for s in ("arm", "base", "tool", "gripper")}
-    _check_keys(sections["arm"], _ARM, "arm.", path)
-    _check_keys(
+    check_keys(raw, _TOP, "", path)
+    sections = {s: section(raw, s, path) for s in ("arm", "base", "tool", "gripper")}
+    check_keys(sections["arm"], _ARM, "arm.", path)
+    check_keys(
         sections["base"],
         _BASE | (_PLANAR if sections["base"].get("kind") == "planar" else set()),
         "base.",
         path,
     )
-    _check_keys(sections["tool"], _TOOL, "tool.", path)
+    check_keys(sections["tool"], _TOOL, "tool.", path)
     claw = _CLAW if sections["gripper"].get("kind") == "claw" else set()
-    _check_keys(sections["gripper"], _GRIPPER | claw, "gripper.", path)
+    check_keys(sections["gripper"], _GRIPPER | claw, "gripper.", path)
     try:
         return _build(raw, sections, path)
     except KeyError as e:
@@ -224,27 +227,6 @@ def load_spec(path: Path) -> RobotSpec:
         ) from e
     except (TypeError, ValueError) as e:
         raise InputError(f"robot file {path} has a value of the wrong kind: {e}") from e
-
-
-def _check_keys(section: dict[str, Any], known: set[str], where: str, path: Path) -> None:
-    for key in sorted(set(section) - known):
-        near = nearest_name(key, sorted(known))
-        raise InputError(
-            f"robot file {path} has an unknown key '{where}{key}'",
-            f"did you mean {where + near!r}?" if near else f"known: {', '.join(sorted(known))}",
-        )
-
-
-def _section(raw: dict[str, Any], name: str, path: Path) -> dict[str, Any]:
-    section = raw.get(name)
-    if not isinstance(section, dict):
-        remedy = (
-            "a robot without a gripper can't open anything: add its actuator, joints, bodies, stroke and force"
-            if name == "gripper"
-            else "compare it with franka.toml"
-        )
-        raise InputError(f"robot file {path} has no [{name}] section", remedy)
-    return section
 
 
 def _build(raw: dict[str, Any], s: dict[str, dict[str, Any]], path: Path) -> RobotSpec:
@@ -291,4 +273,5 @@ def _build(raw: dict[str, Any], s: dict[str, dict[str, Any]], path: Path) -> Rob
         tool_quat_wxyz=tuple(float(v) for v in tool.get("quat_wxyz", (1, 0, 0, 0))),
         stiffness=tuple(float(v) for v in arm.get("stiffness", ())),
         damping=tuple(float(v) for v in arm.get("damping", ())),
+        looks=read_looks(raw["looks"], path) if "looks" in raw else None,
     )

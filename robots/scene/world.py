@@ -6,6 +6,7 @@ holds for the replay. This file adds the robot, and says who meets whom.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Set
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.model.mjcf import robot_model
+from robots.model.skin import Skin
 from robots.model.spec import RobotSpec
+from robots.model.wear import wear
 from twin import geometry as geo
 from twin.completion import has_completion
 from twin.completion.asset import is_reconstructed
@@ -107,7 +110,13 @@ def _is_shaped(twin: Twin) -> bool:
 
 
 def build_world(
-    twin: Twin, spec: RobotSpec, T_world_base: Array, pedestal: float, *, visual: bool = False
+    twin: Twin,
+    spec: RobotSpec,
+    T_world_base: Array,
+    pedestal: float,
+    *,
+    visual: bool = False,
+    skin: Skin | None = None,
 ) -> World:
     """Compile the scene.
 
@@ -116,6 +125,7 @@ def build_world(
         T_world_base: base pose (4, 4).
         pedestal: height in metres of the column under the base (0: none).
         visual: with what is drawn, for a video.
+        skin: what the robot wears in place of its own shapes, which then touch as before, but are not drawn.
 
     Raises:
         SceneError: a part that can't be exported. PlanningError: a part has no collision shapes, or MuJoCo refuses the scene.
@@ -129,7 +139,7 @@ def build_world(
         _set_masks(scene, {k.name for k in tree.standing})
         if visual:
             _light(scene)
-        _add_robot(scene, spec, T_world_base, pedestal)
+        _add_robot(scene, spec, T_world_base, pedestal, skin)
         model = scene.compile()
     except ValueError as e:
         raise PlanningError(f"MuJoCo refuses the scene of twin {twin.name!r}: {e}", "run `twin check`") from e
@@ -158,7 +168,9 @@ def _light(scene: mujoco.MjSpec) -> None:
     )
 
 
-def _add_robot(scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedestal: float) -> None:
+def _add_robot(
+    scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedestal: float, skin: Skin | None
+) -> None:
     mount = scene.worldbody.add_body(
         name=PEDESTAL, pos=T_world_base[:3, 3], quat=geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
     )
@@ -174,12 +186,17 @@ def _add_robot(scene: mujoco.MjSpec, spec: RobotSpec, T_world_base: Array, pedes
             rgba=[0.45, 0.47, 0.5, 1],
         )
     child = robot_model(spec)
+    if skin is not None:
+        wear(child, skin, _HIDDEN)
     for geom in child.geoms:
         if geom.contype or geom.conaffinity:
             geom.contype, geom.conaffinity = ROBOT, ROBOT | PART | STATIC
     for name in spec.arm_actuators:  # commands carry velocity and torque too; the force stays limited
         child.actuator(name).ctrllimited = 0
-    scene.attach(child, prefix=PREFIX, frame=mount.add_frame())
+    with warnings.catch_warnings():
+        if skin is not None:  # its meshes have no files that could be missing
+            warnings.filterwarnings("ignore", "Attaching a child without asset dict")
+        scene.attach(child, prefix=PREFIX, frame=mount.add_frame())
 
 
 def _index(model: mujoco.MjModel, twin: Twin, spec: RobotSpec) -> World:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +18,7 @@ from robots.formats import native
 from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.model.mjcf import compiled
+from robots.model.skin import skin_of
 from robots.model.spec import RobotSpec
 from robots.scene.world import PART, ROBOT, STATIC, World, build_world, completed
 from robots.simulation.impedance import EVERY, Impedance
@@ -24,7 +26,7 @@ from robots.simulation.record import Contact, Record
 from robots.simulation.report import ReplayReport, measure
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
-from twin.errors import InputError
+from twin.errors import InputError, PlanningError
 from twin.files.atomic import contents, put, staging
 from twin.files.paths import AnyPath
 from twin.files.text import write_json
@@ -32,6 +34,7 @@ from twin.geometry import Array
 from twin.runs.progress import shows_bar
 from twin.scene import Twin
 
+_LOG = logging.getLogger(__name__)
 FILM = "replay.mp4"
 _RECORD_EVERY = 5  # simulation steps between samples: 10 ms
 
@@ -88,7 +91,8 @@ def replay(
             if film is not None:
                 from robots.film.video import write_video
 
-                if not write_video(film, world, trajectory, part, frames, config, demonstration):
+                seen = _dressed(world, twin, trajectory)
+                if not write_video(film, seen, trajectory, part, frames, config, demonstration):
                     film = None
             report = measure(record, trajectory, part, spec, wall, None if film is None else film.name)
             write_json(staged / "report.json", report.to_json())
@@ -96,6 +100,23 @@ def replay(
     except OSError as e:
         raise InputError(f"{out} can't be written ({e.strerror})", "choose another output folder") from e
     return report
+
+
+def _dressed(world: World, twin: Twin, trajectory: RobotTrajectory) -> World:
+    """The scene for the film: with the real robot's visuals where they are on this machine, else the one that was simulated.
+
+    It is another scene, so that nothing of a skin can change what is simulated; their joint positions are the same.
+    """
+    skin = skin_of(world.spec)
+    if skin is None:
+        return world
+    try:
+        return build_world(
+            twin, world.spec, trajectory.T_world_base, trajectory.pedestal, visual=True, skin=skin
+        )
+    except PlanningError as e:  # the scene without the skin was compiled before
+        _LOG.warning("%s is drawn with its own shapes: %s: %s", world.spec.name, skin.source, e.problem)
+        return world
 
 
 def simulate(
