@@ -68,7 +68,8 @@ def test_usd_tells_pieces_by_custom_data_and_labels(scanned: Twin, whole: Path) 
 
     stage = Usd.Stage.Open(str(whole / "usd" / "scan.usda"))
     known = pieces(scanned)
-    found = {p.GetName(): p for p in stage.Traverse() if p.GetName() in known}
+    inside = Usd.TraverseInstanceProxies()
+    found = {p.GetName(): p for p in stage.Traverse(inside) if p.GetName() in known}
     assert {n: p.GetCustomDataByKey("inferred")["basis"] for n, p in found.items()} == known
     handle = found["part_2_inferred_handle"]
     assert list(UsdSemantics.LabelsAPI(handle, "class").GetLabelsAttr().Get()) == ["handle"]

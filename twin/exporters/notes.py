@@ -46,6 +46,11 @@ def _layers(tree: Tree, fmt: str) -> str:
             else " are frames with their `size`"
         )
         lines.append(f"`<body>_..._region`{' and `..._spawn`' if fmt == 'mjcf' else ''}{sites}.")
+    if fmt == "usd":
+        lines.append(
+            "Shapes are in `<body>/visuals` and `<body>/collisions`, which are instances: copies of the asset share them, and programs find their "
+            "prims with `Usd.TraverseInstanceProxies()`. A material that you bind to one of the two, stronger than descendants, replaces those inside."
+        )
     if fmt == "mjcf":
         lines.append("Sensors `<joint>_pos` and `<joint>_vel`.")
     return " ".join(lines)

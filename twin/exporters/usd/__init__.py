@@ -14,6 +14,11 @@ The physics of the payload is plain UsdPhysics, so any reader understands it. Us
 of joints: these live in the runtime payloads, because readers would add up what several of them say.
 Folder and metadata follow NVIDIA's SimReady profile Robotics-Prop 4.0.0. Bodies are siblings (rigid bodies must not nest);
 the joints carry the tree.
+
+With the inferred layer, what is drawn of a body is in its instance `visuals` and what collides in `collisions`, as Isaac Sim's importer
+has them, so that the copies of an asset in a scene share them. Their prototypes /visuals/<body> and /colliders/<body> are classes beside the
+asset's prim in the payload's layers; materials, labels, custom data and physics of shapes are inside, since USD ignores what is said from
+outside of a prim in an instance. Without that layer shapes are children of their bodies, as ever.
 """
 
 from __future__ import annotations

@@ -11,7 +11,16 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 from twin import geometry as geo
 from twin.exporters.obj import dress, mean_color
 from twin.exporters.tree import Link, Tree, Visual
-from twin.exporters.usd.layers import ints, link_path, new_layer, points, vec, world_origins
+from twin.exporters.usd.layers import (
+    define_group,
+    group_path,
+    ints,
+    link_path,
+    new_layer,
+    points,
+    vec,
+    world_origins,
+)
 from twin.geometry import Array
 from twin.scene import Box, Mesh
 
@@ -44,19 +53,7 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link, origin: Array) -> None:
     UsdSemantics.LabelsAPI.Apply(body.GetPrim(), "class").CreateLabelsAttr(
         [link.kind if tree.whole else link.name]
     )
-    for shown in link.visuals:
-        _refer(stage, f"{path}/{shown.name}")
-        if shown.basis != "seen":
-            prim = stage.GetPrimAtPath(f"{path}/{shown.name}")
-            prim.SetCustomDataByKey("inferred", {"basis": shown.basis, "reason": shown.reason})
-            UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr([shown.role])
-    for name, piece in link.shapes.items():
-        shape = f"{path}/{name}"
-        if isinstance(piece, Mesh):
-            _refer(stage, shape)
-        else:
-            _box(stage, shape, piece)
-        UsdGeom.Imageable(stage.GetPrimAtPath(shape)).CreatePurposeAttr(UsdGeom.Tokens.guide)
+    _shapes(stage, tree, link)
     if link.grasp is not None:
         _place(UsdGeom.Xform.Define(stage, f"{path}/{link.name}_grasp"), link.grasp)
     for region in link.regions:
@@ -64,6 +61,28 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link, origin: Array) -> None:
         _place(inside, region.box.T_world_box)
         UsdSemantics.LabelsAPI.Apply(inside.GetPrim(), "class").CreateLabelsAttr(["interior"])
         inside.GetPrim().SetCustomDataByKey("size", vec(region.box.size))
+
+
+def _shapes(stage: Usd.Stage, tree: Tree, link: Link) -> None:
+    """What is drawn of a link and what of it collides."""
+    if link.visuals:
+        define_group(stage, tree, link.name, "visuals")
+    for shown in link.visuals:
+        path = f"{group_path(tree, link.name, 'visuals')}/{shown.name}"
+        _refer(stage, path)
+        if shown.basis != "seen":
+            prim = stage.GetPrimAtPath(path)
+            prim.SetCustomDataByKey("inferred", {"basis": shown.basis, "reason": shown.reason})
+            UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr([shown.role])
+    if link.shapes:
+        define_group(stage, tree, link.name, "colliders")
+    for name, piece in link.shapes.items():
+        path = f"{group_path(tree, link.name, 'colliders')}/{name}"
+        if isinstance(piece, Mesh):
+            _refer(stage, path)
+        else:
+            _box(stage, path, piece)
+        UsdGeom.Imageable(stage.GetPrimAtPath(path)).CreatePurposeAttr(UsdGeom.Tokens.guide)
 
 
 def _refer(stage: Usd.Stage, path: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,10 @@ from twin import geometry as geo
 from twin.exporters.tree import Tree
 from twin.geometry import Array
 from twin.names import unused
+
+Group = Literal["visuals", "colliders"]
+# what Isaac Sim's importer calls the two under a link; its prototypes have the names of the groups
+_INSTANCES: dict[Group, str] = {"visuals": "visuals", "colliders": "collisions"}
 
 
 @contextmanager
@@ -56,9 +61,58 @@ def joint_path(tree: Tree, name: str) -> str:
     return f"{scope_path(tree, 'Joints')}/{name}"
 
 
-def material_path(tree: Tree, name: str) -> str:
-    """Prim of a material."""
-    return f"{scope_path(tree, 'Materials')}/{name}"
+def group_path(tree: Tree, link: str, group: Group) -> str:
+    """Prim under which a link's shapes are written: its prototype, or the link itself where the asset has none.
+
+    Without the inferred layer an asset has none, so that files of what was seen stay as they were.
+    """
+    return f"{_prototypes(tree, group)}/{link}" if tree.whole else link_path(tree, link)
+
+
+def _prototypes(tree: Tree, group: Group) -> str:
+    """Prim beside the asset's that holds a prototype per link; an asset of that name keeps it."""
+    return f"/{unused(group, [tree.name])}"
+
+
+def _abstract(stage: Usd.Stage, tree: Tree, group: Group) -> None:
+    """A class, so that who opens the payload by itself does not see prototypes beside their instances; in every layer that defines what is
+    in it, since the strongest specifier holds."""
+    root = _prototypes(tree, group)
+    if not stage.GetPrimAtPath(root):
+        stage.CreateClassPrim(root).SetTypeName("Scope")
+
+
+def shape_materials(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> str:
+    """Path of the prim that holds the materials of a link's shapes; a prototype's is defined.
+
+    They are inside the prototype: where a relationship leads out of it, that of every copy of the asset leads into the same one.
+    """
+    if not tree.whole:
+        return scope_path(tree, "Materials")
+    _abstract(stage, tree, group)
+    return str(UsdGeom.Scope.Define(stage, f"{group_path(tree, link, group)}/Materials").GetPath())
+
+
+def instance_group(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> None:
+    """Let a link's instance refer to what this layer, or its stack, says at the prototype; nothing where the asset has none.
+
+    Opinions on what is inside an instance are ignored unless they come by an arc of the instance itself (OpenUSD, Scenegraph
+    Instancing), so a layer that is not of the payload's stack needs its own. The prototype's prim must be there.
+    """
+    if tree.whole:
+        prim = stage.OverridePrim(f"{link_path(tree, link)}/{_INSTANCES[group]}")
+        prim.GetReferences().AddInternalReference(group_path(tree, link, group))
+
+
+def define_group(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> None:
+    """Define a link's prototype, and the instance that refers to it; nothing where the asset has none."""
+    if not tree.whole:
+        return
+    _abstract(stage, tree, group)
+    UsdGeom.Xform.Define(stage, group_path(tree, link, group))
+    shown = UsdGeom.Xform.Define(stage, f"{link_path(tree, link)}/{_INSTANCES[group]}")
+    instance_group(stage, tree, link, group)
+    shown.GetPrim().SetInstanceable(True)
 
 
 def world_origins(tree: Tree) -> dict[str, Array]:

@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
 from twin.exporters.obj import dress, encoded, mean_color
 from twin.exporters.tree import Link, Tree, Visual
-from twin.exporters.usd.layers import link_path, material_path, new_layer, scope_path
+from twin.exporters.usd.layers import group_path, new_layer, scope_path, shape_materials
 
 _LIBRARY = "MaterialsLibrary.usdc"
 _UNKNOWN = "unknown"  # the material of a surface is not observed
@@ -24,11 +24,13 @@ def write_looks(tree: Tree, payload: Path, textures: Path) -> None:
             _look(stage, f"/Materials/{name}", link, shown, payload, textures)
     with new_layer(payload / "Materials.usda", tree.name, "Which look a shape is drawn with") as stage:
         stage.OverridePrim(f"/{tree.name}")
-        UsdGeom.Scope.Define(stage, scope_path(tree, "Materials"))
+        if not tree.whole:
+            UsdGeom.Scope.Define(stage, scope_path(tree, "Materials"))
         for link, shown, name in drawn:
-            prim = stage.DefinePrim(material_path(tree, name))
+            kept = shape_materials(stage, tree, link.name, "visuals")
+            prim = stage.DefinePrim(f"{kept}/{name}")
             prim.GetReferences().AddReference(f"./{_LIBRARY}", f"/Materials/{name}")
-            shape = stage.OverridePrim(f"{link_path(tree, link.name)}/{shown.name}")
+            shape = stage.OverridePrim(f"{group_path(tree, link.name, 'visuals')}/{shown.name}")
             UsdShade.MaterialBindingAPI.Apply(shape).Bind(UsdShade.Material(prim))
 
 

@@ -9,7 +9,16 @@ from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from twin import geometry as geo
 from twin.exporters.tree import Link, Tree
-from twin.exporters.usd.layers import joint_path, link_path, material_path, new_layer, quat, scope_path, vec
+from twin.exporters.usd.layers import (
+    group_path,
+    joint_path,
+    link_path,
+    new_layer,
+    quat,
+    scope_path,
+    shape_materials,
+    vec,
+)
 from twin.exporters.usd.looks import define_surface
 from twin.geometry import Array
 from twin.scene import Mesh
@@ -41,9 +50,12 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link) -> None:
         pairs = UsdPhysics.FilteredPairsAPI.Apply(body)
         pairs.CreateFilteredPairsRel().AddTarget(link_path(tree, link.parent))
     _mass(body, link)
-    touch = _touch(stage, material_path(tree, f"{link.name}_contact"), link.friction)
+    if tree.whole and not link.shapes:
+        return  # no prototype that could hold its material
+    kept = shape_materials(stage, tree, link.name, "colliders")
+    touch = _touch(stage, f"{kept}/{link.name}_contact", link.friction)
     for name, piece in link.shapes.items():
-        shape = stage.OverridePrim(f"{path}/{name}")
+        shape = stage.OverridePrim(f"{group_path(tree, link.name, 'colliders')}/{name}")
         UsdPhysics.CollisionAPI.Apply(shape)
         if isinstance(piece, Mesh):
             UsdPhysics.MeshCollisionAPI.Apply(shape).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)

@@ -11,7 +11,15 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from twin.exporters.tree import Link, Tree, TreeJoint
-from twin.exporters.usd.layers import joint_path, link_path, new_layer, points, scope_path
+from twin.exporters.usd.layers import (
+    group_path,
+    instance_group,
+    joint_path,
+    link_path,
+    new_layer,
+    points,
+    scope_path,
+)
 from twin.exporters.usd.physics import degrees_per
 from twin.physics.simulation import HOLDING_IMPEDANCE
 from twin.scene import Mesh
@@ -62,10 +70,12 @@ def _physx(stage: Usd.Stage, tree: Tree) -> None:
 
 def _newton(stage: Usd.Stage, tree: Tree) -> None:
     for link in tree.links:
-        for name, piece in link.shapes.items():
-            if isinstance(piece, Mesh):
-                shape = stage.OverridePrim(f"{link_path(tree, link.name)}/{name}")
-                shape.AddAppliedSchema("NewtonMeshCollisionAPI")
+        meshes = [name for name, piece in link.shapes.items() if isinstance(piece, Mesh)]
+        for name in meshes:
+            shape = stage.OverridePrim(f"{group_path(tree, link.name, 'colliders')}/{name}")
+            shape.AddAppliedSchema("NewtonMeshCollisionAPI")
+        if meshes:
+            instance_group(stage, tree, link.name, "colliders")
     for _, j in _joints(tree):
         prim = stage.OverridePrim(joint_path(tree, j.name))
         prim.AddAppliedSchema("NewtonJointAPI")
@@ -100,10 +110,7 @@ def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
             _author(prim, "mjc:solimpfriction", Sdf.ValueTypeNames.DoubleArray, impedance, uniform=True)
     for link in tree.links:
         path = link_path(tree, link.name)
-        for shown in link.visuals:
-            _group(stage.OverridePrim(f"{path}/{shown.name}"), "MjcImageableAPI", 2)
-        for name in link.shapes:
-            _group(stage.OverridePrim(f"{path}/{name}"), "MjcCollisionAPI", 3)
+        _mujoco_groups(stage, tree, link)
         if link.grasp is not None:
             site = UsdGeom.Sphere.Define(stage, f"{path}/{link.name}_grasp/{link.name}_grasp_site")
             site.CreateRadiusAttr(0.008)
@@ -117,6 +124,19 @@ def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
     for name, state in (("closed", [0.0] * len(joints)), ("open", [j.upper for j in joints])):
         key = stage.DefinePrim(keys.AppendChild(name), "MjcKeyframe")
         key.CreateAttribute("mjc:qpos", Sdf.ValueTypeNames.DoubleArray, custom=False).Set(state)
+
+
+def _mujoco_groups(stage: Usd.Stage, tree: Tree, link: Link) -> None:
+    for shown in link.visuals:
+        shape = stage.OverridePrim(f"{group_path(tree, link.name, 'visuals')}/{shown.name}")
+        _group(shape, "MjcImageableAPI", 2)
+    for name in link.shapes:
+        shape = stage.OverridePrim(f"{group_path(tree, link.name, 'colliders')}/{name}")
+        _group(shape, "MjcCollisionAPI", 3)
+    if link.visuals:
+        instance_group(stage, tree, link.name, "visuals")
+    if link.shapes:
+        instance_group(stage, tree, link.name, "colliders")
 
 
 def _joints(tree: Tree) -> list[tuple[Link, TreeJoint]]:
