@@ -14,6 +14,7 @@ from twin.completion.squared import FREE, OVER, Sight, overlap, sheet, stands_on
 from twin.geometry import Array
 
 _FLAT = 0.006  # m within which two faces are in one plane
+_SAME = 0.003  # m between two faces that are one
 _HIDDEN = 0.5  # share of the whole that may be hidden between its pieces; chosen by us
 _EDGE = 0.06  # m, the thickest edge of a worktop
 _TOUCHES = 0.03  # m between a worktop and its edge: where a fused surface rounds off
@@ -126,12 +127,11 @@ def _up_to(inside: Board, level: float) -> Board:
 
 
 def worktop_over(top: Board, boards: Sequence[Board]) -> bool:
-    """Whether a cabinet's top is a worktop among boards, in the frame of these."""
-    middle = (top.low + top.high) / 2
+    """Whether a cabinet's top is a worktop among boards, in the frame of these: it lies in one and their upper faces are the same."""
     tops = [b for b in boards if int(np.argmin(b.size)) == UP and b.role == "panel"]
     return any(
-        abs(b.high[UP] - top.high[UP]) < 2 * _FLAT
-        and np.all((middle > b.low - OVER) & (middle < b.high + OVER))
+        abs(b.high[UP] - top.high[UP]) < _SAME
+        and np.all((top.low > b.low - OVER)[[SIDE, OUT]] & (top.high < b.high + OVER)[[SIDE, OUT]])
         for b in tops
     )
 
