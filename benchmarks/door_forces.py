@@ -15,6 +15,8 @@ from the arm's joint torques and `f_ati` from a sensor in the wrist. Method:
    percentile, are the upper end; the lower end is 0 when the wrist's own zero, which no log shows, could explain the whole reading.
 5. As a share of weight x lever, which assets/materials.toml asks for: nobody weighed the doors, so they are taken for furniture board
    `BOARD`, `HEIGHT` high and `BESIDE` wider than the handle's radius; the lever is the radius of gyration about the hinge.
+6. The catch, with the closing spring that can't be told from it, is what `twin physics catch --log` finds: the peak less the level of the
+   wide open half, which friction and a sensor's offset are part of, and where it has fallen halfway (twin/physics/force_log.py).
 """
 
 from __future__ import annotations
@@ -26,6 +28,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from twin.physics.force_log import CatchFit, fit_catch
 
 BEYOND = 0.7  # rad; chosen by us: the wrist's reading falls steeply up to there in both runs of the IKEA door, and is even after
 STILL = 2e-3  # m
@@ -82,6 +86,12 @@ class DoorLog:
         return GRAVITY * BOARD * HEIGHT * width * width / float(np.sqrt(3.0))
 
     @property
+    def catches(self) -> tuple[CatchFit, CatchFit]:
+        """N m and rad: by joint torques, and by the wrist."""
+        joints, wrist = (fit_catch(self.angle, self.radius * v) for v in (self.joints, self.wrist))
+        return joints, wrist
+
+    @property
     def speed_slope(self) -> tuple[float, float]:
         """N per mm of path a sample, and its standard error, of the wrist's reading beyond catch and spring."""
         x, y = 1e3 * self.step[self.free], self.wrist[self.free]
@@ -120,6 +130,19 @@ def interval(logs: list[DoorLog]) -> tuple[float, float, float]:
     """Friction torque (N m) of a cabinet door: low, value, high. Value: the median over the logs; see the module's points."""
     value = float(np.median([max(0.0, log.friction[0]) for log in logs]))
     return 0.0, value, max(log.ceiling for log in logs)
+
+
+def catch(logs: list[DoorLog]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Force (N m) and width (rad) of a cabinet door's catch: value, low, high. Medians of the wrist; of the force from its least to the
+    most that the joint torques tell, which an arm's friction under load is part of, of the width all that any log tells."""
+    wrist, joints = [log.catches[1] for log in logs], [log.catches[0] for log in logs]
+    force = float(np.median([c.force[0] for c in wrist]))
+    width = float(np.median([c.width[0] for c in wrist]))
+    both = [*wrist, *joints]
+    return (
+        (force, min(c.force[1] for c in wrist), max(c.force[2] for c in joints)),
+        (width, min(c.width[1] for c in both), max(c.width[2] for c in both)),
+    )
 
 
 def share(logs: list[DoorLog]) -> tuple[float, float, float]:
@@ -165,7 +188,27 @@ def table(logs: list[DoorLog]) -> str:
             there = (log.angle >= a) & (log.angle < b)
             cells.append(f"{np.median(log.joints[there]):.1f} / {np.median(log.wrist[there]):.1f}")
         lines.append(f"| {log.name} | " + " | ".join(cells) + " |")
-    return "\n".join([*lines, *_lessons(logs)])
+    return "\n".join([*lines, *_catches(logs), *_lessons(logs)])
+
+
+def _catches(logs: list[DoorLog]) -> list[str]:
+    """The table of what holds a closed door."""
+    force, width = catch(logs)
+    lines = [
+        "",
+        (
+            f"Catch of a cabinet door, with its closing spring: **{force[0]:.1f} N m, {force[1]:.1f} to {force[2]:.1f}**, over "
+            f"**{width[0]:.2f} rad, {width[1]:.2f} to {width[2]:.2f}**. Peak less level N m, and where it has fallen halfway, rad:"
+        ),
+        "",
+        "| log | by wrist | over | by joint torques | over |",
+        "|---|---|---|---|---|",
+    ]
+    for log in logs:
+        joints, wrist = log.catches
+        cells = [f"{v[0]:.2f} ({v[1]:.2f}–{v[2]:.2f})" for c in (wrist, joints) for v in (c.force, c.width)]
+        lines.append(f"| {log.name} | {' | '.join(cells)} |")
+    return lines
 
 
 def _lessons(logs: list[DoorLog]) -> list[str]:
@@ -184,7 +227,9 @@ def _lessons(logs: list[DoorLog]) -> list[str]:
         f"- The joint torques show {arm} N more than the wrist before anything moves and {free} N more while the door turns freely:",
         "  the arm's own friction, not the door's. `ftan` in the logs, 7 to 14 N after the catch, holds it.",
         f"- Up to {BEYOND} rad stand catch and closing spring: at most {wrist} N by the wrist ({catch} N m), {joints} N by the joint torques.",
-        "  Neither is modelled in a twin.",
+        "  A twin has a catch only where its user asks for one (`twin physics catch`); with it goes the spring, as one constant force.",
+        "- The joint torques tell twice what the wrist tells in both runs of the IKEA door, and less in the lab's: a log's sensor may be wrong by",
+        "  a factor, and no fit of that log alone knows.",
         f"- The zero of the wrist sensor is not known; while nothing moves yet it reads up to {start} N. So no friction at all can't be",
         "  excluded, and the joint torques less the arm's friction bound it from above.",
         "- Damping can't be had from these logs: they carry no times, and the slope of the force against the path a sample changes its sign",

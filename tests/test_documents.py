@@ -238,6 +238,8 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save(replace(twin, parts=tuple(named)), place / "RUN" / "twin")
     (place / "RUN" / "config.toml").write_text(to_toml(ReconConfig()), encoding="utf-8")
     assert cli.run(["export", str(place / "RUN"), "--json"]) == 0
+    pulls = [f"{k / 20},{24 if k < 4 else 4}" for k in range(30)]
+    (place / "pull.csv").write_text("\n".join(["angle_rad,force_N", *pulls]), encoding="utf-8")
     scene = asset("scenes/base_cabinet.xml").read_text(encoding="utf-8")
     (place / "assets").symlink_to(asset("scenes").parent)
     (place / "SCENE.xml").write_text(scene.replace("drawer_top", "NAME"), encoding="utf-8")

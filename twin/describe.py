@@ -76,7 +76,9 @@ def _inertial(inertial: Inertial) -> str:
 
 
 def _physics(physics: PartPhysics) -> str:
-    told = ", ".join(f"{name} {_number(quantity)}" for name, quantity in vars(physics).items())
+    told = ", ".join(f"{name} {_number(quantity)}" for name, quantity in physics.numbers.items())
+    if physics.catch is not None:
+        told += f", catch {_number(physics.catch.force)} within {_number(physics.catch.width)}"
     return f"<PartPhysics: {told}>"
 
 

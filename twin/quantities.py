@@ -5,6 +5,7 @@ Numpy only; every type checks its own laws when it is built.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
@@ -15,7 +16,7 @@ from twin.describe import line
 from twin.errors import SceneError
 from twin.geometry import Array
 
-Origin = Literal["measured", "geometry", "vlm", "recording", "user", "default", "other"]
+Origin = Literal["measured", "geometry", "vlm", "recording", "user", "typical", "default", "other"]
 ORIGINS: tuple[Origin, ...] = get_args(Origin)
 # Chosen by us: beyond it a double can't tell tenths of a millimetre, and what is computed from it soon overflows.
 LARGEST = 1e12
@@ -59,8 +60,8 @@ def set_field(instance: object, name: str, value: Any) -> None:
 
 def origin_of(source: str) -> Origin:
     """The leading word of a source text, "word: detail": measured (weighed, timed), geometry (surface x table), vlm (a
-    vision-language model's answer), recording (what the recording shows asks for it), user (stated by the user), default (from a
-    table); other for any other text."""
+    vision-language model's answer), recording (what the recording shows asks for it), user (stated by the user), typical (measured on
+    other furniture and asked for by the user), default (from a table); other for any other text."""
     word = source.partition(":")[0].strip()
     return next((known for known in ORIGINS if known == word), "other")
 
@@ -157,21 +158,59 @@ class Inertial(Described):
         return replace(self, mass=mass, inertia=scaled, inertia_interval=interval)
 
 
+@dataclass(frozen=True)
+class Catch:
+    """What holds a closed part beside friction: a magnet, a roller, a seal. It pulls a part shut with the same force all over its
+    width, and not at all beyond.
+
+    Attributes:
+        force: along the joint, N or N m, without friction.
+        width: from the closed state, m or rad.
+    """
+
+    force: Quantity
+    width: Quantity
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name).value
+            if value <= 0:
+                raise SceneError(f"the {f.name} of a catch must be positive, got {value:g}")
+
+    def pull(self, state: float) -> float:
+        """Force (N or N m) with which it holds a part at a state (m or rad) against being opened."""
+        return self.force.value if state < self.width.value else 0.0
+
+
 @dataclass(frozen=True, repr=False)
 class PartPhysics(Described):
     """Contact and joint physics: sliding friction (-), joint damping (N s/m or N m s/rad), joint frictionloss
-    (N or N m), material density (kg/m^3)."""
+    (N or N m), material density (kg/m^3), and the catch of the closed part, None where nobody asked for one."""
 
     friction: Quantity
     damping: Quantity
     frictionloss: Quantity
     density: Quantity
+    catch: Catch | None = None
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value = getattr(self, f.name).value
-            if value < 0:
-                raise SceneError(f"{f.name} must not be negative, got {value:g}")
+        for name, quantity in self.numbers.items():
+            if quantity.value < 0:
+                raise SceneError(f"{name} must not be negative, got {quantity.value:g}")
+
+    @property
+    def numbers(self) -> dict[str, Quantity]:
+        """The quantities that every part has, by their names."""
+        return {k: v for k, v in vars(self).items() if isinstance(v, Quantity)}
+
+    def but(self, values: Mapping[str, Quantity]) -> PartPhysics:
+        """The same with some of its numbers replaced, by their names."""
+        replaced: dict[str, Any] = {**vars(self), **values}
+        return PartPhysics(**replaced)
+
+    def caught(self, state: float) -> float:
+        """Force (N or N m) with which a catch holds the part at a state (m or rad) against being opened; 0 without one."""
+        return 0.0 if self.catch is None else self.catch.pull(state)
 
 
 def require_sane(value: float, what: str) -> None:

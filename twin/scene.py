@@ -24,6 +24,7 @@ from twin.joint import Prismatic as Prismatic
 from twin.joint import Revolute as Revolute
 from twin.names import require_legal
 from twin.quantities import ORIGINS as ORIGINS
+from twin.quantities import Catch as Catch
 from twin.quantities import Described as Described
 from twin.quantities import Inertial as Inertial
 from twin.quantities import Origin as Origin

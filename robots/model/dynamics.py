@@ -14,7 +14,7 @@ import numpy as np
 from robots.model.spec import RobotSpec
 from twin.geometry import Array
 from twin.physics import inertia_about, inertial_of, physics_of, weight_load
-from twin.quantities import Inertial, Quantity
+from twin.quantities import Catch, Inertial, Quantity
 from twin.scene import Part, Twin
 
 _SETS_IN = 0.1  # of the highest rate, at which dry friction is fully fed forward (chosen by us)
@@ -47,18 +47,24 @@ class Terms:
 class PartLoad:
     """How a part resists: generalised force (N or N m) along its joint.
 
-    inertia: kg or kg m^2. damping: N s/m or N m s/rad. friction: N or N m. Source of the values: the part's physics and
-    inertial properties.
+    inertia: kg or kg m^2. damping: N s/m or N m s/rad. friction: N or N m. catch: of the closed part. Source of the values: the part's
+    physics and inertial properties.
     """
 
     part: Part
     inertia: float
     damping: float
     friction: float
+    catch: Catch | None = None
 
     def still(self, states: Array, direction: float) -> Array:
-        """Force (n,) that moves the part slowly, dry friction and weight; holds it still for a direction of 0."""
-        return np.array([direction * self.friction + weight_load(self.part, s) for s in states])
+        """Force (n,) that moves the part slowly against dry friction, weight and catch; for a direction of 0 what its weight alone asks for."""
+        slowly = np.array([direction * self.friction + weight_load(self.part, s) for s in states])
+        return slowly + self.caught(states) if direction else slowly
+
+    def caught(self, states: Array) -> Array:
+        """Force (n,) with which the catch pulls the part shut while it moves."""
+        return np.array([0.0 if self.catch is None else self.catch.pull(float(s)) for s in states])
 
 
 def with_payload(twin: Twin, part: Part) -> Part:
@@ -87,7 +93,7 @@ def with_payload(twin: Twin, part: Part) -> Part:
 def part_load(part: Part) -> PartLoad:
     """What a part's physics say about the force it takes to move it, without its payload (see `with_payload`)."""
     resists, own = inertia_about(part.joint, inertial_of(part)), physics_of(part)
-    return PartLoad(part, resists, own.damping.value, own.frictionloss.value)
+    return PartLoad(part, resists, own.damping.value, own.frictionloss.value, own.catch)
 
 
 class ArmDynamics:
@@ -190,13 +196,13 @@ class ArmDynamics:
         load: PartLoad | None,
     ) -> Array:
         """Torques (n, j) of the same motion that gravity compensation does not give: the arm's inertia and damping, and
-        the part. Its dry friction sets in with the motion: what does not move yet must not be pushed."""
+        the part. Its dry friction and its catch set in with the motion: what does not move yet must not be pushed."""
         qd, qdd = first * rate[:, None], first * acceleration[:, None] + second * (rate**2)[:, None]
         arm = self.torque(q, qd, qdd) - self.torque(q, np.zeros_like(q), np.zeros_like(q))
         way = float(states[-1] - states[0])
         if load is None or way == 0.0:
             return arm
         moving = np.clip(rate / (_SETS_IN * max(float(rate.max()), 1e-9)), 0.0, 1.0)
-        force = load.still(states, 0.0) + np.sign(way) * load.friction * moving
+        force = load.still(states, 0.0) + (np.sign(way) * load.friction + load.caught(states)) * moving
         force = force + way * (load.damping * rate + load.inertia * acceleration)
         return np.asarray(arm + force[:, None] * self._per_force(q, first / way))

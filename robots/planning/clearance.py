@@ -98,9 +98,10 @@ class ClearanceCheck:
         return least, names
 
     def _allowed(self, g1: int, g2: int) -> bool:
-        """Fingers may be near the part they are about to hold."""
+        """Fingers may be near the part they are about to hold, and a catch pulls a part to what it hangs on."""
         w = self._world
         return bool(
-            (w.finger[g1] and w.geom_part[g2] == self._part)
+            (w.owner[g1] != ROBOT and w.owner[g2] != ROBOT)
+            or (w.finger[g1] and w.geom_part[g2] == self._part)
             or (w.finger[g2] and w.geom_part[g1] == self._part)
         )

@@ -148,11 +148,12 @@ class _Legs:
 
 
 def moves_alone(part: Part, state: float) -> bool:
-    """True when the part's weight would move it away from `state`, so that a hand must hold it there.
+    """True when the part's weight, or its catch, would move it away from `state`, so that a hand must hold it there.
 
     A lid falls shut, an oven's door falls open; at the ends of the range the stops hold against one of the two.
     """
-    load, friction = weight_load(part, state), 0.8 * physics_of(part).frictionloss.value
+    load = weight_load(part, state) + physics_of(part).caught(state)
+    friction = 0.8 * physics_of(part).frictionloss.value
     least = 1e-3 * (part.joint.upper - part.joint.lower)
     shuts = load > friction and state > part.joint.lower + least
     opens = -load > friction and state < part.joint.upper - least

@@ -182,7 +182,9 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
     model.geom_friction[geoms | world.finger, 0] *= drawn.friction / physics_of(part).friction.value
     if np.any(drawn.contact):
         # Shapes and centre of mass together: MuJoCo's bounding volumes are relative to the latter.
-        model.geom_pos[geoms] += to_body @ drawn.contact
+        magnets = [*model.pair_geom1, *model.pair_geom2]  # the catch stays where it holds
+        shifted = geoms & ~np.isin(np.arange(model.ngeom), magnets)
+        model.geom_pos[shifted] += to_body @ drawn.contact
         model.body_ipos[body] += to_body @ drawn.contact
         model.geom_sameframe[geoms] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
@@ -206,7 +208,7 @@ def path_error(part: Part, drawn: Draw, point: Array, goal: float) -> float:
 
 
 def closes_itself(part: Part, drawn: Draw, state: float) -> bool:
-    """True when the drawn part's weight overcomes its dry friction at `state` and pulls it shut."""
+    """True when the drawn part's weight, or a catch, overcomes its dry friction at `state` and pulls it shut."""
     com = inertial_of(part).com + drawn.contact
     lift = float(drawn.joint.velocity(state, com)[2])  # height gained per unit of state
-    return drawn.mass * GRAVITY * lift > drawn.frictionloss
+    return drawn.mass * GRAVITY * lift + physics_of(part).caught(state) > drawn.frictionloss

@@ -27,7 +27,7 @@ def test_with_physics_fills_what_is_missing_and_names_its_sources() -> None:
         assert "furniture_board" in p.physics.density.source
         law = read_materials().joints[p.joint.kind]
         assert vars(p.physics).items() >= resistance(p.joint, p.inertial, law).items()
-        assert {q.origin for q in vars(p.physics).values()} == {"default"}
+        assert {q.origin for q in p.physics.numbers.values()} == {"default"}
         assert p.inertial.mass.origin == "geometry"
         assert p.inertial.inertia_source == p.inertial.mass.source
         assert p.inertial.inertia_interval is not None

@@ -71,6 +71,45 @@ def set_values(
     return keep(run, edited, [(chosen.name, c) for c in edited.changes])
 
 
+def catch(
+    console: Console,  # noqa: ARG001
+    run: Path,
+    part: str | None,
+    hold: str | None,
+    log: Path | None,
+    typical: bool,
+    none: bool,  # noqa: ARG001  (what is left when it is no other)
+    hold_interval: tuple[str, str] | None,
+    width: str | None,
+    lever: float | None,
+    measured: bool,
+    note: str,
+) -> Outcome:
+    """A catch into twin.json, or out of it."""
+    from twin.physics.catches import logged_catch, set_catch, stated_catch, typical_catch
+
+    alone = {"--hold-interval": hold_interval, "--width": width, "--measured": measured or None}
+    told = [k for k, v in alone.items() if v is not None and hold is None]
+    told += ["--lever"] if lever is not None and log is None else []
+    if told:
+        raise InputError(f"{told[0]} says nothing here", "--lever goes with --log, the others with --hold")
+    twin = load(run)
+    chosen = _part(twin, part)
+    if chosen.physics is None:
+        raise InputError(
+            f"{chosen.name} has no mass and friction yet", "run twin export, which fills them in"
+        )
+    found = None
+    if hold is not None:
+        found = stated_catch(chosen, hold, hold_interval, width, measured, note)
+    elif log is not None:
+        found = logged_catch(chosen, log, lever, note)
+    elif typical:
+        found = typical_catch(chosen)
+    edited = set_catch(twin, chosen.id, found)
+    return keep(run, edited, [(chosen.name, c) for c in edited.changes])
+
+
 def estimate(
     console: Console,
     run: Path,
@@ -174,4 +213,9 @@ def _data(part: Part) -> dict[str, Any]:
     return {k: document[k] for k in ("inertial", "physics")}
 
 
-_ACTIONS: Mapping[str, Callable[..., Outcome]] = {"show": show, "set": set_values, "estimate": estimate}
+_ACTIONS: Mapping[str, Callable[..., Outcome]] = {
+    "show": show,
+    "set": set_values,
+    "catch": catch,
+    "estimate": estimate,
+}

@@ -88,9 +88,15 @@ class AssetView:
         return np.eye(4) if self.origin == "camera" else asset_pose(twin)
 
     def write(self, twin: Twin, folder: Path) -> None:
-        """Write FILE into the folder of an export; the plain view needs none."""
-        if not self.plain:
+        """Write FILE into the folder of an export; the plain view of a twin without catches needs none."""
+        caught = {
+            p.name: p.physics.catch
+            for p in twin.parts
+            if p.physics is not None and p.physics.catch is not None
+        }
+        if not self.plain or caught:
             told = {"format": _FORMAT, **asdict(self), "T_asset_twin": self.pose(twin).tolist()}
+            told |= {"catches": {name: asdict(catch) for name, catch in caught.items()}} if caught else {}
             write_json(folder / FILE, told)
 
 

@@ -14,10 +14,27 @@ from twin.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)
+class TreeCatch:
+    """What holds the closed part beside friction.
+
+    Attributes:
+        force: along the joint, N or N m.
+        width: from the closed state, m or rad, in which it acts.
+        place: (3,) m in the link's frame, of a magnet that would do it.
+        sources: of force and width.
+    """
+
+    force: float
+    width: float
+    place: Array
+    sources: tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
 class TreeJoint:
     """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping, friction and armature.
 
-    holds: its friction stands for what held the part at rest in the recording, and must not creep.
+    holds: its friction stands for what held the part at rest in the recording, and must not creep. catch: None without one.
     """
 
     name: str
@@ -29,6 +46,15 @@ class TreeJoint:
     frictionloss: float
     armature: float
     holds: bool
+    catch: TreeCatch | None = None
+
+    @property
+    def caught(self) -> str:
+        """What the catch does, in words; empty without one."""
+        if self.catch is None:
+            return ""
+        force, width = ("N m", "rad") if self.kind == "revolute" else ("N", "m")
+        return f"a catch holds {self.catch.force:.4g} {force} within {self.catch.width:.4g} {width} of closed ({self.catch.sources[0]})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +151,12 @@ def spawn(region: Region) -> Array:
     """Where a thing is put down in a region, in its link's frame (3,): the middle of its floor. The axes of a link are the world's."""
     corners = region.box.corners
     return np.array([*corners[:, :2].mean(axis=0), corners[:, 2].min()])
+
+
+def catches_lost(tree: Tree) -> list[str]:
+    """What a format that has no catches loses of them, a text for each."""
+    caught = [k.joint for k in tree.moving if k.joint is not None and k.joint.catch is not None]
+    return [f"{j.name}: {j.caught}: written, not simulated" for j in caught]
 
 
 def numbers(values: object) -> str:

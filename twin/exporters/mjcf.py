@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 
 from twin import geometry as geo
 from twin.exporters.asset import AssetInfo
+from twin.exporters.mjcf_catch import add_catches
 from twin.exporters.mjcf_scene import remarks, scene
 from twin.exporters.obj import hull, textured
 from twin.exporters.tree import Link, Tree, Visual, numbers, spawn
@@ -51,6 +52,7 @@ def document(tree: Tree) -> Document:
         body = ET.SubElement(world, "body", name=link.name, childclass=_main_class(tree))
         _fill(body, link, tree, asset, files)
     _excludes(root, tree)
+    add_catches(root, tree, _main_class(tree))
     if tree.whole:
         _sensors(root, tree)
         _reasons(root, tree)

@@ -22,7 +22,19 @@ def readme(tree: Tree, fmt: str) -> str:
             rows.append(f"| {j.name} | {j.kind} | {' | '.join(cells)} |")
     told = "Metres, kilograms, seconds, radians; z up. Every joint is closed at 0 and opens towards its upper limit."
     layers = f"{_layers(tree, fmt)}\n\n" if tree.whole else ""
-    return f"# {tree.name}\n\n{_verdict(tree)}\n\n{body}\n\n{layers}{told}\n\n" + "\n".join(rows) + "\n"
+    table = "\n".join(rows) + "\n" + _catches(tree, fmt)
+    return f"# {tree.name}\n\n{_verdict(tree)}\n\n{body}\n\n{layers}{told}\n\n{table}"
+
+
+def _catches(tree: Tree, fmt: str) -> str:
+    """What holds closed parts beside friction, and what the format does of it; nothing of a twin without catches."""
+    caught = [k.joint for k in tree.moving if k.joint is not None and k.joint.catch is not None]
+    done = {
+        "urdf": "URDF has no word for it: it stands in a comment and in asset.json, and no program simulates it.",
+        "mjcf": "MuJoCo 3.11 and later simulate it: a contact that pulls, between two geoms that touch nothing else (`<pair adhesion>`).",
+        "usd": "No schema has a word for it: it stands in the joint's custom data `catch` and in asset.json, and no program simulates it.",
+    }[fmt]
+    return "".join(f"\n- {j.name}: {j.caught}. {done}" for j in caught) + ("\n" if caught else "")
 
 
 def _layers(tree: Tree, fmt: str) -> str:

@@ -15,12 +15,15 @@ from twin.exporters.bodies import named_shapes, regions_of, room_of, visuals_of
 from twin.exporters.links import Link as Link
 from twin.exporters.links import Region as Region
 from twin.exporters.links import Tree as Tree
+from twin.exporters.links import TreeCatch as TreeCatch
 from twin.exporters.links import TreeJoint as TreeJoint
 from twin.exporters.links import Visual as Visual
+from twin.exporters.links import catches_lost as catches_lost
 from twin.exporters.links import numbers as numbers
 from twin.exporters.links import spawn as spawn
 from twin.geometry import Array
 from twin.physics import armature, inertial_of, physics_of, static_friction
+from twin.physics.catches import lever_of, require_catch
 from twin.scene import Part, Revolute, Twin
 from twin.verdict import verdict_line
 
@@ -86,6 +89,7 @@ def require_ranges(twin: Twin) -> None:
                 "state 0 that its mesh shows",
                 "count its limits from there in twin.json",
             )
+        require_catch(part)
 
 
 def link_origin(part: Part) -> Array:
@@ -146,6 +150,7 @@ def _link(part: Part, parent: str, origin: Array, offset: Array, visual: bool) -
             frictionloss=physics.frictionloss.value,
             armature=armature(joint, inertial),
             holds=physics.frictionloss.origin == "recording",
+            catch=_catch(part, origin),
         ),
         mass=inertial.mass.value,
         com=inertial.com - origin,
@@ -161,6 +166,22 @@ def _kind(part: Part) -> str:
     """What a part is: as its inferred layer says, else as its name begins."""
     told = "" if part.completion is None else part.completion.kind
     return told or part.name.rstrip("0123456789").rstrip("_")
+
+
+def _catch(part: Part, origin: Array) -> TreeCatch | None:
+    """A part's catch, where the hand held it, or where it is farthest from its hinge."""
+    catch = physics_of(part).catch
+    if catch is None:
+        return None
+    place = np.zeros(3)
+    if isinstance(part.joint, Revolute):
+        points = part.mesh.vertices
+        if lever_of(part) is not None and part.contact is not None:
+            points = part.contact.point[None]
+        arms = np.linalg.norm(np.cross(points - part.joint.pivot, part.joint.axis), axis=1)
+        place = points[int(np.argmax(arms))] - origin
+    sources = (catch.force.source, catch.width.source)
+    return TreeCatch(catch.force.value, catch.width.value, place, sources)
 
 
 def front(tree: Tree) -> Array:

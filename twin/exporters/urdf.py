@@ -14,7 +14,7 @@ from twin.exporters.asset import AssetInfo
 from twin.exporters.mjcf import material_name, write_xml
 from twin.exporters.mjcf_scene import remarks
 from twin.exporters.obj import hull, textured
-from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, numbers
+from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, catches_lost, numbers
 from twin.geometry import Array
 from twin.names import unused
 from twin.physics.simulation import HOLDING_ITERATIONS
@@ -66,6 +66,7 @@ def _not_carried(tree: Tree) -> list[str]:
         "urdf: pairs that must not collide are not carried (URDF has none); the collision shapes keep clear of each other",
         "urdf: the keyframes closed and open are not carried (URDF has none)",
     ]
+    lost += [f"urdf: {text} (URDF has none)" for text in catches_lost(tree)]
     if any(k.grasp is not None for k in tree.links):
         lost.append("urdf: grasp frames are carried as massless links <part>_grasp (URDF has no sites)")
     return lost
@@ -132,6 +133,10 @@ def _joint(root: ET.Element, link: Link) -> None:
         effort=numbers(EFFORT_LIMIT[j.kind]), velocity=numbers(VELOCITY_LIMIT[j.kind]),
     )  # fmt: skip
     ET.SubElement(joint, "dynamics", damping=numbers(j.damping), friction=numbers(j.frictionloss))
+    if j.caught:
+        joint.append(
+            ET.Comment(f" not simulated, URDF has no word for it: {re.sub('-{2,}', '-', j.caught)} ")
+        )
 
 
 def _origin(element: ET.Element, pose: Array) -> None:

@@ -65,7 +65,7 @@ def with_stated(source: Source, part: Part, bodies: Sequence[SourceBody]) -> Par
         if rough:
             values["friction"] = _mean(rough, note)
     inertial = part.inertial if mass is None or mass == part.inertial.mass else part.inertial.with_mass(mass)
-    return replace(part, inertial=inertial, physics=replace(part.physics, **values))
+    return replace(part, inertial=inertial, physics=part.physics.but(values))
 
 
 def _mean(values: Sequence[float], note: str) -> Quantity:

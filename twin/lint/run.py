@@ -145,7 +145,9 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
     """Push every part to both of its limits."""
     m = scene.model
     gravity, flags = m.opt.gravity.copy(), int(m.opt.disableflags)
+    adhesion = m.pair_adhesion.copy(), m.geom_adhesion.copy()
     m.opt.gravity[:] = 0
+    m.pair_adhesion[:], m.geom_adhesion[:] = 0.0, 0.0  # a catch is nothing in the way
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     for j in scene.parts:
         lower, upper = (float(x) for x in m.jnt_range[j])
@@ -162,6 +164,7 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
                     f"{force} don't bring it to its {name} limit", "look for shapes in its way, friction, damping and the range",
                 ]  # fmt: skip
     m.opt.gravity[:], m.opt.disableflags = gravity, flags
+    m.pair_adhesion[:], m.geom_adhesion[:] = adhesion
 
 
 def _pull(scene: Scene, j: int) -> float:

@@ -96,7 +96,7 @@ def weighed(part: Part, inertial: Inertial, table: MaterialTable | None = None) 
         grown = weight_on_lever(part.joint, inertial) / weight_on_lever(part.joint, before)
         low, high = loss.interval
         follows["frictionloss"] = Quantity(loss.value * grown, loss.source, (low * grown, high * grown))
-    return replace(part, physics=replace(part.physics, **follows))
+    return replace(part, physics=part.physics.but(follows))
 
 
 def with_known(part: Part, earlier: Part, table: MaterialTable | None = None) -> Part:
@@ -107,8 +107,9 @@ def with_known(part: Part, earlier: Part, table: MaterialTable | None = None) ->
     if before is not None and known_mass and part.inertial is not None and part.inertial.mass != before.mass:
         part = weighed(part, part.inertial.with_mass(before.mass), table)
     if part.physics is not None and earlier.physics is not None:
-        known = {k: q for k, q in vars(earlier.physics).items() if q.origin in KEPT}
-        part = replace(part, physics=replace(part.physics, **known))
+        known = {k: q for k, q in earlier.physics.numbers.items() if q.origin in KEPT}
+        catch = earlier.physics.catch or part.physics.catch  # there is none that nobody asked for
+        part = replace(part, physics=replace(part.physics.but(known), catch=catch))
     return replace(part, extra={**earlier.extra, **part.extra})
 
 

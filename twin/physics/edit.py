@@ -48,15 +48,27 @@ def given(
     interval: tuple[float, float] | None = None,
     measured: bool = False,
     note: str = "",
+    unit: str = "",
 ) -> Quantity:
     """A number from the user; without an interval, 2 % around a weighed mass, 10 % around another measurement, 20 % around
     what is only stated.
 
-    Raises InputError: the value is not finite, negative (a mass also zero), or not inside its interval.
+    Args:
+        name: one of `UNITS`, or what the user calls it.
+        value: in its unit.
+        interval: low and high end.
+        measured: on this part; else it is only stated.
+        note: where it comes from, for people.
+        unit: of a name that is none of `UNITS`.
+
+    Raises InputError: the value is not finite, negative (of a mass, and what has no place in `UNITS`, also zero), or not inside its
+    interval.
     """
-    least = "positive" if name == "mass" else "zero or more"
-    if not np.isfinite(value) or value < 0 or (name == "mass" and value == 0):
-        raise InputError(f"{name} must be {least}, got {value:g}", f"give it in {UNITS[name]}")
+    some = name == "mass" or name not in UNITS
+    unit = unit or UNITS[name]
+    if not np.isfinite(value) or value < 0 or (some and value == 0):
+        least = "positive" if some else "zero or more"
+        raise InputError(f"{name} must be {least}, got {value:g}", f"give it in {unit}")
     if interval is None:
         width = value * (_MEASURED.get(name, _MEASURED_ELSE) if measured else _STATED)
         interval = (value - width, value + width)
@@ -66,7 +78,7 @@ def given(
     if low < 0 or not low <= value <= high:
         raise InputError(
             f"{name} {value:g} must lie inside its interval {low:g} to {high:g}, which holds nothing negative",
-            f"give the interval in {UNITS[name]}",
+            f"give the interval in {unit}",
         )
     word = "measured" if measured else "user"
     return Quantity(float(value), f"{word}: {note or 'given by the user'}", (float(low), float(high)))
@@ -112,7 +124,7 @@ def set_physics(
         named = joint_and_contact(new, chosen, table, "named by the user")
         friction = physics.friction if physics.friction.origin in KEPT else named.friction
         physics = replace(physics, density=named.density, friction=friction)
-    new = replace(new, physics=replace(physics, **{k: v for k, v in values.items() if k != "mass"}))
+    new = replace(new, physics=physics.but({k: v for k, v in values.items() if k != "mass"}))
     edited = with_part(twin, new, table)
     new = edited.part(old.id)
     return Edited(
@@ -157,8 +169,11 @@ def _doubts(part: Part, mass: Quantity, prior: Inertial | None) -> tuple[str, ..
 def changes(old: Part, new: Part) -> tuple[Change, ...]:
     """What differs between two states of a part, in the words of `described`."""
     before = {name: (text, source) for name, text, source in described(old)}
-    return tuple(
+    now = described(new)
+    gone = before.keys() - {name for name, _, _ in now}
+    told = [
         Change(name, before[name][0] if name in before else None, text, source)
-        for name, text, source in described(new)
+        for name, text, source in now
         if before.get(name) != (text, source)
-    )
+    ]
+    return (*told, *(Change(name, before[name][0], "none", "taken away") for name in sorted(gone)))

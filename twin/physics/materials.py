@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from twin.errors import ConfigError, SceneError, nearest_name
 from twin.files.assets import asset
 from twin.files.paths import AnyPath
-from twin.quantities import Quantity, origin_of
+from twin.quantities import Catch, Quantity, origin_of
 
 _JOINTS = ("revolute", "prismatic")
 
@@ -39,11 +39,15 @@ class JointLaw:
 
 @dataclass(frozen=True)
 class MaterialTable:
-    """Materials by name, the default one, and how joints resist by type ("revolute", "prismatic")."""
+    """Materials by name, the default one, and how joints resist by type ("revolute", "prismatic").
+
+    catches: by type of joint, what other furniture was measured to be held by; a type that nobody measured has none.
+    """
 
     default: str
     materials: Mapping[str, Material]
     joints: Mapping[str, JointLaw]
+    catches: Mapping[str, Catch] = field(default_factory=dict)
 
     def material(self, name: str) -> Material:
         """The material of that name. Raises ConfigError with the nearest name."""
@@ -76,16 +80,20 @@ def read_materials(path: AnyPath | None = None) -> MaterialTable:
         joints = {
             k: JointLaw(*(_quantity(data["joints"][k][q]) for q in ("friction", "decay"))) for k in _JOINTS
         }
-        return MaterialTable(materials[data["default"]].name, materials, joints)
+        catches = {
+            k: Catch(_quantity(row["force"], "typical"), _quantity(row["width"], "typical"))
+            for k, row in data.get("catches", {}).items()
+        }
+        return MaterialTable(materials[data["default"]].name, materials, joints, catches)
     except (KeyError, TypeError, SceneError) as e:
         raise ConfigError(f"table of materials {path}: {e}", "start from assets/materials.toml") from e
 
 
-def _quantity(row: Mapping[str, Any]) -> Quantity:
-    """A number of the table; what its source does not call measured is a default."""
+def _quantity(row: Mapping[str, Any], word: str = "default") -> Quantity:
+    """A number of the table; what its source does not call measured is a default, or what the word says."""
     low, high = row["interval"]
     source = str(row["source"])
     source = (
-        source if origin_of(source) == "measured" else f"default: {source.removeprefix('default:').strip()}"
+        source if origin_of(source) == "measured" else f"{word}: {source.removeprefix(f'{word}:').strip()}"
     )
     return Quantity(float(row["value"]), source, (float(low), float(high)))

@@ -45,6 +45,7 @@ class Rest:
         others: part id -> state of the other parts.
         pull: of the weight that the joint carries, N or N m, positive opens.
         stopped: whether the pull is against a stop.
+        caught: what a catch that the twin states holds there against being opened, N or N m.
     """
 
     first: int
@@ -53,11 +54,14 @@ class Rest:
     others: Mapping[int, float]
     pull: float
     stopped: bool
+    caught: float = 0.0
 
     @property
     def least(self) -> float:
-        """Least holding (N or N m) that keeps the part there: none where a stop does."""
-        return 0.0 if self.stopped else abs(self.pull)
+        """Least friction (N or N m) that keeps the part there: none where a stop does, or a catch."""
+        if self.stopped:
+            return 0.0
+        return max(0.0, self.pull - self.caught) if self.pull > 0 else -self.pull
 
 
 def rests(twin: Twin, key: int | str) -> tuple[Rest, ...]:
@@ -266,7 +270,9 @@ def _rest(twin: Twin, part: Part, first: int, last: int) -> Rest | None:
     state = _placed(part, float(np.median(states)))
     others = _others(twin, part, first, last)
     pull = weight_pull(twin, part, {**others, part.id: state})
-    return Rest(first, last, state, others, pull, state == (joint.lower if pull < 0 else joint.upper))
+    stopped = state == (joint.lower if pull < 0 else joint.upper)
+    caught = 0.0 if part.physics is None else part.physics.caught(state)
+    return Rest(first, last, state, others, pull, stopped, caught)
 
 
 def _others(twin: Twin, part: Part, first: int, last: int) -> dict[int, float]:

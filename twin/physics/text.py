@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twin.geometry import Array
-from twin.quantities import Inertial, Quantity
+from twin.quantities import Catch, Inertial, Quantity
 from twin.scene import Part
 
 
@@ -31,6 +31,22 @@ def described(part: Part) -> list[tuple[str, str, str]]:
                     q.source,
                 )
             )
+        rows += _described_catch(part.physics.catch, hinge)
+    return rows
+
+
+def _described_catch(catch: Catch | None, hinge: bool) -> list[tuple[str, str, str]]:
+    """What holds a closed part, none of one without a catch; a hinge's width in degrees, as people measure it."""
+    if catch is None:
+        return []
+    unit, scale, of_width = ("N m", float(np.degrees(1.0)), "deg") if hinge else ("N", 1e3, "mm")
+    rows = []
+    for name, q, times, text in (
+        ("catch", catch.force, 1.0, unit),
+        ("catch width", catch.width, scale, of_width),
+    ):
+        value, low, high = (_number(times * v) for v in (q.value, *q.interval))
+        rows.append((name, f"{value} {text} ({low} to {high})", q.source))
     return rows
 
 

@@ -2,7 +2,7 @@
 
 A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
 N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
-demonstration, slides, whether its weight is more than friction holds when it is closed, and rests, the states in which it stood still, each with the
+demonstration, slides, whether its weight is more than friction holds when it is closed, catch, null or what it bears, and rests, the states in which it stood still, each with the
 others {name: state} held. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
 
 The files are simulated as they are, with the step and the integrator that they ask for. What is changed, in memory: the other
@@ -64,6 +64,7 @@ def _measured(part: Mapping[str, Any], file: _File, touching: _File) -> dict[str
         "armature": float(model.dof_armature[weighed.dof]),
         "open": _guarded(_reach, free, free.lower, part["force"]),
         "close": _guarded(_reach, free, free.upper, -part["force"]),
+        "catch": None if part["catch"] is None else _catch(free, part["catch"]),
         "sweep": _sweep(moved(*touching, part["name"], part["held"])),
         "energy": _guarded(_energy, weighed, part["speed"]),
         "demonstration": _guarded(_demonstration, weighed, part),
@@ -150,6 +151,29 @@ def _reach(part: Moved, start: float, force: float) -> dict[str, float]:
 
     _steps(part.model, data, REACH_SECONDS, look)
     return {"left": float(left), "seconds": float(data.time)}
+
+
+def _catch(part: Moved, asked: Mapping[str, float]) -> dict[str, Any]:
+    """What a catch does: how far the closed part goes in 10 s of the pull `less`, and how much of the width is left after `more`, and when."""
+    near = replace(part, upper=part.lower + asked["width"])
+    return {
+        "less": _guarded(_pulled, part, asked["less"]),
+        "more": _guarded(_reach, near, part.lower, asked["more"]),
+    }
+
+
+def _pulled(part: Moved, force: float) -> float:
+    """Greatest change of state in 10 s of a steady generalised force on the closed part."""
+    data, most = part.data(part.lower), 0.0
+    data.qfrc_applied[part.dof] = force
+
+    def look() -> bool:
+        nonlocal most
+        most = max(most, abs(float(data.qpos[part.at]) - part.lower))
+        return False
+
+    _steps(part.model, data, REST_SECONDS, look)
+    return most
 
 
 def _sweep(part: Moved) -> float:

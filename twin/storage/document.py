@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
-from twin.scene import Joint, Mesh, Part, Quantity, Revolute, Twin
+from twin.scene import Joint, Mesh, Part, Revolute, Twin
 from twin.storage.completion import (
     completion_document,
     completion_files,
     shapes_document,
     with_completion_named,
 )
+from twin.storage.physics import inertial_document, physics_document
 from twin.storage.texture import texture_document, with_texture_named
 from twin.verdict import verdict_document
 
@@ -70,12 +71,8 @@ def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
             "residual": float(m.residual),
             "inliers": float(m.inliers),
         },
-        "inertial": _inertial(p),
-        "physics": None
-        if p.physics is None
-        else {
-            k: _quantity(getattr(p.physics, k)) for k in ("friction", "damping", "frictionloss", "density")
-        },
+        "inertial": inertial_document(p),
+        "physics": physics_document(p),
         "contact": _contact(p),
         **texture_document(p.name, p.mesh.texture),
         **completion_document(p.name, p.completion, meshes),
@@ -113,11 +110,12 @@ def with_extra(known: Mapping[str, Any], extra: Mapping[str, Any]) -> dict[str, 
 def with_changes(
     raw: Mapping[str, Any], before: Mapping[str, Any], after: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """`raw` with every value that differs between two documents; what is the same in both stays as `raw` has it.
+    """`raw` with every value that differs between two documents, and without what only the first has; what is the same in both stays as
+    `raw` has it.
 
     Parts are matched by their id.
     """
-    out = dict(raw)
+    out = {key: value for key, value in raw.items() if key in after or key not in before}
     for key, value in after.items():
         old, mine = before.get(key), raw.get(key)
         if value == old:
@@ -179,27 +177,6 @@ def _joint(p: Part, j: Joint) -> dict[str, Any]:
     }
 
 
-def _inertial(p: Part) -> dict[str, Any] | None:
-    if p.inertial is None:
-        return None
-    i, q, factors, box = (
-        p.inertial.inertia,
-        p.inertial.mass,
-        p.inertial.inertia_interval,
-        p.inertial.com_interval,
-    )
-    return {
-        "mass": float(q.value),
-        "com": p.inertial.com.tolist(),
-        "inertia": [float(i[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
-        "source": q.source,
-        "mass_interval": [float(v) for v in q.interval],
-        "inertia_source": p.inertial.inertia_source,
-        "inertia_interval": None if factors is None else list(factors),
-        "com_interval": None if box is None else box.tolist(),
-    }
-
-
 def _contact(p: Part) -> dict[str, Any] | None:
     c = p.contact
     if c is None:
@@ -211,10 +188,6 @@ def _contact(p: Part) -> dict[str, Any] | None:
         "frames": [int(f) for f in c.frames],
         "source": c.source,
     }
-
-
-def _quantity(q: Quantity) -> dict[str, Any]:
-    return {"value": float(q.value), "source": q.source, "interval": [float(v) for v in q.interval]}
 
 
 def json_text(value: Any, indent: int = 0) -> str:

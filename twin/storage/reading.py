@@ -16,27 +16,24 @@ from twin.scene import (
     Box,
     Collision,
     ContactPath,
-    Inertial,
     Joint,
     JointSigma,
     Mesh,
     Motion,
     Part,
-    PartPhysics,
     Prismatic,
-    Quantity,
     Recorded,
     Revolute,
     StaticPart,
     Texture,
     Trajectory,
     Twin,
-    origin_of,
 )
 from twin.storage import read_document
 from twin.storage.document import FORMAT, extra_of, part_document, twin_document
 from twin.storage.labels import LabelFolder
 from twin.storage.node import Node
+from twin.storage.physics import read_inertial, read_physics
 from twin.storage.texture import read_texture, with_coordinates
 from twin.verdict import Verdict, verdict_from
 
@@ -82,8 +79,8 @@ def _part(n: Node, folder: Path) -> Part:
             mesh=mesh,
             joint=_joint(joint),
             motion=_motion(n.child("motion")),
-            inertial=n.maybe("inertial", _inertial),
-            physics=n.maybe("physics", _physics),
+            inertial=n.maybe("inertial", read_inertial),
+            physics=n.maybe("physics", read_physics),
             contact=n.maybe("contact", _contact),
             collision=_collision(n, folder),
             parent=None if n.raw("parent") is None else n.integer("parent"),
@@ -128,45 +125,6 @@ def _motion(n: Node) -> Motion:
             n.number("residual"),
             n.number("inliers"),
         )
-
-
-def _inertial(n: Node) -> Inertial:
-    xx, yy, zz, xy, xz, yz = n.array("inertia", (6,))
-    low, high = n.array("mass_interval", (2,))
-    factors = None if n.value.get("inertia_interval") is None else n.array("inertia_interval", (2,))
-    if not n.number("mass") > 0:
-        raise n.error(f"must be positive, is {n.number('mass')} kg", "mass")
-    with n.building():
-        return Inertial(
-            Quantity(n.number("mass"), _source(n, "source"), (float(low), float(high))),
-            n.array("com", (3,)),
-            np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
-            "" if n.value.get("inertia_source") is None else _source(n, "inertia_source"),
-            None if factors is None else (float(factors[0]), float(factors[1])),
-            None if n.value.get("com_interval") is None else n.array("com_interval", (2, 3)),
-        )
-
-
-def _source(n: Node, key: str) -> str:
-    """A source text. Twins made before sources began with a word are told by what was written then."""
-    text = n.text(key)
-    if origin_of(text) != "other":
-        return text
-    if text.startswith("surface area x thickness"):
-        return f"geometry: {text}"
-    return f"default: {text}" if "chosen by us" in text else text
-
-
-def _quantity(n: Node) -> Quantity:
-    low, high = n.array("interval", (2,))
-    with n.building():
-        return Quantity(n.number("value"), _source(n, "source"), (float(low), float(high)))
-
-
-def _physics(n: Node) -> PartPhysics:
-    values = [_quantity(n.child(k)) for k in ("friction", "damping", "frictionloss", "density")]
-    with n.building():
-        return PartPhysics(*values)
 
 
 def _contact(n: Node) -> ContactPath:

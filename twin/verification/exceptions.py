@@ -50,6 +50,7 @@ TABLE: tuple[Unsupported, ...] = (
     Unsupported("drake", "mjcf", "grasp site", "sites are not read", says="tag 'site'"),
     Unsupported("drake", "mjcf", "keyframe", "keyframes are not read", says="tag 'keyframe'"),
     Unsupported("drake", "mjcf", "joint sensor", "sensors are not read", says="tag 'sensor'"),
+    Unsupported("drake", "mjcf", "catch", "pairs of geoms that collide with nothing else are not read", says="contact pair specified unknown"),
     Unsupported("drake", "mjcf", "time step, solver", "Drake has its own", says="found in a 'option' tag"),
     Unsupported("drake", "mjcf", "reason of a piece", "texts are not read", says="tag 'custom'"),
     *(

@@ -18,27 +18,35 @@ from twin.verification.expected import Dynamics, filled
 
 @dataclass(frozen=True)
 class Hold:
-    """pull (N or N m, positive opens) of the weight, friction (N or N m) that holds against it, and whether a stop does."""
+    """pull (N or N m, positive opens) of the weight, friction (N or N m) that holds against it, whether a stop does, and how much a catch
+    (N or N m) holds against being opened."""
 
     pull: float
     friction: float
     stopped: bool
     unit: str
+    caught: float = 0.0
+
+    @property
+    def least(self) -> float:
+        """Pull (N or N m) that is needed at least to move it on: against friction, and a catch where it is to open."""
+        return self.friction + (self.caught if self.pull > 0 else 0.0)
 
     @property
     def moves(self) -> bool:
-        """The pull is more than friction holds, and not against a stop."""
-        return not self.stopped and abs(self.pull) > self.friction
+        """The pull is more than friction and a catch hold, and not against a stop."""
+        return not self.stopped and abs(self.pull) > self.least
 
     @property
     def on_edge(self) -> bool:
         """It moves, but so little is left of the pull that MuJoCo's soft friction, whose impedance is 0.9, may hold it back."""
-        return self.moves and 0.85 * abs(self.pull) < self.friction
+        return self.moves and 0.85 * abs(self.pull) < self.least
 
     @property
     def text(self) -> str:
         """For a reader."""
         against = "a stop holds it" if self.stopped else f"friction holds {self.friction:.2g} {self.unit}"
+        against += f", a catch {self.caught:.2g} {self.unit} against being opened" if self.caught else ""
         return f"its weight pulls with {abs(self.pull):.2g} {self.unit}, {against}"
 
 
@@ -47,8 +55,9 @@ def hold(twin: Twin, part: Part, state: float, others: dict[int, float] | None =
     k, q = _place(twin, part, state, others)
     pull = -float(_dynamics(twin, np.zeros(len(twin.parts))).forces(q, np.zeros(len(q)))[k])
     stop = part.joint.lower if pull < 0 else part.joint.upper
-    friction = filled(twin)[k][1].frictionloss.value
-    return Hold(pull, friction, abs(state - stop) < 1e-9, "N m" if part.joint.kind == "revolute" else "N")
+    physics = filled(twin)[k][1]
+    unit = "N m" if part.joint.kind == "revolute" else "N"
+    return Hold(pull, physics.frictionloss.value, abs(state - stop) < 1e-9, unit, physics.caught(state))
 
 
 def slide(
@@ -64,13 +73,18 @@ def slide(
     added = np.zeros(len(twin.parts))
     added[k] = armature
     moved = _dynamics(twin, added)
-    held = hold(twin, part, state)
+    held, physics = hold(twin, part, state), filled(twin)[k][1]
     sign = np.sign(held.pull)
 
     def rate(_: float, y: Array) -> list[float]:
         now, speed = q.copy(), np.zeros(len(q))
         now[k], speed[k] = y
-        force = moved.forces(now, speed)[k] + moved.damping[k] * y[1] + held.friction * sign
+        force = (
+            moved.forces(now, speed)[k]
+            + moved.damping[k] * y[1]
+            + held.friction * sign
+            + physics.caught(y[0])
+        )
         return [float(y[1]), -float(force / moved.mass_matrix(now)[k, k])]
 
     done = solve_ivp(rate, (0.0, times[-1]), [state, 0.0], "LSODA", t_eval=times, rtol=1e-8, atol=1e-10)

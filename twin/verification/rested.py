@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,27 @@ def rested(twin: Twin, part: Part) -> Rested:
     )
     told = "" if own is None else f", as it rested {place(part, own)}"
     return Rested(told, tuple(r for r in found if r is not own), {p.id: p.name for p in twin.parts})
+
+
+def uncaught(twin: Twin, part: Part, where: Rested) -> Rested:
+    """Without the rests that only a catch explains, which the file does not have.
+
+    Args:
+        twin: with masses, and without catches.
+        part: of the twin that has them.
+        where: it rested.
+    """
+    caught = part.physics is not None and part.physics.catch is not None
+    kept = (
+        r
+        for r in where.others
+        if not (caught and hold(twin, twin.part(part.id), r.state, dict(r.others)).moves)
+    )
+    if not caught:
+        return where
+    return replace(
+        where, closed=f"{where.closed}, without its catch, which the format does not have", others=tuple(kept)
+    )
 
 
 def rested_rows(

@@ -26,7 +26,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from twin.exporters.asset import AssetInfo
-from twin.exporters.tree import Tree
+from twin.exporters.tree import Tree, catches_lost
 from twin.exporters.usd.geometry import write_geometry
 from twin.exporters.usd.interface import write_contents, write_interface, write_stage
 from twin.exporters.usd.looks import write_looks
@@ -60,4 +60,5 @@ def _not_carried(tree: Tree) -> list[str]:
     lost = ["usd: the keyframes closed and open are carried for MuJoCo only (UsdPhysics has none)"]
     if any(k.grasp is not None for k in tree.links):
         lost.append("usd: grasp frames are plain Xforms <part>/<part>_grasp without a physics meaning")
+    lost += [f"usd: {text} (no schema has it)" for text in catches_lost(tree)]
     return lost

@@ -102,6 +102,9 @@ def _joint(stage: Usd.Stage, tree: Tree, link: Link) -> None:
     _frames(joint, link.offset, geo.rotation_between([1.0, 0.0, 0.0], j.axis))
     joint.CreateLowerLimitAttr(float(j.lower * degrees_per(j.kind)))
     joint.CreateUpperLimitAttr(float(j.upper * degrees_per(j.kind)))
+    if j.catch is not None:
+        told = {"force": j.catch.force, "width": j.catch.width, "source": j.catch.sources[0]}
+        joint.GetPrim().SetCustomDataByKey("catch", told)  # in our units; no schema has a word for it
 
 
 def _frames(joint: UsdPhysics.Joint, position: Array, rotation: Array) -> None:
