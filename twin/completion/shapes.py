@@ -10,8 +10,8 @@ import numpy as np
 from twin import geometry as geo
 from twin.collision import CollisionConfig, surface_hulls
 from twin.collision.boards import BoardSearch, beyond, find_boards
-from twin.collision.clearance import make_clear
-from twin.collision.convex import thick_hull, triangles_of
+from twin.collision.clearance import make_clear, points_of
+from twin.collision.convex import hull_of, thick_hull, triangles_of
 from twin.collision.decimation import decimated
 from twin.collision.main_axes import main_axes
 from twin.collision.splitting import decompose
@@ -49,7 +49,9 @@ def with_shapes(twin: Twin) -> Twin:
     cleared = make_clear(twin, given, config.clearance, config.step)
     rooms = [s for s in cleared[0] if _from(s, given[0][own:]) and not _from(s, given[0][:own])]
     kept = [s for s in cleared[0] if not any(s is r for r in rooms)]
-    done = [replace(_handed_out(static, kept), room_collision=tuple(rooms))]
+    of_furniture = _handed_out(static, kept)
+    hulls = _largest(of_furniture.collision, FURNITURE_SHAPES - len(kept) + len(of_furniture.collision))
+    done = [replace(of_furniture, collision=hulls, room_collision=tuple(rooms))]
     done += [
         _handed_out(layer, shapes)
         for layer, shapes in zip(layers[1:], cleared[1:], strict=True)
@@ -71,6 +73,13 @@ def _furniture_hulls(layer: Completion, room: int) -> list[Collision]:
     pieces = decompose(left, _COARSE, _THICKNESS, max(_LEAST_HULLS, room)) if len(left) else []
     large = [p for p in pieces if geo.triangle_areas(p).sum() > _SPECK]
     return [h.mesh for p in large if (h := thick_hull(p, _THICKNESS)) is not None]
+
+
+def _largest(shapes: Sequence[Collision], most: int) -> tuple[Collision, ...]:
+    """At most so many of the shapes, or a few: a hull that gives way to a part falls to slivers, of which the smallest are left out."""
+    volumes = [-1.0 if (h := hull_of(points_of(s))) is None else h.volume for s in shapes]
+    kept = set(np.argsort(volumes, kind="stable")[::-1][: max(_LEAST_HULLS, most)].tolist())
+    return tuple(s for k, s in enumerate(shapes) if k in kept)
 
 
 def _of_room(room: Mesh) -> list[Collision]:
