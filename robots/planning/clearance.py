@@ -39,7 +39,12 @@ class ClearanceCheck:
     ) -> None:
         self._world = build_world(twin, spec, np.eye(4), 0.0 if spec.planar else _PEDESTAL)
         self._world.model.geom_margin[self._world.owner == ROBOT] = config.clearance
-        self._data = mujoco.MjData(self._world.model)
+        model = self._world.model
+        self._caught = [
+            set(pair)
+            for pair in np.stack([model.pair_geom1, model.pair_geom2], 1)[model.pair_adhesion > 0].tolist()
+        ]
+        self._data = mujoco.MjData(model)
         self._part, self._reach, self._task = part.id, config.clearance, task
         self._spec, self._grasps = spec, grasps
 
@@ -98,10 +103,10 @@ class ClearanceCheck:
         return least, names
 
     def _allowed(self, g1: int, g2: int) -> bool:
-        """Fingers may be near the part they are about to hold, and a catch pulls a part to what it hangs on."""
+        """Fingers may be near the part they are about to hold, and the two that a catch pulls together."""
         w = self._world
         return bool(
-            (w.owner[g1] != ROBOT and w.owner[g2] != ROBOT)
+            {g1, g2} in self._caught
             or (w.finger[g1] and w.geom_part[g2] == self._part)
             or (w.finger[g2] and w.geom_part[g1] == self._part)
         )
