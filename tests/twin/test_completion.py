@@ -12,9 +12,14 @@ from tests.twin import scans
 from twin import geometry as geo
 from twin.completion import with_completion
 from twin.completion.asset import AS_SEEN, AssetView, asset_pose, usual_view
+from twin.completion.board import INSET
+from twin.completion.carcass import BOARD
+from twin.completion.handle import BAR, POST
 from twin.completion.infer import infer
+from twin.completion.leaf import FRONT_THICKNESS
 from twin.completion.shapes import FURNITURE_SHAPES, with_shapes
 from twin.completion.sweep import swept_points
+from twin.completion.tray import FLOOR, WALL
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.inferred import VERSION, Completion, Inferred
@@ -151,7 +156,16 @@ def test_what_nobody_saw_is_assumed_and_says_so() -> None:
     for name in ("floor_rear", "left_side_rear", "right_side_rear", "back"):
         assert found[name].basis == "assumed"
     assert found["front"].basis == "assumed"  # nobody saw how thick it is
-    assert "not seen" in found["front"].reason
+    assert "thickness assumed" in found["front"].reason
+
+
+def test_a_thickness_that_nobody_measured_is_called_assumed(drawer: Twin, door: Twin) -> None:
+    """Also of a board that what was seen bounds otherwise."""
+    usual = [BOARD, WALL, FLOOR, BAR, POST, FRONT_THICKNESS]
+    for piece in (p for t in (drawer, door) for k in (t, t.parts[0]) for p in layer(k).pieces):
+        size = np.ptp(corners(piece), axis=0) + 2 * INSET
+        as_usual = np.abs(np.min(size) - usual).min() < 1e-6
+        assert not as_usual or piece.basis == "assumed" or "thickness assumed" in piece.reason, piece.name
 
 
 def test_the_rim_of_a_side_is_no_floor() -> None:

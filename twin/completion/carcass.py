@@ -92,7 +92,16 @@ def find_carcass(front: Front, cloud: Cloud, wall: float | None, opening: Array,
     a[OUT], b[OUT] = rear - BOARD, rear
     if wall is not None:
         a[OUT] = min(max(a[OUT], wall), rear - 0.004)
-    boards.append(Board(f"{name}_cabinet_back", "back", a, b, basis, f"cabinet back: {told}"))
+    boards.append(
+        Board(
+            f"{name}_cabinet_back",
+            "back",
+            a,
+            b,
+            basis,
+            f"cabinet back: {told}; thickness assumed, {1000 * BOARD:.0f} mm as boards have",
+        )
+    )
     seen = bool(backs) or any(w.seen for w in walls.values())
     return Carcass(tuple(k for k in boards if k.real), low, high, seen)
 
@@ -117,15 +126,19 @@ def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start:
         if outer is not None and 0.004 < s * (outer.offset - inner) < _THICKEST:
             t = abs(outer.offset - inner)
             return _Wall(inner, t, True, f"both faces seen, {1000 * t:.0f} mm thick")
-        return _Wall(inner, BOARD, True, f"inner face seen, {1000 * BOARD:.0f} mm thick as boards are")
+        return _Wall(
+            inner, BOARD, True, f"inner face seen; thickness assumed, {1000 * BOARD:.0f} mm as boards have"
+        )
     if outer is not None:
         return _Wall(
             outer.offset - s * BOARD,
             BOARD,
             True,
-            f"outer face seen, {1000 * BOARD:.0f} mm thick as boards are",
+            f"outer face seen; thickness assumed, {1000 * BOARD:.0f} mm as boards have",
         )
-    return _Wall(edge - s * _OVERLAY, BOARD, False, "not seen, at the front's edge")
+    return _Wall(
+        edge - s * _OVERLAY, BOARD, False, "not seen: place and thickness assumed, at the front's edge"
+    )
 
 
 def _outer(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, start: float) -> Layer | None:
@@ -159,4 +172,8 @@ def _rear(
         return wall + BOARD, "evidence", "the wall behind it ends it"
     if reach < start - 0.25:
         return reach + BOARD, "evidence", "as deep as what was seen around it"
-    return min(start - DEPTH, reach), "assumed", f"not seen, {100 * DEPTH:.0f} cm deep as cabinets are"
+    return (
+        min(start - DEPTH, reach),
+        "assumed",
+        f"not seen; depth assumed, {100 * DEPTH:.0f} cm as cabinets have",
+    )

@@ -102,7 +102,11 @@ def _bar(name: str, axis: int, ends: Array, at: float, top: float, width: float)
     thick = BAR + max(0.0, width - BAR - _BLUR)
     depth = min(thick, 0.7 * top)
     told = f"handle: bar {1000 * np.ptp(ends):.0f} mm long seen, no wider than {1000 * width:.0f} mm"
-    told += f"; {1000 * thick:.0f} mm thick as bars are" if thick == BAR else f"; {1000 * thick:.0f} mm thick"
+    told += (
+        f"; thickness assumed, {1000 * thick:.0f} mm as bars have"
+        if thick == BAR
+        else f"; {1000 * thick:.0f} mm thick, less what a scan blurs"
+    )
     boards = [
         _box(
             name,

@@ -77,5 +77,5 @@ def _thickness(cloud: Cloud, corners: Array) -> tuple[float, Basis, str]:
         t = (
             rim + FRONT_THICKNESS
         ) / 2  # a rim is hardly wider than what a fused surface resolves: boards' usual one counts as much
-        return t, "evidence", f"rim seen about {1000 * rim:.0f} mm deep"
-    return FRONT_THICKNESS, "assumed", f"thickness not seen, {1000 * FRONT_THICKNESS:.0f} mm as boards have"
+        return t, "evidence", f"rim seen about {1000 * rim:.0f} mm deep, taken as {1000 * t:.0f} mm"
+    return FRONT_THICKNESS, "assumed", f"thickness assumed, {1000 * FRONT_THICKNESS:.0f} mm as boards have"

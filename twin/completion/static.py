@@ -181,7 +181,7 @@ def _local(name: str, box: Box, back: str, T_world_frame: Array) -> Board:
     """A box that lies along the frame's axes, as a board in it."""
     corners = geo.transform(geo.invert_pose(T_world_frame), box.corners)
     told = {"seen": "both faces seen", "edge": "face and edges seen"}.get(
-        back, "face seen, as thick as boards are at least"
+        back, "face seen; thickness assumed, the least of boards"
     )
     basis = "assumed" if back == "table" else "evidence"
     return Board(name, "panel", corners.min(axis=0), corners.max(axis=0), basis, f"furniture: {told}")  # type: ignore[arg-type]

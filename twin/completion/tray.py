@@ -151,7 +151,7 @@ def _side(behind: Cloud, s: int, middle: float) -> _Wall | None:
         return None
     if not beyond or (away and away[0].cloud.size > _MUCH * beyond[0].cloud.size):
         inner, points = away[0].offset - s * WALL, away[0].cloud.points
-        thickness, told = WALL, f"outer face seen, {1000 * WALL:.0f} mm thick as usual"
+        thickness, told = WALL, f"outer face seen; thickness assumed, {1000 * WALL:.0f} mm as usual"
     else:
         inner, points = beyond[0].offset, beyond[0].cloud.points
         thickness, told = _thickness(behind, s, inner, points, away)
@@ -173,7 +173,7 @@ def _thickness(behind: Cloud, s: int, inner: float, points: Array, away: list[La
     if len(wide) * behind.area > _LEAST / 3:
         thickness = float(np.clip(2 * np.median(wide), 0.006, _THICKEST))
         return thickness, f"inner face and top seen, {1000 * thickness:.0f} mm thick"
-    return WALL, f"inner face seen, {1000 * WALL:.0f} mm thick as usual"
+    return WALL, f"inner face seen; thickness assumed, {1000 * WALL:.0f} mm as usual"
 
 
 def _end(layer: Layer, axis: int) -> float:
@@ -201,11 +201,17 @@ def _boards(
         if b - a < 0.005:
             continue
         told = depth if bounded else f"continued to the rear, {rear_told}"
+        thick = f"thickness assumed, {1000 * FLOOR:.0f} mm as usual"
         basis: Basis = "evidence" if bounded and floor is not None else "assumed"
         floor_low, floor_high = [outer[0], low[1] - FLOOR, a], [outer[1], low[1], b]
         boards.append(
             Board(
-                f"floor{suffix}", "floor", np.array(floor_low), np.array(floor_high), basis, f"floor: {told}"
+                f"floor{suffix}",
+                "floor",
+                np.array(floor_low),
+                np.array(floor_high),
+                basis,
+                f"floor: {told}; {thick}",
             )
         )
         for wall, name, x in (
@@ -225,7 +231,6 @@ def _boards(
                 )
             )
     back_low, back_high = [outer[0], low[1] - FLOOR, rear - WALL], [outer[1], high[1], rear]
-    boards.append(
-        Board("back", "back", np.array(back_low), np.array(back_high), rear_basis, f"back: {rear_told}")
-    )
+    told = f"back: {rear_told}; thickness assumed, {1000 * WALL:.0f} mm as usual"
+    boards.append(Board("back", "back", np.array(back_low), np.array(back_high), rear_basis, told))
     return boards
