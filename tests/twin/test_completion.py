@@ -18,13 +18,13 @@ from twin.completion.handle import BAR, POST
 from twin.completion.infer import infer
 from twin.completion.leaf import FRONT_THICKNESS
 from twin.completion.shapes import FURNITURE_SHAPES, with_shapes
-from twin.completion.sweep import swept_points
+from twin.completion.sweep import held_points, swept_points
 from twin.completion.tray import FLOOR, WALL
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.inferred import VERSION, Completion, Inferred
 from twin.mesh import edges
-from twin.scene import Mesh, Part, Prismatic, Twin
+from twin.scene import ContactPath, Mesh, Part, Prismatic, Revolute, Twin
 
 NEAR = 0.004  # m: half of the scan's spacing, by which its borders are ragged
 
@@ -243,6 +243,26 @@ def test_shapes_stand_clear_of_one_another_and_belong_to_their_pieces(drawer: Tw
     assert with_completion(twin) is twin
     older = replace(twin, static=replace(twin.static, completion=replace(layer(twin), version=0)))
     assert layer(with_completion(older)).version == VERSION  # another program's is inferred anew
+
+
+def test_where_the_hand_held_the_closed_part_the_furniture_is_free() -> None:
+    """A flap held by its upper edge, behind which the cabinet's top, that nobody saw, would be."""
+    joint = Revolute(np.array([1.0, 0.0, 0.0]), 0.0, 1.2, pivot=np.array([0.0, 0.009, 0.37]))
+    flap = scans.part_of(scans.surface([((-0.25, 0.0, 0.37), (0.25, 0.018, 0.77), "-y +y +z")], 2), joint)
+    edge = np.array([0.0, 0.009, 0.765])
+    grip = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
+    held = replace(flap, contact=ContactPath(edge, grip, 0.02, (10,), "stated: test"))
+    sides = tuple(k for k in scans.CABINET[:2])
+    tops = []
+    for part in (flap, held):
+        twin = infer(scans.twin_of(part, (*sides, *scans.ROOM)))
+        tops.append(corners(pieces(twin)["part_2_cabinet_top"]))
+        points = held_points(part)
+        for piece in layer(twin).pieces:
+            low, high = corners(piece)
+            assert not np.any(np.all((points > low + NEAR) & (points < high - NEAR), axis=1)), piece.name
+    assert tops[1][0, 1] - tops[0][0, 1] > 0.01  # it begins farther back
+    assert not len(held_points(flap))
 
 
 def test_slivers_of_clutter_that_gives_way_are_left_out_beyond_the_most_shapes() -> None:

@@ -11,7 +11,7 @@ from twin.completion.part import complete_part, front_of
 from twin.completion.room import apart
 from twin.completion.squared import Sight
 from twin.completion.static import complete_static, openings
-from twin.completion.sweep import swept_points
+from twin.completion.sweep import held_points, swept_points
 from twin.scene import Twin
 
 
@@ -28,6 +28,7 @@ def infer(twin: Twin) -> Twin:
     rears = {o.part.id: float(o.carcass.low[2]) for o in opened}
     layers = [complete_part(p, f, rears.get(p.id)) for p, f in zip(twin.parts, fronts, strict=True)]
     passed = [swept_points(p, layer) for p, layer in zip(twin.parts, layers, strict=True)]
+    passed += [held_points(p) for p in twin.parts]
     eyes = None if twin.cameras is None else twin.cameras.T_world_cam[:, :3, 3]
     sight = Sight(mesh, eyes) if eyes is not None and len(mesh.faces) else None
     static = complete_static(mesh, found, opened, np.concatenate(passed), sight)

@@ -15,6 +15,8 @@ _SPACING = 0.012  # m between points on a part's boards
 _STEP = 0.015  # m that no point moves farther between two states
 _INTO = 0.004  # m into a board that a part may come: noise of both
 _SPARE = 0.004  # m from where the part passes that a shortened board ends
+_FINGER = 0.02  # m, thickness and width of a finger (chosen by us)
+_BEHIND = 0.03  # m that fingers reach behind and before the middle of what they hold
 _WORTH = 0.5  # share of a board that must be left of it
 
 
@@ -28,6 +30,22 @@ def swept_points(part: Part, layer: Completion) -> Array:
         clouds.append(spread(corners, piece.mesh.area / _SPACING**2)[0])
     points = np.concatenate(clouds)
     return np.concatenate([geo.transform(part.joint.pose(s), points) for s in sweep_states(part, _STEP)])
+
+
+def held_points(part: Part) -> Array:
+    """Points (n, 3) m that two fingers filled beside what they held of the closed part, in the world; none where no hand held it."""
+    contact = part.contact
+    if contact is None:
+        return np.zeros((0, 3))
+    beside = contact.width / 2 + np.arange(0.0, _FINGER + 1e-9, _FINGER / 2)
+    grid = np.meshgrid(
+        np.concatenate([-beside, beside]),
+        np.linspace(-_FINGER / 2, _FINGER / 2, 3),
+        np.linspace(-_BEHIND, _BEHIND, 7),
+        indexing="ij",
+    )
+    points = np.stack([g.ravel() for g in grid], axis=1)
+    return geo.transform(geo.make_pose(contact.rotation, contact.point), points)
 
 
 def out_of_the_way(board: Board, swept: Array, into: float = _INTO) -> Board | None:
@@ -52,5 +70,10 @@ def out_of_the_way(board: Board, swept: Array, into: float = _INTO) -> Board | N
     if best is None:
         return None
     return Board(
-        board.name, board.role, best[1], best[2], board.basis, f"{board.reason}, up to where the part moves"
+        board.name,
+        board.role,
+        best[1],
+        best[2],
+        board.basis,
+        f"{board.reason}, up to where the part or the hand moves",
     )
