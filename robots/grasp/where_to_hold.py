@@ -10,12 +10,13 @@ import numpy as np
 from robots.grasp.holds import Hold, dominant_face, find_holds, protruding
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
+from twin.collision.decimation import joined
 from twin.contacts import allowed, contact_off, distance_to
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.handles import frame_of
 from twin.mesh import sample_surface
-from twin.scene import ContactPath, Part, Revolute, Twin
+from twin.scene import ContactPath, Mesh, Part, Revolute, Twin
 
 _LOG = logging.getLogger(__name__)
 _SAMPLES = 30_000
@@ -28,6 +29,15 @@ _SOURCE = "shape: no hand was seen"
 
 class NothingToHold(InputError):
     """A part has no contact, and nothing on it that the gripper could hold."""
+
+
+def solid_of(part: Part) -> Mesh:
+    """What there is of a part to hold, at state 0: its inferred pieces and what is shown beside them, else its seen mesh.
+
+    A scan has ragged borders, below which fingers would close on nothing where the part ends as a board.
+    """
+    layer = part.completion
+    return part.mesh if layer is None else joined([layer.shown, *(p.mesh for p in layer.pieces)])
 
 
 def holds_of(
@@ -51,11 +61,11 @@ def holds_of(
                 f"give a point on it: it spans {_text(part.mesh.vertices.min(axis=0))} to "
                 f"{_text(part.mesh.vertices.max(axis=0))} m at state 0",
             )
-        return find_holds(part.mesh, told, spec, seed)
+        return find_holds(solid_of(part), told, spec, seed)
     if part.contact is not None:
         off = contact_off(part)
         if off is None:
-            return find_holds(part.mesh, part.contact, spec, seed)
+            return find_holds(solid_of(part), part.contact, spec, seed)
         _LOG.warning("%s: its shape decides where to hold it", off.problem)
     holds = holds_by_shape(twin, part, spec, seed)
     if not holds:
@@ -74,7 +84,7 @@ def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> 
         for shift in (_ASIDE, -_ASIDE, 2 * _ASIDE, -2 * _ASIDE):
             at = hold.centre + shift * hold.rotation[:, 1]
             near = ContactPath(at, hold.rotation, hold.thickness, (), "other place")
-            best = find_holds(part.mesh, near, spec, seed)[0]
+            best = find_holds(solid_of(part), near, spec, seed)[0]
             new = all(np.linalg.norm(best.centre - h.centre) > _ASIDE / 2 for h in (*holds, *found))
             if best.kind == hold.kind and new:
                 found.append(best)
@@ -83,14 +93,14 @@ def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> 
 
 def holds_by_shape(twin: Twin, part: Part, spec: RobotSpec, seed: int) -> list[Hold]:
     """Bars and knobs on the part's face, those with most leverage first; else its rims; empty when there are none."""
-    points, normals = sample_surface(part.mesh, _SAMPLES, np.random.default_rng(seed))
+    points, normals = sample_surface(solid_of(part), _SAMPLES, np.random.default_rng(seed))
     if len(points) < 100:
         return []
     out = outward(twin, part, points, normals)
     for contacts in (_handles, _rims):
         holds: list[Hold] = []
         for contact in contacts(part, points, normals, out):
-            found = find_holds(part.mesh, contact, spec, seed)
+            found = find_holds(solid_of(part), contact, spec, seed)
             holds += [h for h in found if h.refined and h.thickness > _THINNEST][:2]
         if holds:
             return holds[:_TRIED]
@@ -184,7 +194,7 @@ def _at_point(twin: Twin, part: Part, point: Array) -> ContactPath:
             f"contact must be a ContactPath or a point of three finite numbers, got {np.asarray(point).tolist()}",
             "give contact=(x, y, z) in metres, world frame at state 0",
         )
-    points, normals = sample_surface(part.mesh, _SAMPLES, np.random.default_rng(0))
+    points, normals = sample_surface(solid_of(part), _SAMPLES, np.random.default_rng(0))
     out = outward(twin, part, points, normals) if len(points) else np.array([0, 0, 1.0])
     return _contact(place, _along(part, out), out)
 

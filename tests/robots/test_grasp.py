@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,11 @@ from benchmarks.scenes.random_furniture import random_furniture
 from robots.config import PlanConfig
 from robots.grasp.holds import find_holds
 from robots.grasp.tool_path import backed_off, make_grasps
+from robots.grasp.where_to_hold import holds_of
 from robots.model.catalog import resolve
+from tests.twin import scans
 from twin import geometry as geo
+from twin.completion.infer import infer
 from twin.scene import ContactPath, Mesh
 
 
@@ -174,3 +179,20 @@ def test_only_rims_are_taken_far_aslant(franka):
         leans[hold.kind] = max(tilt)
     assert leans["edge"] == pytest.approx(0.8, abs=1e-6)
     assert leans["bar"] == pytest.approx(0.45, abs=1e-6)
+
+
+def test_a_completed_part_is_held_where_it_is_solid(franka):
+    """A scan blurs the bar of 12 mm to 24; what is closed on is the bar that the asset has."""
+    whole = infer(
+        scans.twin_of(
+            scans.part_of(scans.drawer().mesh, scans.drawer().joint, np.array([0.0, -0.044, 0.686]))
+        )
+    )
+    part = whole.parts[0]
+    seen = replace(part, completion=None)
+    ours, blurred = (holds_of(whole, p, franka, None, 0)[0] for p in (part, seen))
+    bar = next(p for p in part.completion.pieces if p.name == "handle").mesh
+    assert ours.kind == blurred.kind == "bar"
+    assert abs(ours.thickness - np.ptp(bar.vertices, axis=0)[2]) < 0.002
+    assert blurred.thickness > ours.thickness + 0.005
+    np.testing.assert_allclose(ours.centre[1:], bar.vertices.mean(axis=0)[1:], atol=0.004)

@@ -101,7 +101,11 @@ def part_of(mesh: Mesh, joint: Joint, contact: Array | None = None) -> Part:
     held = None
     if contact is not None:
         held = ContactPath(
-            contact, np.array([[0, 1, 0], [0, 0, -1], [-1, 0, 0]]).T @ np.eye(3), 0.02, (10,), "stated: test"
+            contact,
+            np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).T,
+            0.02,
+            (10,),
+            "stated: test",
         )
     return Part(
         2, "part_2", mesh, joint, Motion(np.arange(n), np.arange(n) / 15, state, ((5, 25),)), contact=held
