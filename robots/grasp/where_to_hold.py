@@ -79,12 +79,12 @@ def holds_of(
 
 def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> list[Hold]:
     """Other places on the same bars and rims, nearest to the given ones first; empty for a knob."""
-    found: list[Hold] = []
+    solid, found = solid_of(part), list[Hold]()
     for hold in (h for h in holds if h.kind in ("bar", "edge")):
         for shift in (_ASIDE, -_ASIDE, 2 * _ASIDE, -2 * _ASIDE):
             at = hold.centre + shift * hold.rotation[:, 1]
             near = ContactPath(at, hold.rotation, hold.thickness, (), "other place")
-            best = find_holds(solid_of(part), near, spec, seed)[0]
+            best = find_holds(solid, near, spec, seed)[0]
             new = all(np.linalg.norm(best.centre - h.centre) > _ASIDE / 2 for h in (*holds, *found))
             if best.kind == hold.kind and new:
                 found.append(best)
@@ -93,14 +93,15 @@ def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> 
 
 def holds_by_shape(twin: Twin, part: Part, spec: RobotSpec, seed: int) -> list[Hold]:
     """Bars and knobs on the part's face, those with most leverage first; else its rims; empty when there are none."""
-    points, normals = sample_surface(solid_of(part), _SAMPLES, np.random.default_rng(seed))
+    solid = solid_of(part)
+    points, normals = sample_surface(solid, _SAMPLES, np.random.default_rng(seed))
     if len(points) < 100:
         return []
     out = outward(twin, part, points, normals)
     for contacts in (_handles, _rims):
         holds: list[Hold] = []
         for contact in contacts(part, points, normals, out):
-            found = find_holds(solid_of(part), contact, spec, seed)
+            found = find_holds(solid, contact, spec, seed)
             holds += [h for h in found if h.refined and h.thickness > _THINNEST][:2]
         if holds:
             return holds[:_TRIED]

@@ -14,6 +14,7 @@ from twin.geometry import Array
 from twin.inferred import Basis
 
 BOARD = 0.018  # m, the usual thickness of chipboard
+_AS_BOARDS = f"thickness assumed, {1000 * BOARD:.0f} mm as boards have"
 DEPTH = 0.50  # m, usual depth of a cabinet, where nothing was seen of it
 _OVERLAY = 0.009  # m from a front's edge to the inner face of the board that it covers half of, where no face was seen
 _AROUND = 0.035  # m outside the front's edges within which the inner face of a board may lie
@@ -99,7 +100,7 @@ def find_carcass(front: Front, cloud: Cloud, wall: float | None, opening: Array,
             a,
             b,
             basis,
-            f"cabinet back: {told}; thickness assumed, {1000 * BOARD:.0f} mm as boards have",
+            f"cabinet back: {told}; {_AS_BOARDS}",
         )
     )
     seen = bool(backs) or any(w.seen for w in walls.values())
@@ -126,15 +127,13 @@ def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start:
         if outer is not None and 0.004 < s * (outer.offset - inner) < _THICKEST:
             t = abs(outer.offset - inner)
             return _Wall(inner, t, True, f"both faces seen, {1000 * t:.0f} mm thick")
-        return _Wall(
-            inner, BOARD, True, f"inner face seen; thickness assumed, {1000 * BOARD:.0f} mm as boards have"
-        )
+        return _Wall(inner, BOARD, True, f"inner face seen; {_AS_BOARDS}")
     if outer is not None:
         return _Wall(
             outer.offset - s * BOARD,
             BOARD,
             True,
-            f"outer face seen; thickness assumed, {1000 * BOARD:.0f} mm as boards have",
+            f"outer face seen; {_AS_BOARDS}",
         )
     return _Wall(
         edge - s * _OVERLAY, BOARD, False, "not seen: place and thickness assumed, at the front's edge"
