@@ -12,12 +12,13 @@ from tests.twin import scans
 from twin import geometry as geo
 from twin.completion import with_completion
 from twin.completion.asset import AS_SEEN, AssetView, asset_pose, usual_view
-from twin.completion.board import INSET
+from twin.completion.board import INSET, Board
 from twin.completion.carcass import BOARD
 from twin.completion.handle import BAR, POST
 from twin.completion.infer import infer
 from twin.completion.leaf import FRONT_THICKNESS
 from twin.completion.shapes import FURNITURE_SHAPES, with_shapes
+from twin.completion.squared import Sight, squared
 from twin.completion.sweep import held_points, swept_points
 from twin.completion.tray import FLOOR, WALL
 from twin.errors import InputError
@@ -79,6 +80,51 @@ def test_a_door_has_its_back_and_edges(door: Twin) -> None:
     assert panel.basis == "evidence"
     assert np.abs(corners(panel) - [[-0.25, 0.0, 0.37], [0.25, 0.018, 0.77]]).max() < 0.006
     assert "18 mm" in panel.reason
+
+
+def door_of(thickness: float, faces: str, *beside: scans.Piece) -> Part:
+    """A scanned door of a stated thickness."""
+    joint = Revolute(np.array([0.0, 0.0, -1.0]), 0.0, 1.4, pivot=np.array([-0.25, 0.009, 0.4]))
+    board = ((-0.25, 0.0, 0.37), (0.25, thickness, 0.77), faces)
+    return scans.part_of(scans.surface([board, *beside], 2), joint)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "taken"), [(0.018, 0.018), (0.022, 0.020), (0.014, 0.016), (0.04, 0.04)]
+)
+def test_a_back_that_was_seen_tells_the_thickness_of_what_is_no_usual_board(
+    thickness: float, taken: float
+) -> None:
+    """A fused board may be thicker or thinner by some millimetres: there the usual one counts as much."""
+    (panel,) = pieces(infer(scans.twin_of(door_of(thickness, "-y +y"))).parts[0]).values()
+    assert abs(np.ptp(corners(panel)[:, 1]) - taken) < 0.002
+    assert "back seen" in panel.reason
+
+
+@pytest.mark.parametrize(("rim", "assumed"), [(0.020, False), (0.045, True)])
+def test_a_rim_deeper_than_boards_are_tells_nothing(rim: float, assumed: bool) -> None:
+    (panel,) = pieces(infer(scans.twin_of(door_of(rim, "-y +x +z"))).parts[0]).values()
+    assert ("thickness assumed" in panel.reason) is assumed
+    assert abs(np.ptp(corners(panel)[:, 1]) - FRONT_THICKNESS) < (0.001 if assumed else 0.003)
+    assert panel.basis == "evidence"
+
+
+def test_what_lies_beside_a_door_and_behind_it_is_none_of_it() -> None:
+    """A strip of the furniture around it, which labels took for it; before its face, as a handle that stands out beside, is its own."""
+    below = ((-0.2, 0.016, 0.30), (0.2, 0.03, 0.37), "-y")
+    before = ((0.23, -0.012, 0.5), (0.32, -0.002, 0.6), "-y")
+    shown = layer(infer(scans.twin_of(door_of(0.018, "-y +y", below, before))).parts[0]).shown
+    assert shown.vertices[:, 2].min() > 0.355
+    assert shown.vertices[:, 0].max() > 0.3
+
+
+def test_pieces_are_drawn_as_large_as_they_touch(drawer: Twin) -> None:
+    """To a third of a millimetre a face, by which the seen surface lies before them."""
+    for piece in pieces(drawer.parts[0]).values():
+        (box,) = piece.shapes
+        away = box.corners.max(axis=0) - box.corners.min(axis=0) - np.ptp(corners(piece), axis=0)
+        assert np.abs(away - 2 * INSET).max() < 1e-9
+        assert INSET < 5e-4
 
 
 def test_the_cabinet_is_closed_by_what_was_seen_of_it(door: Twin) -> None:
@@ -231,6 +277,38 @@ def test_a_neighbour_that_the_picture_cut_off_is_as_wide_as_what_is_below_it(wal
     upper = max((p for p in neighbours.values() if corners(p)[1, 2] > 0.7), key=lambda p: corners(p)[1, 0])
     assert abs(corners(upper)[1, 0] - (0.70 if wall_seen else 0.90)) < 0.015
     assert ("as wide as" in upper.reason) is not wall_seen
+
+
+def test_a_strip_that_would_hang_between_others_is_none_of_a_cabinet() -> None:
+    """A neighbour from 0.1 to 0.8 m, beside which fronts stand below and above: what is free between them is not its."""
+
+    def board(low: scans.Corner, high: scans.Corner, name: str) -> Board:
+        return Board(name, "neighbour", np.array(low), np.array(high), "assumed", "front seen")
+
+    tall = board((0.0, 0.1, -0.5), (0.4, 0.8, 0.0), "tall")
+    lower = board((0.4, 0.1, -0.5), (0.8, 0.4, 0.0), "lower")
+    upper = board((0.4, 0.6, -0.5), (0.8, 0.8, 0.0), "upper")
+    wide = board((-0.5, 0.9, -0.5), (0.8, 1.0, 0.0), "wide")
+    wall = scans.surface([((-9.0, -9.0, -0.6), (-8.9, -8.9, -0.6), "+z")])
+    sight = Sight(wall, np.array([[0.0, 0.5, 2.0]]))
+    between = squared([tall, lower, upper, wide], (), sight, np.eye(4))
+    assert "tall_right" not in {b.name for b in between}
+    beside = {b.name: b for b in squared([tall, lower, wide], (), sight, np.eye(4))}
+    assert np.allclose(beside["tall_right"].high, [0.8, 0.8, 0.0])
+
+
+def test_a_cabinet_that_was_not_seen_up_to_the_wall_is_assumed_to_reach_it() -> None:
+    """Its top ends there, or farther before; hung on the wall it may well end before it."""
+    told = []
+    for end in (0.57, 0.30):
+        top = ((-0.268, 0.022, 0.782), (0.268, end, 0.80), "+z")
+        found = pieces(infer(scans.twin_of(scans.drawer(), (*scans.CABINET[:2], top, *scans.ROOM))))
+        told.append((found["part_2_cabinet_back"], found["part_2_cabinet_left"]))
+    (seen, side), (unseen, other) = told
+    assert (seen.basis, unseen.basis) == ("evidence", "assumed")
+    assert abs(corners(seen)[1, 1] - 0.57) < 0.003
+    assert "depth assumed" in other.reason
+    assert "depth assumed" not in side.reason
 
 
 def test_shapes_stand_clear_of_one_another_and_belong_to_their_pieces(drawer: Twin) -> None:

@@ -25,6 +25,8 @@ _NEAREST_BACK = 0.12  # m
 _GAP = 0.003  # m between the front's back and the boards
 _THICKEST = 0.045  # m
 _DEEPEST = 1.2  # m
+_BESIDE = 0.3  # m beside an opening where furniture is as deep as its cabinet
+_AT_WALL = 0.03  # m before a wall where what was seen up to there stands at it
 _DEEP = 0.75  # m: no wall nearer than this has room between it and a cabinet before it
 _NAMES = {(SIDE, -1): "left", (SIDE, 1): "right", (UP, -1): "bottom", (UP, 1): "top"}
 
@@ -77,7 +79,8 @@ def find_carcass(front: Front, cloud: Cloud, wall: float | None, opening: Array,
             a[UP], b[UP] = low[UP] - walls[UP, -1].thickness, high[UP] + walls[UP, 1].thickness
         a[axis], b[axis] = sorted((found.inner, found.inner + s * found.thickness))
         role = "side" if axis == SIDE else _NAMES[axis, s]
-        reason = f"cabinet {_NAMES[axis, s]}: {found.told}"
+        depth = "; depth assumed" if found.seen and basis == "assumed" else ""
+        reason = f"cabinet {_NAMES[axis, s]}: {found.told}{depth}"
         boards.append(
             Board(
                 f"{name}_cabinet_{_NAMES[axis, s]}",
@@ -163,12 +166,11 @@ def _rear(
         rear = backs[0].offset
         if wall is None or rear > wall + 0.002:
             return rear, "evidence", "inner face seen"
-    low = np.array([*(opening[0] - 0.3), -_DEEPEST])
-    high = np.array([*(opening[1] + 0.3), start])
-    around = cloud.where(cloud.within(low, high) & ~cloud.facing(OUT, 1))
-    reach = float(np.quantile(around.points[:, OUT], 0.02)) - BENT if around.size > 4 * _LEAST else start
+    reach = _reach(cloud, opening, _BESIDE, start)
     if wall is not None and (reach < wall + 0.1 or wall > -_DEEP):
-        return wall + BOARD, "evidence", "the wall behind it ends it"
+        if _reach(cloud, opening, _AROUND, start) < wall + _AT_WALL:
+            return wall + BOARD, "evidence", "its outside was seen up to the wall behind it"
+        return wall + BOARD, "assumed", "not seen; assumed to reach the wall behind it"
     if reach < start - 0.25:
         return reach + BOARD, "evidence", "as deep as what was seen around it"
     return (
@@ -176,3 +178,11 @@ def _rear(
         "assumed",
         f"not seen; depth assumed, {100 * DEPTH:.0f} cm as cabinets have",
     )
+
+
+def _reach(cloud: Cloud, opening: Array, around: float, start: float) -> float:
+    """How far back (m along out) surface was seen that belongs to a cabinet or stands within `around` m of it: its sides and top."""
+    low = np.array([*(opening[0] - around), -_DEEPEST])
+    high = np.array([*(opening[1] + around), start])
+    sides = cloud.where(cloud.within(low, high) & ~cloud.facing(OUT, 1))
+    return float(np.quantile(sides.points[:, OUT], 0.02)) - BENT if sides.size > 4 * _LEAST else start

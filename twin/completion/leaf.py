@@ -16,7 +16,9 @@ BENT = 0.005  # m: a fused surface bends away from its plane about one voxel bef
 _DEEPEST = 0.06  # m, no front is thicker
 _THINNEST = 0.006  # m
 _BACK = 0.08  # share of the front whose back tells its thickness
-_BOARDS = (0.012, 0.022)  # m, of fronts (assets/materials.toml); a rim's skirt of noise deepens it
+_BOARDS = (0.012, 0.022)  # m, of fronts (assets/materials.toml)
+_BLUR = 0.006  # m by which a fused board may seem thicker or thinner than it is: more is no board of the usual thickness
+_AS_BOARDS = f"thickness assumed, {1000 * FRONT_THICKNESS:.0f} mm as boards have"
 _RIM = 0.0006  # m^2 of rim that tell it
 _NEAR_RIM = 0.015  # m
 _FILLED = 0.45  # share of the rectangle that must be surface: what is less is no board
@@ -62,8 +64,11 @@ def _thickness(cloud: Cloud, corners: Array) -> tuple[float, Basis, str]:
     low, high = np.array([*corners[0], -_DEEPEST]), np.array([*corners[1], -_THINNEST / 2])
     backs = layers(cloud.where(cloud.within(low, high)), OUT, -1, _BACK * float(np.prod(high[:2] - low[:2])))
     if backs:
-        t = max(_THINNEST, -backs[0].offset)
-        return t, "evidence", f"back seen {1000 * t:.0f} mm behind"
+        seen = max(_THINNEST, -backs[0].offset)
+        if abs(seen - FRONT_THICKNESS) > _BLUR:
+            return seen, "evidence", f"back seen {1000 * seen:.0f} mm behind"
+        t = (seen + FRONT_THICKNESS) / 2  # the faces of a fused board push each other apart
+        return t, "evidence", f"back seen {1000 * seen:.0f} mm behind, taken as {1000 * t:.0f} mm"
     depths = []
     for axis in (SIDE, UP):
         for sign, edge in ((-1, corners[0, axis]), (1, corners[1, axis])):
@@ -73,9 +78,11 @@ def _thickness(cloud: Cloud, corners: Array) -> tuple[float, Basis, str]:
             if len(rim) * cloud.area > _RIM:
                 depths.append((len(rim), 2.0 * float(np.median(rim))))  # a rim is seen evenly over its depth
     if depths:
-        rim = float(np.clip(max(depths)[1] - BENT, *_BOARDS))
+        rim = max(depths)[1] - BENT
+        if not _BOARDS[0] <= rim <= _BOARDS[1]:  # its skirt of noise, which tells nothing
+            return FRONT_THICKNESS, "evidence", f"rim seen, {_AS_BOARDS}"
         t = (
             rim + FRONT_THICKNESS
         ) / 2  # a rim is hardly wider than what a fused surface resolves: boards' usual one counts as much
         return t, "evidence", f"rim seen about {1000 * rim:.0f} mm deep, taken as {1000 * t:.0f} mm"
-    return FRONT_THICKNESS, "assumed", f"thickness assumed, {1000 * FRONT_THICKNESS:.0f} mm as boards have"
+    return FRONT_THICKNESS, "assumed", _AS_BOARDS

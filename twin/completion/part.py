@@ -14,7 +14,13 @@ from twin.completion.frame import PartFrame, part_frame
 from twin.completion.handle import Handle, find_handles
 from twin.completion.leaf import find_leaf
 from twin.completion.room import Front
-from twin.completion.shown import passing, shown_surface, without_floaters, without_shreds
+from twin.completion.shown import (
+    passing,
+    shown_surface,
+    without_floaters,
+    without_shreds,
+    without_surroundings,
+)
 from twin.completion.tray import Tray, find_tray
 from twin.geometry import Array
 from twin.inferred import PLAIN, Completion, Interior
@@ -70,8 +76,11 @@ def _layer(
     if tray is not None and np.all(tray.high - tray.low > 0.02):
         middle = geo.make_pose(translation=(tray.low + tray.high) / 2)
         interiors.append(Interior("inside", Box(T @ middle, tray.high - tray.low)))
+    shown = shown_surface(mesh, boards, T, blurred, boards[0])
+    if frame.kind != "drawer":
+        shown = without_surroundings(shown, boards[0], T)
     front = boards[0] if tray is not None else None
-    shown = without_floaters(shown_surface(mesh, boards, T, blurred, boards[0]), [*boards, *bars], T, front)
+    shown = without_floaters(shown, [*boards, *bars], T, front)
     return Completion(shown, tuple(pieces), (), tuple(interiors), kind=frame.kind)
 
 

@@ -127,6 +127,19 @@ def passing(mesh: Mesh, front: Board, T_world_frame: Array) -> Mesh:
     return mesh.of((share < _BESIDE_SHARE)[piece[mesh.faces[:, 0]]])
 
 
+def without_surroundings(mesh: Mesh, panel: Board, T_world_frame: Array) -> Mesh:
+    """The surface of a door without what lies beside its panel and behind the panel's middle: a board ends there, and what goes on is the
+    furniture around it, which labels took for the door."""
+    if not len(mesh.faces):
+        return mesh
+    local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
+    out = np.any(
+        (local[:, :2] < panel.low[:2] - _ON_FACE) | (local[:, :2] > panel.high[:2] + _ON_FACE), axis=1
+    )
+    behind = local[:, 2] < (panel.low[2] + panel.high[2]) / 2
+    return mesh.of(~(out & behind)[mesh.faces].any(axis=1))
+
+
 def without_shreds(mesh: Mesh) -> Mesh:
     """The mesh without loose pieces that are too small to be anything, and without faces that have no area."""
     if not len(mesh.faces):

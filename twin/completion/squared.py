@@ -172,7 +172,8 @@ def stands_on(front: Board, plinth: Board) -> bool:
 
 
 def _beside(strip: Board, boards: Sequence[Board]) -> Board | None:
-    """The highest piece of a strip that no board takes, None where little is left."""
+    """The highest piece of a strip that no board takes, None where little is left, or neither its upper nor its lower end: what hangs
+    between others is none of a cabinet."""
     taken = [(float(b.low[UP]), float(b.high[UP])) for b in boards if overlap(strip, b)]
     edges = sorted([(float(strip.low[UP]),) * 2, *taken, (float(strip.high[UP]),) * 2])
     best, reached = (0.0, 0.0), edges[0][1]
@@ -182,6 +183,8 @@ def _beside(strip: Board, boards: Sequence[Board]) -> Board | None:
     if best[1] - best[0] < min(_LOWEST, _MOSTLY * float(strip.size[UP])):
         return None
     low_, high_ = strip.low.copy(), strip.high.copy()
+    if best[0] > low_[UP] and best[1] < high_[UP]:
+        return None
     low_[UP], high_[UP] = best
     return replace(strip, low=low_, high=high_)
 

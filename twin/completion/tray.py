@@ -28,7 +28,7 @@ _MUCH = 2.0  # times the surface of its inner face from which a side's outer one
 _BORDER, _HANGS = 0.008, 0.12  # m inside a front's edges and behind it that its skirt takes
 _WIDE = 0.3  # share of the front's width that a floor has at least
 _SHORTEST = 0.03  # m of a drawer's side
-_APART = 0.02  # m that a drawer keeps from the back of its cabinet
+_APART = 0.035  # m that a drawer keeps from the back of its cabinet: boxes come in steps of 5 cm and need 1 cm behind them
 
 
 @dataclass(frozen=True, eq=False)
