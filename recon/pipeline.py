@@ -33,6 +33,7 @@ from recon.recording.kept import kept
 from recon.recording.said import require_said
 from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.texture.dress import TEXTURE, dress
+from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.tracking.tracks import TRACKS, track_points
 from recon.verdict.judge import VERDICT, judge
 from twin.level import DOUBTED
@@ -208,9 +209,12 @@ def _judged_twin(
         [up, found, polished, labels, fused, finished],
         lambda: judge(recording, cameras, images, found.value, parts, scene, finished.value),
     )
-    return assemble(
+    twin = assemble(
         recording, cameras, scene.static, finished.value, images, made, judged.value, parts, dressed.value
     )
+    # How thick handles are, by their outline in photographs.
+    sections = stage(HANDLE, [up, labels, fused, finished, judged], lambda: handle_sections(twin, recording))
+    return with_handles(twin, sections.value)
 
 
 def _provenance(config: ReconConfig, hints: Sequence[TypeHint], up_doubted: Sequence[str]) -> dict[str, Any]:

@@ -96,6 +96,25 @@ class ContactPath(Described):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class HandleSection(Described):
+    """How thick a part's handle is, by its outline in photographs.
+
+    middle: (3,) m of its outer face, world frame at state 0. width: m across its length. photographs: how many tell.
+    """
+
+    middle: Array
+    width: float
+    photographs: int
+
+    def __post_init__(self) -> None:
+        _set(self, "middle", _frozen(self.middle, (3,), "middle of a handle"))
+        if not (np.isfinite(self.width) and self.width > 0):
+            raise SceneError(f"a handle's width must be finite and positive, got {self.width}")
+        if self.photographs < 1:
+            raise SceneError(f"a handle's width needs a photograph, got {self.photographs}")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class StaticPart(Described):
     """Everything that never moves. completion: its inferred layer, None where nobody inferred one."""
 
@@ -114,6 +133,7 @@ class Part(Described):
 
     extra: what others wrote about it into twin.json, by key; JSON types. verdict: what it is worth; None of a part that was stated,
     or made before there were verdicts. collision: shapes of what was seen. completion: the inferred layer, None where nobody inferred one.
+    handle: None where no photograph tells how thick it is.
     """
 
     id: int
@@ -132,6 +152,7 @@ class Part(Described):
     extra: Mapping[str, Any] = field(default_factory=dict)
     verdict: Verdict | None = None
     completion: Completion | None = None
+    handle: HandleSection | None = None
 
     def __post_init__(self) -> None:
         require_legal(self.name)

@@ -1,7 +1,8 @@
 """The handle of a front: a bar on posts or a knob on a neck, fitted to what stands off the front.
 
 Where it is, how long it is and how far it stands off are measured; how thick it is, is not: a fused surface thickens a bar of 12 mm to
-15 to 30 mm, the more the noisier the sensor. So a bar is as thick as bars are, unless what was seen is wider than noise makes one.
+15 to 30 mm, the more the noisier the sensor. So a bar is as thick as its outline in photographs says, and where none tells as bars are,
+unless what was seen is wider than noise makes one.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from twin.completion.cloud import OUT, SIDE, UP, Cloud
 from twin.completion.leaf import Leaf
 from twin.geometry import Array
 from twin.handles import STANDS_OFF, TALLEST, is_bar, long_side, split
+from twin.scene import HandleSection
 
 BAR = 0.014  # m, thickness of a bar, the middle of 10 to 18 mm as they are sold
 POST = 0.011  # m
@@ -42,7 +44,12 @@ class Handle:
 
 
 def find_handles(
-    cloud: Cloud, leaf: Leaf, noise: float, contact: Array | None, name: str = "handle"
+    cloud: Cloud,
+    leaf: Leaf,
+    noise: float,
+    contact: Array | None,
+    name: str = "handle",
+    section: HandleSection | None = None,
 ) -> list[Handle]:
     """Handles before a front, that at the contact first.
 
@@ -52,6 +59,7 @@ def find_handles(
         noise: m, of the front's surface.
         contact: point (3,) in the frame where a hand held the part, None where no hand did.
         name: of the first one's pieces.
+        section: how thick one of them is by photographs, its middle in the frame.
     """
     points = cloud.points
     off = (points[:, OUT] > max(STANDS_OFF, 3 * noise)) & (points[:, OUT] < TALLEST)
@@ -67,7 +75,9 @@ def find_handles(
             continue
         found.append((far, piece))
     found.sort(key=lambda row: (row[0], -len(row[1])))
-    made = [_fitted(piece, name if k == 0 else f"{name}_{k + 1}") for k, (_, piece) in enumerate(found)]
+    made = [
+        _fitted(piece, name if k == 0 else f"{name}_{k + 1}", section) for k, (_, piece) in enumerate(found)
+    ]
     return [h for h in made if h is not None]
 
 
@@ -77,8 +87,8 @@ def _alone(piece: Array, area: float) -> bool:
     return is_bar(length, width) and length > 0.06 and len(piece) * area > _LEAST
 
 
-def _fitted(piece: Array, name: str) -> Handle | None:
-    """Bar or knob from the points (n, 3) of its blurred surface."""
+def _fitted(piece: Array, name: str, section: HandleSection | None = None) -> Handle | None:
+    """Bar or knob from the points (n, 3) of its blurred surface; section: of one of the handles."""
     along, length, _ = long_side(piece, np.array([0.0, 0.0, 1.0]))
     axis = SIDE if abs(along[SIDE]) >= abs(along[UP]) else UP
     across = UP if axis == SIDE else SIDE
@@ -91,22 +101,27 @@ def _fitted(piece: Array, name: str) -> Handle | None:
         return None
     low, high = piece.min(axis=0), piece.max(axis=0)
     at = float(np.mean(sides))
+    if section is not None and np.any((section.middle < low - _NEAR) | (section.middle > high + _NEAR)):
+        section = None
     if is_bar(length, width):
-        boards = _bar(name, axis, ends, at, top, width)
+        boards = _bar(name, axis, ends, at, top, width, section)
     else:
-        boards = _knob(name, axis, float(ends.mean()), at, top, min(length, width))
+        boards = _knob(name, axis, float(ends.mean()), at, top, min(length, width), section)
     return Handle(tuple(b for b in boards if b.real), low, high)
 
 
-def _bar(name: str, axis: int, ends: Array, at: float, top: float, width: float) -> list[Board]:
-    thick = BAR + max(0.0, width - BAR - _BLUR)
+def _bar(
+    name: str, axis: int, ends: Array, at: float, top: float, width: float, section: HandleSection | None
+) -> list[Board]:
+    thick = BAR + max(0.0, width - BAR - _BLUR) if section is None else section.width
     depth = min(thick, 0.7 * top)
-    told = f"handle: bar {1000 * np.ptp(ends):.0f} mm long seen, no wider than {1000 * width:.0f} mm"
-    told += (
-        f"; thickness assumed, {1000 * thick:.0f} mm as bars have"
-        if thick == BAR
-        else f"; {1000 * thick:.0f} mm thick, less what a scan blurs"
-    )
+    told = f"handle: bar {1000 * np.ptp(ends):.0f} mm long seen, "
+    if section is not None:
+        told += _by_outline(section)
+    elif thick == BAR:
+        told += f"no wider than {1000 * width:.0f} mm; thickness assumed, {1000 * thick:.0f} mm as bars have"
+    else:
+        told += f"no wider than {1000 * width:.0f} mm; {1000 * thick:.0f} mm thick, less what a scan blurs"
     boards = [
         _box(
             name,
@@ -136,9 +151,18 @@ def _bar(name: str, axis: int, ends: Array, at: float, top: float, width: float)
     return boards
 
 
-def _knob(name: str, axis: int, middle: float, at: float, top: float, width: float) -> list[Board]:
+def _by_outline(section: HandleSection) -> str:
+    return f"{1000 * section.width:.0f} mm thick by its outline in {section.photographs} photographs"
+
+
+def _knob(
+    name: str, axis: int, middle: float, at: float, top: float, width: float, section: HandleSection | None
+) -> list[Board]:
     depth = min(0.6 * top, _KNOB)
     told = f"handle: knob {1000 * width:.0f} mm wide seen, {1000 * top:.0f} mm off the front"
+    if section is not None:
+        width = section.width
+        told = f"handle: knob {1000 * top:.0f} mm off the front seen, {_by_outline(section)}"
     half, neck = width / 2, min(_NECK, width) / 2
     head = _box(
         name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,6 @@ def complete_part(part: Part, found: Front | None, rear_limit: float | None) -> 
     if found is None:
         return Completion(without_shreds(part.mesh))
     frame, leaf = found.frame, found.leaf
-    cloud = Cloud.of(part.mesh, frame.T_world_frame)
     front = leaf.board("front" if frame.kind == "drawer" else "panel")
     tray, boards = None, [front]
     if frame.kind == "drawer":
@@ -56,13 +56,17 @@ def complete_part(part: Part, found: Front | None, rear_limit: float | None) -> 
         inside = Cloud.of(passing(shown_surface(part.mesh, [front], T, (), front), front, T), T)
         tray = find_tray(inside, leaf, rear_limit)
         boards += [b for b in tray.boards if not b.contradicted(inside)]
-    at = (
-        None
-        if part.contact is None
-        else geo.transform(geo.invert_pose(frame.T_world_frame), part.contact.point[None])[0]
-    )
-    handles = find_handles(cloud, leaf, frame.noise, at)
-    return _layer(part.mesh, frame, boards, handles, tray)
+    return _layer(part.mesh, frame, boards, handles_of(part, found), tray)
+
+
+def handles_of(part: Part, found: Front) -> list[Handle]:
+    """Handles of a part before its front, in the front's frame, that which a hand held first."""
+    to_frame, handle = geo.invert_pose(found.frame.T_world_frame), part.handle
+    at = None if part.contact is None else geo.transform(to_frame, part.contact.point[None])[0]
+    if handle is not None:
+        handle = replace(handle, middle=geo.transform(to_frame, handle.middle[None])[0])
+    cloud = Cloud.of(part.mesh, found.frame.T_world_frame)
+    return find_handles(cloud, found.leaf, found.frame.noise, at, section=handle)
 
 
 def _layer(

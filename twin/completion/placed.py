@@ -9,7 +9,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, Interior
-from twin.scene import Box, Collision, ContactPath, Inertial, Mesh, Part, Twin
+from twin.scene import Box, Collision, ContactPath, HandleSection, Inertial, Mesh, Part, Twin
 
 
 def placed(twin: Twin, T_new_old: Array) -> Twin:
@@ -25,6 +25,7 @@ def placed(twin: Twin, T_new_old: Array) -> Twin:
             joint=part.joint.transformed(T_new_old),
             inertial=None if part.inertial is None else _inertial(part.inertial, T_new_old),
             contact=None if part.contact is None else _contact(part.contact, T_new_old),
+            handle=None if part.handle is None else _handle(part.handle, T_new_old),
             collision=_shapes(part.collision, T_new_old),
             completion=None if part.completion is None else _completion(part.completion, T_new_old),
         )
@@ -87,6 +88,10 @@ def _inertial(inertial: Inertial, T: Array) -> Inertial:
         box = np.stack([turned.min(axis=0), turned.max(axis=0)])
     com = geo.transform(T, inertial.com[None])[0]
     return replace(inertial, com=com, inertia=(tensor + tensor.T) / 2, com_interval=box)
+
+
+def _handle(handle: HandleSection, T: Array) -> HandleSection:
+    return replace(handle, middle=geo.transform(T, handle.middle[None])[0])
 
 
 def _contact(contact: ContactPath, T: Array) -> ContactPath:

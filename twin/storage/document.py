@@ -74,6 +74,7 @@ def _part(p: Part, meshes: dict[str, Mesh]) -> dict[str, Any]:
         "inertial": inertial_document(p),
         "physics": physics_document(p),
         "contact": _contact(p),
+        **_handle(p),
         **texture_document(p.name, p.mesh.texture),
         **completion_document(p.name, p.completion, meshes),
     }
@@ -175,6 +176,15 @@ def _joint(p: Part, j: Joint) -> dict[str, Any]:
         else {"axis_deg": float(f"{np.rad2deg(s.axis):.12g}"), "pivot_m": s.pivot, "state": float(s.state)},
         "covariance": None if j.covariance is None else j.covariance.tolist(),
     }
+
+
+def _handle(p: Part) -> dict[str, Any]:
+    """{"handle": its section}, empty where none was measured."""
+    h = p.handle
+    if h is None:
+        return {}
+    told = {"middle": h.middle.tolist(), "width": float(h.width), "photographs": h.photographs}
+    return {"handle": told}
 
 
 def _contact(p: Part) -> dict[str, Any] | None:

@@ -16,6 +16,7 @@ from twin.scene import (
     Box,
     Collision,
     ContactPath,
+    HandleSection,
     Joint,
     JointSigma,
     Mesh,
@@ -82,6 +83,7 @@ def _part(n: Node, folder: Path) -> Part:
             inertial=n.maybe("inertial", read_inertial),
             physics=n.maybe("physics", read_physics),
             contact=n.maybe("contact", _contact),
+            handle=n.maybe("handle", _handle),
             collision=_collision(n, folder),
             parent=None if n.raw("parent") is None else n.integer("parent"),
             limits_source=joint.text("limits_source"),
@@ -125,6 +127,11 @@ def _motion(n: Node) -> Motion:
             n.number("residual"),
             n.number("inliers"),
         )
+
+
+def _handle(n: Node) -> HandleSection:
+    with n.building():
+        return HandleSection(n.array("middle", (3,)), n.number("width"), n.integer("photographs"))
 
 
 def _contact(n: Node) -> ContactPath:
