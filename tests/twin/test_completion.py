@@ -18,6 +18,7 @@ from twin.completion.handle import BAR, POST
 from twin.completion.infer import infer
 from twin.completion.leaf import FRONT_THICKNESS
 from twin.completion.shapes import FURNITURE_SHAPES, with_shapes
+from twin.completion.shown import up_to
 from twin.completion.squared import Sight, squared
 from twin.completion.sweep import held_points, swept_points
 from twin.completion.tray import FLOOR, WALL
@@ -252,6 +253,29 @@ def test_nothing_is_inferred_of_what_has_no_flat_front() -> None:
     assert layer(twin.parts[0]).pieces == ()
     assert layer(twin).pieces == ()
     assert len(layer(twin.parts[0]).shown.faces) == len(faces)
+
+
+def test_the_cabinet_of_an_open_drawer_is_none_of_its_tray(drawer: Twin) -> None:
+    """Labels took the cabinet's front edge, above the sides, and its bottom, behind them, for the drawer."""
+    edge = ((-0.24, 0.25, 0.725), (0.24, 0.27, 0.76), "-y")
+    bottom = ((-0.22, 0.50, 0.60), (0.22, 0.58, 0.61), "+z")
+    surface = (*scans.DRAWER[:4], scans.DRAWER[5], edge, bottom)
+    open_drawer = infer(scans.twin_of(scans.drawer(surface))).parts[0]
+    found = pieces(open_drawer)
+    true = pieces(drawer.parts[0])
+    assert abs(corners(found["floor"])[1, 2] - corners(true["floor"])[1, 2]) < NEAR
+    assert corners(found["floor"])[1, 1] > 0.42
+    assert corners(found["back"])[0, 1] > 0.42
+    assert found["back"].basis == "assumed"
+    assert layer(open_drawer).shown.vertices[:, 1].max() < corners(found["back"])[1, 1] + 0.01
+
+
+def test_a_drawer_ends_at_its_back() -> None:
+    long = scans.surface([((-0.2, 0.0, 0.6), (0.2, 0.9, 0.61), "+z")])
+    outwards = geo.make_pose(np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]))  # out is -y
+    cut = up_to(long, -0.5, outwards)
+    assert 0.48 < cut.vertices[:, 1].max() < 0.52
+    assert np.array_equal(up_to(long, -2.0, outwards).vertices, long.vertices)
 
 
 def test_a_surface_inside_a_board_says_that_there_is_none() -> None:

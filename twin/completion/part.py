@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.completion.board import Board
-from twin.completion.cloud import Cloud
+from twin.completion.cloud import OUT, Cloud
 from twin.completion.frame import PartFrame, part_frame
 from twin.completion.handle import Handle, find_handles
 from twin.completion.leaf import find_leaf
@@ -18,6 +18,7 @@ from twin.completion.room import Front
 from twin.completion.shown import (
     passing,
     shown_surface,
+    up_to,
     without_floaters,
     without_shreds,
     without_surroundings,
@@ -81,8 +82,10 @@ def _layer(
         middle = geo.make_pose(translation=(tray.low + tray.high) / 2)
         interiors.append(Interior("inside", Box(T @ middle, tray.high - tray.low)))
     shown = shown_surface(mesh, boards, T, blurred, boards[0])
-    if frame.kind != "drawer":
+    if tray is None:
         shown = without_surroundings(shown, boards[0], T)
+    elif tray.boards:
+        shown = up_to(shown, min(float(b.low[OUT]) for b in tray.boards), T)
     front = boards[0] if tray is not None else None
     shown = without_floaters(shown, [*boards, *bars], T, front)
     return Completion(shown, tuple(pieces), (), tuple(interiors), kind=frame.kind)

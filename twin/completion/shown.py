@@ -140,6 +140,15 @@ def without_surroundings(mesh: Mesh, panel: Board, T_world_frame: Array) -> Mesh
     return mesh.of(~(out & behind)[mesh.faces].any(axis=1))
 
 
+def up_to(mesh: Mesh, rear: float, T_world_frame: Array) -> Mesh:
+    """The surface of a drawer up to the rear (m along out) of its back: what lies behind is the furniture, which labels took for it."""
+    if not len(mesh.faces):
+        return mesh
+    local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
+    keep: NDArray[np.bool_] = np.all(local[mesh.faces, 2] > rear - _ON_FACE, axis=1)
+    return mesh.of(keep)
+
+
 def without_shreds(mesh: Mesh) -> Mesh:
     """The mesh without loose pieces that are too small to be anything, and without faces that have no area."""
     if not len(mesh.faces):

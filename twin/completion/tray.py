@@ -21,6 +21,7 @@ _HEIGHT = 0.6  # share of the front's height that sides have, where none was see
 _LEAST = 0.0015  # m^2 of a layer
 _REAL = 0.25  # share of the largest layer that a lower one needs to be the floor: contents lie above it
 _REAR = 0.10  # m: a wall that faces the viewer nearer to the front is none of the back
+_PAST = 0.05  # m that sides may go on behind a back
 _THICKEST = 0.03  # m of a side
 _BELOW_RIM = 0.04  # m
 _MIDDLE = 0.25  # share of a floor that lies in the middle half of the width
@@ -69,11 +70,15 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     behind = cloud.where(cloud.within(low, high) & ~_skirt(cloud, leaf))
     floor = _floor(behind, leaf)
     left, right = _sides(behind, leaf, floor)
-    backs = [k for k in layers(behind, OUT, 1, _LEAST) if k.offset < -_REAR] if len(behind) else []
-    seen = [w.rear for w in (left, right) if w.seen] + ([_end(floor, OUT)] if floor is not None else [])
+    rears = [w.rear for w in (left, right) if w.seen]
+    if rears:  # what lies behind both sides is the cabinet's
+        floor = _floor(behind, leaf, min(rears))
+    tops = [w.top for w in (left, right) if w.top is not None]
+    backs = _backs(behind, max(tops, default=float(leaf.corners[1, 1])), rears)
+    seen = rears + ([_end(floor, OUT)] if floor is not None else [])
     rear_seen = min(seen, default=front)
     if backs:
-        rear, rear_basis, told = min(k.offset for k in backs[:1]), "evidence", "inner face seen"
+        rear, rear_basis, told = backs[0].offset, "evidence", "inner face seen"
     else:
         limit = -DEPTH if rear_limit is None else min(rear_limit + _APART, front - 0.1)
         rear, rear_basis = min(rear_seen, limit), "assumed"
@@ -82,7 +87,6 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     bottom = leaf.corners[0, 1] + _RAISED if floor is None else floor.offset
     if floor is None and lows:  # a side ends below where the floor does
         bottom = max(bottom, min(lows) + FLOOR)
-    tops = [w.top for w in (left, right) if w.top is not None]
     top = float(np.median(tops)) if tops else bottom + _HEIGHT * float(leaf.size[1])
     top = float(np.clip(top, bottom + _SHORTEST, max(leaf.corners[1, 1], bottom + _SHORTEST)))
     inside = np.array([left.inner, bottom, rear]), np.array([right.inner, top, front])
@@ -97,11 +101,21 @@ def _skirt(cloud: Cloud, leaf: Leaf) -> Mask:
     return np.asarray(~inside & (p[:, OUT] > -_HANGS))
 
 
-def _floor(behind: Cloud, leaf: Leaf) -> Layer | None:
-    """The lowest of the large layers that face up, below the skirt of the front's rim and wider than the rim of a side."""
+def _backs(behind: Cloud, top: float, rears: list[float]) -> list[Layer]:
+    """Layers that face the viewer and may be the back, the largest first: most of it below the sides' upper edges, and not before where
+    these end (m along out). Of a drawer that stands open, its cabinet's front edge lies there, which labels may take for it."""
+    found = layers(behind, OUT, 1, _LEAST) if len(behind) else []
+    found = [k for k in found if k.offset < -_REAR and np.median(k.cloud.points[:, UP]) < top]
+    return [k for k in found if k.offset < max(rears, default=0.0) + _PAST]
+
+
+def _floor(behind: Cloud, leaf: Leaf, rear: float = -np.inf) -> Layer | None:
+    """The lowest of the large layers that face up, below the skirt of the front's rim and wider than the rim of a side, and not
+    behind where the sides end (m along out)."""
     below, wide = float(leaf.corners[1, 1]) - _BELOW_RIM, _WIDE * float(leaf.size[0])
     found = layers(behind, UP, 1, _LEAST) if len(behind) else []
     found = [k for k in found if k.offset < below and _spans(k.cloud.points[:, SIDE], leaf, wide)]
+    found = [k for k in found if np.quantile(k.cloud.points[:, OUT], 0.97) > rear]
     large = [k for k in found if k.cloud.size > _REAL * found[0].cloud.size]
     return min(large, key=lambda k: k.offset) if large else None
 
