@@ -21,7 +21,7 @@ from twin.verdict import Verdict
 RECORDING = asset("recordings/cabinet_drawer")
 STAGES = [
     "tracks", "cameras", "gravity", "motion", "noise", "refine", "labels", "polish", "fusion", "contact", "texture",
-    "verdict",
+    "verdict", "handle",
 ]  # fmt: skip
 
 
@@ -108,7 +108,7 @@ def test_a_changed_setting_recomputes_what_depends_on_it(run: Path) -> None:
     near = ReconConfig().contact.near
     assert reconstruct(run, "--set", f"contact.near={near * 1.01}") == 0
     reasons = computed(run)
-    assert list(reasons) == ["contact", "texture", "verdict"]
+    assert list(reasons) == ["contact", "texture", "verdict", "handle"]
     assert f"near changed from {near}" in reasons["contact"]
 
 
