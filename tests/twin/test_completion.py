@@ -321,6 +321,17 @@ def test_a_strip_that_would_hang_between_others_is_none_of_a_cabinet() -> None:
     assert np.allclose(beside["tall_right"].high, [0.8, 0.8, 0.0])
 
 
+@pytest.mark.parametrize("content", [False, True])
+def test_a_board_over_which_the_front_hangs_is_where_it_was_seen(content: bool) -> None:
+    """A door that ends 5 cm below its cabinet's bottom, which is seen from below; what is small and lies deep inside is no bottom."""
+    below = ((-0.268, 0.022, 0.42), (0.268, 0.55, 0.438), "-z")
+    box = ((-0.05, 0.30, 0.42), (0.05, 0.45, 0.5), "-z")
+    static = (*scans.CABINET[:2], box if content else below, *scans.ROOM)
+    found = pieces(infer(scans.twin_of(scans.door(), static)))["part_2_cabinet_bottom"]
+    assert found.basis == ("assumed" if content else "evidence")
+    assert abs(corners(found)[0, 2] - (0.361 if content else 0.42)) < 0.012
+
+
 def test_a_cabinet_that_was_not_seen_up_to_the_wall_is_assumed_to_reach_it() -> None:
     """Its top ends there, or farther before; hung on the wall it may well end before it."""
     told = []

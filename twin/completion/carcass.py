@@ -27,6 +27,8 @@ _THICKEST = 0.045  # m
 _DEEPEST = 1.2  # m
 _BESIDE = 0.3  # m beside an opening where furniture is as deep as its cabinet
 _AT_WALL = 0.03  # m before a wall where what was seen up to there stands at it
+_HANGS_OVER = 0.08  # m that a front may stand over the board behind its edge
+_CLOSE = 0.06  # m behind a front that hides what is closer
 _DEEP = 0.75  # m: no wall nearer than this has room between it and a cabinet before it
 _NAMES = {(SIDE, -1): "left", (SIDE, 1): "right", (UP, -1): "bottom", (UP, 1): "top"}
 
@@ -125,6 +127,8 @@ def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start:
         else []
     )
     outer = _outer(cloud, opening, axis, s, edge, start)
+    if outer is None and not faces:
+        outer = _overhung(cloud, opening, axis, s, edge, start)
     if faces:
         inner = faces[0].offset
         if outer is not None and 0.004 < s * (outer.offset - inner) < _THICKEST:
@@ -145,13 +149,32 @@ def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start:
 
 def _outer(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, start: float) -> Layer | None:
     """The outer face of the board on one side: it looks away from the opening, near its edge."""
+    found = _looking_away(cloud, opening, axis, s, (edge - s * 0.02, edge + s * _THICKEST), start)
+    return found[0] if found else None
+
+
+def _overhung(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, start: float) -> Layer | None:
+    """The outer face of a board over which the front hangs, as a chest's lid does: farther in, along much of the opening, and seen from
+    close behind the front."""
+    other = UP if axis == SIDE else SIDE
+    for k in _looking_away(cloud, opening, axis, s, (edge - s * _HANGS_OVER, edge), start):
+        points = k.cloud.points
+        long = np.ptp(np.quantile(points[:, other], [0.05, 0.95])) > 0.5 * np.ptp(opening[:, other])
+        if long and np.quantile(points[:, OUT], 0.95) > start - _CLOSE and k.cloud.size > _REAR_LEAST:
+            return k
+    return None
+
+
+def _looking_away(
+    cloud: Cloud, opening: Array, axis: int, s: int, span: tuple[float, float], start: float
+) -> list[Layer]:
+    """Layers behind an opening that look to one side, within a span along that axis, the largest first."""
     other = UP if axis == SIDE else SIDE
     low, high = np.empty(3), np.empty(3)
-    low[axis], high[axis] = sorted((edge - s * 0.02, edge + s * _THICKEST))
+    low[axis], high[axis] = sorted(span)
     low[other], high[other] = opening[0, other], opening[1, other]
     low[OUT], high[OUT] = -_DEEPEST, start
-    found = layers(cloud.where(cloud.within(low, high)), axis, s, _LEAST)
-    return found[0] if found else None
+    return layers(cloud.where(cloud.within(low, high)), axis, s, _LEAST)
 
 
 def _rear(
