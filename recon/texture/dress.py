@@ -101,9 +101,14 @@ def chosen(frames: Sequence[int], config: TextureConfig) -> list[int]:
     """The frames that are used, of those that are labelled."""
     skip = config.skip_every
     kept = [f for f in frames if not (skip and f % skip == 0)]
-    if len(kept) <= config.most_frames:
-        return kept
-    return [kept[k] for k in np.linspace(0, len(kept) - 1, config.most_frames).round().astype(int)]
+    return evenly(kept, config.most_frames)
+
+
+def evenly(frames: Sequence[int], most: int) -> list[int]:
+    """At most so many of the frames, spread evenly."""
+    if len(frames) <= most:
+        return list(frames)
+    return [frames[k] for k in np.linspace(0, len(frames) - 1, most).round().astype(int)]
 
 
 def _photos(shots: Sequence[Shot], key: int, part: FinishedPart | None, camera: Intrinsics) -> Photos:

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from recon.recording import Recording
+from recon.texture.dress import evenly
 from twin import geometry as geo
 from twin.completion.cloud import OUT, SIDE, UP
 from twin.completion.frame import viewer
@@ -116,9 +117,7 @@ def profiles_of(
         pixel = float(np.linalg.norm(eye)) / recording.intrinsics.fx
         return None if lit is None else Profile(np.median(lit, axis=0), float(aside), pixel)
 
-    frames = [f for f in sorted(twin.labels) if f in at]
-    if len(frames) > _MOST:
-        frames = [frames[k] for k in np.linspace(0, len(frames) - 1, _MOST).round().astype(int)]
+    frames = evenly([f for f in sorted(twin.labels) if f in at], _MOST)
     return [p for p in each(seen, frames) if p is not None]
 
 
