@@ -62,7 +62,7 @@ ONLY_PARSED = {
     "pip install ./dist/funtwin-*.whl": ITSELF,
     "python .ci/settings_page.py": "writes docs/settings.md; tests/test_settings_law.py compares",
     "python -m benchmarks.complete RUN RECORDING/truth": "tests/benchmarks/test_complete.py has its parts",
-    "python -m benchmarks.complete sealed": "takes an hour; tests/benchmarks/test_complete.py has its parts",
+    "python -m benchmarks.complete sealed": "takes an hour; tests/benchmarks/test_complete_sealed.py has its parts",
     "python -m benchmarks.unseen sealed": "takes two hours; tests/test_unseen.py has its parts",
     "python benchmarks/reconstruct.py RUNS RECORDING...": MINUTES,
     "twin check RUN --engines all": ENGINES,

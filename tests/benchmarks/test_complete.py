@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,30 +12,24 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks import complete, sealing
 from benchmarks.completed import asset as assets
 from benchmarks.completed import sight
 from benchmarks.completed.asset import STATIC, Asset, load_asset, merged
-from benchmarks.completed.balls import balls_kept, dropped, inside_of, opens_far
+from benchmarks.completed.balls import balls_kept, dropped
 from benchmarks.completed.counts import counts
 from benchmarks.completed.handle import section, true_bar
-from benchmarks.completed.judge import judge, missed
+from benchmarks.completed.judge import judge
 from benchmarks.completed.page import table
 from benchmarks.completed.sight import Sight, front_of, see_through
 from benchmarks.completed.surfaces import (
-    both_faces_seen,
     covered,
     inferred_areas,
     is_closed,
-    rear_share,
-    side_share,
 )
 from benchmarks.scenes.boards import Board
 from benchmarks.scenes.furniture import mesh_of
-from recon.evaluation.truth import Truth, TruthPart, load_truth
+from recon.evaluation.truth import Truth
 from recon.simulate.random.boards import box
-from recon.simulate.random.furniture import KINDS
-from recon.simulate.random.strata import sealed_set
 from tests.benchmarks.completed import (
     BAR,
     BODIES,
@@ -48,7 +40,6 @@ from tests.benchmarks.completed import (
     drawn,
     without,
     write_run,
-    write_truth,
 )
 from twin import geometry as geo
 from twin.errors import InputError
@@ -58,11 +49,6 @@ from twin.scene import Mesh
 from twin.storage import save
 
 CARCASS = TWIN.static.mesh
-
-
-@pytest.fixture(scope="module")
-def truth(tmp_path_factory: pytest.TempPathFactory) -> Truth:
-    return load_truth(write_truth(tmp_path_factory.mktemp("cabinet")))
 
 
 @pytest.fixture(autouse=True)
@@ -352,219 +338,3 @@ def test_a_mesh_is_closed_where_every_edge_has_two_faces_that_turn_alike() -> No
     assert not is_closed(Mesh(whole.vertices, np.concatenate([whole.faces[:1, ::-1], whole.faces[1:]])))
     assert not is_closed(Mesh(whole.vertices, np.concatenate([whole.faces, whole.faces[:1]])))
     assert not is_closed(Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32)))
-
-
-@cache
-def true_drawer(kind: str, seed: int) -> tuple[TruthPart, Any]:
-    made = KINDS[kind](np.random.default_rng(seed), "bar")
-    states = np.linspace(0.0, made.joint.upper, 5)
-    part = TruthPart(
-        2, kind, made.joint, states, made.joint.poses(states), mesh_of(made.part), ((0, 4),), None
-    )
-    return part, made
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_inside_of_random_furniture_is_that_of_its_boards(kind: str) -> None:
-    for seed in range(4):
-        part, made = true_drawer(kind, seed)
-        inside = inside_of(part)
-        if not kind.startswith("drawer"):
-            assert inside is None
-            continue
-        floor, *sides = made.panels[1:]
-        gap = sides[1].corners[:, 0].min() - sides[0].corners[:, 0].max()
-        if inside is None:
-            assert np.min([gap, floor.size[1]]) < 0.15
-            continue
-        assert inside.floor == pytest.approx(floor.corners[:, 2].max(), abs=1e-4)
-        assert inside.rim == pytest.approx(max(s.corners[:, 2].max() for s in sides), abs=1e-4)
-        assert inside.front == pytest.approx(-floor.corners[:, 1].min(), abs=0.003), (
-            "which ends 9 mm behind the front"
-        )
-        np.testing.assert_allclose((inside.high - inside.low)[0], gap, atol=0.005)
-        low, high = inside.opened(part.travel)
-        assert (high - low)[1] == pytest.approx(part.travel, abs=0.005)
-        wide = min(gap, part.travel) >= 0.15 and max(gap, part.travel) >= 0.2
-        assert (opens_far(part) is not None) == wide or min(
-            abs(min(gap, part.travel) - 0.15), abs(max(gap, part.travel) - 0.2)
-        ) < 0.006
-
-
-def test_the_front_is_the_upright_side_towards_the_camera(truth: Truth) -> None:
-    assert truth.cameras is not None
-    for part in truth.parts:
-        np.testing.assert_allclose(
-            front_of(part.closed_mesh, truth.cameras.T_world_cam), -T[:3, 1], atol=1e-6
-        )
-
-
-def test_what_was_seen_is_told_by_its_points(truth: Truth) -> None:
-    door, drawer = truth.parts
-    rear = drawer.closed_mesh.vertices @ drawer.joint.axis
-    back = drawer.closed_mesh.vertices[rear < rear.min() + 0.012]
-    along = rear.min() + np.arange(0.0, 0.4, 0.001)[:, None] * 1.0
-    assert rear_share(drawer, along * drawer.joint.axis) == pytest.approx(0.03 / 0.4, abs=0.003)
-    others = drawer.closed_mesh.vertices[rear > rear.max() - 0.05]
-    assert rear_share(drawer, np.concatenate([back, others])) == pytest.approx(
-        len(back) / (len(back) + len(others))
-    )
-    assert rear_share(drawer, others) == rear_share(drawer, np.zeros((0, 3))) == 0.0
-    assert rear_share(door, others) is None
-    outer = geo.transform(T, _grid(BODIES["door"][0], 1, low=True))
-    inner = geo.transform(T, _grid(BODIES["door"][0], 1, low=False))
-    assert both_faces_seen(door.closed_mesh, np.concatenate([outer, inner]))
-    assert not both_faces_seen(door.closed_mesh, outer)
-    outward = -T[:3, 1]
-    faces = np.concatenate([geo.transform(T, _grid(b, 1, low=True)) for b in BODIES["static"]])
-    assert side_share(CARCASS, outward, faces) < 0.12, "their edges alone"
-    flank = geo.transform(T, _grid(BODIES["static"][0], 0, low=True))
-    assert side_share(CARCASS, outward, flank) > 0.1
-
-
-def _grid(board: Board, axis: int, low: bool) -> np.ndarray:
-    """Points every 8 mm of one side of a board, in the cabinet's frame."""
-    at = [np.arange(a, b + 1e-9, 0.008) for a, b in zip(board.low, board.high, strict=True)]
-    at[axis] = np.array([board.low[axis] if low else board.high[axis]])
-    return np.stack(np.meshgrid(*at, indexing="ij"), axis=-1).reshape(-1, 3)
-
-
-def test_a_part_that_was_not_found_is_charged(truth: Truth) -> None:
-    judged = missed(truth.folder)
-    found = counts(judged)
-    assert found["parts"] == found["handles"] == found["full bin 0"] == 2
-    assert found["drawers"] == 1
-    assert found["found"] == found["full"] == found["handle right"] == found["drawers that hold all"] == 0
-    assert "not found" in table([judged])
-    assert [p["carcass"] for p in judged["parts"]] == [0.0, 0.0]
-
-
-def test_a_handle_is_right_where_it_is_drawn_and_touched_so_and_else_may_say_that_it_is_assumed(
-    truth: Truth,
-) -> None:
-    door = missed(truth.folder)["parts"][0]
-    layer = {"inferred": {}, "pieces": 2, "open pieces": ["a"], "shapes": 25, "open shapes": []}
-    whole = {
-        "full": 0.8,
-        "full, seen layer": 0.4,
-        "outside p95, mm": 7.0,
-        "volume ratio": 1.2,
-        "sight": None,
-        "balls": None,
-    }
-    part = {**door, **layer, **whole, "found": True, "rear seen": True, "both faces seen": True}
-
-    def told(visual: float, collider: float, gap: float, assumed: bool) -> dict[str, int]:
-        handle = {"true": 0.012, "visual": visual, "collider": collider, "gap": gap}
-        one = {**part, "handle": handle, "handle assumed": assumed}
-        return dict(counts({"parts": [one], "static": None}))
-
-    names = ("handle right", "handle right or assumed", "handle wrong but assumed", "gap free")
-    right, thick, marked = (
-        told(0.015, 0.009, 0.7, False),
-        told(0.012, 0.017, 0.69, False),
-        told(0.017, 0.012, 0.69, True),
-    )
-    assert [right.get(n, 0) for n in names] == [1, 1, 0, 1]
-    assert [thick.get(n, 0) for n in names] == [0, 0, 0, 0]
-    assert [marked.get(n, 0) for n in names] == [0, 1, 1, 0]
-    bars = (
-        "full",
-        "full, rear seen",
-        "few shapes",
-        "outside",
-        "ratio",
-        "two-faced ratio",
-        "open pieces",
-        "full bin 80",
-    )
-    assert [right.get(n, 0) for n in bars] == [1, 0, 0, 0, 1, 0, 1, 1]
-
-
-def test_the_sealed_clips_are_of_both_groups_and_all_factors() -> None:
-    strata = [sealed_set()[i] for i in complete.CLIPS]
-    assert len(set(complete.CLIPS)) == 40
-    assert Counter(s.group for s in strata) == {"ordinary": 20, "hard": 20}
-    for group, sensors in (("ordinary", 3), ("hard", 5)):
-        of = Counter(s.sensor for s in strata if s.group == group)
-        assert len(of) == sensors
-        assert min(of.values()) >= 3
-    assert {s.view for s in strata} == {"ordinary", "near", "steep", "moving"}
-    assert {s.short for s in strata} == {True, False}
-
-
-def test_a_sealed_run_keeps_rates_and_goes_on_the_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    good = {
-        "clips": 1,
-        "with twin": 1,
-        "parts": 1,
-        "found": 1,
-        "full": 1,
-        "full bin 80": 1,
-        "evidence, cm2": 100,
-        "evidence off, cm2": 3,
-    }
-    bad = {"clips": 1, "parts": 1, "full bin 0": 1}
-    broken = {"clips": 1, "broken": 1, "broken time": 1}
-    monkeypatch.setattr(complete, "PAGE", tmp_path / "complete.md")
-    monkeypatch.setattr(complete, "STATE", tmp_path / "state")
-    monkeypatch.setattr(sealing, "commit", lambda: "abc1234567")
-    rows = {0: broken, 4: bad}
-    monkeypatch.setattr(complete, "_clip_alone", lambda _, i: [rows.get(i, good)])
-    assert complete.main(["sealed"]) == 0
-    page = (tmp_path / "complete.md").read_text()
-    assert page.startswith("# Completed assets")
-    assert "## abc1234567\n\n40 clips." in page
-    assert "| full surface, of all | ≥ 75 % | 18/19 = 95 % [75-99] | 20/20 = 100 % [84-100] |" in page
-    assert "| full surface, median of all |  | 80-85 % of 19 | 80-85 % of 20 |" in page
-    assert "| part inferred area off, evidence |  | 3.0 % of 0.18 m² | 3.0 % of 0.20 m² |" in page
-    assert "broken time 1" in page
-    complete.main(["sealed"])
-    assert (tmp_path / "complete.md").read_text().count("## abc1234567") == 2, "no row is taken off"
-
-
-def test_the_chain_of_a_clip_counts_what_each_step_leaves(
-    truth: Truth, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls: list[tuple[str, ...]] = []
-    made = {"reconstruct": True, "export": True}
-
-    def simulated(_seed: int, out: Path, _stratum: object) -> None:
-        write_truth(out)
-
-    def verb(_code: Path, folder: Path, *words: str) -> int:
-        calls.append(words)
-        if words[0] == "reconstruct" and made["reconstruct"]:
-            write_run(folder / "run")
-        return 0 if made[words[0]] else 1
-
-    monkeypatch.setattr(complete, "simulate_random", simulated)
-    monkeypatch.setattr(sealing, "twin_verb", verb)
-    monkeypatch.setattr(complete, "judge", lambda *_: {"parts": [], "static": None})
-    places = [tmp_path / n for n in "abc"]
-    assert complete.clip(1, 0, places[0], Path()) == {"clips": 1, "with twin": 1}
-    made["export"] = False
-    unexported = complete.clip(1, 0, places[1], Path())
-    assert (unexported["broken export"], unexported["parts"], unexported.get("found", 0)) == (1, 2, 0)
-    made["reconstruct"] = False
-    assert "with twin" not in complete.clip(1, 0, places[2], Path())
-    assert [c[0] for c in calls] == ["reconstruct", "export", "reconstruct", "export", "reconstruct"]
-
-
-def test_the_command_line_prints_a_table_and_tells_errors_in_one_line(
-    truth: Truth, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    told = missed(truth.folder)
-    monkeypatch.setattr(complete, "judge", lambda *_: told)
-    monkeypatch.setattr(complete, "PAGE", tmp_path / "page.md")
-    assert complete.main(["run", "truth", "--page", "by hand"]) == 0
-    printed = capsys.readouterr().out
-    assert "drawer" in printed
-    assert printed.strip() in (tmp_path / "page.md").read_text()
-    monkeypatch.setattr(complete, "judge", judge)
-    assert complete.main([str(tmp_path), str(truth.folder)]) == 1
-    assert capsys.readouterr().err.count("\n") == 1
-    with pytest.raises(SystemExit):
-        complete.main(["run"])

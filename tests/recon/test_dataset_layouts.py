@@ -1,12 +1,10 @@
-"""Data sets' layouts: what is written is read again, in its units, axes and clocks; what is wrong with a copy is told in one line."""
+"""Arti4D's, iTACO's and BundleSDF's layouts, and laws of all: what is written is read again; what is wrong is told in one line."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import struct
-import sys
-import types
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -25,12 +23,9 @@ from recon.readers.itaco import ItacoReader
 from recon.readers.numpy_files import read_npy, read_npz
 from recon.readers.scannet import ScanNetReader
 from recon.readers.streams import recording_of
+from tests.recon.dataset_clips import FRAMES, assert_poses, assert_same, read, refused
 from tests.recon.tiny import cameras, write_recording
-from twin import geometry as geo
 from twin.errors import FuntwinError, InputError, MissingDependencyError
-
-FRAMES = 12
-READERS: list[Any] = [ScanNetReader(), Hoi4dReader(), Arti4dReader(), ItacoReader(), BundleSdfReader()]
 
 
 @pytest.fixture(scope="module")
@@ -41,233 +36,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> recon.Recording:
 @pytest.fixture(scope="module")
 def T() -> Any:
     return cameras(FRAMES)
-
-
-def read(reader: Any, path: Path) -> recon.Recording:
-    """The recording at a path, which this reader alone knows."""
-    assert [r for r in READERS if r.recognises(path)] == [reader]
-    return recording_of(reader.streams(path))
-
-
-def assert_same(
-    found: recon.Recording, true: recon.Recording, depth: float = 5e-4, color: float = 1.5
-) -> None:
-    """Equal frames: depth within `depth` m, colour within `color` of 255 in the mean, as JPEG leaves it; relative times within 1 us."""
-    assert len(found) == len(true)
-    k = true.intrinsics
-    np.testing.assert_allclose(found.intrinsics.vector, k.vector, rtol=1e-6)
-    assert (found.intrinsics.width, found.intrinsics.height) == (k.width, k.height)
-    for i in range(0, len(true), 5):
-        np.testing.assert_allclose(found.depth(i), true.depth(i), atol=depth)
-        off = np.abs(found.color(i).astype(float) - true.color(i).astype(float))
-        assert off.mean() <= color, i
-
-
-def assert_poses(found: recon.Recording, T: Any, frames: Any = None, atol: float = 1e-6) -> None:
-    assert found.poses is not None
-    frames = np.arange(FRAMES) if frames is None else frames
-    assert found.poses.frames.tolist() == list(frames)
-    np.testing.assert_allclose(found.poses.T_world_cam, T[frames], atol=atol)
-
-
-def read_whole(reader: Any, path: Path) -> None:
-    opened = recording_of(reader.streams(path))
-    for i in range(len(opened)):
-        opened.frame(i)
-
-
-def refused(reader: Any, path: Path, match: str) -> str:
-    """One line that says what is wrong, when opened or when the first frame that is touched is read."""
-    with pytest.raises(InputError, match=match) as caught:
-        read_whole(reader, path)
-    said = str(caught.value)
-    assert "\n" not in said
-    assert caught.value.remedy
-    return said
-
-
-# ScanNet
-
-
-@pytest.mark.parametrize(("color", "depth"), [("jpeg", "zlib"), ("png", "raw"), ("raw", "zlib")])
-def test_scannet_round_trip(
-    recording: recon.Recording, T: Any, tmp_path: Path, color: str, depth: str
-) -> None:
-    found = read(
-        ScanNetReader(), write.write_scannet(recording, tmp_path / "a.sens", T, color=color, depth=depth)
-    )
-    assert_same(found, recording, color=1.5 if color == "jpeg" else 0.0)
-    assert_poses(found, T)
-    np.testing.assert_allclose(found.times, recording.times, atol=1e-6)
-    assert found.warnings == ()
-    assert found.metadata == {"sensor": "StructureSensor"}
-    assert found.gravity_camera0 is None  # the file does not say that its world is z-up
-
-
-def test_scannet_pose_is_the_depth_cameras_and_extrinsics_take_depth_to_colour(
-    recording: recon.Recording, T: Any, tmp_path: Path
-) -> None:
-    E = geo.make_pose(geo.exp_so3([0.01, -0.02, 0.005]), [0.03, 0.002, -0.004])
-    streams = ScanNetReader().streams(
-        write.write_scannet(recording, tmp_path / "a.sens", T, depth_to_color=E)
-    )
-    np.testing.assert_allclose(streams.rig.T_color_depth, E, atol=1e-6)
-    assert streams.poses is not None
-    np.testing.assert_allclose(streams.poses[1], T, atol=1e-5)  # colour's, whatever stands between the two
-
-
-def test_scannet_lost_poses_and_missing_clock(recording: recon.Recording, T: Any, tmp_path: Path) -> None:
-    path = write.write_scannet(recording, tmp_path / "a.sens", T, lost=(0, 4), times=False)
-    found = read(ScanNetReader(), path)
-    assert_poses(found, T, [1, 2, 3, 5, 6, 7, 8, 9, 10, 11])
-    np.testing.assert_allclose(np.diff(found.times), 1 / 30)
-    assert found.warnings == ("a.sens has no time stamps; taken to be recorded at 30 frames a second",)
-    assert (
-        read(ScanNetReader(), write.write_scannet(recording, tmp_path / "b.sens")).poses is None
-    )  # all the same
-
-
-def test_scannet_coarser_depth_of_another_unit(recording: recon.Recording, tmp_path: Path) -> None:
-    path = write.write_scannet(recording, tmp_path / "a.sens", depth_step=2, per_metre=5000.0)
-    streams = ScanNetReader().streams(path)
-    assert (streams.rig.depth.camera.width, streams.rig.color.camera.width) == (48, 96)
-    np.testing.assert_allclose(streams.read_depth(3), recording.depth(3)[::2, ::2], atol=1e-4)
-    brought = recording_of(streams).depth(3)
-    known = (brought > 0) & (recording.depth(3) > 0)
-    assert known.mean() > 0.9
-    assert np.median(np.abs(brought - recording.depth(3))[known]) < 0.002
-
-
-def test_scannet_refusals(recording: recon.Recording, T: Any, tmp_path: Path) -> None:
-    reader = ScanNetReader()
-    data = write.write_scannet(recording, tmp_path / "a.sens", T).read_bytes()
-    at = 12 + len("StructureSensor")  # where the matrices begin
-    changed = {
-        "cut.sens": (data[: len(data) // 2], "truncated: it ends inside frame"),
-        "tail.sens": (data[:-5], "truncated: it ends inside frame 11 of 12"),
-        "head.sens": (data[:200], "truncated: it ends inside its header"),
-        "occi.sens": (data[: at + 260] + struct.pack("<i", 2) + data[at + 264 :], "occi"),
-        "kind.sens": (data[: at + 256] + struct.pack("<i", 9) + data[at + 260 :], "compression of colour is 9"),
-        "size.sens": (data[: at + 264] + struct.pack("<I", 2**31) + data[at + 268 :], "colour is 2147483648x72"),
-        "shift.sens": (data[: at + 280] + struct.pack("<f", 0.0) + data[at + 284 :], "a metre of depth is 0"),
-        "count.sens": (data[: at + 284] + struct.pack("<Q", 2**60) + data[at + 292 :], "frames by its header"),
-        "K.sens": (data[:at] + struct.pack("<f", np.nan) + data[at + 4 :], "colour: intrinsics must be finite"),
-        "E.sens": (data[: at + 64] + struct.pack("<f", 3.0) + data[at + 68 :], "no rigid motion"),
-        "pose.sens": (data[: at + 292] + struct.pack("<f", 3.0) + data[at + 296 :], "pose 0 is no rigid motion"),
-        "payload.sens": (data[: at + 292 + 80] + struct.pack("<Q", 2**40) + data[at + 292 + 88 :], "frame 0 has"),
-        "version.sens": (struct.pack("<I", 5) + data[4:], "of version 5"),
-        "name.sens": (data[:4] + struct.pack("<Q", 2**40) + data[12:], "sensor's name of"),
-    }  # fmt: skip
-    for name, (content, match) in changed.items():
-        (tmp_path / name).write_bytes(content)
-        refused(reader, tmp_path / name, match)
-    assert not reader.recognises(tmp_path / "version.sens")
-
-
-def test_scannet_zip_bomb_stays_small(recording: recon.Recording, tmp_path: Path) -> None:
-    import zlib
-
-    bomb = zlib.compress(bytes(2**26))
-    data = write.write_scannet(recording, tmp_path / "a.sens").read_bytes()
-    at = 12 + len("StructureSensor") + 292
-    color = struct.unpack("<Q", data[at + 80 : at + 88])[0]
-    depth = struct.unpack("<Q", data[at + 88 : at + 96])[0]
-    head = data[: at + 88] + struct.pack("<Q", len(bomb)) + data[at + 96 : at + 96 + color] + bomb
-    (tmp_path / "bomb.sens").write_bytes(head + data[at + 96 + color + depth :])
-    refused(ScanNetReader(), tmp_path / "bomb.sens", "depth 0 has 13825 bytes, not those of 96x72")
-
-
-# HOI4D
-
-
-@pytest.mark.parametrize("nested", [False, True])
-def test_hoi4d_round_trip(recording: recon.Recording, T: Any, tmp_path: Path, nested: bool) -> None:
-    clip = write.write_hoi4d(recording, tmp_path, nested=nested)
-    write.write_hoi4d_annotations(tmp_path / "HOI4D_annotations" / write.CLIP, T, [])
-    found = read(Hoi4dReader(), clip)
-    assert_same(found, recording)
-    assert_poses(found, T)
-    np.testing.assert_allclose(found.times, np.arange(FRAMES) / 15)
-    assert found.name == "ZY20210800001_H1_C4_N11_S1_s1_T1"
-    assert found.warnings == ()
-
-
-def test_hoi4d_log_is_camera_to_world_where_open3d_hands_back_the_inverse(T: Any, tmp_path: Path) -> None:
-    import open3d as o3d
-
-    from recon.readers.hoi4d import read_redwood_log
-
-    folder = write.write_hoi4d_annotations(tmp_path, T, [])
-    log = folder / "3Dseg" / "output.log"
-    np.testing.assert_allclose(read_redwood_log(log), T, atol=1e-10)
-    by_open3d = o3d.io.read_pinhole_camera_trajectory(str(log)).parameters
-    np.testing.assert_allclose(np.linalg.inv(by_open3d[3].extrinsic), T[3], atol=1e-6)
-
-
-def test_hoi4d_numbers_are_frames_also_where_some_are_missing(
-    recording: recon.Recording, tmp_path: Path
-) -> None:
-    clip = write.write_hoi4d(recording, tmp_path)
-    for name in ("align_rgb/00003.jpg", "align_depth/00005.png"):
-        (clip / name).unlink()
-    found = read(Hoi4dReader(), clip)
-    np.testing.assert_allclose(found.times * 15, [0, 1, 2, 4, 6, 7, 8, 9, 10, 11])
-    np.testing.assert_allclose(found.depth(4), recording.depth(6), atol=5e-4)
-    assert found.warnings[0].endswith("1 of 11 colour images have no depth image in time")
-
-
-def test_hoi4d_colour_from_the_video(
-    recording: recon.Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Video:
-        """The interface that the reader needs."""
-
-        width, height = recording.intrinsics.width, recording.intrinsics.height
-        times = 0.2 + np.arange(FRAMES) / 15
-
-        def __init__(self, path: Path) -> None:
-            assert path.name == "image.mp4"
-
-        def read(self, index: int) -> Any:
-            return recording.color(index)
-
-    module = types.ModuleType("recon.readers.video")
-    module.Video = Video  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "recon.readers.video", module)
-    clip = write.write_hoi4d(recording, tmp_path)
-    shutil.rmtree(clip / "align_rgb")
-    (clip / "align_rgb").mkdir()
-    (clip / "align_rgb" / "image.mp4").write_bytes(b"video")
-    assert_same(read(Hoi4dReader(), clip), recording, color=0.0)
-
-
-def test_hoi4d_refusals(recording: recon.Recording, T: Any, tmp_path: Path) -> None:
-    def clip(name: str) -> Path:
-        return write.write_hoi4d(recording, tmp_path / name)
-
-    packed = clip("packed")
-    shutil.rmtree(packed / "align_depth")
-    (packed / "align_depth").mkdir()
-    (packed / "align_depth" / "depth_video.avi").write_bytes(b"RIFF")
-    assert "utils/decode.py" in refused(Hoi4dReader(), packed, "depth packed as video")
-    alone = clip("alone")
-    shutil.rmtree(tmp_path / "alone" / "camera_params")
-    refused(Hoi4dReader(), alone, "no camera_params/ZY20210800001/intrin.npy")
-    K = tmp_path / "other" / "camera_params" / "ZY20210800001" / "intrin.npy"
-    other = clip("other")
-    np.save(K, np.array([[1060.0, 0, 971.0], [0, 1061.0, 523.0], [0, 0, 1]]))
-    refused(Hoi4dReader(), other, "principal point .* outside the 96x72 image")
-    np.save(K, np.array([{}], dtype=object), allow_pickle=True)
-    refused(Hoi4dReader(), other, "pickled objects")
-    np.save(K, np.eye(4))
-    refused(Hoi4dReader(), other, r"shape \(4, 4\), not \(3, 3\)")
-    turned = clip("turned")
-    (turned / "align_depth" / "00000.png").write_bytes(write.png(np.full((50, 96), 900, np.uint16)))
-    refused(Hoi4dReader(), turned, "is 96x50, colour 96x72")
-    log = write.write_hoi4d_annotations(clip("log"), T, []) / "3Dseg" / "output.log"
-    text = log.read_text()
-    log.write_text(text[: len(text) // 2])
-    refused(Hoi4dReader(), log.parents[1], "begins no pose")
 
 
 # Arti4D

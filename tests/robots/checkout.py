@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
@@ -18,6 +19,22 @@ ROOT2 = float(np.sqrt(0.5))
 BACK, FORTH = (ROOT2, -ROOT2, 0, 0), (ROOT2, ROOT2, 0, 0)
 PLAIN = (1, 0, 0, 0)
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+
+NAMES = ("franka", "spot")
+
+
+def only_checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder that the user names as their checkout; nothing else is on the machine."""
+    folder = tmp_path / "checkout"
+    folder.mkdir()
+    monkeypatch.setenv("FUNTWIN_MENAGERIE", str(folder))
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "none"))
+    return folder
+
+
+def moved(x: float = 0.0, degrees: float = 0.0, axis: object = (0, 0, 1)) -> np.ndarray:
+    """A rigid move: x metres along x, turned about an axis."""
+    return geo.make_pose(geo.exp_so3(np.deg2rad(degrees) * np.asarray(axis, dtype=float)), [x, 0, 0])
 
 
 @dataclass(frozen=True)
