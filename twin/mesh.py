@@ -5,6 +5,7 @@ Areas and normals of single triangles stand in `twin.geometry`, which needs nump
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import Mesh
+from twin.scene import Mesh, Texture
 
+_GREY = 180  # of what has no colour, beside what has
 Faces = NDArray[np.integer[Any]]
 
 
@@ -39,6 +41,24 @@ def sample_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[Ar
     face = rng.choice(len(area), count, p=area / area.sum())
     u, v = rng.random(count), rng.random(count)
     return on_triangles(corners[face], u, v), normals[face]
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """All meshes as one: grey where only others have colours, with a texture where all that have faces share its image."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    faces = np.concatenate([m.faces + n for m, n in zip(meshes, starts, strict=False)])
+    colors = None
+    if any(m.colors is not None for m in meshes):
+        colors = np.concatenate(
+            [np.full((len(m.vertices), 3), _GREY, np.uint8) if m.colors is None else m.colors for m in meshes]
+        )
+    textures = [m.texture for m in meshes if len(m.faces)]
+    first, texture = (textures[0] if textures else None), None
+    if first is not None and all(t is not None and np.array_equal(t.image, first.image) for t in textures):
+        texture = Texture(np.concatenate([t.uv for t in textures if t]), first.image, first.seen)
+    return Mesh(np.concatenate([m.vertices for m in meshes]), faces, colors, texture)
 
 
 def compact(faces: Faces) -> tuple[NDArray[np.int64], NDArray[np.int32]]:

@@ -16,6 +16,7 @@ from twin.collision.convex import cut
 from twin.collision.pieces import pieces_of
 from twin.collision.solid import Solid
 from twin.geometry import Array
+from twin.inferred import Completion
 from twin.scene import Mesh
 
 BEHIND = 0.5  # of the free way behind a bar, chosen by us: what is further from it belongs to the front
@@ -112,6 +113,13 @@ def thickness(bar: Bar, mesh: Mesh) -> float:
     if not len(triangles):
         return 0.0
     return float(np.ptp(triangles.reshape(-1, 3), axis=0)[1:].max())
+
+
+def called_assumed(bar: Bar, visuals: Iterable[Geom], completion: Completion | None) -> bool:
+    """Whether all inferred pieces of a part that stand where `thickness` measures are assumed; posts and necks stand elsewhere."""
+    basis = {} if completion is None else {p.name: p.basis for p in completion.pieces}
+    there = [basis.get(g.inferred) for g in visuals if g.inferred is not None and thickness(bar, g.mesh) > 0]
+    return bool(there) and all(b == "assumed" for b in there)
 
 
 def _gap(bar: Bar, true: Solid, shapes: Solid) -> float | None:

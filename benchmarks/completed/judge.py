@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.completed.asset import STATIC, Asset, load_asset
 from benchmarks.completed.balls import balls_kept, opens_far
-from benchmarks.completed.handle import Bar, section, true_bar
+from benchmarks.completed.handle import Bar, called_assumed, section, true_bar
 from benchmarks.completed.sight import front_of, see_through
 from benchmarks.completed.surfaces import (
     REAR_SHARE,
@@ -149,7 +149,7 @@ def _measured(asset: Asset, part: Part, known: _Known) -> dict[str, Any]:
     sight = see_through(asset, part.name, true, known.carcass, known.static, known.outward)
     out["sight"] = None if sight is None else asdict(sight)
     out["handle"] = None if bar is None else asdict(section(bar, true, visuals, colliders))
-    out["handle assumed"] = None if bar is None else _assumed_handle(part.completion)
+    out["handle assumed"] = None if bar is None else called_assumed(bar, visuals, part.completion)
     out["balls"] = balls_kept(asset, part.name, true)
     return out
 
@@ -178,8 +178,3 @@ def _layer(asset: Asset, owner: str, completion: Completion | None, true: Mesh) 
         "shapes": len(colliders),
         "open shapes": sorted(g.name for g in colliders if not is_closed(g.mesh)),
     }
-
-
-def _assumed_handle(completion: Completion | None) -> bool:
-    """Whether the handle that was inferred is marked as assumed."""
-    return completion is not None and any(p.role == "handle" for p in completion.assumed)

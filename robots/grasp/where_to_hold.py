@@ -10,12 +10,11 @@ import numpy as np
 from robots.grasp.holds import Hold, dominant_face, find_holds, protruding
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
-from twin.collision.decimation import joined
 from twin.contacts import allowed, contact_off, distance_to
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.handles import frame_of
-from twin.mesh import sample_surface
+from twin.mesh import joined, sample_surface
 from twin.scene import ContactPath, Mesh, Part, Revolute, Twin
 
 _LOG = logging.getLogger(__name__)

@@ -17,7 +17,7 @@ from benchmarks.completed import sight
 from benchmarks.completed.asset import STATIC, Asset, load_asset, merged
 from benchmarks.completed.balls import balls_kept, dropped
 from benchmarks.completed.counts import counts
-from benchmarks.completed.handle import section, true_bar
+from benchmarks.completed.handle import called_assumed, section, true_bar
 from benchmarks.completed.judge import judge
 from benchmarks.completed.page import table
 from benchmarks.completed.sight import Sight, front_of, see_through
@@ -44,7 +44,7 @@ from tests.benchmarks.completed import (
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.exporters import export
-from twin.inferred import Completion, Inferred
+from twin.inferred import Basis, Completion, Inferred
 from twin.scene import Mesh
 from twin.storage import save
 
@@ -291,6 +291,31 @@ def test_a_handle_that_is_filled_or_missing_is_told(truth: Truth, tmp_path: Path
     bare = spoilt(tmp_path / "bare", {"drawer": drawn(BODIES["drawer"][:5])})
     found = section(bar, part, bare.visuals("drawer"), bare.colliders("drawer"))
     assert (found.visual, found.collider, found.gap) == (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(("bar", "post"), [("assumed", "evidence"), ("evidence", "assumed")])
+def test_a_handle_is_called_assumed_where_its_bar_is(
+    truth: Truth, tmp_path: Path, bar: Basis, post: Basis
+) -> None:
+    """Whatever its posts are, which stand elsewhere."""
+    true = true_bar(truth.parts[1], grip(truth, 1))
+    assert true is not None
+    own = BAR
+    stands = Board(
+        (BAR.low[0], BAR.high[1], BAR.low[2]), (BAR.low[0] + 0.01, BAR.high[1] + 0.02, BAR.high[2])
+    )
+    geoms = [*drawn(BODIES["drawer"][:5]), Geom("inferred_handle", own), Geom("inferred_handle_post", stands)]
+    asset = spoilt(tmp_path, {"drawer": geoms})
+    plain = TWIN.parts[1].mesh
+    pieces = (
+        Inferred("handle", "handle", plain, bar, "test"),
+        Inferred("handle_post", "handle", plain, post, "test"),
+    )
+    layer = Completion(plain, pieces)
+    assert called_assumed(true, asset.visuals("drawer"), layer) == (bar == "assumed")
+    assert not called_assumed(true, asset.visuals("drawer"), None)
+    bare = spoilt(tmp_path / "bare", {"drawer": drawn(BODIES["drawer"])})
+    assert not called_assumed(true, bare.visuals("drawer"), layer), "nothing inferred stands there"
 
 
 def test_a_bare_edge_has_no_handle(truth: Truth) -> None:

@@ -125,3 +125,7 @@ def test_what_is_inferred_takes_the_measured_thickness_and_says_so(tmp_path: Pat
     assert np.abs(size[1:] - 0.020).max() < 0.002
     assert "by its outline in" in bar.reason
     assert "assumed" not in bar.reason
+    assert bar.basis == "evidence"
+    untold = infer(replace(twin, labels={})).parts[0].completion
+    assert untold is not None
+    assert {p.basis for p in untold.pieces if p.role == "handle"} == {"assumed"}

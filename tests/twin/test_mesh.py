@@ -13,25 +13,18 @@ from twin.mesh import (
     compact,
     decimated,
     edges,
+    joined,
     on_triangles,
     sample_surface,
     signed_volume,
     used_vertices,
     vertex_pieces,
 )
-from twin.scene import Mesh
+from twin.scene import Mesh, Texture
 
 
 def mesh_of(shape: trimesh.Trimesh) -> Mesh:
     return Mesh(np.asarray(shape.vertices), np.asarray(shape.faces, np.int32))
-
-
-def joined(*meshes: Mesh) -> Mesh:
-    start = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + s for m, s in zip(meshes, start, strict=False)]),
-    )
 
 
 BOX = mesh_of(trimesh.creation.box(extents=(0.6, 0.4, 0.018)))
@@ -81,7 +74,7 @@ def test_vector_areas_turn_with_the_corners_order() -> None:
 
 def test_samples_are_even_over_the_faces_and_within_a_face() -> None:
     rng, count = np.random.default_rng(5), 40_000
-    mesh = joined(DISC, Mesh(BOX.vertices + [2.0, 0, 0], BOX.faces))
+    mesh = joined([DISC, Mesh(BOX.vertices + [2.0, 0, 0], BOX.faces)])
     points, normals = sample_surface(mesh, count, rng)
     true, _ = geo.triangle_normals(mesh.vertices[mesh.faces])
     centre = mesh.vertices[mesh.faces].mean(axis=1)
@@ -119,7 +112,7 @@ def test_the_unit_square_goes_onto_a_triangle_evenly() -> None:
 
 
 def test_pieces_are_counted_by_shared_vertices() -> None:
-    both = joined(BOX, DISC)
+    both = joined([BOX, DISC])
     label = vertex_pieces(both.faces, len(both.vertices) + 1)
     assert len(np.unique(label[: len(BOX.vertices)])) == 1
     assert len(np.unique(label[len(BOX.vertices) : -1])) == 1
@@ -162,3 +155,21 @@ def test_fewer_faces_of_a_ball_still_lie_on_it(precision: type) -> None:
     assert vertices.dtype == np.float64
     assert np.abs(np.linalg.norm(vertices, axis=1) - 1.0).max() < 0.02
     assert Mesh(vertices, faces).area == pytest.approx(ball.area, rel=0.02)
+
+
+def test_joined_meshes_keep_colours_and_a_picture_that_they_share() -> None:
+    image = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
+    picture = Texture(np.full((len(BOX.faces), 3, 2), 0.5, np.float32), image, np.ones((4, 4), bool))
+    red = np.tile(np.array([200, 0, 0], np.uint8), (len(BOX.vertices), 1))
+    colored = Mesh(BOX.vertices, BOX.faces, red, picture)
+    empty = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+    both = joined([colored, empty, colored])
+    assert both.texture is not None
+    assert len(both.texture.uv) == len(both.faces) == 2 * len(BOX.faces)
+    assert both.area == pytest.approx(2 * BOX.area)
+    mixed = joined([colored, BOX])
+    assert mixed.texture is None, "one of them has no place in the picture"
+    assert mixed.colors is not None
+    assert {tuple(c) for c in mixed.colors.tolist()} == {(200, 0, 0), (180, 180, 180)}
+    assert joined([BOX, BOX]).colors is None
+    assert len(joined([]).faces) == 0

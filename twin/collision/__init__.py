@@ -19,12 +19,13 @@ from twin.collision.cache import ShapeCache
 from twin.collision.clearance import make_clear, points_of, sweep_states
 from twin.collision.closed_pieces import closed_piece_shapes
 from twin.collision.convex import cut, thick_hull, triangles_of
-from twin.collision.decimation import decimated, decimated_body, joined
+from twin.collision.decimation import decimated, decimated_body
 from twin.collision.main_axes import main_axes, outline_axes
 from twin.collision.pieces import pieces_of
 from twin.collision.splitting import decompose, merge
 from twin.files.paths import AnyPath
 from twin.geometry import Array
+from twin.mesh import joined
 from twin.runs.setting import Settings, group, setting
 from twin.scene import Collision, Mesh, Twin
 

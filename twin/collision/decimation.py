@@ -7,8 +7,6 @@ which ends on any mesh.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from twin import geometry as geo
@@ -67,15 +65,6 @@ def _fewer_corners(hull: Hull) -> Mesh | None:
     reach = [int(np.argmax(hull.vertices @ way)) for way in ways]
     small = hull_of(hull.vertices[np.unique(reach)])
     return None if small is None else small.mesh
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one, without colours."""
-    start = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + n for m, n in zip(meshes, start, strict=False)]),
-    )
 
 
 def _welded(mesh: Mesh) -> Mesh:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.collision.closed_pieces import outward
-from twin.collision.decimation import decimated_body, joined
+from twin.collision.decimation import decimated_body
 from twin.collision.pieces import pieces_of
+from twin.mesh import joined
 from twin.scene import Mesh
 
 _FACES = 20_000  # of all bodies, chosen by us: more are decimated, for the union of a million noisy faces takes minutes

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
+from twin.completion.bounded import bounded
 from twin.completion.placed import placed
 from twin.errors import InputError
 from twin.files.text import read_json, write_json
@@ -71,17 +72,15 @@ class AssetView:
             parts = tuple(replace(p, mesh=replace(p.mesh, texture=None), completion=None) for p in twin.parts)
             return replace(twin, static=static, parts=parts)
 
-        def layer_of(layer: Completion | None) -> Completion | None:
+        def layer_of(layer: Completion | None, seen: Mesh) -> Completion | None:
             if layer is None:
                 return None
-            if self.geometry == "bounded":
-                layer = replace(layer, pieces=tuple(p for p in layer.pieces if p.basis == "evidence"))
+            layer = bounded(layer, seen) if self.geometry == "bounded" else layer
             return replace(layer, room=None, room_collision=()) if self.room == "drop" else layer
 
-        parts = tuple(replace(p, completion=layer_of(p.completion)) for p in twin.parts)
-        return replace(
-            twin, static=replace(twin.static, completion=layer_of(twin.static.completion)), parts=parts
-        )
+        static = replace(twin.static, completion=layer_of(twin.static.completion, twin.static.mesh))
+        parts = tuple(replace(p, completion=layer_of(p.completion, p.mesh)) for p in twin.parts)
+        return replace(twin, static=static, parts=parts)
 
     def pose(self, twin: Twin) -> Array:
         """T_asset_twin (4, 4): from the twin's world, in which trajectories of robots are, into the asset's."""

@@ -42,6 +42,11 @@ class Carcass:
     high: Array
     seen: bool
 
+    @property
+    def rear(self) -> float:
+        """Where (m along out) it ends."""
+        return float(min([self.low[OUT], *(b.low[OUT] for b in self.boards)]))
+
 
 @dataclass(frozen=True, eq=False)
 class _Wall:

@@ -2,7 +2,7 @@
 
 Where it is, how long it is and how far it stands off are measured; how thick it is, is not: a fused surface thickens a bar of 12 mm to
 15 to 30 mm, the more the noisier the sensor. So a bar is as thick as its outline in photographs says, and where none tells as bars are,
-unless what was seen is wider than noise makes one.
+unless what was seen is wider than noise makes one. What photographs don't tell is assumed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from twin.scene import HandleSection
 
 BAR = 0.014  # m, thickness of a bar, the middle of 10 to 18 mm as they are sold
 POST = 0.011  # m
-_BLUR = 0.014  # m that a fused surface adds to a bar's width, at most
+BLUR = 0.014  # m that a fused surface adds to a bar's width, at most
 _LONGEST = 0.8  # m
 _SHORTEST = 0.015  # m
 _WIDEST, _NARROWEST = 0.06, 0.005  # m across
@@ -113,7 +113,7 @@ def _fitted(piece: Array, name: str, section: HandleSection | None = None) -> Ha
 def _bar(
     name: str, axis: int, ends: Array, at: float, top: float, width: float, section: HandleSection | None
 ) -> list[Board]:
-    thick = BAR + max(0.0, width - BAR - _BLUR) if section is None else section.width
+    thick = BAR + max(0.0, width - BAR - BLUR) if section is None else section.width
     depth = min(thick, 0.7 * top)
     told = f"handle: bar {1000 * np.ptp(ends):.0f} mm long seen, "
     if section is not None:
@@ -121,7 +121,7 @@ def _bar(
     elif thick == BAR:
         told += f"no wider than {1000 * width:.0f} mm; thickness assumed, {1000 * thick:.0f} mm as bars have"
     else:
-        told += f"no wider than {1000 * width:.0f} mm; {1000 * thick:.0f} mm thick, less what a scan blurs"
+        told += f"no wider than {1000 * width:.0f} mm; thickness assumed, {1000 * thick:.0f} mm, less what a scan blurs"
     boards = [
         _box(
             name,
@@ -129,7 +129,7 @@ def _bar(
             (float(ends[0]), float(ends[1])),
             (at - thick / 2, at + thick / 2),
             (top - depth, top),
-            "evidence",
+            "assumed" if section is None else "evidence",
             told,
         )
     ]
@@ -159,7 +159,7 @@ def _knob(
     name: str, axis: int, middle: float, at: float, top: float, width: float, section: HandleSection | None
 ) -> list[Board]:
     depth = min(0.6 * top, _KNOB)
-    told = f"handle: knob {1000 * width:.0f} mm wide seen, {1000 * top:.0f} mm off the front"
+    told = f"handle: knob {1000 * top:.0f} mm off the front seen, {1000 * width:.0f} mm wide with what a scan blurs; depth assumed"
     if section is not None:
         width = section.width
         told = f"handle: knob {1000 * top:.0f} mm off the front seen, {_by_outline(section)}"
@@ -170,7 +170,7 @@ def _knob(
         (middle - half, middle + half),
         (at - half, at + half),
         (top - depth, top),
-        "evidence",
+        "assumed" if section is None else "evidence",
         told,
     )
     stem = (middle - neck, middle + neck), (at - neck, at + neck)

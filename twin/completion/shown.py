@@ -14,7 +14,7 @@ from twin.geometry import Array
 from twin.mesh import vertex_pieces
 from twin.scene import Mesh
 
-_ON_FACE = 0.008  # m: seen surface this near a board's face is that face
+ON_FACE = 0.008  # m: seen surface this near a board's face is that face
 _BESIDE = 0.020  # m around a board within which a fused surface's ragged skirt lies
 _SKIRT = 0.030  # m that it hangs behind
 _BESIDE_SHARE = 0.2  # of a piece behind a drawer's front that may lie beside the opening
@@ -61,31 +61,31 @@ def shown_surface(
     if front is not None:
         keep &= settled | ~_skirt(local, front)[mesh.faces].all(axis=1)
     for low, high in fitted:
-        inside = ((local > low - _ON_FACE) & (local < high + _ON_FACE)).all(axis=1)
+        inside = ((local > low - ON_FACE) & (local < high + ON_FACE)).all(axis=1)
         keep &= settled | ~np.asarray(inside)[mesh.faces].any(axis=1)
     return without_shreds(mesh.of(keep, geo.transform(T_world_frame, moved)))
 
 
 def _skirt(local: Array, front: Board) -> NDArray[np.bool_]:
     """Which points (n, 3) lie beside and behind the border of a front: noise that the fusion draws from it to what is farther away."""
-    beside = _BESIDE + _ON_FACE
+    beside = _BESIDE + ON_FACE
     around = np.all(
         (local[:, :2] > front.low[:2] - beside) & (local[:, :2] < front.high[:2] + beside), axis=1
     )
     inside = np.all(
-        (local[:, :2] > front.low[:2] + _ON_FACE) & (local[:, :2] < front.high[:2] - _ON_FACE), axis=1
+        (local[:, :2] > front.low[:2] + ON_FACE) & (local[:, :2] < front.high[:2] - ON_FACE), axis=1
     )
-    return np.asarray(around & ~inside & (local[:, 2] < _ON_FACE) & (local[:, 2] > -_HANGS))
+    return np.asarray(around & ~inside & (local[:, 2] < ON_FACE) & (local[:, 2] > -_HANGS))
 
 
 def _on_face(
     local: Array, faces: NDArray[Any], normals: Array, board: Board, axis: int, sign: int, plane: float
 ) -> NDArray[np.bool_]:
     """Which triangles (F,) lie on one face of a board and look its way."""
-    near = np.abs(local[:, axis] - plane) < min(_ON_FACE, 0.6 * float(board.size[axis]))
+    near = np.abs(local[:, axis] - plane) < min(ON_FACE, 0.6 * float(board.size[axis]))
     for k in range(3):
         if k != axis:
-            near &= (local[:, k] > board.low[k] - _ON_FACE) & (local[:, k] < board.high[k] + _ON_FACE)
+            near &= (local[:, k] > board.low[k] - ON_FACE) & (local[:, k] < board.high[k] + ON_FACE)
     return np.asarray(near[faces].all(axis=1) & (sign * normals[:, axis] > _LOOKS))
 
 
@@ -119,9 +119,7 @@ def passing(mesh: Mesh, front: Board, T_world_frame: Array) -> Mesh:
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
-    out = np.any(
-        (local[:, :2] < front.low[:2] - _ON_FACE) | (local[:, :2] > front.high[:2] + _ON_FACE), axis=1
-    )
+    out = np.any((local[:, :2] < front.low[:2] - ON_FACE) | (local[:, :2] > front.high[:2] + ON_FACE), axis=1)
     piece = vertex_pieces(mesh.faces, len(mesh.vertices))
     share = np.bincount(piece, out & (local[:, 2] < front.low[2])) / np.maximum(np.bincount(piece), 1)
     return mesh.of((share < _BESIDE_SHARE)[piece[mesh.faces[:, 0]]])
@@ -133,9 +131,7 @@ def without_surroundings(mesh: Mesh, panel: Board, T_world_frame: Array) -> Mesh
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
-    out = np.any(
-        (local[:, :2] < panel.low[:2] - _ON_FACE) | (local[:, :2] > panel.high[:2] + _ON_FACE), axis=1
-    )
+    out = np.any((local[:, :2] < panel.low[:2] - ON_FACE) | (local[:, :2] > panel.high[:2] + ON_FACE), axis=1)
     behind = local[:, 2] < (panel.low[2] + panel.high[2]) / 2
     return mesh.of(~(out & behind)[mesh.faces].any(axis=1))
 
@@ -145,7 +141,7 @@ def up_to(mesh: Mesh, rear: float, T_world_frame: Array) -> Mesh:
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
-    keep: NDArray[np.bool_] = np.all(local[mesh.faces, 2] > rear - _ON_FACE, axis=1)
+    keep: NDArray[np.bool_] = np.all(local[mesh.faces, 2] > rear - ON_FACE, axis=1)
     return mesh.of(keep)
 
 

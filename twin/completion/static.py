@@ -14,12 +14,14 @@ from twin.collision.convex import triangles_of
 from twin.completion.board import Board
 from twin.completion.carcass import Carcass, find_carcass
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
+from twin.completion.grooves import apart
 from twin.completion.handle import Handle, find_handles
 from twin.completion.joined import Row, joined, worktop_over
 from twin.completion.leaf import Leaf
 from twin.completion.part import color_near
 from twin.completion.room import Apart, Bound, Front
 from twin.completion.shown import shown_surface, without_shreds
+from twin.completion.sides import continued
 from twin.completion.squared import PLANE, Sight, squared
 from twin.completion.sweep import out_of_the_way
 from twin.geometry import Array
@@ -30,6 +32,7 @@ SEARCH = BoardSearch(deepest=0.045, thickness=0.012, cell=0.01, smallest=0.012, 
 _COPLANAR = 0.04  # m from the plane of a part's front within which other fronts lie
 _FRONT = 0.02  # m^2 of one
 _ALIGNED = float(np.cos(np.radians(8.0)))  # of a wall with a front
+_CLAD = 0.03  # m: of two faces of a wall nearer than that the farther is the wall, the other hangs on it
 _APART = 0.004  # m between a neighbour and the opening
 MOST, _FEWEST = 32, 12  # pieces of the furniture, and of them beside the cabinets of the parts
 _CLEAR = 0.0025  # m, a little more than shapes keep from what moves past them
@@ -73,11 +76,12 @@ def openings(
 
 
 def wall_behind(front: Front, bounds: Sequence[Bound]) -> float | None:
-    """Where (m along out, negative) a wall or the floor lies behind a front; None where none was seen."""
+    """Where (m along out, negative) a wall or the floor lies behind a front; None where none was seen. Where a wall is clad, as with tiles
+    above a worktop, the furniture stands at the wall."""
     T = front.frame.T_world_frame
     found = [b.offset - float(b.normal @ T[:3, 3]) for b in bounds if b.normal @ T[:3, OUT] > _ALIGNED]
     behind = [h for h in found if h < -0.05]
-    return max(behind) if behind else None
+    return min(h for h in behind if h > max(behind) - _CLAD) if behind else None
 
 
 def complete_static(
@@ -147,22 +151,37 @@ def _panels(
     found.sort(key=lambda b: -float(np.sort(b.box.size)[1:].prod()))
     boards: list[Board] = []
     for k, b in enumerate(found):
-        board = _neighbour(_local(f"panel_{k + 1}", b.box, b.back, T), opened, cloud)
-        free = out_of_the_way(board, passed)
-        if free is not None and free.real and not free.contradicted(cloud):
-            boards.append(free)
+        face = _local(f"panel_{k + 1}", b.box, b.back, T)
+        for one in apart(face, cloud) if _is_front(face) else [face]:
+            free = out_of_the_way(_neighbour(one, opened, cloud), passed)
+            if free is not None and free.real and not free.contradicted(cloud):
+                boards.append(free)
     if sight is None:
         return boards[: most - _RESERVED]
     insides = tuple(_inside_of(o, first) for o in opened)
-    rear = max(float(o.carcass.low[OUT]) for o in opened)
+    rear = max(o.carcass.rear for o in opened)
     tops = tuple(_in_first(b, o, first) for o in opened for b in o.carcass.boards if b.role == "top")
     whole = joined(boards, Row(insides, tops, rear, cloud, sight, T))[: most - _RESERVED]
-    wider = [
+    wide = continued(_sides(opened), squared(whole, insides, sight, T), sight, T)
+    freed = [
         w if any(w is b for b in boards) else out_of_the_way(w, passed)
-        for w in squared(whole, insides, sight, T)
+        for w in wide
         if not w.contradicted(cloud)
     ]
-    return [b for b in wider if b is not None]
+    return [b for b in freed if b is not None]
+
+
+def _sides(opened: Sequence[Opening]) -> list[tuple[Board, int]]:
+    """Sides of the parts' cabinets in the frame of the first part's front, and where they look outwards."""
+    out = []
+    for o in opened:
+        inside = _inside_of(o, opened[0])
+        for b in (_in_first(b, o, opened[0]) for b in o.carcass.boards if b.role == "side"):
+            if b.basis == "evidence":
+                out.append(
+                    (b, 1 if b.low[SIDE] + b.high[SIDE] > inside.low[SIDE] + inside.high[SIDE] else -1)
+                )
+    return out
 
 
 def _clear_piece(
@@ -199,7 +218,7 @@ def _is_front(board: Board) -> bool:
 
 def _neighbour(board: Board, opened: Sequence[Opening], cloud: Cloud) -> Board:
     """A front beside those of the parts stands for its whole cabinet, as deep as theirs, which nobody saw from inside."""
-    rear = max(o.carcass.low[OUT] for o in opened)
+    rear = max(o.carcass.rear for o in opened)
     if not _is_front(board) or board.high[OUT] - rear < _SOLID:
         return board
     low = board.low.copy()

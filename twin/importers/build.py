@@ -12,7 +12,6 @@ import numpy as np
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
 from twin.importers.joints import at_rest, closed_at, joint_of, range_of
-from twin.importers.shapes import joined
 from twin.importers.source import (
     Closed,
     Source,
@@ -21,6 +20,7 @@ from twin.importers.source import (
     surface_of,
 )
 from twin.importers.stated import stated_inertial, with_stated
+from twin.mesh import joined
 from twin.names import legal_name
 from twin.physics import with_physics
 from twin.scene import (

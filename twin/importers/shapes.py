@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from twin.collision.convex import hull_of
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.mesh import signed_volume
+from twin.mesh import joined, signed_volume
 from twin.scene import Mesh
 
 # Chosen by us: a knob of 4 cm is then round to 0.1 mm.
 _SECTIONS = 32
 _SUBDIVISIONS = 3
 _CONCAVE = 0.02  # share of its hull that a mesh may leave empty and still be taken for convex (chosen by us)
-_GREY = 180  # of what has no colour, beside what has
 
 
 def box(size: ArrayLike) -> Mesh:
@@ -142,18 +141,3 @@ def _colors_of(piece: Any) -> NDArray[np.uint8] | None:
 
 def _plain(made: Any) -> Mesh:
     return Mesh(np.asarray(made.vertices, np.float64), np.asarray(made.faces, np.int32))
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of several; grey where only others have colours."""
-    if not meshes:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    faces = np.concatenate([m.faces + s for m, s in zip(meshes, starts[:-1], strict=True)])
-    colors = None
-    if any(m.colors is not None for m in meshes):
-        grey = [np.full((len(m.vertices), 3), _GREY, np.uint8) for m in meshes]
-        colors = np.concatenate(
-            [g if m.colors is None else m.colors for m, g in zip(meshes, grey, strict=True)]
-        )
-    return Mesh(np.concatenate([m.vertices for m in meshes]), faces, colors)
