@@ -13,29 +13,45 @@ import cv2
 import numpy as np
 
 from twin.report.frames import Image, drawn_key_frames
-from twin.report.meshes import opening
 from twin.report.plots import film_pictures
 from twin.storage import load
 
 PANEL = (480, 360)
+_FROM = (62.0, -24.0, 1.9)  # azimuth and elevation (deg) and distance (m) of the twin's pictures
 
 
 def panels(run: Path) -> list[tuple[str, Image]]:
-    """Captions and pictures: what was recorded, what was found, the twin closed and open, the robot."""
+    """Captions and pictures: what was recorded, what was found, the exported twin closed and open, the robot."""
     twin = load(run)
     drawn = drawn_key_frames(run, twin)
     first, last = twin.parts[0].motion.intervals[0]
     frame, found = min(drawn, key=lambda d: abs(d[0] - (0.4 * first + 0.6 * last)))
     recorded = cv2.imread(str(run / "report" / f"frame_{frame:06d}.jpg"))
-    closed, opened = opening(twin, 2, *PANEL)
+    closed, opened = (_exported(run / "export" / "mjcf" / "scene.xml", key) for key in ("closed", "open"))
     film = film_pictures(sorted((run / "replay").glob("*/*/replay.mp4"))[0], count=7, width=2 * PANEL[0])
     return [
         ("a recording", np.asarray(recorded[:, :, ::-1], dtype=np.uint8)),
         ("part, hand, joint", found),
         ("its twin, closed", closed),
         ("and open", opened),
-        ("opened by a robot", film[4]),
+        ("opened by a robot", film[4][: PANEL[1], PANEL[0] :]),  # beside the recording, above its words
     ]
+
+
+def _exported(scene: Path, key: str) -> Image:
+    """What MuJoCo shows of an exported scene at a keyframe."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(scene))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    mujoco.mj_forward(model, data)
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = model.stat.center
+    camera.azimuth, camera.elevation, camera.distance = _FROM
+    with mujoco.Renderer(model, height=PANEL[1], width=PANEL[0]) as renderer:
+        renderer.update_scene(data, camera)
+        return np.asarray(renderer.render(), dtype=np.uint8)
 
 
 def draw(run: Path, path: Path) -> None:
