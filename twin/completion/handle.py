@@ -29,6 +29,7 @@ _MARGIN = 0.02  # m that a handle may reach past its front
 _LEAST = 0.0015  # m^2: of a handle that nobody touched
 _FLATTEST = 0.014  # m: what stands off less is moulding
 _KNOB = 0.030  # m, most of a knob's depth
+_KNOB_OFF = 0.02  # m that a knob stands off at least
 _NECK = 0.012  # m
 _END = 0.010  # m from a bar's end to the middle of its post
 _FEW = 20  # points of a piece
@@ -51,7 +52,7 @@ def find_handles(
     name: str = "handle",
     section: HandleSection | None = None,
 ) -> list[Handle]:
-    """Handles before a front, that at the contact first.
+    """Handles before a front, that at the contact first; where none is, the largest of a knob's size: a contact may be wrong.
 
     Args:
         cloud: the surface in the front's frame.
@@ -67,18 +68,31 @@ def find_handles(
         (points[:, :2] > leaf.corners[0] - _MARGIN) & (points[:, :2] < leaf.corners[1] + _MARGIN), axis=1
     )
     found: list[tuple[float, Array]] = []
+    knobs: list[Array] = []
     for piece in split(points[off]):
         if len(piece) < _FEW or np.quantile(piece[:, OUT], 0.97) < _FLATTEST:
             continue
         far = np.inf if contact is None else float(np.linalg.norm(piece[:, :2] - contact[:2], axis=1).min())
-        if far > _NEAR and not _alone(piece, cloud.area):
-            continue
-        found.append((far, piece))
+        if far <= _NEAR or _alone(piece, cloud.area):
+            found.append((far, piece))
+        elif _is_knob(piece, leaf):
+            knobs.append(piece)
     found.sort(key=lambda row: (row[0], -len(row[1])))
     made = [
         _fitted(piece, name if k == 0 else f"{name}_{k + 1}", section) for k, (_, piece) in enumerate(found)
     ]
-    return [h for h in made if h is not None]
+    whole = [h for h in made if h is not None]
+    if not whole and contact is not None and knobs:
+        knob = _fitted(max(knobs, key=len), name, section)
+        whole = [] if knob is None else [knob]
+    return whole
+
+
+def _is_knob(piece: Array, leaf: Leaf) -> bool:
+    """Whether a piece (n, 3) that no hand touched is as wide and stands as far off as knobs, well inside a front."""
+    low, high = piece.min(axis=0), piece.max(axis=0)
+    inside = np.all((low[:2] > leaf.corners[0] + _MARGIN) & (high[:2] < leaf.corners[1] - _MARGIN))
+    return bool(inside and (high - low)[:2].max() < _WIDEST and high[OUT] > _KNOB_OFF)
 
 
 def _alone(piece: Array, area: float) -> bool:
