@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
-from twin.completion.bounded import bounded
 from twin.completion.placed import placed
 from twin.errors import InputError
 from twin.files.text import read_json, write_json
@@ -75,7 +74,10 @@ class AssetView:
         def layer_of(layer: Completion | None, seen: Mesh) -> Completion | None:
             if layer is None:
                 return None
-            layer = bounded(layer, seen) if self.geometry == "bounded" else layer
+            if self.geometry == "bounded":
+                from twin.completion.bounded import bounded  # SciPy, which a wrong option needs not wait for
+
+                layer = bounded(layer, seen)
             return replace(layer, room=None, room_collision=()) if self.room == "drop" else layer
 
         static = replace(twin.static, completion=layer_of(twin.static.completion, twin.static.mesh))
