@@ -300,11 +300,10 @@ def test_a_handle_is_called_assumed_where_its_bar_is(
     """Whatever its posts are, which stand elsewhere."""
     true = true_bar(truth.parts[1], grip(truth, 1))
     assert true is not None
-    own = BAR
     stands = Board(
         (BAR.low[0], BAR.high[1], BAR.low[2]), (BAR.low[0] + 0.01, BAR.high[1] + 0.02, BAR.high[2])
     )
-    geoms = [*drawn(BODIES["drawer"][:5]), Geom("inferred_handle", own), Geom("inferred_handle_post", stands)]
+    geoms = [*drawn(BODIES["drawer"][:5]), Geom("inferred_handle", BAR), Geom("inferred_handle_post", stands)]
     asset = spoilt(tmp_path, {"drawer": geoms})
     plain = TWIN.parts[1].mesh
     pieces = (

@@ -46,6 +46,22 @@ def test_fronts_are_apart_where_a_board_was_seen_between_them(axis: int) -> None
     assert np.array_equal(found[1].high, FRONT.high)
 
 
+def test_fronts_apart_both_ways_have_names_of_their_own() -> None:
+    low, high = (0.0, SLIT[0]), (SLIT[1], 0.7)
+    four = [
+        ((x[0], 0.0, 0.1 + z[0]), (x[1], 0.02, 0.1 + z[1]), "-y") for x in (low, high) for z in (low, high)
+    ]
+    bottom = ((0.0, 0.02, 0.1), (0.7, 0.03, 0.8), "-y")
+    found = apart(FRONT, Cloud.of(scans.surface([*four, bottom]), T))
+    assert [b.name for b in found] == ["panel_1", "panel_1_2", "panel_1_3", "panel_1_4"]
+    assert [np.round((b.high - b.low)[:2], 1).tolist() for b in found] == [
+        [0.3, 0.3],
+        [0.3, 0.4],
+        [0.4, 0.3],
+        [0.4, 0.4],
+    ]
+
+
 def test_what_was_not_seen_parts_no_front() -> None:
     assert apart(FRONT, fronts(0)) == [FRONT], (
         "nothing was seen in the slit: something may have hidden the front"

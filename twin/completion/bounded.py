@@ -18,7 +18,7 @@ from twin.scene import Box, Mesh
 
 
 def bounded(layer: Completion, seen: Mesh) -> Completion:
-    """The layer with the pieces that what was seen bounds, and what stood for by the others drawn as it was seen.
+    """The layer with the pieces that what was seen bounds, and handles that were assumed drawn as they were seen.
 
     seen: the body's seen mesh, from which `layer.shown` was taken.
     """

@@ -25,7 +25,8 @@ def apart(front: Board, cloud: Cloud) -> list[Board]:
 
     front: a board whose face along out was seen. cloud: the seen surface, in the same frame.
     """
-    return [level for upright in _cut(front, cloud, SIDE) for level in _cut(upright, cloud, UP)]
+    found = [level for upright in _cut(front, cloud, SIDE) for level in _cut(upright, cloud, UP)]
+    return [found[0], *(replace(b, name=f"{front.name}_{k}") for k, b in enumerate(found[1:], 2))]
 
 
 def _cut(front: Board, cloud: Cloud, axis: int) -> list[Board]:
@@ -35,10 +36,10 @@ def _cut(front: Board, cloud: Cloud, axis: int) -> list[Board]:
     if not grooves or min(b - a for a, b in zip(starts, ends, strict=True)) < _FRONT:
         return [front]
     out = []
-    for k, (a, b) in enumerate(zip(starts, ends, strict=True)):
+    for a, b in zip(starts, ends, strict=True):
         low, high = front.low.copy(), front.high.copy()
         low[axis], high[axis] = a, b
-        out.append(replace(front, name=front.name if k == 0 else f"{front.name}_{k + 1}", low=low, high=high))
+        out.append(replace(front, low=low, high=high))
     return out
 
 

@@ -26,7 +26,7 @@ def continued(
     Neighbours that end short of such a side reach it; a board that is a piece of it is left out.
 
     Args:
-        sides: sides of the parts' cabinets, each with the direction in which it looks outwards (-1 left, 1 right).
+        sides: sides of the parts' cabinets that were seen, each with the direction in which it looks outwards (-1 left, 1 right).
         boards: of the furniture, in one frame.
         sight: what cameras saw, in the world.
         T_world_frame: pose (4, 4) of the frame.

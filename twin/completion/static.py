@@ -172,7 +172,7 @@ def _panels(
 
 
 def _sides(opened: Sequence[Opening]) -> list[tuple[Board, int]]:
-    """Sides of the parts' cabinets in the frame of the first part's front, and where they look outwards."""
+    """Sides of the parts' cabinets that were seen, in the frame of the first part's front, and where they look outwards."""
     out = []
     for o in opened:
         inside = _inside_of(o, opened[0])
