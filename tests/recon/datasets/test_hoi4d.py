@@ -14,18 +14,7 @@ import pytest
 import recon
 from benchmarks.layouts import datasets as write
 from recon.readers.hoi4d import Hoi4dReader
-from tests.recon.dataset_clips import FRAMES, assert_poses, assert_same, read, refused
-from tests.recon.tiny import cameras, write_recording
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> recon.Recording:
-    return recon.open_recording(write_recording(tmp_path_factory.mktemp("tiny") / "door", frames=FRAMES))
-
-
-@pytest.fixture(scope="module")
-def T() -> Any:
-    return cameras(FRAMES)
+from tests.recon.datasets.clips import FRAMES, assert_poses, assert_same, read, refused
 
 
 @pytest.mark.parametrize("nested", [False, True])

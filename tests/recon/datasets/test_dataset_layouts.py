@@ -23,20 +23,8 @@ from recon.readers.itaco import ItacoReader
 from recon.readers.numpy_files import read_npy, read_npz
 from recon.readers.scannet import ScanNetReader
 from recon.readers.streams import recording_of
-from tests.recon.dataset_clips import FRAMES, assert_poses, assert_same, read, refused
-from tests.recon.tiny import cameras, write_recording
+from tests.recon.datasets.clips import assert_poses, assert_same, read, refused
 from twin.errors import FuntwinError, InputError, MissingDependencyError
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> recon.Recording:
-    return recon.open_recording(write_recording(tmp_path_factory.mktemp("tiny") / "door", frames=FRAMES))
-
-
-@pytest.fixture(scope="module")
-def T() -> Any:
-    return cameras(FRAMES)
-
 
 # Arti4D
 

@@ -13,19 +13,8 @@ import recon
 from benchmarks.layouts import datasets as write
 from recon.readers.scannet import ScanNetReader
 from recon.readers.streams import recording_of
-from tests.recon.dataset_clips import FRAMES, assert_poses, assert_same, read, refused
-from tests.recon.tiny import cameras, write_recording
+from tests.recon.datasets.clips import assert_poses, assert_same, read, refused
 from twin import geometry as geo
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> recon.Recording:
-    return recon.open_recording(write_recording(tmp_path_factory.mktemp("tiny") / "door", frames=FRAMES))
-
-
-@pytest.fixture(scope="module")
-def T() -> Any:
-    return cameras(FRAMES)
 
 
 @pytest.mark.parametrize(("color", "depth"), [("jpeg", "zlib"), ("png", "raw"), ("raw", "zlib")])

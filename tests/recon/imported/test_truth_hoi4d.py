@@ -15,34 +15,17 @@ import recon
 from benchmarks.layouts import datasets as write
 from recon.evaluation.evaluate import evaluate
 from recon.evaluation.truth import Truth, load_truth
-from tests.recon.annotated import (
+from tests.recon.imported.annotated import (
     FRAMES,
     annotated,
     assert_exact,
     assert_joints,
     cameras_of,
-    exact_twin,
     hoi4d,
 )
-from tests.recon.tiny import write_recording
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.scene import Recorded, Revolute, Twin
-
-
-@pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> Truth:
-    return load_truth(write_recording(tmp_path_factory.mktemp("tiny") / "both", ("door", "drawer"), FRAMES))
-
-
-@pytest.fixture(scope="module")
-def recording(own: Truth) -> recon.Recording:
-    return recon.open_recording(own.folder.parent)
-
-
-@pytest.fixture(scope="module")
-def exact(own: Truth) -> Twin:
-    return exact_twin(own)
 
 
 @pytest.mark.parametrize("beside", [False, True])

@@ -16,34 +16,17 @@ from recon.evaluation.evaluate import evaluate, match_parts
 from recon.evaluation.imported.nested_yaml import nested_mapping
 from recon.evaluation.known import EVERYTHING, NEEDS, measurable
 from recon.evaluation.truth import Truth, load_truth
-from tests.recon.annotated import (
-    FRAMES,
+from tests.recon.imported.annotated import (
     SCENE_ONLY,
     arti4d,
     assert_exact,
     assert_joints,
-    exact_twin,
     hoi4d,
 )
-from tests.recon.tiny import twin_of, write_recording
+from tests.recon.tiny import twin_of
 from twin.errors import InputError
 from twin.scene import Twin
 from twin.storage import save
-
-
-@pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> Truth:
-    return load_truth(write_recording(tmp_path_factory.mktemp("tiny") / "both", ("door", "drawer"), FRAMES))
-
-
-@pytest.fixture(scope="module")
-def recording(own: Truth) -> recon.Recording:
-    return recon.open_recording(own.folder.parent)
-
-
-@pytest.fixture(scope="module")
-def exact(own: Truth) -> Twin:
-    return exact_twin(own)
 
 
 def test_whole_truth_allows_every_measure(own: Truth, recording: recon.Recording) -> None:
