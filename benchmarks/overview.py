@@ -1,10 +1,11 @@
-"""Draw docs/overview.png, the picture in the README, from a finished run.
+"""Draw docs/overview.png and docs/film.gif, the picture and the film in the README, from a finished run.
 
-usage: python benchmarks/overview.py RUN [PICTURE.png]
+usage: python benchmarks/overview.py RUN [FOLDER]
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from twin.report.plots import film_pictures
 from twin.storage import load
 
 PANEL = (480, 360)
+FILM_WIDTH, FILM_RATE = 720, 8  # px, frames in a second: the film stays below 3 MB
+_FILM_COLOURS = 256
 _FROM = (62.0, -24.0, 1.9)  # azimuth and elevation (deg) and distance (m) of the twin's pictures
 
 
@@ -69,6 +72,22 @@ def draw(run: Path, path: Path) -> None:
     FigureCanvasAgg(figure).print_png(path)
 
 
+def draw_film(run: Path, path: Path) -> None:
+    """Write the robot's film beside the person's as an animation that repeats."""
+    import av
+    from PIL import Image as Picture
+
+    with av.open(str(sorted((run / "replay").glob("*/*/replay.mp4"))[0])) as film:
+        rate = film.streams.video[0].average_rate
+        step = round(float(rate or FILM_RATE) / FILM_RATE)
+        shown = [f.to_image() for k, f in enumerate(film.decode(video=0)) if k % step == 0]
+    size = (FILM_WIDTH, round(shown[0].height * FILM_WIDTH / shown[0].width))
+    small = [f.resize(size, Picture.Resampling.LANCZOS) for f in shown]
+    palette = small[len(small) // 2].quantize(_FILM_COLOURS)
+    frames = [f.quantize(palette=palette, dither=Picture.Dither.NONE) for f in small]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000 // FILM_RATE, loop=0)
+
+
 def _fitted(image: Image) -> Image:
     """Cut to the panels' aspect around the middle, and scale to their size."""
     height, width = image.shape[:2]
@@ -82,5 +101,8 @@ def _fitted(image: Image) -> Image:
 
 if __name__ == "__main__":
     if len(sys.argv) not in (2, 3):
-        sys.exit("usage: python benchmarks/overview.py RUN [PICTURE.png]")
-    draw(Path(sys.argv[1]), Path(sys.argv[2] if len(sys.argv) == 3 else "docs/overview.png"))
+        sys.exit("usage: python benchmarks/overview.py RUN [FOLDER]")
+    os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it once, when it is first imported
+    place = Path(sys.argv[2] if len(sys.argv) == 3 else "docs")
+    draw(Path(sys.argv[1]), place / "overview.png")
+    draw_film(Path(sys.argv[1]), place / "film.gif")
