@@ -9,7 +9,7 @@ from typing import Any
 
 from twin import geometry as geo
 from twin.cli.console import Console, Outcome
-from twin.cli.step import Step, judged, page, part_named, run_folder, unlogged
+from twin.cli.step import Step, judged, page, run_folder, unlogged
 from twin.cli.table import OPEN_RECORDING, named
 from twin.errors import FuntwinError, InputError, PlanningError
 from twin.files.paths import require_writable
@@ -46,7 +46,7 @@ def replay(
     grid: bool = False,
     seed: int = 0,
     goal: str = "open",
-    start: str | None = None,
+    from_state: str | None = None,
     recording: Path | None = None,
     contact: tuple[float, ...] | None = None,
     floor: float | None = None,
@@ -65,7 +65,7 @@ def replay(
     # of a contact off its part the step tells in its warnings, which the page keeps
     with unlogged("robots.grasp.where_to_hold"), console.progress() as progress, page(run):
         return replay_step(
-            progress, run, robot, parts, settings, options, goal, start, recording, contact, floor
+            progress, run, robot, parts, settings, options, goal, from_state, recording, contact, floor
         ).outcome
 
 
@@ -77,7 +77,7 @@ def replay_step(
     settings: Mapping[str, Any] | None = None,
     trials: Mapping[str, Any] | None = None,
     goal: str = "open",
-    start: str | None = None,
+    from_state: str | None = None,
     recording: Path | None = None,
     contact: tuple[float, ...] | None = None,
     floor: float | None = None,
@@ -94,7 +94,9 @@ def replay_step(
     twin = load(run)
     parts = parts_to_move(twin, names, run)
     _require_one_part(contact, parts)
-    tasks = {part.id: task_of(part, goal, start) for part in parts}
+    way = {"goal": goal, "from_state": from_state}
+    for part in parts:
+        task_of(part, **way)
     robots.resolve(robot)
     config = from_dict(robots.ReplayConfig, settings or {}, "replay")
     require_writable(run_folder(run) / "replay")
@@ -112,7 +114,7 @@ def replay_step(
     rows, reports, tables = [], {}, []
     for part in parts:
         row, report, note, trajectory = _replay_part(
-            progress, twin, part, robot, run_folder(run), config, tasks[part.id], contact, ground, demonstration, missed
+            progress, twin, part, robot, run_folder(run), config, way, contact, ground, demonstration, missed
         )  # fmt: skip
         rows.append([part.name, *row])
         reports[part.name] = report
@@ -147,7 +149,7 @@ def _of_contacts(twin: Twin, parts: Sequence[Part]) -> list[str]:
 
 def parts_to_move(twin: Twin, names: Sequence[str], run: Path) -> list[Part]:
     """The parts of these names, all without names. Raises InputError for a twin without a moving part."""
-    parts = [part_named(twin, n) for n in names] or list(twin.parts)
+    parts = [twin.part(n) for n in names] or list(twin.parts)
     if not parts:
         raise InputError(
             f"{run} has no moving part ({verdict_line(twin)})",
@@ -217,7 +219,7 @@ def _replay_part(
     robot: str,
     run: Path,
     config: Any,
-    task: Any,
+    way: Mapping[str, Any],
     contact: tuple[float, ...] | None,
     floor: Any,
     demonstration: Any,
@@ -233,9 +235,8 @@ def _replay_part(
             part.id,
             robot,
             contact=None if contact is None else geo.as_float(contact),
-            goal=task.goal,
-            start=task.start,
             floor=floor,
+            **way,
         )
     except missed as e:
         progress(f"plan {part.name}", 1.0, "found none")
@@ -243,7 +244,7 @@ def _replay_part(
         return row, {"ok": False, "floor": vars(floor), "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
-    folder = replay_folder(run, robot, part, task)
+    folder = replay_folder(run, robot, part, trajectory)
     r = robots.replay(twin, trajectory, folder, robot=robot, config=config, demonstration=demonstration)
     progress(f"replay {part.name}", 1.0, f"{100 * r.reached:.0f} % of the way")
     row = [

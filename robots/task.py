@@ -8,6 +8,7 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.scene import Part
+from twin.units import ANGLES, LENGTHS, number_and_unit
 
 Goal = float | str
 _LEAST = 0.02  # of the demonstrated range; a shorter way could not be told from play in the hinge
@@ -34,27 +35,27 @@ class Task:
         return 1.0 - abs(state - self.goal) / abs(self.goal - self.start)
 
 
-def task_of(part: Part, goal: Goal | None = None, start: Goal | None = None) -> Task:
+def task_of(part: Part, goal: Goal | None = None, from_state: Goal | None = None) -> Task:
     """The task that a user asks for.
 
     Args:
-        goal: a number is a state in m or rad; a text is "open", "close" or a share of the demonstrated range, "0.5" or
-            "50%". Default: open.
-        start: the same. Default: the closed end, or the open end where the goal is closed.
+        goal: "open", "close", a share of the demonstrated range (0.5, "0.5" or "50%"), or a state with its unit ("15deg",
+            "0.3rad", "0.2m", "40mm"). Default: open.
+        from_state: the same. Default: the closed end, or the open end if the goal is closed.
 
     Raises:
-        InputError: no such text, a state outside the demonstrated range, or no way between start and goal.
+        InputError: neither word, share nor state; a state outside the demonstrated range; both states alike.
     """
     lower, upper = part.joint.lower, part.joint.upper
     end = _state(part, "goal", "open" if goal is None else goal)
-    if start is None:
+    if from_state is None:
         begin = upper if end <= lower + _LEAST * (upper - lower) else lower
     else:
-        begin = _state(part, "start", start)
+        begin = _state(part, "from-state", from_state)
     if abs(end - begin) < _LEAST * (upper - lower):
         raise InputError(
             f"part {part.name!r} is asked to go from {begin:.3f} to {end:.3f} {unit(part)}, which is no way to go",
-            f"choose start and goal at least {_LEAST * (upper - lower):.3f} {unit(part)} apart",
+            f"choose goal and from-state at least {_LEAST * (upper - lower):.3f} {unit(part)} apart",
         )
     return Task(begin, end)
 
@@ -65,29 +66,39 @@ def unit(part: Part) -> str:
 
 
 def _state(part: Part, what: str, wanted: Goal) -> float:
+    """State (m or rad) of a word, a share or a text with a unit."""
     lower, upper = part.joint.lower, part.joint.upper
-    value = _from_text(part, what, wanted) if isinstance(wanted, str) else float(wanted)
-    if not lower - 1e-9 <= value <= upper + 1e-9:
-        raise InputError(
-            f"{what} {value:.3f} {unit(part)} of part {part.name!r} is outside its demonstrated range",
-            f"choose a state of at least {lower:.3f} and at most {upper:.3f} {unit(part)}, or a share such as '50%'",
-        )
-    return float(np.clip(value, lower, upper))
-
-
-def _from_text(part: Part, what: str, text: str) -> float:
-    lower, upper = part.joint.lower, part.joint.upper
-    word = text.strip().lower()
     ends = {"open": upper, "close": lower, "closed": lower}
-    if word in ends:
-        return ends[word]
-    try:
-        share = float(word.removesuffix("%")) / (100.0 if word.endswith("%") else 1.0)
-    except ValueError:
-        share = np.nan
-    if not 0.0 <= share <= 1.0:
+    text = str(wanted).strip()
+    if text.lower() in ends:
+        return ends[text.lower()]
+    number, symbol = number_and_unit(text)
+    sizes = ANGLES if part.joint.kind == "revolute" else LENGTHS
+    if symbol in sizes:
+        return _inside(part, what, text, number * sizes[symbol])
+    share = number / 100.0 if symbol == "%" else number
+    if symbol not in ("", "%") or not 0.0 <= share <= 1.0:
         raise InputError(
-            f"{what} {text!r} of part {part.name!r} is no share of its range",
-            "write open, close, or a share from 0 to 1 such as 0.5 or 50%",
+            f"{what} {text!r} of part {part.name!r} is no share of its range and no state",
+            f"write open, close, a share from 0 to 1 such as 0.5 or 50%, or a state in {' or '.join(sizes)}, such as "
+            f"{_example(part)}",
         )
     return float(lower + share * (upper - lower))
+
+
+def _inside(part: Part, what: str, text: str, state: float) -> float:
+    lower, upper = part.joint.lower, part.joint.upper
+    if not lower - 1e-9 <= state <= upper + 1e-9:
+        raise InputError(
+            f"{what} {text!r} of part {part.name!r} is outside its demonstrated range",
+            f"choose a state from {_text(part, lower)} to {_text(part, upper)}, or a share such as 50%",
+        )
+    return float(np.clip(state, lower, upper))
+
+
+def _text(part: Part, state: float) -> str:
+    return f"{np.rad2deg(state):.1f}deg" if part.joint.kind == "revolute" else f"{state:.3f}m"
+
+
+def _example(part: Part) -> str:
+    return _text(part, (part.joint.lower + part.joint.upper) / 2)

@@ -23,7 +23,7 @@ def trajectory(
     formats: Sequence[str],
     out: Path,
     goal: str = "open",
-    start: str | None = None,
+    from_state: str | None = None,
     overwrite: bool = False,
     accept_doubtful: bool = False,
 ) -> Outcome:
@@ -31,7 +31,7 @@ def trajectory(
     require_writable(out)
     with console.progress() as progress:
         return trajectory_step(
-            progress, run, robot, part, formats, out, goal, start, overwrite, accept_doubtful
+            progress, run, robot, part, formats, out, goal, from_state, overwrite, accept_doubtful
         )
 
 
@@ -43,7 +43,7 @@ def trajectory_step(
     formats: Sequence[str],
     out: Path,
     goal: str = "open",
-    start: str | None = None,
+    from_state: str | None = None,
     overwrite: bool = False,
     accept_doubtful: bool = False,
 ) -> Outcome:
@@ -62,11 +62,13 @@ def trajectory_step(
         require_trust(part, accept_doubtful)
     sources = []
     for part in parts:
-        task = task_of(part, goal, start)
+        task = task_of(part, goal, from_state)
         path = replay_folder(run_folder(run), robot, part, task) / "trajectory.json"
         if not path.is_file():
             asked = "".join(
-                f" --{k} {v}" for k, v in (("goal", goal), ("start", start)) if v not in ("open", None)
+                f" --{k} {v}"
+                for k, v in (("goal", goal), ("from-state", from_state))
+                if v not in ("open", None)
             )
             raise InputError(
                 f"{path} does not exist: no trajectory of {robot} for {part.name} yet",

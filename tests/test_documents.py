@@ -69,7 +69,7 @@ ONLY_PARSED = {
     "twin check RUN --engines validators": ENGINES,
     "twin engines --install all": ENGINES,
     "twin physics estimate RUN": NETWORK,
-    "twin reconstruct RECORDING -o RUN --joint-hint vlm": NETWORK,
+    "twin reconstruct RECORDING -o RUN --type-hint vlm": NETWORK,
     "twin robots fetch": "needs the name of a robot, which the text around it leaves out; fetches its model",
     "twin robots show": "needs the name of a robot, which the text around it leaves out",
 }

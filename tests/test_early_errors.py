@@ -85,7 +85,7 @@ def told_early(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
         ("inspect NO_SUCH_RECORDING", "recording NO_SUCH_RECORDING does not exist"),
         ("inspect CLIP", "is a ZED recording, which is not read"),
         ("reconstruct CLIP -o OUT", "is a ZED recording, which is not read"),
-        (f"reconstruct {RECORDING} -o OUT --format nope", "no recording layout 'nope'"),
+        (f"reconstruct {RECORDING} -o OUT --layout nope", "no recording layout 'nope'"),
         (f"reconstruct {RECORDING} -o OUT --config no.toml", "no.toml does not exist"),
         ("export RUN --asset wrong", "--asset 'wrong' is not KEY=VALUE"),
         ("export RUN --package Wrong", "'Wrong' can't name a ROS package"),

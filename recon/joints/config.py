@@ -46,7 +46,7 @@ class JointConfig(Settings):
     )
     min_range: float = setting(
         float(np.radians(3.0)),
-        "least turn of a hinge; between 2 and 20 degrees no data that we have choose it: --joint-hint can name the type",
+        "least turn of a hinge; between 2 and 20 degrees no data that we have choose it: --type-hint can name the type",
         unit="rad",
         at_least=0,
         at_most=2 * np.pi,

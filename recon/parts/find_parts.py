@@ -123,7 +123,7 @@ def _said_parts(
 
 def _hints(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeHint]:
     """The type that the user says of a part, else what others expect."""
-    word = said.joint_of(number)
+    word = said.type_of(number)
     if word is None:
         return hints
     return (TypeHint("revolute" if word == "hinge" else "prismatic", 0, 1, "the user", weight=np.inf),)

@@ -120,7 +120,7 @@ def open_recording(
         streams = reader.streams(path)
     except (NotADirectoryError, IsADirectoryError):  # a layout named in vain
         kind = "folder" if path.is_dir() else "file"
-        raise InputError(f"{path} is a {kind} and not {reader.layout}", "leave --format out") from None
+        raise InputError(f"{path} is a {kind} and not {reader.layout}", "leave --layout out") from None
     if cameras is not None:
         streams = calibrated(streams, cameras)
     recording = _between(recording_of(streams), start, end)
@@ -172,7 +172,7 @@ def _reader(path: Path, layout: str | None) -> Reader:
     refuse_unread_inside(path)
     there = f"it holds {listing(path)}" if path.is_dir() else f"a file of {path.stat().st_size} bytes"
     raise InputError(
-        f"{path} is no recording known here ({there})", f"known layouts, for --format: {', '.join(READERS)}"
+        f"{path} is no recording known here ({there})", f"known layouts, for --layout: {', '.join(READERS)}"
     )
 
 

@@ -36,7 +36,7 @@ class NativeReader:
             raise InputError(f"{path} is not a folder", "name the folder that holds color/ and depth/")
         if (path / "rgb.txt").is_file() and (path / "depth.txt").is_file():
             raise InputError(
-                f"{path} has the lists of TUM RGB-D, whose depth counts 5000 a metre", "leave --format out"
+                f"{path} has the lists of TUM RGB-D, whose depth counts 5000 a metre", "leave --layout out"
             )
         color = _color_files(path)
         depth = _depth_files(path)

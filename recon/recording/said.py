@@ -1,4 +1,4 @@
-"""The user's word on a recording: where a moving part is seen, when it moves, by which joint, and which way is up.
+"""The user's word on a recording: where a moving part is seen, when it moves, by which type of joint, and which way is up.
 
 It takes the place of what the stages would choose themselves. It proves nothing: verdicts are given as without it.
 """
@@ -30,7 +30,7 @@ class Word:
     interval: tuple[int, int] | None = None
 
     def __str__(self) -> str:
-        told = [] if self.point is None else ["--part {},{}@{}".format(*self.point)]
+        told = [] if self.point is None else ["--at {},{}@{}".format(*self.point)]
         return " ".join(
             [*told, *([] if self.interval is None else ["--interval {}:{}".format(*self.interval)])]
         )
@@ -38,18 +38,18 @@ class Word:
 
 @dataclass(frozen=True)
 class Said(Settings):
-    """The user's word, which takes the place of what the stages would choose; as --part, --interval, --joint and --up give it.
+    """The user's word, which takes the place of what the stages would choose; as --at, --interval, --type and --up give it.
 
-    With parts or intervals exactly these parts are looked for, one for each; where both are given they belong together in order.
+    With points or intervals exactly these parts are looked for, one for each; where both are given they belong together in order.
     """
 
-    parts: tuple[tuple[int, int, int], ...] = setting(
+    at: tuple[tuple[int, int, int], ...] = setting(
         (), "x, y of a pixel of the colour picture that shows a moving part, and the frame", at_least=0
     )
     intervals: tuple[tuple[int, int], ...] = setting(
         (), "first and last frame in which a part moves; it rests in all others", at_least=0
     )
-    joints: tuple[JointWord, ...] = setting((), "type of joint of all parts, or of each in order")
+    types: tuple[JointWord, ...] = setting((), "type of joint of all parts, or of each in order")
     up: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | tuple[float, float, float] | None = setting(
         None, "direction that points up in the first camera's axes, or the camera's axis nearest to it"
     )
@@ -59,17 +59,17 @@ class Said(Settings):
         for first, last in self.intervals:
             if first >= last:
                 raise self.refused("intervals", "have first < last")
-        if self.parts and len(self.intervals) not in (0, len(self.parts)):
-            raise self.refused("intervals", f"be one for each of {len(self.parts)} parts, or none")
-        if len(self.joints) > 1 and len(self.joints) != len(self.words):
-            raise self.refused("joints", "be one for all parts, or one for each part that is said")
+        if self.at and len(self.intervals) not in (0, len(self.at)):
+            raise self.refused("intervals", f"be one for each of {len(self.at)} points, or none")
+        if len(self.types) > 1 and len(self.types) != len(self.words):
+            raise self.refused("types", "be one for all parts, or one for each part that is said")
         if isinstance(self.up, tuple) and not np.linalg.norm(self.up) > 0:
             raise self.refused("up", "be a direction, not zero")
 
     @property
     def words(self) -> tuple[Word, ...]:
         """What is said of each part, in order; empty where parts are to be found without."""
-        return tuple(Word(p, i) for p, i in zip_longest(self.parts, self.intervals))
+        return tuple(Word(p, i) for p, i in zip_longest(self.at, self.intervals))
 
     @property
     def of_parts(self) -> Said | None:
@@ -77,17 +77,17 @@ class Said(Settings):
         told = replace(self, up=None)
         return told if told != Said() else None
 
-    def joint_of(self, number: int) -> JointWord | None:
+    def type_of(self, number: int) -> JointWord | None:
         """The type of the `number`-th part that is said."""
-        return self.joints[number if len(self.joints) > 1 else 0] if self.joints else None
+        return self.types[number if len(self.types) > 1 else 0] if self.types else None
 
     @property
     def texts(self) -> dict[str, str | list[str]]:
         """As the command line takes it, without what is not said: JSON types."""
         told: dict[str, str | list[str]] = {
-            "part": [f"{x},{y}@{frame}" for x, y, frame in self.parts],
+            "at": [f"{x},{y}@{frame}" for x, y, frame in self.at],
             "interval": [f"{first}:{last}" for first, last in self.intervals],
-            "joint": list(self.joints),
+            "type": list(self.types),
             "up": ",".join(f"{v:g}" for v in self.up) if isinstance(self.up, tuple) else self.up or "",
         }
         return {name: text for name, text in told.items() if text}
@@ -107,7 +107,7 @@ def require_said(said: Said, recording: Recording) -> None:
         if interval[1] > last:
             told = str(Word(interval=interval))
             raise InputError(f"{told}: the recording has frames 0..{last}", "say frames of these")
-    for x, y, frame in said.parts:
+    for x, y, frame in said.at:
         told = str(Word((x, y, frame)))
         if frame > last:
             raise InputError(f"{told}: the recording has frames 0..{last}", "say a frame of these")

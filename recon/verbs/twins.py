@@ -77,10 +77,10 @@ def reconstruct(
     console: Console,
     recording: Path,
     out: Path,
-    joint_hint: str | None,
-    parts: Sequence[tuple[int, ...]],
+    type_hint: str | None,
+    at: Sequence[tuple[int, ...]],
     intervals: Sequence[tuple[int, ...]],
-    joints: Sequence[str],
+    types: Sequence[str],
     up: str | tuple[float, ...] | None,
     config: Path | None,
     set: Sequence[str],
@@ -89,7 +89,7 @@ def reconstruct(
     """Recording to twin. opening: of `recon.open_recording`."""
     require_run(out)
     data, where = given.told(config, set)
-    said = {"parts": parts, "intervals": intervals, "joints": joints, "up": up}
+    said = {"at": at, "intervals": intervals, "types": types, "up": up}
     _say(data, {name: word for name, word in said.items() if word})
     from recon.readers import open_recording
 
@@ -98,7 +98,7 @@ def reconstruct(
 
     settings = from_dict(ReconConfig, data, where if config or set else "options")
     with console.progress() as progress, page(out):
-        return reconstruct_step(progress, opened, out, settings, joint_hint).outcome
+        return reconstruct_step(progress, opened, out, settings, type_hint).outcome
 
 
 def _say(data: dict[str, Any], said: Mapping[str, Any]) -> None:
@@ -108,14 +108,14 @@ def _say(data: dict[str, Any], said: Mapping[str, Any]) -> None:
 
 
 def reconstruct_step(
-    progress: Progress, recording: Any, out: Path, settings: Any, joint_hint: str | None = None
+    progress: Progress, recording: Any, out: Path, settings: Any, type_hint: str | None = None
 ) -> Step:
     """recording: a `recon.Recording`."""
     started = time.perf_counter()
     from recon import models, pipeline
 
     import_ahead("open3d", "trimesh", "matplotlib.backends.backend_svg")  # for masses and the page
-    hint = None if joint_hint is None else models.joint_hint(joint_hint)
+    hint = None if type_hint is None else models.joint_hint(type_hint)
     twin = pipeline.reconstruct(recording, settings, out=out, progress=progress, hint=hint)
     manifest = read_json(out / MANIFEST)
     warnings = [

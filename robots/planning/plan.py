@@ -50,7 +50,7 @@ def plan(
     *,
     contact: ContactPath | Array | None = None,
     goal: Goal | None = None,
-    start: Goal | None = None,
+    from_state: Goal | None = None,
     config: PlanConfig | None = None,
     floor: Floor | float | None = None,
 ) -> RobotTrajectory:
@@ -62,8 +62,9 @@ def plan(
         robot: bundled name or robot file.
         contact: instead of the part's own: a ContactPath, or a point (3,) in m on the part, world frame at state 0. A
             part without contact is held where its shape offers a bar, a knob or a rim.
-        goal: a state in m or rad, or a text: "open", "close", a share such as "50%". Default: open.
-        start: the same. Default: the closed end, or the open end where the goal is closed.
+        goal: "open", "close", a share of the demonstrated range (0.5 or "50%"), or a state with its unit ("15deg",
+            "0.2m"). Default: open.
+        from_state: the same. Default: the closed end, or the open end if the goal is closed.
         config: of the search.
         floor: its height z in m, twin's world; by default the one that the twin shows, else it is assumed at the
             scene's lowest point (`RobotTrajectory.floor` says which).
@@ -73,7 +74,7 @@ def plan(
 
     Raises:
         SceneError: no such part.
-        InputError: no such robot, a contact off the part, nothing to hold, a goal or start outside the joint's range, a
+        InputError: no such robot, a contact off the part, nothing to hold, a goal or from_state outside the joint's range, a
             floor that is not finite.
         PlanningError: no base reaches the part without touching anything, or the arm is too weak; says at which state
             and by how much.
@@ -81,7 +82,7 @@ def plan(
     config = config or PlanConfig()
     target = twin.part(part)
     spec = resolve(robot)
-    task = task_of(target, goal, start)
+    task = task_of(target, goal, from_state)
     ground = floor_of(twin, floor)
     holds = holds_of(twin, target, spec, contact, config.seed)
     twin = completed(twin)

@@ -244,7 +244,7 @@ def test_the_command_tells_bad_files_in_one_line(
     line = told_by_the_command(capsys, "reconstruct", folder, "-o", tmp_path / "run")
     assert "depth/000021.png is truncated" in line
     assert "no recording layout 'tun'" in told_by_the_command(
-        capsys, "reconstruct", original, "-o", tmp_path / "run", "--format", "tun"
+        capsys, "reconstruct", original, "-o", tmp_path / "run", "--layout", "tun"
     )
 
 

@@ -179,7 +179,7 @@ def test_no_key_is_one_line_before_any_work(
         monkeypatch.delenv(name, raising=False)
     folder = tiny.write_recording(tmp_path / "r", ("door",), frames=40, scale=1, still=True)
     out = tmp_path / "run"
-    assert cli.run(["reconstruct", str(folder), "-o", str(out), "--joint-hint", "vlm", "--json"]) == 1
+    assert cli.run(["reconstruct", str(folder), "-o", str(out), "--type-hint", "vlm", "--json"]) == 1
     err = capsys.readouterr().err
     assert "no key for a vision-language model is set" in err
     assert err.count("\n") == 1

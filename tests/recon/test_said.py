@@ -102,11 +102,11 @@ def test_a_point_tells_which_of_two_movers_is_the_part() -> None:
     first = find(*scene).parts[0]
     assert not first.members[:24].any(), "without a word what is behind wins"
     for frame in (10, 41, 56):  # before, while and after it moves
-        found = find(*scene, said=Said(parts=(pixel(body, frame),)))
+        found = find(*scene, said=Said(at=(pixel(body, frame),)))
         assert joint_error(found, DOOR) < 1.0
         assert found.parts[0].members[:24].all()
         assert not found.parts[0].members[24:].any()
-    assert joint_error(find(*scene, said=Said(parts=(pixel(other, 16),))), BEHIND) < 1.0
+    assert joint_error(find(*scene, said=Said(at=(pixel(other, 16),))), BEHIND) < 1.0
 
 
 def test_an_interval_leaves_only_what_moves_in_it() -> None:
@@ -134,7 +134,7 @@ def test_a_hand_that_goes_along_is_no_part_of_what_is_pointed_at() -> None:
     )
     hand = hand + rng.normal(0.0, 0.001, hand.shape)
     scene = seen(body, hand)
-    found = find(*scene, said=Said(parts=(pixel(body, 30),)))
+    found = find(*scene, said=Said(at=(pixel(body, 30),)))
     assert joint_error(found, DOOR) < 1.0
     assert found.parts[0].members[:24].mean() > 0.9
     assert found.parts[0].members[24:].mean() < 0.1
@@ -143,7 +143,7 @@ def test_a_hand_that_goes_along_is_no_part_of_what_is_pointed_at() -> None:
 def test_parts_come_in_the_order_in_which_they_are_said() -> None:
     body, other = door(), curtain()
     points = (pixel(body, 41), pixel(other, 16))
-    said = Said(parts=points, intervals=((30, 52), (6, 26)), joints=("hinge", "slide"))
+    said = Said(at=points, intervals=((30, 52), (6, 26)), types=("hinge", "slide"))
     found = find(*seen(body, other), said=said)
     assert [(p.part.id, p.part.joint.kind) for p in found.parts] == [(2, "revolute"), (3, "prismatic")]
     assert {p.type_source for p in found.parts} == {"said by the user"}
@@ -151,8 +151,8 @@ def test_parts_come_in_the_order_in_which_they_are_said() -> None:
 
 def test_a_point_where_nothing_moves_gives_a_warning_and_no_part() -> None:
     scene = seen(door(), curtain())
-    with pytest.warns(UserWarning, match="no part was found for --part 90,70@40: 0 of 0 tracks within 30 cm"):
-        assert find(*scene, said=Said(parts=((90, 70, 40),))).parts == ()
+    with pytest.warns(UserWarning, match="no part was found for --at 90,70@40: 0 of 0 tracks within 30 cm"):
+        assert find(*scene, said=Said(at=((90, 70, 40),))).parts == ()
     lost = replace(
         scene[2],
         frames=np.arange(FRAMES - 5),
@@ -160,7 +160,7 @@ def test_a_point_where_nothing_moves_gives_a_warning_and_no_part() -> None:
         T_world_cam=scene[2].T_world_cam[:-5],
     )
     with pytest.warns(UserWarning, match="the camera of frame 58 is not known"):
-        assert find(*scene[:2], lost, said=Said(parts=((47, 35, 58),))).parts == ()
+        assert find(*scene[:2], lost, said=Said(at=((47, 35, 58),))).parts == ()
 
 
 def test_a_type_that_is_said_overrules_motion() -> None:
@@ -170,7 +170,7 @@ def test_a_type_that_is_said_overrules_motion() -> None:
     (without,) = find(*seen(body)).parts
     assert (without.part.joint.kind, without.type_source[:6]) == ("prismatic", "motion")
     for body_, word, kind in ((body, "hinge", "revolute"), (door(), "slide", "prismatic")):
-        (part,) = find(*seen(body_), said=from_dict(Said, {"joints": [word]})).parts
+        (part,) = find(*seen(body_), said=from_dict(Said, {"types": [word]})).parts
         assert (part.part.joint.kind, part.type_source) == (kind, "said by the user")
 
 
@@ -227,10 +227,10 @@ def test_up_is_taken_as_it_is_said() -> None:
     ("said", "words"),
     [
         ({"intervals": ((9, 9),)}, "intervals = .* must have first < last"),
-        ({"parts": ((1, 2, 3),) * 2, "intervals": ((1, 9),)}, "must be one for each of 2 parts, or none"),
-        ({"joints": ("hinge", "slide")}, "must be one for all parts, or one for each part that is said"),
-        ({"joints": ("ball",)}, "must be one of 'hinge', 'slide'"),
-        ({"parts": ((1, -2, 3),)}, "must be at least 0"),
+        ({"at": ((1, 2, 3),) * 2, "intervals": ((1, 9),)}, "must be one for each of 2 points, or none"),
+        ({"types": ("hinge", "slide")}, "must be one for all parts, or one for each part that is said"),
+        ({"types": ("ball",)}, "must be one of 'hinge', 'slide'"),
+        ({"at": ((1, -2, 3),)}, "must be at least 0"),
         ({"up": (0.0, 0.0, 0.0)}, "up = .* must be a direction, not zero"),
         ({"up": (0.0, float("nan"), 0.0)}, "must be finite"),
     ],
@@ -252,7 +252,7 @@ SAID = Said(((31, 40, 5),), ((3, 28),), ("hinge",), (0.0, -1.0, 0.25))
 def test_the_word_is_kept_in_the_settings_and_told() -> None:
     config = ReconConfig(said=SAID)
     assert from_dict(ReconConfig, tomllib.loads(to_toml(config))) == config
-    told = {"part": ["31,40@5"], "interval": ["3:28"], "joint": ["hinge"], "up": "0,-1,0.25"}
+    told = {"at": ["31,40@5"], "interval": ["3:28"], "type": ["hinge"], "up": "0,-1,0.25"}
     assert _provenance(config, (), ())["said"] == told
     assert "said" not in _provenance(ReconConfig(), (), ())
 
@@ -277,9 +277,9 @@ def test_the_word_changes_the_keys_of_the_stages_that_it_is_about() -> None:
     without = settings(Said())
     for said, changed in (
         (Said(up="-y"), {"gravity"}),
-        (Said(parts=((1, 2, 3),)), {"motion"}),
+        (Said(at=((1, 2, 3),)), {"motion"}),
         (Said(intervals=((1, 20),)), {"motion"}),
-        (Said(joints=("slide",)), {"motion"}),
+        (Said(types=("slide",)), {"motion"}),
         (SAID, {"gravity", "motion"}),
     ):
         now = settings(said)
@@ -299,21 +299,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("--part 3,4", "'3,4' is no pixel of a frame: write X,Y@FRAME"),
-        ("--part -3,4@5", "'-3,4@5' is no pixel"),
-        ("--part 96,4@5", "--part 96,4@5: the picture has 96x72 pixels"),
-        ("--part 40,30@30", "--part 40,30@30: the recording has frames 0..29"),
+        ("--at 3,4", "'3,4' is no pixel of a frame: write X,Y@FRAME"),
+        ("--at -3,4@5", "'-3,4@5' is no pixel"),
+        ("--at 96,4@5", "--at 96,4@5: the picture has 96x72 pixels"),
+        ("--at 40,30@30", "--at 40,30@30: the recording has frames 0..29"),
         (
-            "--part 0,0@3",
-            "--part 0,0@3: there is no depth at this pixel; say another one; the nearest with depth is 0,5",
+            "--at 0,0@3",
+            "--at 0,0@3: there is no depth at this pixel; say another one; the nearest with depth is 0,5",
         ),
         ("--interval 9:3", "'9:3' is no interval"),
         ("--interval 3:30", "--interval 3:30: the recording has frames 0..29"),
-        ("--part 40,30@3 --part 41,30@3 --interval 3:9", "must be one for each of 2 parts"),
-        ("--joint ball", "invalid choice: 'ball'"),
+        ("--at 40,30@3 --at 41,30@3 --interval 3:9", "must be one for each of 2 points"),
+        ("--type ball", "invalid choice: 'ball'"),
         ("--up q", "'q' is no direction"),
         ("--up 0,0,0", "'0,0,0' is no direction"),
-        ("--up -y --set said.joints=3", "said.joints = 3 must be a list"),
+        ("--up -y --set said.types=3", "said.types = 3 must be a list"),
     ],
 )
 def test_the_command_line_tells_what_is_wrong_in_one_line(
@@ -343,7 +343,7 @@ def test_the_command_line_says_it_as_python_does(
     (tmp_path / "c.toml").write_text(to_toml(ReconConfig(said=replace(SAID, up="+z"))))
     start = ["reconstruct", str(folder), "-o", str(tmp_path / "run")]
     for options in (
-        "--part 31,40@5 --interval 3:28 --joint hinge --up 0,-1,0.25",
+        "--at 31,40@5 --interval 3:28 --type hinge --up 0,-1,0.25",
         f"--config {tmp_path / 'c.toml'} --up 0,-1,0.25",
         f"--config {tmp_path / 'c.toml'}",
         "--up -y",

@@ -48,7 +48,7 @@ def refused(order, folder: Path, capsys) -> str:
         (["--contact", "0,-1"], "write three numbers in m"),
         (["--contact", "nan,0,0.6"], "write three numbers in m"),
         (["--goal", "1.5"], "goal '1.5' of part 'part' is no share of its range"),
-        (["--goal", "close", "--start", "0"], "which is no way to go"),
+        (["--goal", "close", "--from-state", "0"], "which is no way to go"),
         (["--trials", "0"], "ask for one or more"),
         (["--trials", "-3"], "ask for one or more"),
         (["--trials", "5", "--seed", "-1"], "give 0 or more"),

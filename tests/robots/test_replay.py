@@ -185,7 +185,7 @@ def test_a_rehearsal_is_passed_by_success_not_by_little_slip(drawer, monkeypatch
 
 def test_a_partial_goal_is_reached_and_no_more(drawer):
     twin, _ = drawer
-    trajectory = robots.plan(twin, 2, goal=0.15, config=FAST)
+    trajectory = robots.plan(twin, 2, goal="0.15m", config=FAST)
     report = robots.replay(twin, trajectory, video=False)
     assert report.state_final == pytest.approx(0.15, abs=0.01)
     assert report.opening_final < 0.5
@@ -208,9 +208,9 @@ def test_unknown_part_and_robot_and_missing_contact_are_named(drawer):
     with pytest.raises(InputError, match="no share of its range"):
         robots.plan(twin, 2, goal="ajar")
     with pytest.raises(InputError, match="no way to go"):
-        robots.plan(twin, 2, goal=0.1, start=0.1)
-    with pytest.raises(InputError, match=r"at most 0\.350 m"):
-        robots.plan(twin, 2, goal=0.5)
+        robots.plan(twin, 2, goal=0.1, from_state=0.1)
+    with pytest.raises(InputError, match=r"to 0\.350m"):
+        robots.plan(twin, 2, goal="0.5m")
 
 
 def test_an_unreachable_part_says_at_which_state_and_by_how_much():

@@ -54,18 +54,29 @@ def without_contact(twin: Twin) -> Twin:
 # --- tasks
 
 
-def test_goals_are_states_words_or_shares():
+def test_a_goal_is_a_share_unless_it_has_a_unit():
+    """A number and its text mean the same, on the command line and in Python."""
     part = furniture.drawer(travel=0.4).parts[0]
     assert task_of(part) == Task(0.0, 0.4)
-    assert task_of(part, "close") == Task(0.4, 0.0)
-    assert task_of(part, 0.0) == Task(0.4, 0.0)
-    assert task_of(part, "50%") == task_of(part, "0.5") == task_of(part, 0.2) == Task(0.0, 0.2)
-    assert task_of(part, "25%", start=0.3) == Task(0.3, 0.1)
-    for wrong in ("150%", "-0.1", "ajar", "nan", "inf", ""):
-        with pytest.raises(InputError, match="no share"):
+    assert task_of(part, "close") == task_of(part, "0m") == task_of(part, 0.0) == Task(0.4, 0.0)
+    halves = ("50%", "0.5", 0.5, "0.2m", "20 cm", "200mm")
+    assert {round(task_of(part, half).goal, 9) for half in halves} == {0.2}
+    assert task_of(part, "25%", from_state="0.3m") == Task(0.3, 0.1)
+    for wrong in ("150%", "-0.1", "ajar", "nan", "inf", "", 1.5, float("nan"), "15deg", "0.2 rad"):
+        with pytest.raises(InputError, match=r"no share of its range and no state; .* in m or cm or mm"):
             task_of(part, wrong)
-    with pytest.raises(InputError, match=r"goal nan m"):
-        task_of(part, float("nan"))
+    with pytest.raises(InputError, match=r"'0.5m' of part .* choose a state from 0.000m to 0.400m"):
+        task_of(part, "0.5m")
+
+
+def test_the_states_of_a_hinge_are_angles():
+    part = furniture.door(angle=np.pi / 2).parts[0]
+    tasks = [task_of(part, goal) for goal in ("15deg", "15 deg", f"{np.pi / 12}rad", 1 / 6)]
+    assert [t.goal for t in tasks] == pytest.approx([np.deg2rad(15)] * 4)
+    with pytest.raises(InputError, match=r"no state; .* in rad or deg, such as 45.0deg"):
+        task_of(part, "0.2m")
+    with pytest.raises(InputError, match=r"choose a state from 0.0deg to 90.0deg"):
+        task_of(part, "95deg")
 
 
 @pytest.mark.parametrize(("start", "goal"), [(0.0, 0.4), (0.4, 0.0), (0.1, 0.3), (0.3, 0.1)])

@@ -90,6 +90,54 @@ def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> N
     assert f"twin {verb}" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("line", "options"),
+    [
+        ("reconstruct REC -o RUN --at 3,4@5 --interval 1:9 --type slide --start 1 --end 2 --layout tum",
+         {"at": [(3, 4, 5)], "intervals": [(1, 9)], "types": ["slide"], "start": 1.0, "end": 2.0, "layout": "tum"}),
+        ("convert REC -o OUT --layout r3d --format tum", {"layout": "r3d", "into": "tum"}),
+        ("simulate SCENE.xml --joint lid -o OUT", {"joint": "lid"}),
+        ("replay RUN --part door --goal 0.2 --from-state 15deg", {"parts": ["door"], "goal": "0.2", "from_state": "15deg"}),
+        ("trajectory RUN --part door --format csv -o OUT", {"part": "door", "formats": ["csv"]}),
+        ("export RUN --format urdf", {"formats": ["urdf"]}),
+    ],
+)  # fmt: skip
+def test_an_option_means_the_same_to_every_verb(line: str, options: dict[str, object]) -> None:
+    """A part and a joint are named, seconds cut a recording, a layout is read and a format written."""
+    parsed = vars(cli._parse(line.split()))
+    assert {k: parsed[k] for k in options} == options
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "reconstruct REC -o RUN --part 3,4@5",
+        "reconstruct REC -o RUN --joint slide",
+        "reconstruct REC -o RUN --format tum",
+        "convert REC -o OUT --from tum",
+        "replay RUN --start close",
+        "trajectory RUN --format csv -o OUT --start close",
+    ],
+)
+def test_an_option_of_two_meanings_is_gone(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    option = re.findall("--(?:part|joint|format|from|start)", line)[-1]
+    assert cli.run(line.split()) == 1
+    assert capsys.readouterr().err.startswith(f"twin: unknown option {option!r}")
+
+
+def test_options_are_not_shortened(capsys: pytest.CaptureFixture[str]) -> None:
+    """`--joi` would mean another option once there are two that begin so."""
+    assert cli.run(["simulate", "scene.xml", "--join", "lid", "-o", "rec"]) == 1
+    told = "twin: unknown option '--join'; did you mean '--joint'? see `twin simulate --help`\n"
+    assert capsys.readouterr().err == told
+
+
+def test_a_word_unlike_every_verb_gets_no_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
+    """Half of the letters of "bogus" stand in "robots" too."""
+    assert cli.run(["bogus"]) == 1
+    assert "did you mean" not in capsys.readouterr().err
+
+
 def test_no_arguments_show_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run([]) == 0
     assert "reconstruct" in capsys.readouterr().out

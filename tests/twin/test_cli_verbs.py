@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
+from robots.task import task_of
 from tests.twin.stand_ins import Settings, stand_in
 from twin.cli import main as cli
 from twin.errors import InputError, PlanningError
@@ -62,14 +63,15 @@ def test_replay_opens_every_part_and_keeps_the_result(
     tasks: list[tuple[Any, ...]] = []
 
     def plan(
-        twin: Any, part: int, robot: str, *, contact: Any, goal: float, start: float, floor: Any
+        twin: Any, part: int, robot: str, *, contact: Any, goal: str, from_state: str | None, floor: Any
     ) -> Trajectory:
         assert floor.source == "assumed"
-        tasks.append((start, goal, None if contact is None else tuple(contact.tolist())))
+        task = task_of(twin.part(part), goal, from_state)
+        tasks.append((task.start, task.goal, None if contact is None else tuple(contact.tolist())))
         planned.append((part, robot))
         if part == 3:
             raise PlanningError("the drawer is out of reach by 0.30 m", "raise the base")
-        return Trajectory(goal, start)
+        return Trajectory(task.goal, task.start)
 
     def replay(
         twin: Any, trajectory: Trajectory, out: Path, *, robot: str, config: Any, demonstration: Any
@@ -138,7 +140,7 @@ def test_replay_of_a_missed_goal_exits_with_two(run: Path, monkeypatch: pytest.M
         plan=lambda *_, **__: Trajectory(1.0),
         replay=lambda *_, **__: Replayed(0.5, False, "slipped"),
     )
-    assert cli.run(["replay", str(run), "--part", "2"]) == 2
+    assert cli.run(["replay", str(run), "--part", "door"]) == 2
 
 
 class Opened:
@@ -275,7 +277,7 @@ def test_reconstruct_hands_on_its_arguments(
         "rec",
         "-o",
         str(tmp_path / "run"),
-        "--format",
+        "--layout",
         "tum",
         "--set",
         "seed=7",

@@ -215,7 +215,7 @@ WRONG_OPTIONS = [
     ("physics set RUN --damping inf", "damping must be zero or more", "inf"),
     ("physics set RUN --material woood", "'woood'", "wood"),
     ("physics set RUN --part dor --mass 2", "'dor'", "did you mean 'door'"),
-    ("physics set RUN --part 7 --mass 2", "no part 7", "door (id 2)"),
+    ("physics set RUN --part 7 --mass 2", "no part '7'", "door (id 2)"),
     ("physics set RUN", "nothing to set", "--mass"),
     ("physics sett RUN", "'sett'", "set"),
     ("physics show RUN/nowhere", "nowhere", "twin.json"),

@@ -53,7 +53,7 @@ def test_a_reason_says_what_helps_and_comes_back_from_json(kind: type[Reason], l
 )
 def test_what_helps_is_another_recording_or_one_of_the_users_words(kind: type[Reason]) -> None:
     told = example(kind).help
-    assert any(word in told for word in ("--part X,Y@FRAME", "--interval A:B", "--joint hinge|slide", "--up"))
+    assert any(word in told for word in ("--at X,Y@FRAME", "--interval A:B", "--type hinge|slide", "--up"))
 
 
 def test_kinds_leave_the_numbers_out() -> None:

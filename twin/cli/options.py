@@ -9,7 +9,7 @@ from pathlib import Path
 
 from twin.cli import export_options, recording_options
 
-_MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--part", "--interval")
+_MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval")
 
 
 def points_joined(words: Sequence[str]) -> list[str]:
@@ -85,7 +85,7 @@ def _reconstruct(parser: ArgumentParser) -> None:
         help="run folder; an earlier run is resumed",
     )
     add(
-        "--joint-hint",
+        "--type-hint",
         metavar="vlm|FILE",
         help="expected joint types, which clear motion overrules: vlm sends frames to FUNTWIN_VLM_URL",
     )
@@ -146,8 +146,7 @@ def _replay(parser: ArgumentParser) -> None:
     export_options.run(parser)
     _robot(parser)
     add("--part", dest="parts", metavar="NAME", action="append", default=[], help="part to move [all]")
-    add("--goal", metavar="open|close|SHARE", default="open", help="where to bring it, e.g. 0.5 [open]")
-    add("--start", metavar="open|close|SHARE", help="where it is before [the other end]")
+    _way(parser, "where to bring it", "where it is before")
     add("--recording", metavar="FOLDER", type=Path, help="shown beside the robot [where RUN has it from]")
     add("--contact", type=point, metavar="X,Y,Z", help="hold it there: m, twin's world, part at state 0")
     add("--floor", type=_height, metavar="Z", help="its height: m, twin's world [seen, else assumed]")
@@ -158,13 +157,22 @@ def _replay(parser: ArgumentParser) -> None:
     add("--seed", type=int, default=0, metavar="S", help="of the trials [0]")
 
 
+def _way(parser: ArgumentParser, goal: str, before: str) -> None:
+    """The states between which a robot moves a part, as `robots.task.task_of` reads them."""
+    add = parser.add_argument
+    states = "open|close|SHARE|STATE"
+    add(
+        "--goal", metavar=states, default="open", help=f"{goal}: 0.5 or 50%% of its range, 15deg, 0.2m [open]"
+    )
+    add("--from-state", metavar=states, help=f"{before}, the same [the other end]")
+
+
 def _trajectory(parser: ArgumentParser) -> None:
     add = parser.add_argument
     export_options.run(parser)
     _robot(parser)
     add("--part", metavar="NAME", help="part that it moves [all, each in a folder of its name]")
-    add("--goal", metavar="open|close|SHARE", default="open", help="where the replay brought it [open]")
-    add("--start", metavar="open|close|SHARE", help="where it was before [the other end]")
+    _way(parser, "where the replay brought it", "where it was before")
     add(
         "--format",
         dest="formats",

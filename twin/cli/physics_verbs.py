@@ -198,7 +198,7 @@ def _change(c: Change) -> dict[str, Any]:
 
 def _part(twin: Twin, name: str | None) -> Part:
     if name is not None:
-        return twin.part(int(name) if name.isdecimal() else name)
+        return twin.part(name)
     if len(twin.parts) != 1:
         names = ", ".join(p.name for p in twin.parts) or "none"
         raise InputError("which part is not clear", f"name it with --part; parts: {names}")

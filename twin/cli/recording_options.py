@@ -10,18 +10,7 @@ from pathlib import Path
 def add_options(parser: ArgumentParser) -> None:
     """Those of every verb that opens a recording, by the names that `recon.open_recording` has for them."""
     add = parser.add_argument
-    add(
-        "--format",
-        dest="layout",
-        metavar="NAME",
-        help="layout of the recording [recognised from its files]",
-    )
-    add_cuts(parser)
-
-
-def add_cuts(parser: ArgumentParser) -> None:
-    """The same without --format."""
-    add = parser.add_argument
+    add("--layout", metavar="NAME", help="layout of the recording [recognised from its files]")
     add(
         "--calibration",
         metavar="FILE",
@@ -50,8 +39,7 @@ def convert(parser: ArgumentParser) -> None:
     add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
     add("-o", "--out", metavar="FOLDER", type=Path, required=True, help="new folder to write")
     add("--format", dest="into", choices=("native", "tum"), default="native", help="layout to write [native]")
-    add("--from", dest="layout", metavar="NAME", help="layout of the recording [recognised from its files]")
-    add_cuts(parser)
+    add_options(parser)
 
 
 def calibrate(parser: ArgumentParser) -> None:

@@ -12,9 +12,9 @@ from twin.cli.options import point
 def add_options(parser: ArgumentParser) -> None:
     """Those of `twin reconstruct` that tell the user's word on a recording."""
     add = partial(parser.add_argument, action="append", default=[])
-    add("--part", dest="parts", type=_pixel, metavar="X,Y@FRAME", help="a pixel that shows a moving part")
+    add("--at", type=_pixel, metavar="X,Y@FRAME", help="a pixel that shows a moving part")
     add("--interval", dest="intervals", type=_frames, metavar="A:B", help="frames in which a part moves")
-    add("--joint", dest="joints", choices=("hinge", "slide"), help="its type, or that of all parts")
+    add("--type", dest="types", choices=("hinge", "slide"), help="of its joint, or of all parts' joints")
     parser.add_argument(
         "--up", type=_up, metavar="AXIS|X,Y,Z", help="in the first camera's axes: -y for one held level"
     )

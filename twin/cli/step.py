@@ -39,10 +39,6 @@ def run_folder(path: Path) -> Path:
     return path.parent if (path / "twin.json").is_file() and path.name == "twin" else path
 
 
-def part_named(twin: Twin, name: str) -> Part:
-    return twin.part(int(name) if name.isdecimal() else name)
-
-
 def judged(outcome: Outcome, twin: Twin) -> Outcome:
     """The outcome of a verb that uses a twin: the verdict on it comes first, and stands in the JSON."""
     data = {"verdict": verdict_document(twin.verdict), **outcome.data}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -16,6 +15,7 @@ from twin.physics.materials import MaterialTable, read_materials
 from twin.physics.parts import physics_of
 from twin.quantities import Catch, Quantity
 from twin.scene import Part, Revolute, Twin
+from twin.units import ANGLES, LENGTHS, number_and_unit
 
 AT_HANDLE = 0.010  # m; chosen by us: magnets and rollers of furniture let go within about as much
 WIDEST = {
@@ -26,7 +26,7 @@ _LEVER = 0.01  # m; chosen by us: nearer to the hinge nobody pulls
 _ROUNDING = 1e-9  # rad, m
 _UNITS: Mapping[str, Mapping[str, tuple[float, bool]]] = {  # unit -> size, and whether it is meant at the handle of a hinge
     "force": {"N": (1.0, True), "kN": (1e3, True), "Nm": (1.0, False)},
-    "width": {"rad": (1.0, False), "deg": (math.pi / 180, False), "m": (1.0, True), "cm": (0.01, True), "mm": (1e-3, True)},
+    "width": {k: (v, False) for k, v in ANGLES.items()} | {k: (v, True) for k, v in LENGTHS.items()},
 }  # fmt: skip
 
 
@@ -48,14 +48,9 @@ def read_amount(text: str, of: str, part: Part) -> float:
 
     Raises InputError for other texts, for a unit that the joint doesn't have, or where the place of the hand is not known.
     """
-    found = re.fullmatch(r"\s*([-+0-9.eE]*[0-9.])\s*([A-Za-z ]*)", text)
     hinge = part.joint.kind == "revolute"
     known = {k: u for k, u in _UNITS[of].items() if hinge or u[1]}
-    try:
-        value = float(found.group(1)) if found else math.nan
-    except ValueError:
-        value = math.nan
-    unit = found.group(2).replace(" ", "") if found else ""
+    value, unit = number_and_unit(text)
     if math.isnan(value) or (unit and unit not in known):
         raise InputError(
             f"the {of} {text!r} of {part.name}'s catch is not understood",

@@ -24,7 +24,7 @@ class AxisUnsure(Reason):
 
     @property
     def help(self) -> str:
-        return f"open it farther and slower, with all of it in view, or {POINT_AT_IT}, or its type with --joint hinge|slide"
+        return f"open it farther and slower, with all of it in view, or {POINT_AT_IT}, or its type with --type hinge|slide"
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,7 @@ class PivotUnsure(Reason):
 
     @property
     def help(self) -> str:
-        return (
-            f"open it farther, with all of it in view, or say --joint slide if it is none, or {POINT_AT_IT}"
-        )
+        return f"open it farther, with all of it in view, or say --type slide if it is none, or {POINT_AT_IT}"
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from twin.errors import SceneError
 
 Level = Literal["trusted", "doubtful", "refused"]
 # Of the user's words, those that help most reasons.
-POINT_AT_IT = "point at the part with --part X,Y@FRAME"
+POINT_AT_IT = "point at the part with --at X,Y@FRAME"
 CUT = "cut the recording to the opening with --interval A:B"
 LEVELS: tuple[Level, ...] = get_args(Level)  # from the best to the worst
 
