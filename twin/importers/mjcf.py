@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.geometry import Array
+from twin.importers.contact_pairs import bodies_apart, touching_geoms
 from twin.importers.shapes import (
     box,
     capsule,
@@ -59,7 +60,8 @@ def read(path: Path) -> Source:
     except SceneError as e:
         raise InputError(f"{path}: {e.problem}", e.remedy) from e
     name = path.stem if spec.modelname in ("", _UNNAMED) else spec.modelname
-    return Source(path, name, bodies, (*scene.notes, *_not_carried(model)))
+    apart = frozenset(frozenset(map(scene.name, pair)) for pair in bodies_apart(model))
+    return Source(path, name, bodies, (*scene.notes, *_not_carried(model)), apart)
 
 
 def _included(path: Path, seen: set[Path]) -> Iterator[Path]:
@@ -108,6 +110,7 @@ class _Scene:
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
         self.notes: list[str] = []
+        self._touching = touching_geoms(model)
         self._stated = {int(b.id): _states_mass(b) for b in spec.bodies}
 
     def name(self, body: int) -> str:
@@ -138,7 +141,7 @@ class _Scene:
                         self._pose(g)
                     )
                 )
-            if m.geom_contype[g] or m.geom_conaffinity[g]:
+            if self._touching[g]:
                 collision += self._shape(g, surface)
                 friction.append(float(m.geom_friction[g, 0]))
         return SourceBody(
