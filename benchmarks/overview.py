@@ -1,4 +1,4 @@
-"""Draw docs/overview.png and docs/film.gif, the picture and the film in the README, from a finished run.
+"""Draw docs/overview.png and docs/film.gif, which the README and docs/first_twin.md show, from a finished run.
 
 usage: python benchmarks/overview.py RUN [FOLDER]
 """

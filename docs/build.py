@@ -26,6 +26,10 @@ from links import broken
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("twin", "recon", "robots")
 GUIDE = (
+    "first_twin",
+    "commands",
+    "limits",
+    "results",
     "concepts",
     "recordings",
     "device_record3d",

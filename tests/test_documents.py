@@ -56,7 +56,6 @@ ITSELF = "is run by .ci/run on every change, in other folders than a test's"
 MINUTES = "takes minutes and recordings that are not in the repository"
 ONLY_PARSED = {
     "make demo": ITSELF,
-    "make docs": ITSELF,
     "make test": ITSELF,
     "make wheel": ITSELF,
     "pip install ./dist/funtwin-*.whl": ITSELF,
