@@ -15,18 +15,19 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
 ABOUT = {
     "reconstruct": "of `twin reconstruct` and `twin demo`, one table a stage; from Python `recon.ReconConfig`",
     "simulate": "of `twin simulate`; from Python `recon.simulate.SimulateConfig`",
-    "plan": "from Python alone, `robots.PlanConfig`",
-    "replay": "from Python alone, `robots.ReplayConfig`; what `twin replay` has options for is set by these",
-    "collision": "from Python alone, `twin.collision.CollisionConfig`",
+    "export": 'of `twin export`; from Python `twin.export(..., collision={"part_pieces": 8})`. What begins with `near` or `far` is of '
+    "`--geometry seen`",
+    "check": "of `twin check`; from Python `twin.check(..., processes=)`",
+    "replay": "of `twin replay`; from Python `robots.PlanConfig` and `robots.ReplayConfig`",
 }
 HEAD = """# Settings
 
 Made by `python .ci/settings_page.py` from the fields of the classes, which hold every value to its type and range.
 
-`twin config` lists the settings of a reconstruction here and now, with what gives each value; `twin config RUN` those of a run and
-where they differ from today's defaults; `twin config --toml` prints a file for `--config` with the meanings as comments, `--json`
-the same for machines. `--set labels.every=2` changes one setting of a verb, `--config FILE.toml` many: names have the table's path
-before a dot, angles are in radians. A file with a setting that was renamed or left since is read, with a warning that says so.
+`twin config` lists the settings of a reconstruction here and now, with what gives each value; `twin config --of replay` those of another
+verb; `twin config RUN` those of a run and where they differ from today's defaults; `twin config --toml` prints a file for `--config` with
+the meanings as comments, `--json` the same for machines. `--set labels.every=2` changes one setting of a verb, `--config FILE.toml` many:
+names have the table's path before a dot, angles are in radians. A file with a setting that was renamed or left since is read, with a warning that says so.
 """
 
 

@@ -6,9 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from twin.runs.setting import Settings, setting
-
-CONTROLS = ("position", "impedance")
+from twin.runs.setting import Settings, group, setting
 
 
 @dataclass(frozen=True)
@@ -112,3 +110,11 @@ class ReplayConfig(Settings):
     video_size: tuple[int, int] = setting((640, 480), "width and height of the video", unit="px", at_least=32)
     video_rate: int = setting(25, "frames in a second of the video", unit="1/s", at_least=1)
     video_frames: int = setting(130, "most frames of the video", unit="frames", at_least=2)
+
+
+@dataclass(frozen=True)
+class RobotsConfig(Settings):
+    """How `twin replay` plans and plays."""
+
+    plan: PlanConfig = group(PlanConfig, "where the robot stands, how it takes hold, and its path")
+    replay: ReplayConfig = group(ReplayConfig, "how the plan is played in MuJoCo, and its film")

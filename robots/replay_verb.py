@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from robots.config import RobotsConfig
 from twin import geometry as geo
+from twin.cli import given
 from twin.cli.console import Console, Outcome
 from twin.cli.step import Step, judged, page, run_folder, unlogged
 from twin.cli.table import OPEN_RECORDING, named
@@ -50,6 +52,8 @@ def replay(
     recording: Path | None = None,
     contact: tuple[float, ...] | None = None,
     floor: float | None = None,
+    config: Path | None = None,
+    set: Sequence[str] = (),
 ) -> Outcome:
     """A robot opens or closes the parts."""
     options = None
@@ -60,8 +64,9 @@ def replay(
         options = {"trials": trials, "grid": grid, "seed": seed}
     elif grid or seed:
         raise InputError("--grid and --seed belong to trials", "add --trials 100")
-    asked = {"stiffness": stiffness, "control": control}
-    settings = {key: value for key, value in asked.items() if value is not None}
+    data, where = given.told(config, set)
+    given.put(data, "replay", {"stiffness": stiffness, "control": control})
+    settings = from_dict(RobotsConfig, data, where if config or set else "options")
     # of a contact off its part the step tells in its warnings, which the page keeps
     with unlogged("robots.grasp.where_to_hold"), console.progress() as progress, page(run):
         return replay_step(
@@ -74,7 +79,7 @@ def replay_step(
     run: Path,
     robot: str,
     names: Sequence[str],
-    settings: Mapping[str, Any] | None = None,
+    settings: RobotsConfig | None = None,
     trials: Mapping[str, Any] | None = None,
     goal: str = "open",
     from_state: str | None = None,
@@ -84,7 +89,7 @@ def replay_step(
 ) -> Step:
     """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin.
 
-    settings: fields of `robots.ReplayConfig`. contact: point (3,) in m where a part is held, twin's world at state 0. floor:
+    contact: point (3,) in m where a part is held, twin's world at state 0. floor:
     height (m) in the twin's world.
     """
     import robots
@@ -98,7 +103,7 @@ def replay_step(
     for part in parts:
         task_of(part, **way)
     robots.resolve(robot)
-    config = from_dict(robots.ReplayConfig, settings or {}, "replay")
+    config = settings or RobotsConfig()
     require_writable(run_folder(run) / "replay")
     # what follows imports MuJoCo: every wrong answer that can be told without it was told before
     from robots.floor import floor_of
@@ -121,7 +126,7 @@ def replay_step(
         notes += note
         if trials and trajectory is not None:
             table, report["trials"], assumed = _trials(
-                progress, twin, trajectory, robot, run_folder(run), config, trials
+                progress, twin, trajectory, robot, run_folder(run), config.replay, trials
             )
             tables.append(table)
             notes += assumed
@@ -218,7 +223,7 @@ def _replay_part(
     part: Part,
     robot: str,
     run: Path,
-    config: Any,
+    config: RobotsConfig,
     way: Mapping[str, Any],
     contact: tuple[float, ...] | None,
     floor: Any,
@@ -235,6 +240,7 @@ def _replay_part(
             part.id,
             robot,
             contact=None if contact is None else geo.as_float(contact),
+            config=config.plan,
             floor=floor,
             **way,
         )
@@ -245,7 +251,9 @@ def _replay_part(
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
     folder = replay_folder(run, robot, part, trajectory)
-    r = robots.replay(twin, trajectory, folder, robot=robot, config=config, demonstration=demonstration)
+    r = robots.replay(
+        twin, trajectory, folder, robot=robot, config=config.replay, demonstration=demonstration
+    )
     progress(f"replay {part.name}", 1.0, f"{100 * r.reached:.0f} % of the way")
     row = [
         f"{100 * r.opening_peak:.0f} %",

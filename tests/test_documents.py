@@ -30,10 +30,10 @@ from recon.readers.calibration.file import Calibration
 from recon.recording import Recording
 from recon.recording.rig import Lens
 from recon.recording.write import write_recording
-from recon.simulate.config import SimulateConfig
 from tests.recon.phone_recording import phone_recording
 from twin.cli import given
 from twin.cli import main as cli
+from twin.cli.table import SETTINGS, named
 from twin.errors import ConfigError
 from twin.files.assets import asset
 from twin.geometry import make_pose
@@ -43,11 +43,7 @@ from twin.storage import save
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *sorted(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
-CONFIGS = {
-    "reconstruct": ReconConfig,
-    "demo": ReconConfig,
-    "simulate": SimulateConfig,
-}
+CONFIGS = {verb: named(home) for verb, home in SETTINGS.items()} | {"demo": ReconConfig}
 FENCED = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r" *(?:twin|make|pip|python) ")
 

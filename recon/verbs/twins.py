@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +89,7 @@ def reconstruct(
     """Recording to twin. opening: of `recon.open_recording`."""
     require_run(out)
     data, where = given.told(config, set)
-    said = {"at": at, "intervals": intervals, "types": types, "up": up}
-    _say(data, {name: word for name, word in said.items() if word})
+    given.put(data, "said", {"at": at, "intervals": intervals, "types": types, "up": up})
     from recon.readers import open_recording
 
     opened = open_recording(recording, **opening)
@@ -99,12 +98,6 @@ def reconstruct(
     settings = from_dict(ReconConfig, data, where if config or set else "options")
     with console.progress() as progress, page(out):
         return reconstruct_step(progress, opened, out, settings, type_hint).outcome
-
-
-def _say(data: dict[str, Any], said: Mapping[str, Any]) -> None:
-    """The user's word into settings as a file gives them; what the file says of the same is replaced."""
-    if said and isinstance(table := data.setdefault("said", {}), dict):
-        table |= {name: list(word) if isinstance(word, list) else word for name, word in said.items()}
 
 
 def reconstruct_step(

@@ -52,8 +52,8 @@ def refused(order, folder: Path, capsys) -> str:
         (["--trials", "0"], "ask for one or more"),
         (["--trials", "-3"], "ask for one or more"),
         (["--trials", "5", "--seed", "-1"], "give 0 or more"),
-        (["--stiffness", "0"], "replay: stiffness = 0.0 must be above 0 and at most 100"),
-        (["--stiffness", "nan"], "replay: stiffness = nan must be above 0"),
+        (["--stiffness", "0"], "options: replay.stiffness = 0.0 must be above 0 and at most 100"),
+        (["--stiffness", "nan"], "options: replay.stiffness = nan must be above 0"),
     ],
 )
 def test_a_wrong_order_is_one_line(options, message, drawer, capsys):

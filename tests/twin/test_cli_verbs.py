@@ -63,7 +63,15 @@ def test_replay_opens_every_part_and_keeps_the_result(
     tasks: list[tuple[Any, ...]] = []
 
     def plan(
-        twin: Any, part: int, robot: str, *, contact: Any, goal: str, from_state: str | None, floor: Any
+        twin: Any,
+        part: int,
+        robot: str,
+        *,
+        contact: Any,
+        goal: str,
+        from_state: str | None,
+        floor: Any,
+        config: Any,
     ) -> Trajectory:
         assert floor.source == "assumed"
         task = task_of(twin.part(part), goal, from_state)

@@ -22,6 +22,14 @@ def export(parser: ArgumentParser) -> None:
     )
     add("--overwrite", action="store_true", help="also replace exported files that were changed since")
     _view(parser)
+    settings(parser)
+
+
+def settings(parser: ArgumentParser) -> None:
+    """Settings of a verb, which `twin config --of VERB` lists."""
+    add = parser.add_argument
+    add("--config", metavar="FILE.toml", type=Path, help="settings; what it leaves out keeps its default")
+    add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting; may be repeated")
 
 
 def _view(parser: ArgumentParser) -> None:

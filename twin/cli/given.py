@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -29,6 +30,13 @@ def told(path: Path | None, assignments: Sequence[str]) -> tuple[dict[str, Any],
             raise ConfigError(f"--set {text!r} is not KEY=VALUE", "write for example --set seed=3")
         _assign(data, key.strip().split("."), value.strip())
     return data, where
+
+
+def put(data: dict[str, Any], table: str, values: Mapping[str, Any]) -> None:
+    """Put what options of their own say, None and [] apart, into a table of settings as a file gives them; it replaces what the file says."""
+    said = {name: copy(v) for name, v in values.items() if v not in (None, [])}
+    if said and isinstance(place := data.setdefault(table, {}), dict):
+        place |= said
 
 
 def sources(path: Path | None, assignments: Sequence[str]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from twin.cli import export_options, recording_options
+from twin.cli.export_options import settings
 
 _MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval")
 
@@ -50,7 +51,7 @@ def _demo(parser: ArgumentParser) -> None:
     add("--recording", type=Path, help="another recording than the shipped one")
     add("-o", "--out", metavar="RUN", type=Path, default=Path("out/demo"), help="run folder [out/demo]")
     recording_options.add_options(parser)
-    _settings(parser)
+    settings(parser)
     _robot(parser)
 
 
@@ -66,7 +67,7 @@ def _simulate(parser: ArgumentParser) -> None:
     add("--joint", help="name of the joint that the hand moves")
     add("--random", metavar="SEED", type=_seed, help="no scene: all of it is drawn from a seed")
     add("-o", "--out", metavar="RECORDING", type=Path, required=True, help="folder to write")
-    _settings(parser)
+    settings(parser)
 
 
 def _inspect(parser: ArgumentParser) -> None:
@@ -92,7 +93,7 @@ def _reconstruct(parser: ArgumentParser) -> None:
     from twin.cli.said_options import add_options
 
     add_options(parser)
-    _settings(parser)
+    settings(parser)
 
 
 def _import(parser: ArgumentParser) -> None:
@@ -132,6 +133,7 @@ def _check(parser: ArgumentParser) -> None:
         nargs="+",
         help="engines to ask, validators (of USD), or all [the engines that need no `twin engines`]",
     )
+    settings(parser)
 
 
 def _lint(parser: ArgumentParser) -> None:
@@ -155,6 +157,7 @@ def _replay(parser: ArgumentParser) -> None:
     add("--trials", type=int, metavar="N", help="then N replays on parts that differ from the twin")
     add("--grid", action="store_true", help="trials also of each kind of error alone")
     add("--seed", type=int, default=0, metavar="S", help="of the trials [0]")
+    settings(parser)
 
 
 def _way(parser: ArgumentParser, goal: str, before: str) -> None:
@@ -209,7 +212,7 @@ def _config(parser: ArgumentParser) -> None:
         default="reconstruct",
         help="whose settings [reconstruct]",
     )
-    _settings(parser)
+    settings(parser)
     add("--changed", action="store_true", help="only settings that differ from their defaults")
     add("--toml", action="store_true", help="as a file for --config, meanings as comments")
 
@@ -235,17 +238,6 @@ def _recording(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
     recording_options.add_options(parser)
-
-
-def _settings(parser: ArgumentParser) -> None:
-    add = parser.add_argument
-    add(
-        "--config",
-        metavar="FILE.toml",
-        type=Path,
-        help="settings; keys that are left out keep their defaults",
-    )
-    add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting, e.g. --set seed=3")
 
 
 def _robot(parser: ArgumentParser) -> None:

@@ -55,13 +55,13 @@ CHAIN = {
     "evaluate": "recon.verbs.twins:evaluate_step",
     "replay": "robots.replay_verb:replay_step",
 }
-# Classes of settings, by what they are for: of a verb, of `robots.plan` and `robots.replay`, of `twin.collision.with_collision`.
+# verb -> class of its settings.
 SETTINGS = {
     "reconstruct": "recon.config:ReconConfig",
     "simulate": "recon.simulate.config:SimulateConfig",
-    "plan": "robots.config:PlanConfig",
-    "replay": "robots.config:ReplayConfig",
-    "collision": "twin.collision:CollisionConfig",
+    "export": "twin.exporters.config:ExportConfig",
+    "check": "twin.verification.config:CheckConfig",
+    "replay": "robots.config:RobotsConfig",
 }
 # Frames for a robot's film and for a question about a part: whoever asks does not know how recordings are read.
 OPEN_RECORDING = "recon.readers:open_recording"

@@ -15,7 +15,7 @@ from twin.errors import InputError
 from twin.files.assets import asset
 from twin.report.sections import Table
 from twin.runs.run_lock import claimed
-from twin.runs.settings import from_dict
+from twin.runs.settings import as_dict, from_dict
 from twin.runs.stages import Progress
 from twin.storage import load, update
 
@@ -85,6 +85,8 @@ def export(
     geometry: str | None = None,
     room: str | None = None,
     origin: str | None = None,
+    config: Path | None = None,
+    set: Sequence[str] = (),
 ) -> Outcome:
     """Twin to simulation formats."""
     if package:
@@ -94,9 +96,10 @@ def export(
     from twin.exporters.asset import AssetInfo
 
     told = from_dict(AssetInfo, given.texts("--asset", asset), "--asset")
+    shapes = _collision(config, set)
     with console.progress() as progress, page(run):
         shown = {"geometry": geometry, "room": room, "origin": origin}
-        return export_step(progress, run, formats, package, told, overwrite, shown).outcome
+        return export_step(progress, run, formats, package, told, overwrite, shown, shapes).outcome
 
 
 def export_step(
@@ -107,8 +110,12 @@ def export_step(
     asset: Any = None,
     overwrite: bool = False,
     shown: Mapping[str, str | None] | None = None,
+    collision: Mapping[str, Any] | None = None,
 ) -> Step:
+    """collision: settings of the shapes by name; with any, shapes that the program made before are made anew."""
     from twin import exporters
+    from twin.collision import collision_config
+    from twin.completion import without_shapes
     from twin.completion.asset import usual_view
     from twin.exporters.shape_report import COLUMNS, collision_reports, inferred_tables, shapes_of
 
@@ -118,17 +125,16 @@ def export_step(
     progress("collision", 0.0, "convex pieces")
     cache = run_folder(run) / "stages" / "collision"
     view = usual_view(twin).but(shown or {})
-    complete = exporters.complete(twin, cache, view)
+    bare = twin if collision is None else without_shapes(twin, view.geometry != "seen")
+    complete = exporters.complete(bare, cache, view, collision)
     update(twin, complete, run)
     asset_twin = view.of(complete)
     progress("collision", 1.0, f"{sum(len(shapes_of(p)) for p in asset_twin.parts)} pieces on moving parts")
     progress("export", 0.0, "")
-    files = exporters.export(
-        complete, folder, formats, package, cache, asset=asset, overwrite=overwrite, view=view
-    )
+    files = exporters.export(complete, folder, formats, package, cache, asset, overwrite, view, collision)
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
-    reports = collision_reports(asset_twin, cache)
+    reports = collision_reports(asset_twin, cache, collision_config(collision))
     data = {
         "files": {name: str(path) for name, path in files.items()},
         "collision": [r.to_json() for r in reports],
@@ -143,16 +149,36 @@ def export_step(
     return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
 
 
+def _collision(config: Path | None, set: Sequence[str]) -> Mapping[str, Any] | None:
+    """Settings of collision shapes by name, None unless somebody gives any."""
+    if not (config or set):
+        return None
+    by_name: Mapping[str, Any] = as_dict(given.settings(named(SETTINGS["export"]), config, set).collision)
+    return by_name
+
+
 def check(
-    console: Console, run: Path, formats: Sequence[str], engines: Sequence[str] | None = None
+    console: Console,
+    run: Path,
+    formats: Sequence[str],
+    engines: Sequence[str] | None = None,
+    config: Path | None = None,
+    set: Sequence[str] = (),
 ) -> Outcome:
     """Exported files against the twin."""
+    from twin.verification.config import CheckConfig
+
+    settings = given.settings(CheckConfig, config, set)
     with console.progress() as progress, page(run):
-        return check_step(progress, run, formats, engines).outcome
+        return check_step(progress, run, formats, engines, settings).outcome
 
 
 def check_step(
-    progress: Progress, run: Path, formats: Sequence[str], engines: Sequence[str] | None = None
+    progress: Progress,
+    run: Path,
+    formats: Sequence[str],
+    engines: Sequence[str] | None = None,
+    settings: Any = None,
 ) -> Step:
     from twin.verification import SUFFIX
 
@@ -166,7 +192,7 @@ def check_step(
         )
     from twin.verification.proofs import prove
 
-    proofs = prove(progress, twin, files, engines)
+    proofs = prove(progress, twin, files, engines, settings)
     ok, summary = all(p.ok for p in proofs), "; ".join(p.summary for p in proofs)
     outcome = Outcome(
         {"ok": ok, **{p.key: p.data for p in proofs}},

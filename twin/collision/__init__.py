@@ -8,8 +8,9 @@ A piece of a mesh that is closed is a body: one box or hull where it is convex, 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from twin.files.paths import AnyPath
 from twin.geometry import Array
 from twin.mesh import joined
 from twin.runs.setting import Settings, group, setting
+from twin.runs.settings import from_dict
 from twin.scene import Collision, Mesh, Twin
 
 _SPECK = 3e-4  # m^2: less surface than on a knob of 1 cm is a shred of a scan
@@ -74,6 +76,11 @@ class CollisionConfig(Settings):
         ),
         "boards of the static scene beyond",
     )
+
+
+def collision_config(settings: Mapping[str, Any] | None = None) -> CollisionConfig:
+    """The settings of these names, and the defaults of all others. Raises ConfigError."""
+    return from_dict(CollisionConfig, settings or {}, "collision")
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,26 +8,49 @@ The seam for a learned model is `infer` (twin/completion/infer.py): whatever giv
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
 from twin.completion.asset import is_reconstructed
+from twin.errors import InputError
 from twin.inferred import VERSION
 from twin.scene import Twin
 
 
-def with_completion(twin: Twin) -> Twin:
+def with_completion(twin: Twin, collision: Mapping[str, Any] | None = None) -> Twin:
     """The twin with the inferred layer of its static scene and every part, collision shapes included; itself where it has one that the
     program of today inferred.
 
-    A twin that was not made from a recording was stated by somebody, whole as it is: nothing is inferred.
+    A twin that was not made from a recording was stated by somebody, whole as it is: nothing is inferred. collision: settings of the shapes, by name.
     """
     if not (is_reconstructed(twin) and twin.parts) or has_completion(twin):
         return twin
+    from twin.collision import collision_config
     from twin.completion.infer import infer  # SciPy and Open3D, which a wrong option needs not wait for
     from twin.completion.shapes import with_shapes
 
-    return with_shapes(infer(twin))
+    return with_shapes(infer(twin), collision_config(collision))
 
 
 def has_completion(twin: Twin) -> bool:
     """Whether all of a twin has an inferred layer that the program of today inferred."""
     layers = [twin.static.completion, *(p.completion for p in twin.parts)]
     return all(k is not None and k.version == VERSION for k in layers)
+
+
+def without_shapes(twin: Twin, inferred: bool = True) -> Twin:
+    """A reconstructed twin without the collision shapes that the program made for it, and without its inferred layer if `inferred`.
+
+    Raises InputError for a stated twin that has all its shapes: nothing is left to make.
+    """
+    if not is_reconstructed(twin):
+        if twin.static.collision and all(p.collision for p in twin.parts):
+            raise InputError(
+                f"{twin.name} states all its collision shapes, so their settings change nothing",
+                "leave --set and --config out",
+            )
+        return twin
+    gone: dict[str, Any] = {"collision": ()} | ({"completion": None} if inferred else {})
+    parts = tuple(replace(p, **gone) for p in twin.parts)
+    return replace(twin, static=replace(twin.static, **gone), parts=parts)

@@ -30,22 +30,22 @@ _SPECK = 1e-3  # m^2: less surface is a shred of a scan
 _EXACT = 1e-3  # m
 
 
-def with_shapes(twin: Twin) -> Twin:
+def with_shapes(twin: Twin, config: CollisionConfig) -> Twin:
     """The twin with collision shapes in its inferred layers: parts keep clear of the rest over their whole range, which gives way."""
-    config = CollisionConfig()
+    most = min(PART_SHAPES, config.part_pieces)
     layers = [twin.static.completion, *(p.completion for p in twin.parts)]
     static = layers[0]
     if static is None or any(k is None for k in layers):
         return twin
     given = [[s for p in layer.pieces for s in p.shapes] for layer in layers if layer is not None]
-    given[0] += _furniture_hulls(static, FURNITURE_SHAPES - len(given[0]))
+    given[0] += _furniture_hulls(static, FURNITURE_SHAPES - len(given[0]), config.part_faces)
     for shapes, layer in zip(given[1:], layers[1:], strict=True):
         if layer is not None:
-            left, limited = _beyond_pieces(layer), replace(config, part_pieces=PART_SHAPES)
-            room = max(_LEAST_HULLS, PART_SHAPES - len(shapes))
+            left, limited = _beyond_pieces(layer, config.part_faces), replace(config, part_pieces=most)
+            room = max(_LEAST_HULLS, most - len(shapes))
             shapes += surface_hulls(left, limited, room) if len(left) else []
     own = len(given[0])
-    given[0] += _of_room(static.room) if static.room is not None else []
+    given[0] += _of_room(static.room, config.part_faces) if static.room is not None else []
     cleared = make_clear(twin, given, config.clearance, config.step)
     rooms = [s for s in cleared[0] if _from(s, given[0][own:]) and not _from(s, given[0][:own])]
     kept = [s for s in cleared[0] if not any(s is r for r in rooms)]
@@ -61,15 +61,15 @@ def with_shapes(twin: Twin) -> Twin:
     return replace(twin, static=replace(twin.static, completion=done[0]), parts=parts)
 
 
-def _beyond_pieces(layer: Completion) -> Array:
-    """Seen surface (n, 3, 3) that lies in no piece."""
+def _beyond_pieces(layer: Completion, faces: int) -> Array:
+    """Seen surface (n, 3, 3), decimated to so many faces, that lies in no piece."""
     boxes = [s for p in layer.pieces for s in p.shapes if isinstance(s, Box)]
-    return beyond(triangles_of(decimated(layer.shown, CollisionConfig().part_faces)), boxes, _MARGIN)
+    return beyond(triangles_of(decimated(layer.shown, faces)), boxes, _MARGIN)
 
 
-def _furniture_hulls(layer: Completion, room: int) -> list[Collision]:
+def _furniture_hulls(layer: Completion, room: int, faces: int) -> list[Collision]:
     """Coarse hulls, at most `room` or a few, of what stands on the furniture or is no board of it."""
-    left = _beyond_pieces(layer)
+    left = _beyond_pieces(layer, faces)
     pieces = decompose(left, _COARSE, _THICKNESS, max(_LEAST_HULLS, room)) if len(left) else []
     large = [p for p in pieces if geo.triangle_areas(p).sum() > _SPECK]
     return [h.mesh for p in large if (h := thick_hull(p, _THICKNESS)) is not None]
@@ -82,9 +82,9 @@ def _largest(shapes: Sequence[Collision], most: int) -> tuple[Collision, ...]:
     return tuple(s for k, s in enumerate(shapes) if k in kept)
 
 
-def _of_room(room: Mesh) -> list[Collision]:
+def _of_room(room: Mesh, faces: int) -> list[Collision]:
     """Few boxes: floor, walls, what is large."""
-    triangles = triangles_of(decimated(room, CollisionConfig().part_faces))
+    triangles = triangles_of(decimated(room, faces))
     return [b.box for b in find_boards(triangles, main_axes(triangles), ROOM)[0]] if len(triangles) else []
 
 

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from twin.completion.asset import AssetView, is_reconstructed, usual_view
 from twin.contacts import contacts_off
@@ -55,6 +55,7 @@ def export(
     asset: AssetInfo | None = None,
     overwrite: bool = False,
     view: AssetView | None = None,
+    collision: Mapping[str, Any] | None = None,
 ) -> Exported:
     """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
 
@@ -67,6 +68,7 @@ def export(
         asset: author, licence, kind and date that the files state.
         overwrite: also replace exported files that were changed since, and others of the same names.
         view: which layer is written, with the room or without, in which frame; `twin.completion.asset.usual_view` by default.
+        collision: settings of the collision shapes that are made, by name: {"part_pieces": 8}.
 
     Returns:
         the main file of every format, and warnings about what a format can't carry.
@@ -83,7 +85,7 @@ def export(
         check_package(package)
     asset = AssetInfo() if asset is None else asset
     view = usual_view(twin) if view is None else view
-    ready = _shown(twin, view, cache_dir)
+    ready = _shown(twin, view, cache_dir, collision)
     tree = build_tree(ready)
     files: dict[str, Path] = {}
     warnings = _warnings(twin, ready, tree)
@@ -106,9 +108,11 @@ def export(
     return Exported(files, tuple(warnings))
 
 
-def _shown(twin: Twin, view: AssetView, cache_dir: AnyPath | None) -> Twin:
+def _shown(
+    twin: Twin, view: AssetView, cache_dir: AnyPath | None, collision: Mapping[str, Any] | None
+) -> Twin:
     """The twin as it is written."""
-    ready = complete(view.of(complete(twin, cache_dir, view)), cache_dir, view)
+    ready = complete(view.of(complete(twin, cache_dir, view, collision)), cache_dir, view, collision)
     if not (view.plain and is_reconstructed(twin)):
         return ready
     from twin.physics import without_rests
@@ -144,9 +148,14 @@ def _put(staged: Mapping[str, Path], folder: Path, overwrite: bool) -> None:
         replace_own(here, folder / fmt, overwrite)
 
 
-def complete(twin: Twin, cache_dir: AnyPath | None = None, view: AssetView | None = None) -> Twin:
+def complete(
+    twin: Twin,
+    cache_dir: AnyPath | None = None,
+    view: AssetView | None = None,
+    collision: Mapping[str, Any] | None = None,
+) -> Twin:
     """The twin with mass, friction and collision shapes wherever they were missing, joints that hold its parts where they rested, and the
-    inferred layer that a view asks for, by default that of `usual_view`.
+    inferred layer that a view asks for, by default that of `usual_view`. collision: settings of the shapes that are made, by name.
 
     Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not convex.
     """
@@ -166,13 +175,13 @@ def complete(twin: Twin, cache_dir: AnyPath | None = None, view: AssetView | Non
     if view.geometry != "seen":
         from twin.completion import with_completion
 
-        twin = with_completion(twin)
+        twin = with_completion(twin, collision)
     layers = [
         (twin.static.completion, twin.static.collision),
         *((p.completion, p.collision) for p in twin.parts),
     ]
     if any(layer is None and not shapes for layer, shapes in layers):
-        from twin.collision import with_collision
+        from twin.collision import collision_config, with_collision
 
-        twin = with_collision(twin, cache_dir=cache_dir)
+        twin = with_collision(twin, collision_config(collision), cache_dir)
     return twin

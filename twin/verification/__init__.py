@@ -16,6 +16,7 @@ from twin.files.paths import AnyPath
 from twin.physics import without_rests
 from twin.scene import Twin
 from twin.verification.compare import Truth, compare, far_away, loads
+from twin.verification.config import CheckConfig
 from twin.verification.exceptions import expected_to_say
 from twin.verification.expected import TIMES, filled
 from twin.verification.process import ENGINES, OURS, ask, python_of
@@ -28,7 +29,10 @@ SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
 
 
 def check(
-    source: Twin | AnyPath, exports: Mapping[str, AnyPath] | None = None, engines: Sequence[str] = OURS
+    source: Twin | AnyPath,
+    exports: Mapping[str, AnyPath] | None = None,
+    engines: Sequence[str] = OURS,
+    processes: int = CheckConfig().processes,
 ) -> CheckReport:
     """Load every exported file in every engine that reads its format and compare with the twin.
 
@@ -36,6 +40,7 @@ def check(
         source: a twin with mass and friction, or a run folder (or its folder twin/).
         exports: format -> file. Left out for a run folder: RUN/export/<format>/.
         engines: names, or "all"; those that come with this project by default.
+        processes: how many engines load files at the same time.
 
     Returns:
         rows for whether the file loads, tree, joint type, axis (1e-3 deg), pivot (1e-5 m), limits (1e-5), damping, dry friction, armature and contact
@@ -49,7 +54,7 @@ def check(
         MissingDependencyError: an engine's environment is not installed.
     """
     twin, files = _inputs(source, exports)
-    return check_many([(as_exported(twin, files), files)], engines)[0]
+    return check_many([(as_exported(twin, files), files)], engines, processes)[0]
 
 
 def as_exported(twin: Twin, files: Mapping[str, Path]) -> Twin:
@@ -71,7 +76,9 @@ def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_many(
-    sources: Sequence[tuple[Twin, Mapping[str, Path]]], engines: Sequence[str] = OURS, processes: int = 2
+    sources: Sequence[tuple[Twin, Mapping[str, Path]]],
+    engines: Sequence[str] = OURS,
+    processes: int = CheckConfig().processes,
 ) -> list[CheckReport]:
     """A report for every (twin, files); an engine is started once for many files, and `processes` run at a time. Raises as
     `check`."""

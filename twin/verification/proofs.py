@@ -17,6 +17,7 @@ from twin.validators import UsdVerdict, validate_usd
 from twin.verification import OURS, as_exported, behaviour_tables, check, chosen_engines
 from twin.verification import tables as check_tables
 from twin.verification.behaviour import behave
+from twin.verification.config import CheckConfig
 
 VALIDATORS = "validators"
 
@@ -35,7 +36,11 @@ class Proof:
 
 
 def prove(
-    progress: Progress, twin: Twin, files: Mapping[str, Path], judges: Sequence[str] | None = None
+    progress: Progress,
+    twin: Twin,
+    files: Mapping[str, Path],
+    judges: Sequence[str] | None = None,
+    config: CheckConfig | None = None,
 ) -> list[Proof]:
     """Answer all questions about exported `files` (format -> file).
 
@@ -47,7 +52,8 @@ def prove(
     valid = "usd" in files and bool({VALIDATORS, "all"} & set(names))
     if valid:
         interpreter(VALIDATORS)  # told before the engines take their time
-    proofs = [_agreement(progress, twin, files, engines)] if engines else []
+    processes = (config or CheckConfig()).processes
+    proofs = [_agreement(progress, twin, files, engines, processes)] if engines else []
     proofs.append(_behaviour(progress, as_exported(twin, files), files))
     proofs.append(_contacts(twin))
     proofs.append(_up(twin))
@@ -56,9 +62,11 @@ def prove(
     return proofs
 
 
-def _agreement(progress: Progress, twin: Twin, files: Mapping[str, Path], engines: Sequence[str]) -> Proof:
+def _agreement(
+    progress: Progress, twin: Twin, files: Mapping[str, Path], engines: Sequence[str], processes: int
+) -> Proof:
     progress("check", 0.0, f"loading the files in {', '.join(engines)}")
-    report = check(twin, files, engines)
+    report = check(twin, files, engines, processes)
     summary = check_tables.summary(report)
     progress("check", 1.0, summary)
     shown, notes = check_tables.tables(report), check_tables.notes(report)
