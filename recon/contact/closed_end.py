@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from recon.contact.closed_odds import ClosedCues
 from recon.contact.faces import sample
 from recon.contact.front import ALONG, Front, front_of
 from recon.contact.surroundings import flush_shares, inward, nearer_ahead
@@ -25,6 +26,8 @@ from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
 _AT_WALL = 0.5  # share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding doors
+# Cosine between a front's normal and the way of what slides in its own plane; chosen by us
+_IN_PLANE = 0.5
 # What a hinge is turned on by: a front half a metre wide goes on by less than twice `gap`; by us
 _TURN_STEP = np.radians(5.0)
 
@@ -66,12 +69,14 @@ class ClosedEnd:
 
     margin: by how much the shares of the cue that decided, or of its witness, differ between the ends; 0 without a witness. That is for a
     hinge where it would be flush if it went on, for a drawer its way, for what slides in its own plane the cue that is asked first.
+    probability: of this end by the added log odds of all cues, none of which is a witness or a veto; .5 where no cue was looked at.
     """
 
     state: float
     opening_sign: Literal[1, -1]
     source: str
     margin: float = 0.0
+    probability: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -117,50 +122,76 @@ def find_closed_end(
     """
     ends = travel_ends(part.motion.state, config.quantile)
     surface = sample(part_mesh)
-    if len(surface.points):
-        face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
-        past = _past(face, part.joint, config)
-        flush = flush_shares(surface, face, part.joint, ends, static, config.gap, past)
-        depth = [
-            _depth_behind(
-                part, face, ends[k], _far_frames(part, labels, ends, k, config), recording, cameras, labels
-            )
-            for k in (0, 1)
-        ]
-        cavity = _Cue([float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth], "covers a cavity")
-        cues, witness = _ranked(flush, cavity, face, part.joint, ends, static)
-        for cue in cues:
-            if cue.lead(cue.end) > config.margin:
-                sure = witness.lead(cue.end) > config.margin
-                margin = max(cue.lead(cue.end), witness.lead(cue.end)) if sure else 0.0
-                return replace(_end(ends, cue.end, cue.text), margin=margin)
-        space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
-        if abs(space[0] - space[1]) > config.margin * max(space):
-            return _end(ends, int(space[1] > space[0]), "its rest pose shows less uncovered space")
-    first = float(np.median(part.motion.state[:5]))
-    return _end(ends, int(abs(first - ends[1]) < abs(first - ends[0])), "first rest pose")
+    starts = _starts_at(part, ends)
+    if not len(surface.points):
+        return _end(ends, starts, "first rest pose")
+    face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
+    past = _past(face, part.joint, config)
+    flush = flush_shares(surface, face, part.joint, ends, static, config.gap, past)
+    depth = [
+        _depth_behind(
+            part, face, ends[k], _far_frames(part, labels, ends, k, config), recording, cameras, labels
+        )
+        for k in (0, 1)
+    ]
+    cavity = [float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth]
+    every = _every(part, face, ends, flush, cavity, static)
+    cues, witness = _ranked(every, face, part.joint, ends, static)
+    for cue in cues:
+        if cue.lead(cue.end) > config.margin:
+            sure = witness.lead(cue.end) > config.margin
+            margin = max(cue.lead(cue.end), witness.lead(cue.end)) if sure else 0.0
+            return _end(ends, cue.end, cue.text, margin, every.probability(cue.end))
+    space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
+    if abs(space[0] - space[1]) > config.margin * max(space):
+        less = int(space[1] > space[0])
+        return _end(ends, less, "its rest pose shows less uncovered space", 0.0, every.probability(less))
+    return _end(ends, starts, "first rest pose", 0.0, every.probability(starts))
 
 
 def _ranked(
-    flush: Sequence[Sequence[float]],
-    cavity: _Cue,
-    face: Front,
-    joint: Joint,
-    ends: tuple[float, float],
-    static: Mesh,
+    every: ClosedCues, face: Front, joint: Joint, ends: tuple[float, float], static: Mesh
 ) -> tuple[list[_Cue], _Cue]:
-    """The cues in the order in which they are asked, and the one that bears witness to what they say. flush: see `flush_shares`."""
-    at_end = _Cue([of_end[0] for of_end in flush], "flush with its surroundings")
-    if isinstance(joint, Prismatic) and abs(face.normal @ joint.axis) < 0.5:
-        ahead = _Cue(nearer_ahead(face, joint, ends, static), "nearer to a wall with its edge ahead")
+    """The cues in the order in which they are asked, and the one that bears witness to what they say."""
+    at_end = _Cue(every.flush, "flush with its surroundings")
+    cavity = _Cue(every.cavity, "covers a cavity")
+    if every.ahead is not None:
+        ahead = _Cue(every.ahead, "nearer to a wall with its edge ahead")
         cues = [cavity, at_end] if max(ahead.shares) <= _AT_WALL else [ahead, cavity, at_end]
         return cues, cues[0]
-    past = _Cue([max(of_end) for of_end in flush], "flush with its surroundings if it went on")
+    past = _Cue(every.past, "flush with its surroundings if it went on")
     way_in = inward(face, joint, ends, static)
     if way_in is None:
         return [at_end, past, cavity], past
     way = _Cue(way_in, "nearer to its surroundings and farther from the viewer")
     return [at_end, way, past, cavity], way
+
+
+def _every(
+    part: MovingPart,
+    face: Front,
+    ends: tuple[float, float],
+    flush: Sequence[Sequence[float]],
+    cavity: Sequence[float],
+    static: Mesh,
+) -> ClosedCues:
+    """All cues, none of which goes before another. flush: see `flush_shares`."""
+    along = float(face.normal @ part.joint.axis) if isinstance(part.joint, Prismatic) else 0.0
+    in_plane = isinstance(part.joint, Prismatic) and abs(along) < _IN_PLANE
+    return ClosedCues(
+        flush=[of_end[0] for of_end in flush],
+        past=[max(of_end) for of_end in flush],
+        cavity=cavity,
+        ahead=nearer_ahead(face, part.joint, ends, static) if in_plane else None,
+        pushed_away=float(np.sign(along)) if abs(along) >= ALONG else 0.0,
+        starts=-1.0 if _starts_at(part, ends) else 1.0,
+    )
+
+
+def _starts_at(part: MovingPart, ends: tuple[float, float]) -> int:
+    """The end that is nearer to the first states."""
+    first = float(np.median(part.motion.state[:5]))
+    return int(abs(first - ends[1]) < abs(first - ends[0]))
 
 
 def _past(face: Front, joint: Joint, config: ClosedEndConfig) -> Array:
@@ -173,8 +204,10 @@ def _past(face: Front, joint: Joint, config: ClosedEndConfig) -> Array:
     return np.arange(0.0, config.past_slide + 1e-9, config.gap)
 
 
-def _end(ends: tuple[float, float], k: int, source: str) -> ClosedEnd:
-    return ClosedEnd(ends[k], -1 if k else 1, source)
+def _end(
+    ends: tuple[float, float], k: int, source: str, margin: float = 0.0, probability: float = 0.5
+) -> ClosedEnd:
+    return ClosedEnd(ends[k], -1 if k else 1, source, margin, probability)
 
 
 def smoothed(state: Array) -> Array:

@@ -18,12 +18,15 @@ from recon.recording import Recording
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
-CONTACT = Stage("contact", 6, ("closed_end", "contact"))
+CONTACT = Stage("contact", 7, ("closed_end", "contact"))
 
 
 @dataclass(frozen=True, eq=False)
 class FinishedPart:
-    """A part counted from its closed end, with all that was found about it. closed_margin: see `recon.contact.closed_end.ClosedEnd`."""
+    """A part counted from its closed end, with all that was found about it.
+
+    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`.
+    """
 
     moving: MovingPart
     mesh: Mesh
@@ -31,6 +34,7 @@ class FinishedPart:
     type_source: str
     closed_source: str
     closed_margin: float
+    closed_probability: float = 0.5
 
 
 def finish_parts(
@@ -59,6 +63,8 @@ def finish_parts(
         based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
         path = find_contact(recording, cameras, labels, based, based_mesh, contact)
         finished.append(
-            FinishedPart(based, based_mesh, path, tracks.type_source, closed.source, closed.margin)
+            FinishedPart(
+                based, based_mesh, path, tracks.type_source, closed.source, closed.margin, closed.probability
+            )
         )
     return tuple(finished)

@@ -76,14 +76,17 @@ class SceneEvidence:
 
 @dataclass(frozen=True, eq=False)
 class PartEvidence:
-    """One part among all of them, with the tracks that are rigid with it. closed_margin: see `recon.contact.closed_end.ClosedEnd`, None
-    for a part without a surface."""
+    """One part among all of them, with the tracks that are rigid with it.
+
+    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`; None and .5 for a part without a surface.
+    """
 
     scene: SceneEvidence
     part: MovingPart
     mesh: Mesh | None
     tracks: PartTracks
     closed_margin: float | None = None
+    closed_probability: float = 0.5
 
     @cached_property
     def in_motion(self) -> InMotion | None:

@@ -67,6 +67,8 @@ LABELLED = 0.8
 # Share of the border at rest that is no edge. Right: .18 and less in 107 of 109 open random ones that were trusted, looked at, .24 in one, .38 in one
 # whose upper third was labelled room (its path 16 mm off); wrong labels: .21 to .6 in ten, less in as many that end at others' edges.
 BARE = 0.2
+# Most of the outline is none: whatever moves there is another surface. By us; more than any right one has (.38).
+BARE_REFUSED = 0.5
 # Share of the first or last labelled frame. Right: 0 to .009, with time of flight most, .0014 at most in 24 recordings that are cut at
 # some 700 frames with a true hand in view; wrong: .008 to .59, from .02 in 25 of 31 that have as much labelled hand there.
 HAND_AT_END = 0.012
@@ -192,7 +194,8 @@ def ends_at_edges(e: PartEvidence) -> Reason | None:
     """Whether the picture shows an edge where the labels have the part end."""
     if e.bare_border is None or e.bare_border[1] <= BARE:
         return None
-    return BareBorder("doubtful", *e.bare_border, BARE)
+    level: Level = "refused" if e.bare_border[1] > BARE_REFUSED else "doubtful"
+    return BareBorder(level, *e.bare_border, BARE)
 
 
 def hand_is_one(e: PartEvidence) -> Reason | None:

@@ -123,16 +123,16 @@ def wide(mask: NDArray[np.bool_], depth: NDArray[np.float32], camera: Intrinsics
     if not mask.any():
         return mask
     px = _GAP_M * camera.fx / float(np.median(depth[mask]))
-    return _without_narrow(mask, max(3, math.ceil(px)))
+    return without_narrow(mask, max(3, math.ceil(px)))
 
 
 def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
     """A mask (H, W) without single pixels. untold (H, W): pixels that are not known, which may be of it or not: a surface that is seen in
     spots is no single pixel."""
-    return np.asarray(mask & _without_narrow(mask if untold is None else mask | untold, 3))
+    return np.asarray(mask & without_narrow(mask if untold is None else mask | untold, 3))
 
 
-def _without_narrow(mask: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
+def without_narrow(mask: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     """A mask (H, W) without what no square of so many pixels within the picture fits into."""
     kernel = np.ones((size, size), np.uint8)
     # An even square has no middle: turned about, it has as many pixels behind as it had before.
