@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import Any
+
 import numpy as np
+import pytest
 
 from twin import geometry as geo
 from twin.geometry import Array
@@ -10,6 +14,20 @@ from twin.scene import Prismatic, Revolute
 
 EXACT = 3e-6  # m or rad: what exact input may miss after an iterative fit (3 micrometres)
 EXACT_DEG = float(np.degrees(EXACT))
+
+
+def assert_for_all(law: Callable[..., None], cases: Iterable[Any]) -> None:
+    """One law over many cases (a tuple of arguments, or the only one): the failure names each case that breaks it."""
+    tried = [case if isinstance(case, tuple) else (case,) for case in cases]
+    broken = []
+    for arguments in tried:
+        try:
+            law(*arguments)
+        except (Exception, pytest.fail.Exception) as e:
+            names = ", ".join(getattr(a, "__name__", str(a)) for a in arguments)
+            broken.append(f"{names}: {e or type(e).__name__}")
+    assert tried, "no case was tried"
+    assert not broken, "\n".join([f"{len(broken)} of {len(tried)} cases:", *broken])
 
 
 def random_pose(rng: np.random.Generator, reach: float = 2.0) -> Array:

@@ -24,6 +24,7 @@ from recon.contact.hand_keypoints import HandConfig
 from recon.joints.pose_graph.solver import PoseGraphConfig
 from recon.readers import open_recording
 from robots.config import PlanConfig
+from tests.laws import assert_for_all
 from tests.recon import tiny
 from twin.cli.table import SETTINGS, named
 from twin.errors import ConfigError
@@ -89,23 +90,27 @@ def beside(cls: type, name: str) -> Iterator[tuple[Any, bool]]:
             yield from ((step(inside), True), (bound, not excluded), (step(-inside), False))
 
 
-@pytest.mark.parametrize(("cls", "name"), FIELDS, ids=lambda x: x if isinstance(x, str) else x.__name__)
-def test_every_setting_says_meaning_unit_and_range(cls: type, name: str) -> None:
-    rule = rule_of(cls.__dataclass_fields__[name])  # type: ignore[attr-defined]
-    assert len(rule.meaning) > 5
-    assert "\n" not in rule.meaning
-    if numeric(types_of(cls)[name]):
-        assert rule.bounds, "a number needs a range"
-        assert rule.above is not None or rule.at_least is not None, "the range needs a lower end"
-        assert rule.unit is not None, 'a number needs a unit, "" where it has none'
+def test_every_setting_says_meaning_unit_and_range() -> None:
+    def law(cls: type, name: str) -> None:
+        rule = rule_of(cls.__dataclass_fields__[name])  # type: ignore[attr-defined]
+        assert len(rule.meaning) > 5
+        assert "\n" not in rule.meaning
+        if numeric(types_of(cls)[name]):
+            assert rule.bounds, "a number needs a range"
+            assert rule.above is not None or rule.at_least is not None, "the range needs a lower end"
+            assert rule.unit is not None, 'a number needs a unit, "" where it has none'
+
+    assert_for_all(law, FIELDS)
 
 
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
-def test_every_class_and_group_says_what_it_is(cls: type) -> None:
-    assert issubclass(cls, Settings)
-    assert not str(cls.__doc__).startswith((f"{cls.__name__}(", "None")), "one that dataclass made up"
-    groups = [f for f in fields(cls) if is_dataclass(types_of(cls)[f.name])]
-    assert [f.name for f in groups if not rule_of(f).meaning] == []
+def test_every_class_and_group_says_what_it_is() -> None:
+    def law(cls: type) -> None:
+        assert issubclass(cls, Settings)
+        assert not str(cls.__doc__).startswith((f"{cls.__name__}(", "None")), "one that dataclass made up"
+        groups = [f for f in fields(cls) if is_dataclass(types_of(cls)[f.name])]
+        assert [f.name for f in groups if not rule_of(f).meaning] == []
+
+    assert_for_all(law, CLASSES)
 
 
 def test_no_class_of_settings_is_left_out() -> None:
@@ -118,44 +123,43 @@ def test_no_class_of_settings_is_left_out() -> None:
     assert {a or b for a, b in found} == {c.__name__ for c in CLASSES}
 
 
-@pytest.mark.parametrize(("cls", "name"), FIELDS, ids=lambda x: x if isinstance(x, str) else x.__name__)
-def test_a_number_beside_its_range_is_refused_in_one_line(cls: type, name: str) -> None:
-    hint = types_of(cls)[name]
-    if not numeric(hint):
-        return
-    rule = rule_of(cls.__dataclass_fields__[name])  # type: ignore[attr-defined]
-    cases = [*beside(cls, name), (math.nan, False), (True, False), ("1", False)]
-    cases += [] if rule.infinite else [(math.inf, False), (-math.inf, False)]
-    for number, allowed in cases:
-        for value in variants(cls, name, number):
-            if allowed:
-                assert getattr(cls(**{name: value}), name) == value
-                continue
-            with pytest.raises(ConfigError, match=rf"^{cls.__name__}\.{name}(\[\d\])? = ") as e:
-                cls(**{name: value})
-            assert len(str(e.value)) <= LINE
-            assert "\n" not in str(e.value)
+def test_a_number_beside_its_range_is_refused_in_one_line() -> None:
+    def law(cls: type, name: str) -> None:
+        rule = rule_of(cls.__dataclass_fields__[name])  # type: ignore[attr-defined]
+        cases = [*beside(cls, name), (math.nan, False), (True, False), ("1", False)]
+        cases += [] if rule.infinite else [(math.inf, False), (-math.inf, False)]
+        for number, allowed in cases:
+            for value in variants(cls, name, number):
+                if allowed:
+                    assert getattr(cls(**{name: value}), name) == value
+                    continue
+                with pytest.raises(ConfigError, match=rf"^{cls.__name__}\.{name}(\[\d\])? = ") as e:
+                    cls(**{name: value})
+                assert len(str(e.value)) <= LINE
+                assert "\n" not in str(e.value)
+
+    assert_for_all(law, [(cls, name) for cls, name in FIELDS if numeric(types_of(cls)[name])])
 
 
-@pytest.mark.parametrize("what", SETTINGS)
-def test_a_refusal_names_the_setting_as_its_user_does(what: str) -> None:
-    cls = named(SETTINGS[what])
-    for s in listed(cls()):
+def test_a_refusal_names_the_setting_as_its_user_does() -> None:
+    def law(cls: type, path: str) -> None:
         data: dict[str, Any] = {}
-        *tables, name = s.path.split(".")
+        *tables, name = path.split(".")
         inner = data
         for table in tables:
             inner = inner.setdefault(table, {})
         inner[name] = [{}]  # what no setting takes
-        with pytest.raises(ConfigError, match=rf"^--set: {re.escape(s.path)}(\[0\])?(\b|\s)") as e:
+        with pytest.raises(ConfigError, match=rf"^--set: {re.escape(path)}(\[0\])?(\b|\s)") as e:
             from_dict(cls, data, "--set")
         assert len(str(e.value)) <= LINE
 
+    assert_for_all(law, [(c, s.path) for c in map(named, SETTINGS.values()) for s in listed(c())])
 
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
-def test_what_a_setting_was_called_leads_to_one_of_today(cls: type) -> None:
+
+def test_what_a_setting_was_called_leads_to_one_of_today() -> None:
     """A file of that time is read, with one warning, and gives the same settings."""
-    for old, now in cls.FORMERLY.items():  # type: ignore[attr-defined]
+
+    def law(cls: type, old: str, now: str | Left) -> None:
         assert old not in {s.path for s in listed(cls())}
         data: dict[str, Any] = {}
         inner = data
@@ -165,6 +169,8 @@ def test_what_a_setting_was_called_leads_to_one_of_today(cls: type) -> None:
         inner[old.split(".")[-1]] = value
         with pytest.warns(UserWarning, match=re.escape(old)):
             assert from_dict(cls, data) == cls()
+
+    assert_for_all(law, [(c, old, now) for c in CLASSES for old, now in c.FORMERLY.items()])  # type: ignore[attr-defined]
 
 
 def test_the_page_of_settings_is_up_to_date() -> None:
@@ -258,27 +264,34 @@ class Everything:
     inner: Row = field(default_factory=Row)
 
 
-@pytest.mark.parametrize("cls", [*CLASSES, Everything], ids=lambda c: c.__name__)
-@settings(max_examples=40, deadline=None)
-@given(data=st.data())
-def test_settings_written_as_toml_are_read_back_equal(cls: type, data: st.DataObject) -> None:
-    config = data.draw(configs(cls))
-    assert read_back(config) == config
+def test_settings_written_as_toml_are_read_back_equal() -> None:
+    @settings(max_examples=40, deadline=None)
+    @given(data=st.data())
+    def law(cls: type, data: st.DataObject) -> None:
+        config = data.draw(configs(cls))
+        assert read_back(config) == config
+
+    assert_for_all(law, [*CLASSES, Everything])
 
 
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
-def test_the_defaults_are_plain_numbers_in_the_file(cls: type) -> None:
-    text = to_toml(cls())
-    assert "np." not in text
-    assert read_back(cls()) == cls()
+def test_the_defaults_are_plain_numbers_in_the_file() -> None:
+    def law(cls: type) -> None:
+        text = to_toml(cls())
+        assert "np." not in text
+        assert read_back(cls()) == cls()
+
+    assert_for_all(law, CLASSES)
 
 
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda c: c.__name__)
-def test_none_is_only_written_where_it_is_the_default(cls: type) -> None:
+def test_none_is_only_written_where_it_is_the_default() -> None:
     """TOML has no null: a setting that is None is left out, so None must be what it then becomes."""
-    hints, default = types_of(cls), cls()
-    may_be_none = [f.name for f in fields(cls) if type(None) in get_args(hints[f.name])]
-    assert [n for n in may_be_none if getattr(default, n) is not None] == []
+
+    def law(cls: type) -> None:
+        hints, default = types_of(cls), cls()
+        may_be_none = [f.name for f in fields(cls) if type(None) in get_args(hints[f.name])]
+        assert [n for n in may_be_none if getattr(default, n) is not None] == []
+
+    assert_for_all(law, CLASSES)
 
 
 @pytest.mark.parametrize(
