@@ -107,7 +107,7 @@ def replay_step(
     require_writable(run_folder(run) / "replay")
     # what follows imports MuJoCo: every wrong answer that can be told without it was told before
     from robots.floor import floor_of
-    from robots.grasp.where_to_hold import NothingToHold
+    from robots.grasp.by_shape import NothingToHold
 
     # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([NothingToHold] if len(parts) > 1 else []))

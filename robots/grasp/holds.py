@@ -15,16 +15,21 @@ from scipy.spatial import cKDTree
 
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
+from twin.collision.convex import cut, triangles_of
 from twin.geometry import Array
-from twin.handles import Face, frame_of, is_bar, long_side, outermost_face, split
+from twin.handles import CELL, TALLEST, Face, frame_of, is_bar, long_side, outermost_face, split
 from twin.mesh import sample_surface
 from twin.scene import ContactPath, Mesh
 
 _SAMPLES = 60_000
+_STANDING = (
+    40_000  # points on what stands off a face: 1 m^2 of it is still sampled finer than a cell of the finder
+)
 _NEAR = 0.08  # m; a handle farther from the contact than this is another handle: 3 cm error plus the fist
 _PINCH = 0.03  # m of a rim between the fingers and behind them: a fingertip is 2 cm long
-_SIDE = 0.06  # m to either side of a contact within which a rim is looked for
-_CRUMB = 20  # points; fewer are noise
+SIDE = 0.06  # m to either side of a contact within which a rim is looked for
+_CRUMB = 3e-4  # m^2; less surface than on a knob of 1 cm is noise
+_SLACK = 0.004  # m that the open gripper needs beside what it holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +59,29 @@ def find_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0)
         contact: of the hand.
         spec: the gripper; what is thicker than its stroke can't be held.
     """
-    points, normals = sample_surface(mesh, _SAMPLES, np.random.default_rng(seed))
-    holds: list[Hold] = []
-    if len(points):
-        face = dominant_face(points, normals, contact)
-        holds = _protruding(points, face, contact, spec)
-        if not holds:
-            holds = _edges(points, face.normal, contact)
-        widest = spec.stroke - 0.004
-        holds = [h for h in holds if h.thickness <= widest]
+    holds = [h for h in shaped_holds(mesh, contact, spec, seed) if h.thickness <= widest(spec)]
     stand_off = 0.02
     raw = Hold(
         "contact", contact.point, contact.rotation, contact.width, contact.width / 2, stand_off, refined=False
     )
     return holds or [raw]
+
+
+def widest(spec: RobotSpec) -> float:
+    """The thickest (m) that a gripper takes between its fingers."""
+    return spec.stroke - _SLACK
+
+
+def shaped_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0) -> list[Hold]:
+    """What the mesh offers near a contact, best first, whether or not the gripper opens wide enough: bars and knobs,
+    or else rims."""
+    rng = np.random.default_rng(seed)
+    points, normals = sample_surface(mesh, _SAMPLES, rng)
+    if not len(points):
+        return []
+    face = dominant_face(points, normals, contact)
+    standing = protruding(mesh, face, rng)
+    return _protruding(standing, face, contact, spec) or _edges(points, face.normal, contact)
 
 
 def dominant_face(points: Array, normals: Array, contact: ContactPath) -> Face:
@@ -86,17 +100,23 @@ def dominant_face(points: Array, normals: Array, contact: ContactPath) -> Face:
     return outermost_face(facing if len(facing) >= 50 else points, normal, one_sided=len(facing) >= 50)
 
 
-def protruding(points: Array, face: Face) -> list[Array]:
-    """What stands off a face: connected groups of its points, each (n, 3) and 1 cm across or more."""
-    groups = split(points[face.stands_off(points)])
-    return [g for g in groups if len(g) >= _CRUMB and np.ptp(g, axis=0).max() >= 0.01]
+def protruding(mesh: Mesh, face: Face, rng: np.random.Generator) -> list[Array]:
+    """What of a mesh stands off a face: connected groups of points (n, 3) on it, each 1 cm across or more.
+
+    Only the surface that stands off is sampled: a share of the samples of a whole door would leave gaps in a thin handle.
+    What is too high for a handle is cut off a little above that height, where `Face.low_enough` still sees it.
+    """
+    _, above = cut(triangles_of(mesh), face.normal, face.offset + face.skin)
+    off, _ = cut(above, face.normal, face.offset + TALLEST + CELL)
+    surface = Mesh(off.reshape(-1, 3), np.arange(3 * len(off), dtype=np.int32).reshape(-1, 3))
+    points, _ = sample_surface(surface, _STANDING, rng)
+    least = _CRUMB * _STANDING / max(surface.area, 1e-12)  # points
+    return [g for g in split(points) if len(g) >= least and np.ptp(g, axis=0).max() >= 0.01]
 
 
-def _protruding(points: Array, face: Face, contact: ContactPath, spec: RobotSpec) -> list[Hold]:
-    groups = [
-        (float(cKDTree(g).query(contact.point)[0]), k, g) for k, g in enumerate(protruding(points, face))
-    ]
-    distance, _, nearest = min(groups, default=(np.inf, 0, points), key=lambda row: row[:2])
+def _protruding(standing: list[Array], face: Face, contact: ContactPath, spec: RobotSpec) -> list[Hold]:
+    groups = [(float(cKDTree(g).query(contact.point)[0]), k, g) for k, g in enumerate(standing)]
+    distance, _, nearest = min(groups, default=(np.inf, 0, np.zeros((0, 3))), key=lambda row: row[:2])
     if distance > _NEAR or not face.low_enough(nearest):
         return []
     outer, top = face.outer_half(nearest)
@@ -180,7 +200,7 @@ def _edges(points: Array, normal: Array, contact: ContactPath) -> list[Hold]:
 def _rim(points: Array, rotation: Array, near: Array) -> Hold | None:
     """The outermost strip of the part near a point, seen along the third column of `rotation`."""
     local = (points - near) @ rotation
-    column = local[(np.abs(local[:, 1]) < 0.02) & (np.abs(local[:, 0]) < _SIDE)]
+    column = local[(np.abs(local[:, 1]) < 0.02) & (np.abs(local[:, 0]) < SIDE)]
     if len(column) < 20:
         return None
     rim = float(np.quantile(column[:, 2], 0.99))
@@ -188,7 +208,7 @@ def _rim(points: Array, rotation: Array, near: Array) -> Hold | None:
     if abs(rim) > 0.12 or len(strip) < 20:
         return None
     low, high = (float(q) for q in np.quantile(strip[:, 0], [0.02, 0.98]))
-    if max(high, -low) > _SIDE - 0.004:
+    if max(high, -low) > SIDE - 0.004:
         return None  # it goes on beyond what was looked at: a solid body or a face seen on edge, no rim
     depth = 0.4 * _PINCH
     centre = near + rotation @ np.array([(low + high) / 2, 0.0, rim - depth])

@@ -12,9 +12,10 @@ import pytest
 import robots
 from benchmarks.scenes import furniture
 from robots.config import PlanConfig, ReplayConfig
+from robots.grasp.by_shape import holds_by_shape
 from robots.grasp.holds import find_holds
 from robots.grasp.tool_path import make_grasps
-from robots.grasp.where_to_hold import elsewhere, holds_by_shape
+from robots.grasp.where_to_hold import elsewhere
 from robots.model.catalog import resolve
 from robots.model.dynamics import ArmDynamics, Terms, part_load
 from robots.planning.joint_path import may_move_alone, moves_alone

@@ -126,7 +126,7 @@ def test_a_contact_that_is_no_point_is_told(text: str, run: Path, capsys: pytest
 def test_a_part_that_can_not_be_held_fails_alone_among_several(
     run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from robots.grasp.where_to_hold import NothingToHold
+    from robots.grasp.by_shape import NothingToHold
 
     def plan(twin: Any, part: int, robot: str, **_: Any) -> Trajectory:
         if part == 2:

@@ -90,6 +90,14 @@ def cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
     return _with_area(np.concatenate(low)), _with_area(np.concatenate(high))
 
 
+def within(triangles: Array, low: Array, high: Array) -> Array:
+    """The part of triangles (n, 3, 3) inside the box from corner low (3,) to high (3,)."""
+    for k, axis in enumerate(np.eye(3)):
+        _, above = cut(triangles, axis, float(low[k]))
+        triangles, _ = cut(above, axis, float(high[k]))
+    return triangles
+
+
 def _with_area(triangles: Array) -> Array:
     return triangles[geo.triangle_areas(triangles) > _TOO_SMALL]
 
