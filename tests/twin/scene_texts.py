@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 # A box body with a door that the file has half open, a flap on it, and a drawer that opens against its axis; `ref` shifts what
 # MuJoCo counts from.
 LADEN = """<mujoco model="laden"><compiler angle="radian"/><worldbody>
@@ -30,3 +33,23 @@ def urdf(joints: str, links: str = "") -> str:
 
 def mjcf(body: str, after: str = "") -> str:
     return f'<mujoco><worldbody><body name="a"><geom size=".1"/>{body}</body></worldbody>{after}</mujoco>'
+
+
+def board(low: ArrayLike, high: ArrayLike, attributes: str = "") -> str:
+    """A box geom of MJCF between two corners (3,) m of its body."""
+    a, b = np.asarray(low, np.float64), np.asarray(high, np.float64)
+    middle, half = (" ".join(map(repr, v.tolist())) for v in ((a + b) / 2, (b - a) / 2))
+    return f'<geom type="box" pos="{middle}" size="{half}" {attributes}/>'
+
+
+def carcass(depth: float, attributes: str = "") -> str:
+    """Geoms of an open box, 0.6 x `depth` x 0.3 m of 18 mm boards and a back of 3 mm, its opening in the plane y = 0."""
+    t, w, h = 0.018, 0.6, 0.3
+    corners = [
+        ((0, 0, 0), (t, depth, h)),
+        ((w - t, 0, 0), (w, depth, h)),
+        ((t, 0, 0), (w - t, depth, t)),
+        ((t, 0, h - t), (w - t, depth, h)),
+        ((t, depth - 0.003, t), (w - t, depth, h - t)),
+    ]
+    return "".join(board(low, high, attributes) for low, high in corners)

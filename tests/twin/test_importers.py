@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -36,9 +37,13 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def as_it_was(made: Twin) -> dict[str, float]:
-    """Joints of an export closed where the twin was, whatever its limits: ours may open to both sides."""
-    return {f"{p.name}_joint": 0.0 for p in made.parts}
+def as_it_was(made: Twin) -> dict[str, Any]:
+    """Joints of an export closed where the twin was, with all of its range: ours may open to both sides."""
+    joints = {f"{p.name}_joint": p.joint for p in made.parts}
+    return {
+        "closed": dict.fromkeys(joints, 0.0),
+        "limits": {n: (j.lower, j.upper) for n, j in joints.items()},
+    }
 
 
 def surface_distance(points: Array, mesh: Mesh) -> float:
@@ -87,7 +92,7 @@ def require_same(got: Twin, want: Twin, T: Array = STILL) -> None:
 def test_an_exported_twin_comes_back(fmt: str, seed: int, tmp_path: Path) -> None:
     made = random_twin(seed)
     files = twin.export(made, tmp_path, [fmt])
-    back = READ[fmt](files[fmt], closed=as_it_was(made))
+    back = READ[fmt](files[fmt], **as_it_was(made))
     require_same(back, made)
     for part in made.parts:
         mine, said = back.part(part.name), part.physics
@@ -146,14 +151,24 @@ def test_a_scene_that_is_moved_gives_a_twin_that_is_moved(fmt: str, tmp_path: Pa
         origin.set("rpy", " ".join(map(repr, roll_pitch_yaw(T[:3, :3]).tolist())))
     moved = path.with_name(f"moved{path.suffix}")
     tree.write(moved)
-    require_same(READ[fmt](moved, closed=as_it_was(made)), made, T)
+    require_same(READ[fmt](moved, **as_it_was(made)), made, T)
 
 
-@pytest.mark.parametrize("closed", [{}, {"door_hinge": "upper", "slide": "lower"}, {"door_hinge": 0.3}])
+@pytest.mark.parametrize(
+    ("closed", "door", "drawer"),
+    [
+        ({}, (0.1, 1.0), (0.0, -1.0)),  # the door at qpos0, which is near neither end
+        ({"door_hinge": "upper", "slide": "lower"}, (1.0, -1.0), (-0.3, 1.0)),
+        ({"door_hinge": 0.3}, (0.3, -1.0), (0.0, -1.0)),  # it opens the longer way
+    ],
+)
 def test_parts_move_as_the_file_moves_them_wherever_closed_is(
-    closed: dict[str, float | str], tmp_path: Path
+    closed: dict[str, float | str], door: tuple[float, float], drawer: tuple[float, float], tmp_path: Path
 ) -> None:
-    """Every geom's pose in MuJoCo at random positions of all joints, against the twin's surface at the same states."""
+    """Every geom's pose in MuJoCo at random positions of all joints, against the twin's surface at the same states.
+
+    door, drawer: where each is closed in the file, and the sign in which it opens.
+    """
     path = tmp_path / "laden.xml"
     path.write_text(LADEN)
     made = twin.from_mjcf(path, closed=closed)
@@ -161,17 +176,15 @@ def test_parts_move_as_the_file_moves_them_wherever_closed_is(
     assert [p.parent for p in made.parts] == [None, 2, None]
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    starts = {"door": -0.5, "flap": 0.0, "drawer": 0.0}
-    if closed:
-        starts |= {"door": 1.0, "drawer": -0.3} if "slide" in closed else {"door": 0.3}
+    starts = {"door": door, "flap": (0.0, -1.0), "drawer": drawer}
     joints = {"door": "door_hinge", "flap": "flap_hinge", "drawer": "slide"}
     rng = np.random.default_rng(5)
     for _ in range(5):
         states = {p.id: float(rng.uniform(p.joint.lower, p.joint.upper)) for p in made.parts}
         for part in made.parts:
             low, high = model.joint(joints[part.name]).range
-            sign = -1.0 if starts[part.name] == high else 1.0
-            position = starts[part.name] + sign * states[part.id]
+            start, sign = starts[part.name]
+            position = start + sign * states[part.id]
             assert low - 1e-9 <= position <= high + 1e-9
             data.joint(joints[part.name]).qpos[0] = position
         mujoco.mj_kinematics(model, data)
@@ -195,22 +208,22 @@ def test_parts_move_as_the_file_moves_them_wherever_closed_is(
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "upper", "opens", "source"),
+    ("low", "high", "lower", "upper", "opens", "source"),
     [
-        (0.0, 1.5, 1.5, 1.0, "rest pose"),
-        (-1.5, 0.0, 1.5, -1.0, "rest pose"),
-        (-0.5, 1.0, 1.5, 1.0, "lower end"),
-        (0.2, 1.0, 0.8, 1.0, "lower end"),
+        (0.0, 1.5, 0.0, 1.5, 1.0, "the rest pose"),
+        (-1.5, 0.0, 0.0, 1.5, -1.0, "the rest pose"),
+        (-0.5, 1.0, -0.5, 1.0, 1.0, "the rest pose"),
+        (0.2, 1.0, 0.0, 0.8, 1.0, "next to its rest pose"),
     ],
 )
-def test_closed_is_the_rest_pose_where_that_is_an_end_and_else_the_lower_end(
-    low: float, high: float, upper: float, opens: float, source: str, tmp_path: Path
+def test_closed_is_the_end_next_to_the_rest_pose_and_else_the_rest_pose(
+    low: float, high: float, lower: float, upper: float, opens: float, source: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "door.urdf"
     path.write_text(urdf(f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
                          f'<limit lower="{low}" upper="{high}" effort="1" velocity="1"/></joint>'))  # fmt: skip
     (part,) = twin.from_urdf(path).parts
-    assert (part.joint.lower, part.joint.upper) == (0.0, pytest.approx(upper))
+    assert (part.joint.lower, part.joint.upper) == (pytest.approx(lower), pytest.approx(upper))
     assert np.allclose(part.joint.axis, [0, 0, opens])
     assert source in part.closed_source
     assert "door.urdf" in part.closed_source

@@ -40,7 +40,11 @@ def import_step(
     told = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass", "closed at"]
     rows = [[p.name, *joint_row(p), p.closed_source] for p in twin.parts]
-    data = {"run": str(out), "parts": [p.name for p in twin.parts]}
+    data = {
+        "run": str(out),
+        "parts": [p.name for p in twin.parts],
+        "closed": {p.name: p.closed_source for p in twin.parts},
+    }
     outcome = Outcome(data, [Table(f"{scene.name} → {out}", columns, rows)], [page_note(out)], told)
     return Step("import", judged(outcome, twin), f"{len(twin.parts)} parts", started)
 

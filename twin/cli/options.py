@@ -105,7 +105,7 @@ def _import(parser: ArgumentParser) -> None:
         metavar="JOINT=lower|upper|NUMBER",
         action="append",
         default=[],
-        help="where a joint is closed, m or rad [the rest pose if it is an end of the range, else lower]",
+        help="where a joint is closed, m or rad [the end of the range near the rest pose, else the rest pose]",
     )
     add(
         "--limit",

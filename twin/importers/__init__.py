@@ -36,7 +36,7 @@ def from_urdf(
 
     Args:
         closed: joint -> its closed position, state 0 of the twin: "lower", "upper", or a number in the file's own m or rad.
-            Left out: the file's rest pose (zero) where it is an end of the range, else the lower end.
+            Left out: the end of the range near the file's rest pose (zero), else the rest pose; docs/importing.md tells all.
         limits: joint -> (lower, upper) in the file's own m or rad; for joints that have none, or others.
         exclude: names of links, * and ? allowed, that are left out with all that hangs on them.
 

@@ -6,12 +6,15 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import partial
 
 import numpy as np
 
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
-from twin.importers.joints import at_rest, closed_at, joint_of, range_of
+from twin.importers.closed_end import travel_of
+from twin.importers.interpenetration import deeper
+from twin.importers.joints import at_rest, joint_of, range_of
 from twin.importers.source import (
     Closed,
     Source,
@@ -63,7 +66,7 @@ def build(
         )
     taken: list[str] = []
     static = _static(groups[0], taken)
-    parts = _parts(source, groups[1:], closed, limits, taken, notes)
+    parts = _parts(source, groups, closed, limits, taken, notes)
     twin = Twin(legal_name(source.name), static, parts)
     try:
         twin = with_physics(twin)
@@ -155,14 +158,15 @@ def _parts(
     notes: list[str],
 ) -> tuple[Part, ...]:
     """Parts with mesh, joint, shapes and what they are stated to weigh at state 0: every joint of the file at its closed
-    position."""
+    position. The first of `groups` does not move."""
     ids: dict[str, int] = {}
     poses: dict[int | None, Array] = {None: np.eye(4)}
     placed: list[Part] = []
-    for group in groups:
+    for group in groups[1:]:
         first = group.first
         assert first is not None
         assert first.joint is not None
+        given = first.joint.name in limits
         parent = _part_above(first, ids, source.bodies)
         mesh = _surfaces(group)
         if not len(mesh.faces):
@@ -170,32 +174,48 @@ def _parts(
                 f"{source.path}: body {first.name!r}, moved by joint {first.joint.name!r}, has no shape",
                 "give it one, or leave it out with exclude",
             )
-        low, high = range_of(source, first.joint, limits)
-        start, direction, why = closed_at(source, first.joint, low, high, closed)
-        T = poses[parent] @ at_rest(first.joint).pose(start - first.joint.rest)
+        span, asked = range_of(source, first.joint, limits), closed.get(first.joint.name)
+        way_in = partial(_deeper, groups, first, float(np.clip(first.joint.rest, *span)))
+        travel = travel_of(source.path.name, first.joint, span, asked, way_in, given and asked is not None)
+        notes += [travel.doubt] if travel.doubt else []
+        T = poses[parent] @ at_rest(first.joint).pose(travel.closed - first.joint.rest)
         mesh = mesh.transformed(T)
         name = legal_name(first.name.partition("#")[0], taken)
         taken.append(name)
         part_id = FIRST_PART_ID + len(placed)
         ids[first.name], poses[part_id] = part_id, T
-        ends = sorted(direction * (end - start) for end in (low, high))
         part = Part(
             part_id,
             name,
             mesh,
-            joint_of(first.joint, T, direction, ends, mesh),
+            joint_of(first.joint, T, travel, mesh),
             Motion(np.zeros(0, np.int64), np.zeros(0), np.zeros(0)),  # nobody moved it
             inertial=stated_inertial(source, group.bodies, T, notes),
             collision=tuple(moved(c, T) for c in _shapes(group)),
             parent=parent,
-            limits_source="given by the user"
-            if first.joint.name in limits
-            else f"stated in {source.path.name}",
-            closed_source=why,
+            limits_source=("given by the user" if given else f"stated in {source.path.name}")
+            + (", cut off behind closed" if (travel.lower, travel.upper) != span else ""),
+            closed_source=travel.source,
             type_source=f"stated in {source.path.name}",
         )
         placed.append(part)
     return tuple(placed)
+
+
+def _deeper(groups: Sequence[_Group], first: SourceBody, rest: float, position: float) -> float:
+    """How much deeper (m) a part, with all that hangs on it, is in the others at a position of its joint than at rest."""
+    assert first.joint is not None
+    carried = {first.name}
+    sides: tuple[list[Mesh], list[Mesh]] = [], []
+    for group in groups:
+        if any(b.parent in carried for b in group.bodies):
+            carried.update(b.name for b in group.bodies)
+        with_it = group.first is not None and group.first.name in carried
+        surface = _surfaces(group)
+        sides[with_it].append(Mesh(surface.vertices, surface.faces))
+    others, mine = map(joined, sides)
+    joint = at_rest(first.joint)
+    return deeper(mine.transformed(joint.pose(rest - first.joint.rest)), others, joint, position - rest)
 
 
 def _part_above(body: SourceBody, ids: Mapping[str, int], bodies: Sequence[SourceBody]) -> int | None:

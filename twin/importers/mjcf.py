@@ -14,6 +14,7 @@ from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.geometry import Array
 from twin.importers.contact_pairs import bodies_apart, touching_geoms
+from twin.importers.keyframes import ends
 from twin.importers.shapes import (
     box,
     capsule,
@@ -109,8 +110,8 @@ class _Scene:
         self.data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
-        self.notes: list[str] = []
         self._touching = touching_geoms(model)
+        self.notes: list[str] = []
         self._stated = {int(b.id): _states_mass(b) for b in spec.bodies}
 
     def name(self, body: int) -> str:
@@ -173,6 +174,7 @@ class _Scene:
             return None, f"joint {name!r} is a ball joint", False
         dof = int(m.jnt_dofadr[j])
         bounded = bool(m.jnt_limited[j])
+        closed, opened = ends(m, j, (name, self.name(body)))
         damping, frictionloss = float(np.ravel(m.dof_damping[dof])[0]), float(m.dof_frictionloss[dof])
         return (
             SourceJoint(
@@ -183,6 +185,8 @@ class _Scene:
                 float(m.qpos0[m.jnt_qposadr[j]]),
                 float(m.jnt_range[j, 0]) if bounded else None,
                 float(m.jnt_range[j, 1]) if bounded else None,
+                closed,
+                opened,
                 damping or None,  # MuJoCo's own value is 0: what is not written
                 frictionloss or None,
             ),

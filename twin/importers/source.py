@@ -18,7 +18,8 @@ Closed = float | str  # a coordinate of the file's joint, "lower" or "upper"
 @dataclass(frozen=True, eq=False)
 class SourceJoint:
     """A hinge or slide. axis, pivot (3,): unit and m, in the world at rest. `rest`, `lower`, `upper` are in the file's own
-    coordinate, m or rad; without limits they are None. damping, frictionloss: None where the file states none."""
+    coordinate, m or rad; without limits they are None. closed, open: where keyframes of the file that are named so have it,
+    None without them. damping, frictionloss: None where the file states none."""
 
     name: str
     kind: Literal["revolute", "prismatic"]
@@ -27,6 +28,8 @@ class SourceJoint:
     rest: float = 0.0
     lower: float | None = None
     upper: float | None = None
+    closed: float | None = None
+    open: float | None = None
     damping: float | None = None
     frictionloss: float | None = None
 
