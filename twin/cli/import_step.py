@@ -25,6 +25,7 @@ def import_step(
     closed: Sequence[str] = (),
     limits: Sequence[str] = (),
     exclude: Sequence[str] = (),
+    visual_groups: Sequence[int] = (),
 ) -> Step:
     """Write the twin of a URDF or MJCF file to out/twin, where there must be none yet."""
     started = time.perf_counter()
@@ -34,7 +35,7 @@ def import_step(
     progress("import", 0.0, str(scene))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        twin = from_file(scene, closed=ends, limits=ranges, exclude=exclude)
+        twin = from_file(scene, closed=ends, limits=ranges, exclude=exclude, visual_groups=visual_groups)
     save(twin, out / "twin")
     progress("import", 1.0, f"{len(twin.parts)} parts")
     told = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]

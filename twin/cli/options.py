@@ -122,6 +122,15 @@ def _import(parser: ArgumentParser) -> None:
         default=[],
         help="body or link to leave out with all that hangs on it; * and ? allowed",
     )
+    add(
+        "--visual-group",
+        dest="visual_groups",
+        metavar="N",
+        type=int,
+        action="append",
+        default=[],
+        help="group of MJCF geoms that is seen, 0 to 5; may be repeated [by the model's own groups]",
+    )
 
 
 def _check(parser: ArgumentParser) -> None:

@@ -66,13 +66,14 @@ def import_scene(
     closed: Sequence[str] = (),
     limits: Sequence[str] = (),
     exclude: Sequence[str] = (),
+    visual_groups: Sequence[int] = (),
 ) -> Outcome:
     """A scene from elsewhere to twin."""
     require_run(out)
     from twin.cli.import_step import import_step
 
     with console.progress() as progress, page(out):
-        return import_step(progress, scene, out, closed, limits, exclude).outcome
+        return import_step(progress, scene, out, closed, limits, exclude, visual_groups).outcome
 
 
 def export(

@@ -53,9 +53,14 @@ def from_mjcf(
     closed: Mapping[str, Closed] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     exclude: Sequence[str] = (),
+    visual_groups: Sequence[int] = (),
 ) -> Twin:
-    """The twin that an MJCF file describes: as `from_urdf`, with bodies for links; the rest pose is that of qpos0."""
-    return _from("mjcf", path, closed, limits, exclude)
+    """The twin that an MJCF file describes: as `from_urdf`, with bodies for links; the rest pose is that of qpos0.
+
+    Args:
+        visual_groups: groups of geoms that are seen, 0 to 5; left out, the model's own groups say which are.
+    """
+    return _from("mjcf", path, closed, limits, exclude, visual_groups)
 
 
 def from_file(
@@ -64,9 +69,10 @@ def from_file(
     closed: Mapping[str, Closed] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     exclude: Sequence[str] = (),
+    visual_groups: Sequence[int] = (),
 ) -> Twin:
     """`from_urdf` or `from_mjcf`, whichever the file's root element asks for."""
-    return _from("", path, closed, limits, exclude)
+    return _from("", path, closed, limits, exclude, visual_groups)
 
 
 def _from(
@@ -75,18 +81,25 @@ def _from(
     closed: Mapping[str, Closed] | None,
     limits: Mapping[str, tuple[float, float]] | None,
     exclude: Sequence[str],
+    visual_groups: Sequence[int] = (),
 ) -> Twin:
     file = Path(path)
     fmt = format_of(file)
     if wanted and fmt != wanted:
         raise InputError(f"{file} is {fmt.upper()}, not {wanted.upper()}", f"read it with twin.from_{fmt}")
-    if fmt == "urdf":
-        from twin.importers.urdf import read
-    else:
-        from twin.importers.mjcf import read
+    if fmt == "urdf" and visual_groups:
+        raise InputError(f"{file} is URDF, which has no geom groups", "leave visual groups out")
     from twin.importers.build import build
 
-    return build(read(file), closed or {}, limits or {}, exclude)
+    if fmt == "urdf":
+        from twin.importers import urdf
+
+        source = urdf.read(file)
+    else:
+        from twin.importers import mjcf
+
+        source = mjcf.read(file, visual_groups)
+    return build(source, closed or {}, limits or {}, exclude)
 
 
 def format_of(path: Path) -> str:

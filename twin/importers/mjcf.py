@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.geometry import Array
 from twin.importers.contact_pairs import bodies_apart, touching_geoms
+from twin.importers.geom_groups import seen_geoms
 from twin.importers.keyframes import ends
 from twin.importers.shapes import (
     box,
@@ -29,7 +30,6 @@ from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
 from twin.lint.xml import read_xml
 from twin.scene import Box, Collision, Mesh
 
-_SHOWN = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
 # What MuJoCo takes where a file says nothing; a file that says the same can't be told from it.
 _DENSITY, _FRICTION = 1000.0, 1.0
 _UNNAMED = "MuJoCo Model"
@@ -40,8 +40,11 @@ _KINDS: dict[int, Literal["revolute", "prismatic"]] = {
 _GEOM = mujoco.mjtGeom
 
 
-def read(path: Path) -> Source:
-    """Read an MJCF file. Raises InputError, with MuJoCo's own reason where it refuses the file."""
+def read(path: Path, visual_groups: Sequence[int] = ()) -> Source:
+    """Read an MJCF file. Raises InputError, with MuJoCo's own reason where it refuses the file.
+
+    visual_groups: groups of geoms that are seen; empty where the model's own groups shall say.
+    """
     for _ in _included(path, set()):
         pass  # each is refused if it declares a document type
     try:
@@ -55,7 +58,7 @@ def read(path: Path) -> Source:
     down = np.asarray(model.opt.gravity)
     if np.linalg.norm(down) > 0 and geo.angle_between(down, [0.0, 0.0, -1.0]) > 1e-6:
         raise InputError(f"{path}: gravity is {down.tolist()}", "turn the scene: a twin's z points up")
-    scene = _Scene(spec, model, path)
+    scene = _Scene(spec, model, path, visual_groups)
     try:
         bodies = tuple(scene.body(b) for b in range(model.nbody))
     except SceneError as e:
@@ -105,13 +108,13 @@ def _equality(model: Any, k: int) -> str:
 class _Scene:
     """A compiled model at rest."""
 
-    def __init__(self, spec: Any, model: Any, path: Path) -> None:
+    def __init__(self, spec: Any, model: Any, path: Path, visual_groups: Sequence[int]) -> None:
         self.spec, self.model, self.path = spec, model, path
         self.data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
         self._touching = touching_geoms(model)
-        self.notes: list[str] = []
+        self._seen, self.notes = seen_geoms(model, self.data, self._touching, visual_groups)
         self._stated = {int(b.id): _states_mass(b) for b in spec.bodies}
 
     def name(self, body: int) -> str:
@@ -136,7 +139,7 @@ class _Scene:
             if surface is None:
                 continue
             rgba = self._rgba(g)
-            if int(m.geom_group[g]) < _SHOWN and rgba[3] > 0:
+            if self._seen[g]:
                 visual.append(
                     (surface if surface.colors is not None else painted(surface, rgba)).transformed(
                         self._pose(g)
