@@ -15,7 +15,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Mesh, Texture
 
-_GREY = 180  # of what has no colour, beside what has
+GREY = 180  # of what has no colour, beside what has
 Faces = NDArray[np.integer[Any]]
 
 
@@ -52,7 +52,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     colors = None
     if any(m.colors is not None for m in meshes):
         colors = np.concatenate(
-            [np.full((len(m.vertices), 3), _GREY, np.uint8) if m.colors is None else m.colors for m in meshes]
+            [np.full((len(m.vertices), 3), GREY, np.uint8) if m.colors is None else m.colors for m in meshes]
         )
     textures = [m.texture for m in meshes if len(m.faces)]
     first, texture = (textures[0] if textures else None), None

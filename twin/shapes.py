@@ -43,6 +43,13 @@ class Texture(Described):
         """The texture of some faces, by mask or number; the image stays whole."""
         return Texture(self.uv[faces], self.image, self.seen)
 
+    def at(self, uv: Array) -> NDArray[np.uint8]:
+        """Colours (..., 3) of the texels at coordinates (..., 2) in 0..1, v up."""
+        rows, columns = self.image.shape[:2]
+        x = np.clip((uv[..., 0] * columns).astype(np.int64), 0, columns - 1)
+        y = np.clip(((1.0 - uv[..., 1]) * rows).astype(np.int64), 0, rows - 1)
+        return self.image[y, x]
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(Described):

@@ -64,11 +64,11 @@ class AssetView:
 
     def _layers(self, twin: Twin) -> Twin:
         if self.geometry == "seen":
-            mesh, layer = replace(twin.static.mesh, texture=None), twin.static.completion
+            mesh, layer = _as_seen(twin, twin.static.mesh), twin.static.completion
             static = replace(twin.static, mesh=mesh, completion=None)
             if self.room == "drop" and layer is not None and layer.room is not None:
                 static = replace(static, mesh=_without(mesh, layer.room), collision=())
-            parts = tuple(replace(p, mesh=replace(p.mesh, texture=None), completion=None) for p in twin.parts)
+            parts = tuple(replace(p, mesh=_as_seen(twin, p.mesh), completion=None) for p in twin.parts)
             return replace(twin, static=static, parts=parts)
 
         def layer_of(layer: Completion | None, seen: Mesh) -> Completion | None:
@@ -167,6 +167,11 @@ def _lowest(twin: Twin) -> float:
     """Height (m) of the floor: nearly the lowest of what was seen."""
     meshes = [m for m in (twin.static.mesh, *(p.mesh for p in twin.parts)) if len(m.vertices)]
     return float(np.quantile(np.concatenate([m.vertices for m in meshes])[:, 2], 0.002)) if meshes else 0.0
+
+
+def _as_seen(twin: Twin, mesh: Mesh) -> Mesh:
+    """A mesh of a reconstruction without its photographs, which are made for the inferred layer; another as it was stated."""
+    return replace(mesh, texture=None) if is_reconstructed(twin) else mesh
 
 
 def _without(mesh: Mesh, room: Mesh) -> Mesh:

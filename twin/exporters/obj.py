@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
+from twin.atlas import color_cells
 from twin.geometry import Array
+from twin.mesh import GREY
 from twin.scene import Mesh
 
-_MAX_TEXTURE = 2048  # texels; every renderer takes this
 _CREASE = np.cos(np.deg2rad(40.0))  # chosen by us: faces that meet at more keep their edge sharp
 _CROWDED = 200  # faces around one vertex, chosen by us: where they are more, those that face alike are taken together
 _WAYS = 16  # steps of a unit normal's components within which faces face alike: 4 degrees, chosen by us
 _AT_ONCE = 1 << 21  # pairs of faces at a time: some hundred megabytes
-_GREY = (180, 180, 180)
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ def bake(mesh: Mesh) -> Baked:
     order = _spatial_order(mesh)
     if mesh.colors is None or not len(order):
         return Baked(order, np.zeros((0, 2)), None)
-    image, uv = _atlas(mesh.colors[mesh.faces[order]])
-    return Baked(order, uv, image[::-1])
+    image, uv = color_cells(mesh.colors[mesh.faces[order]])
+    return Baked(order, uv.reshape(-1, 2), image)
 
 
 def encoded(image: NDArray[np.uint8]) -> bytes:
@@ -129,7 +129,7 @@ def _rows(template: str, values: NDArray[Any]) -> list[str]:
 
 def mean_color(mesh: Mesh) -> tuple[float, float, float]:
     """Mean vertex colour (r, g, b) in 0..1, grey without colours."""
-    rgb = np.array(_GREY) if mesh.colors is None or not len(mesh.colors) else mesh.colors.mean(axis=0)
+    rgb = np.full(3, GREY) if mesh.colors is None or not len(mesh.colors) else mesh.colors.mean(axis=0)
     r, g, b = (round(float(c) / 255, 4) for c in rgb)
     return r, g, b
 
@@ -147,34 +147,6 @@ def _spatial_order(mesh: Mesh) -> NDArray[np.int64]:
         for axis in range(3):
             code |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
     return np.argsort(code, kind="stable")
-
-
-def _atlas(corner_colors: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Array]:
-    """Texture (side, side, 3) and coordinates (3 F, 2) for faces with corner colours (F, 3, 3).
-
-    Two faces share a square cell of s x s texels: corner texels (0,0) (s-2,0) (0,s-2) and, turned, (s-1,s-1) (1,s-1) (s-1,1).
-    """
-    n = len(corner_colors)
-    grid = int(np.ceil(np.sqrt((n + 1) // 2)))
-    s = int(np.clip(_MAX_TEXTURE // grid, 4, 8))
-    i, j = np.meshgrid(np.arange(s), np.arange(s), indexing="xy")
-    first = i + j < s
-    u = np.where(first, i, s - 1 - i) / (s - 2)
-    v = np.where(first, j, s - 1 - j) / (s - 2)
-    weights = np.clip(np.stack([1 - u - v, u, v], axis=-1), 0.0, 1.0)
-    weights /= weights.sum(axis=-1, keepdims=True)
-    padded = np.concatenate([corner_colors, np.repeat(corner_colors[-1:], 2 * grid * grid - n, axis=0)])
-    pairs = padded.reshape(grid, grid, 2, 3, 3).astype(np.float64)
-    cells = np.where(
-        first[None, None, :, :, None],
-        np.einsum("ijk,abkc->abijc", weights, pairs[:, :, 0]),
-        np.einsum("ijk,abkc->abijc", weights, pairs[:, :, 1]),
-    )
-    image = np.round(cells.transpose(0, 2, 1, 3, 4).reshape(grid * s, grid * s, 3)).astype(np.uint8)
-    corners = np.array([[[0, 0], [s - 2, 0], [0, s - 2]], [[s - 1, s - 1], [1, s - 1], [s - 1, 1]]]) + 0.5
-    k = np.arange(n)
-    origin = np.stack([(k // 2) % grid, (k // 2) // grid], axis=1) * s
-    return image, ((origin[:, None] + corners[k % 2]) / (grid * s)).reshape(-1, 2)
 
 
 def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int64]]:

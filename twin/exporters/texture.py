@@ -8,11 +8,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from twin import geometry as geo
+from twin.atlas import BORDER, shelves
 from twin.exporters.obj import Baked
-from twin.files.png import png_bytes
-from twin.scene import Mesh, Texture
+from twin.scene import Mesh
 
-BORDER = 4  # texels around a chart that go with it: what mip levels and cubic sampling read beside it
 I64 = NDArray[np.int64]
 
 
@@ -33,7 +32,7 @@ def photo_atlas(mesh: Mesh, keep: NDArray[np.integer] | None = None) -> Baked:
     texels = np.stack([uv[..., 0] * width, (1.0 - uv[..., 1]) * height], axis=-1)  # rows from the top
     chart = _charts(uv)
     low, size = _frames(texels, chart, (width, height))
-    place, (wide, high) = _shelves(size)
+    place, (wide, high) = shelves(size)
     if wide * high >= width * height:
         return Baked(order, uv.reshape(-1, 2), texture.image)
     image = np.zeros((high, wide, 3), np.uint8)
@@ -42,11 +41,6 @@ def photo_atlas(mesh: Mesh, keep: NDArray[np.integer] | None = None) -> Baked:
     moved = texels + (place - low)[chart][:, None]
     out = np.stack([moved[..., 0] / wide, 1.0 - moved[..., 1] / high], axis=-1)
     return Baked(order, out.reshape(-1, 2), image)
-
-
-def photo_png(texture: Texture) -> bytes:
-    """The image of a texture as RGB PNG, without the mask of what was seen."""
-    return png_bytes(texture.image)
 
 
 def _charts(uv: NDArray[np.float64]) -> I64:
@@ -69,17 +63,3 @@ def _frames(texels: NDArray[np.float64], chart: I64, most: tuple[int, int]) -> t
     first = np.clip(np.floor(low).astype(np.int64) - BORDER, 0, most)
     last = np.clip(np.ceil(high).astype(np.int64) + BORDER, 0, most)
     return first, np.maximum(last - first, 1)
-
-
-def _shelves(size: I64) -> tuple[I64, tuple[int, int]]:
-    """Places (C, 2) for frames of `size` (C, 2) in rows, the highest first, and the width and height of all of them."""
-    wide = int(max(size[:, 0].max(), np.ceil(np.sqrt((size[:, 0] * size[:, 1]).sum()))))
-    place = np.zeros_like(size)
-    x = y = row = 0
-    for k in np.lexsort((np.arange(len(size)), -size[:, 1])):
-        w, h = size[k]
-        if x + w > wide:
-            x, y, row = 0, y + row, 0
-        place[k] = (x, y)
-        x, row = x + int(w), max(row, int(h))
-    return place, (wide, y + row)

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from twin.atlas import MOST_TEXELS, joined_textures
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
 from twin.importers.closed_end import travel_of
@@ -23,7 +24,6 @@ from twin.importers.source import (
     surface_of,
 )
 from twin.importers.stated import stated_inertial, with_stated
-from twin.mesh import joined
 from twin.names import legal_name
 from twin.physics import with_physics
 from twin.scene import (
@@ -65,7 +65,7 @@ def build(
             "leave some out with exclude",
         )
     taken: list[str] = []
-    static = _static(groups[0], taken)
+    static = _static(groups[0], taken, notes)
     parts = _parts(source, groups, closed, limits, taken, notes)
     twin = Twin(legal_name(source.name), static, parts)
     try:
@@ -130,10 +130,16 @@ def _require_known(source: Source, asked: Mapping[str, object], known: Sequence[
             )
 
 
-def _surfaces(group: _Group) -> Mesh:
+def _surfaces(group: _Group, notes: list[str]) -> Mesh:
     """What is seen of a group; where nothing is, what touches."""
     seen = [m for b in group.bodies for m in b.visual]
-    return joined(seen or [surface_of(c) for b in group.bodies for c in b.collision])
+    mesh, scale = joined_textures(seen or [surface_of(c) for b in group.bodies for c in b.collision])
+    if scale < 1:
+        name = group.bodies[0].name if group.first is not None else "what does not move"
+        notes.append(
+            f"{name}: its pictures are shrunk to {100 * scale:.0f} % to fit into {MOST_TEXELS} texels a side"
+        )
+    return mesh
 
 
 def _shapes(group: _Group) -> tuple[Collision, ...]:
@@ -141,12 +147,12 @@ def _shapes(group: _Group) -> tuple[Collision, ...]:
     return tuple(c for b in group.bodies for c in b.collision) if all(b.shapes for b in group.bodies) else ()
 
 
-def _static(group: _Group, taken: list[str]) -> StaticPart:
+def _static(group: _Group, taken: list[str], notes: list[str]) -> StaticPart:
     """What does not move, named after its only body, if it is one."""
     solid = [b.name for b in group.bodies if b.visual or b.collision]
     name = legal_name(solid[0] if len(solid) == 1 and solid[0] != "world" else "static")
     taken.append(name)
-    return StaticPart(name, _surfaces(group), _shapes(group))
+    return StaticPart(name, _surfaces(group, notes), _shapes(group))
 
 
 def _parts(
@@ -168,7 +174,7 @@ def _parts(
         assert first.joint is not None
         given = first.joint.name in limits
         parent = _part_above(first, ids, source.bodies)
-        mesh = _surfaces(group)
+        mesh = _surfaces(group, notes)
         if not len(mesh.faces):
             raise InputError(
                 f"{source.path}: body {first.name!r}, moved by joint {first.joint.name!r}, has no shape",

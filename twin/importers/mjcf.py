@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.errors import InputError, SceneError
@@ -16,15 +15,15 @@ from twin.geometry import Array
 from twin.importers.contact_pairs import bodies_apart, touching_geoms
 from twin.importers.geom_groups import seen_geoms
 from twin.importers.keyframes import ends
+from twin.importers.look import Lost, welded
+from twin.importers.mjcf_look import looking, mesh_arrays
 from twin.importers.shapes import (
     box,
     capsule,
     convex,
     cylinder,
     ellipsoid,
-    painted,
     rectangle,
-    welded,
 )
 from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
 from twin.lint.xml import read_xml
@@ -65,7 +64,8 @@ def read(path: Path, visual_groups: Sequence[int] = ()) -> Source:
         raise InputError(f"{path}: {e.problem}", e.remedy) from e
     name = path.stem if spec.modelname in ("", _UNNAMED) else spec.modelname
     apart = frozenset(frozenset(map(scene.name, pair)) for pair in bodies_apart(model))
-    return Source(path, name, bodies, (*scene.notes, *_not_carried(model)), apart)
+    notes = (*scene.notes, *scene.lost.notes(), *_not_carried(model))
+    return Source(path, name, bodies, notes, apart)
 
 
 def _included(path: Path, seen: set[Path]) -> Iterator[Path]:
@@ -115,6 +115,7 @@ class _Scene:
         mujoco.mj_comPos(model, self.data)
         self._touching = touching_geoms(model)
         self._seen, self.notes = seen_geoms(model, self.data, self._touching, visual_groups)
+        self.lost = Lost()
         self._stated = {int(b.id): _states_mass(b) for b in spec.bodies}
 
     def name(self, body: int) -> str:
@@ -138,13 +139,8 @@ class _Scene:
             surface = self._surface(g)
             if surface is None:
                 continue
-            rgba = self._rgba(g)
             if self._seen[g]:
-                visual.append(
-                    (surface if surface.colors is not None else painted(surface, rgba)).transformed(
-                        self._pose(g)
-                    )
-                )
+                visual.append(looking(m, g, surface, self.lost).transformed(self._pose(g)))
             if self._touching[g]:
                 collision += self._shape(g, surface)
                 friction.append(float(m.geom_friction[g, 0]))
@@ -208,16 +204,11 @@ class _Scene:
     def _pose(self, g: int) -> Array:
         return geo.make_pose(self.data.geom_xmat[g].reshape(3, 3), self.data.geom_xpos[g])
 
-    def _rgba(self, g: int) -> Array:
-        material = int(self.model.geom_matid[g])
-        rgba = self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
-        return np.asarray(rgba, dtype=np.float64)
-
     def _surface(self, g: int) -> Mesh | None:
         """A geom in its own frame; None, with a note, where it has no surface that could be kept."""
         kind, size = int(self.model.geom_type[g]), np.asarray(self.model.geom_size[g], np.float64)
         if kind == _GEOM.mjGEOM_MESH:
-            return self._mesh(g)
+            return welded(*mesh_arrays(self.model, int(self.model.geom_dataid[g])), None)
         if kind == _GEOM.mjGEOM_BOX:
             return box(2 * size)
         if kind == _GEOM.mjGEOM_SPHERE:
@@ -244,42 +235,8 @@ class _Scene:
         hull = convex(surface)
         return [] if hull is None else [hull.transformed(self._pose(g))]
 
-    def _mesh(self, g: int) -> Mesh:
-        """A mesh as MuJoCo keeps it (centred, single precision), its texture sampled at the corners."""
-        m, mesh = self.model, int(self.model.geom_dataid[g])
-        v0, f0, fn = int(m.mesh_vertadr[mesh]), int(m.mesh_faceadr[mesh]), int(m.mesh_facenum[mesh])
-        vertices = np.asarray(m.mesh_vert[v0 : v0 + int(m.mesh_vertnum[mesh])], np.float64)
-        faces = np.asarray(m.mesh_face[f0 : f0 + fn], np.int64)
-        texture = self._texture(g)
-        if texture is None or not int(m.mesh_texcoordnum[mesh]):
-            return welded(vertices, faces, None)
-        t0 = int(m.mesh_texcoordadr[mesh])
-        uv = np.asarray(m.mesh_texcoord[t0:], np.float64)[np.asarray(m.mesh_facetexcoord[f0 : f0 + fn])]
-        colors = _sampled(texture, uv.reshape(-1, 2))
-        return welded(vertices[faces].reshape(-1, 3), np.arange(3 * fn).reshape(-1, 3), colors)
-
-    def _texture(self, g: int) -> NDArray[np.uint8] | None:
-        """The picture (rows, columns, 3) on a geom, None without one that lies flat."""
-        m, material = self.model, int(self.model.geom_matid[g])
-        if material < 0:
-            return None
-        t = int(m.mat_texid[material, int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
-        if t < 0 or int(m.tex_type[t]) != int(mujoco.mjtTexture.mjTEXTURE_2D) or int(m.tex_nchannel[t]) < 3:
-            return None
-        shape = (int(m.tex_height[t]), int(m.tex_width[t]), int(m.tex_nchannel[t]))
-        start = int(m.tex_adr[t])
-        return np.asarray(m.tex_data[start : start + int(np.prod(shape))]).reshape(shape)[:, :, :3]
-
 
 def _states_mass(body: Any) -> bool:
     """Whether the file itself says what a body weighs: an <inertial>, or a mass or density of a geom."""
     said = any(not np.isnan(g.mass) or g.density not in (_DENSITY, 0.0) for g in body.geoms)
     return bool(body.explicitinertial) or said
-
-
-def _sampled(picture: NDArray[np.uint8], uv: Array) -> NDArray[np.uint8]:
-    """Colours (n, 3) at texture coordinates (n, 2) as MuJoCo counts them, the first row at v = 0."""
-    rows, columns = picture.shape[:2]
-    x = np.clip(((uv[:, 0] % 1.0) * columns).astype(np.int64), 0, columns - 1)
-    y = np.clip(((uv[:, 1] % 1.0) * rows).astype(np.int64), 0, rows - 1)
-    return picture[y, x]

@@ -12,10 +12,14 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.geometry import Array
-from twin.importers.shapes import box, convex, cylinder, ellipsoid, is_convex, mesh_file, painted
+from twin.importers.look import Lost, painted
+from twin.importers.mesh_file import mesh_file
+from twin.importers.shapes import box, convex, cylinder, ellipsoid, is_convex
 from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
+from twin.importers.urdf_look import material_of, primitive, turned_upright
 from twin.lint.meshes import locate
 from twin.lint.xml import read_xml
+from twin.mesh import joined
 from twin.scene import Box, Collision, Mesh
 
 _WORLD = "world"
@@ -31,7 +35,7 @@ def read(path: Path) -> Source:
             "rename one",
         )
     above = _joints_above(path, robot)
-    materials = {m.name: m.color.rgba for m in robot.materials if m.color is not None}
+    materials, lost = {m.name: m for m in robot.materials}, Lost()
     bodies: list[SourceBody] = []
     notes: list[str] = []
     poses: dict[str, Array] = {}
@@ -44,7 +48,7 @@ def read(path: Path) -> Source:
         origin = np.eye(4) if joint is None or joint.origin is None else joint.origin
         poses[name] = origin if joint is None else poses[joint.parent] @ origin
         try:
-            bodies.append(_body(path, links[name], joint, poses[name], materials, notes))
+            bodies.append(_body(path, links[name], joint, poses[name], materials, notes, lost))
         except (SceneError, ValueError) as e:  # numbers that are none, sizes that no shape has
             raise InputError(f"{path}: link {name!r}: {e}", "correct the number") from e
         for other in robot.joints:
@@ -62,7 +66,7 @@ def read(path: Path) -> Source:
         for j in robot.joints
         if j.mimic is not None
     ]
-    return Source(path, robot.name, tuple(bodies), tuple(notes))
+    return Source(path, robot.name, tuple(bodies), (*notes, *lost.notes()))
 
 
 def _parsed(path: Path) -> Any:
@@ -101,16 +105,17 @@ def _joints_above(path: Path, robot: Any) -> dict[str, Any]:
 
 
 def _body(
-    path: Path, link: Any, joint: Any, pose: Array, materials: dict[str, Array], notes: list[str]
+    path: Path, link: Any, joint: Any, pose: Array, materials: dict[str, Any], notes: list[str], lost: Lost
 ) -> SourceBody:
+    def placed(shape: Any, upright: bool) -> Array:
+        mesh = _surface(path, shape.geometry, f"link {link.name!r}", upright)
+        return mesh.vertices if shape.origin is None else geo.transform(shape.origin, mesh.vertices)
+
+    upright = turned_upright(path, link, placed, notes)
     visual: list[Mesh] = []
     for k, v in enumerate(link.visuals):
-        place = pose if v.origin is None else pose @ v.origin
-        color = None if v.material is None else materials.get(v.material.name)
-        if v.material is not None and v.material.color is not None:
-            color = v.material.color.rgba
-        mesh, own = _surface(path, v.geometry, f"visual {k} of link {link.name!r}")
-        visual.append((mesh if own else painted(mesh, color)).transformed(place))
+        place, owner = pose if v.origin is None else pose @ v.origin, f"visual {k} of link {link.name!r}"
+        visual += [m.transformed(place) for m in _visual(path, v, owner, materials, lost, upright)]
     collision: list[Collision] = []
     usable = True
     for k, c in enumerate(link.collisions):
@@ -118,7 +123,7 @@ def _body(
         if c.geometry.box is not None:
             collision.append(Box(place, c.geometry.box.size))
             continue
-        mesh, _ = _surface(path, c.geometry, owner)
+        mesh = _surface(path, c.geometry, owner, _file(path, c.geometry, owner) in upright)
         hull = convex(mesh)
         if hull is None or not is_convex(mesh):
             usable = False
@@ -186,25 +191,51 @@ def _mass(inertial: Any, pose: Array) -> SourceMass | None:
     return SourceMass(float(inertial.mass), place[:3, 3].copy(), (turned + turned.T) / 2)
 
 
-def _surface(path: Path, geometry: Any, owner: str) -> tuple[Mesh, bool]:
-    """A geometry in its own frame, and whether it has colours of its own."""
+def _visual(
+    path: Path, v: Any, owner: str, materials: dict[str, Any], lost: Lost, upright: frozenset[Path]
+) -> list[Mesh]:
+    """What is drawn of a visual, in its own frame."""
+    tell, file = lost.by(owner), _file(path, v.geometry, owner)
+    color, picture = material_of(path, v.material, materials, tell)
+    if file is None:
+        kind = next((k for k, shape in vars(v.geometry).items() if shape is not None), "")
+        return [primitive(kind, _surface(path, v.geometry, owner), color, picture, tell)]
+    scale = _scale(v.geometry)
+    meshes, own = mesh_file(file, scale, f"{path}: {owner}", tell, picture, file in upright)
+    return meshes if own else [painted(m, color) for m in meshes]
+
+
+def _surface(path: Path, geometry: Any, owner: str, upright: bool = False) -> Mesh:
+    """A geometry in its own frame, without its look; the mesh of a file turned upright or not."""
     for shape in (geometry.box, geometry.cylinder, geometry.sphere):
         sizes = np.hstack([np.zeros(0), *vars(shape).values()]) if shape is not None else np.ones(1)
         if not np.all(sizes > 0) or not np.isfinite(sizes).all():
             raise SceneError(f"the sizes of {owner} must be positive, got {sizes.tolist()}")
     if geometry.box is not None:
-        return box(geometry.box.size), False
+        return box(geometry.box.size)
     if geometry.cylinder is not None:
-        return cylinder(geometry.cylinder.radius, geometry.cylinder.length), False
+        return cylinder(geometry.cylinder.radius, geometry.cylinder.length)
     if geometry.sphere is not None:
-        return ellipsoid(np.full(3, geometry.sphere.radius)), False
-    if geometry.mesh is None:
+        return ellipsoid(np.full(3, geometry.sphere.radius))
+    file = _file(path, geometry, owner)
+    if file is None:
         raise InputError(f"{path}: {owner} has no shape", "give a box, cylinder, sphere or mesh")
+    return joined(mesh_file(file, _scale(geometry), f"{path}: {owner}", Lost().by(owner), upright=upright)[0])
+
+
+def _scale(geometry: Any) -> Array:
+    scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+    return np.broadcast_to(np.asarray(scale, np.float64), (3,))
+
+
+def _file(path: Path, geometry: Any, owner: str) -> Path | None:
+    """The mesh file of a geometry; None for a primitive."""
+    if geometry.mesh is None:
+        return None
     found = locate(geometry.mesh.filename, path.parent)
     if found is None:
         raise InputError(
             f"{path}: {owner} names {geometry.mesh.filename!r}, which can't be found from here",
             "put the package beside the file",
         )
-    scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
-    return mesh_file(found, np.broadcast_to(np.asarray(scale, np.float64), (3,)), f"{path}: {owner}")
+    return found

@@ -162,15 +162,10 @@ class _Caster:
         import open3d as o3d
 
         self._scene = o3d.t.geometry.RaycastingScene()
-        colors = []
-        for mesh, color, tint in meshes:
-            if not len(mesh.faces):
-                continue
+        self._shown = [m for m in meshes if len(m[0].faces)]
+        for mesh, _, _ in self._shown:
             vertices, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
             self._scene.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(faces))
-            own = np.full((len(mesh.vertices), 3), color) if mesh.colors is None else mesh.colors
-            colors.append(((1 - tint) * own + tint * np.array(color)).astype(np.float32)[mesh.faces])
-        self._corner_colors = colors
 
     def cast(self, rays: NDArray[np.float32], *, cull: bool = False) -> _Layer:
         """Picture of the meshes along `rays` (H, W, 6); with `cull`, faces that look away are seen through."""
@@ -179,7 +174,7 @@ class _Caster:
         shape = rays.shape[:2]
         distance = np.full(shape, np.inf, dtype=np.float32)
         color = np.zeros((*shape, 3), dtype=np.float32)
-        if not self._corner_colors:
+        if not self._shown:
             return _Layer(distance, color)
         flat = rays.reshape(-1, 6)
         left, travelled = np.arange(len(flat)), np.zeros(len(flat), dtype=np.float32)
@@ -202,14 +197,20 @@ class _Caster:
         return _Layer(distance, color)
 
     def _colors(self, answer: Any, at: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Interpolated vertex colours (n, 3) where the rays `at` hit."""
-        uv, mesh = answer["primitive_uvs"].numpy()[at], answer["geometry_ids"].numpy()[at]
+        """Colours (n, 3) where the rays `at` hit: of a mesh's texture, else of its vertices, else its own one; tinted."""
+        uv, hit = answer["primitive_uvs"].numpy()[at], answer["geometry_ids"].numpy()[at]
+        weights = np.column_stack([1 - uv.sum(axis=1), uv])
         face = answer["primitive_ids"].numpy()[at].astype(np.int64)
         colors = np.zeros((len(at), 3), dtype=np.float32)
-        for k, corners in enumerate(self._corner_colors):
-            here = mesh == k
-            u, v, c = uv[here, :1], uv[here, 1:], corners[face[here]]
-            colors[here] = (1 - u - v) * c[:, 0] + u * c[:, 1] + v * c[:, 2]
+        for k, (mesh, color, tint) in enumerate(self._shown):
+            here = hit == k
+            if mesh.texture is not None:
+                own = mesh.texture.at(np.einsum("nk,nkc->nc", weights[here], mesh.texture.uv[face[here]]))
+            elif mesh.colors is not None:
+                own = np.einsum("nk,nkc->nc", weights[here], mesh.colors[mesh.faces[face[here]]])
+            else:
+                own = np.array(color)
+            colors[here] = (1 - tint) * own + tint * np.array(color)
         return colors
 
 
