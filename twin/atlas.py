@@ -63,11 +63,16 @@ def _placed(uv: NDArray[np.float32], place: Array) -> Array:
 
 
 def _of_colors(mesh: Mesh, faces: NDArray[np.bool_]) -> Texture:
-    """The texture of some faces (F,) of a mesh in its vertex colours; faces of the same three colours share texels."""
+    """The texture of some faces (F,) of a mesh in its vertex colours; faces of the same three colours share texels.
+
+    A face of one colour lies in one point, where no mip level of its neighbours is read.
+    """
     colors = np.full((len(mesh.vertices), 3), GREY, np.uint8) if mesh.colors is None else mesh.colors
     corners = colors[mesh.faces[faces]].reshape(-1, 9)
     different, which = np.unique(corners, axis=0, return_inverse=True)
     image, uv = color_cells(different.reshape(-1, 3, 3))
+    even = np.all(different.reshape(-1, 3, 3) == different[:, None, :3], axis=(1, 2))
+    uv[even] = uv[even].mean(axis=1, keepdims=True)
     return Texture(uv[which.reshape(-1)].astype(np.float32), image, np.ones(image.shape[:2], bool))
 
 

@@ -23,6 +23,9 @@ _AT_BORDER = 1e-4
 # Half sides of a cube map that a face may reach from the middle of the one it wears. Chosen by us: the side of a
 # cylinder, which is cut at 45 deg, takes 1.4.
 _BEYOND = 3.0
+# Texels a metre that a cube map is drawn with where it is drawn anew. Chosen by us: more than a picture of 1920 pixels
+# across shows from 1 m.
+_FINE = 2000.0
 # Scale of a picture above which its loss is not told. Chosen by us: rounding to whole texels.
 _WHOLE = 0.99
 
@@ -121,16 +124,23 @@ def cube_mapped(
     place = on_sides(directions, sides[:, None])
     reach = float(np.abs(place).max(initial=1.0))
     reach = 1.0 if reach < 1 + 1e-6 else reach
+    texels = strip.shape[1]
+    if reach > 1:
+        texels = min(
+            int(np.ceil(texels * min(reach, _BEYOND))),
+            int(np.ceil(_FINE * np.ptp(vertices, axis=0).max())) + 1,
+        )
     if reach > _BEYOND:
-        image, uv = face_cells(directions, lambda d: cube_colors(strip, d), strip.shape[1])
+        image, uv = face_cells(directions, lambda d: cube_colors(strip, d), texels)
         return pictured(vertices, faces, uv, image, tint)
-    texels = int(np.ceil(strip.shape[1] * reach))
     step = (2 * (np.arange(texels) + 0.5) / texels - 1) * reach
     flat = np.stack([*np.meshgrid(step, step), np.ones((texels, texels))], axis=-1)
-    image = np.concatenate([cube_colors(strip, flat @ CUBE[k]) for k in range(6)])
+    shown = [cube_colors(strip, flat @ CUBE[k]) for k in range(6)]
+    image = np.concatenate([np.concatenate(shown[k::2], axis=1) for k in (0, 1)])
     # half a texel inside its side: beside it in the image lies another
     uv = np.clip((place / reach + 1) / 2, 0.5 / texels, 1 - 0.5 / texels)
-    uv = np.stack([uv[..., 0], 1 - (uv[..., 1] + sides[:, None]) / 6], axis=-1)
+    across, down = (sides // 2)[:, None], (sides % 2)[:, None]
+    uv = np.stack([(uv[..., 0] + across) / 3, 1 - (uv[..., 1] + down) / 2], axis=-1)
     return pictured(vertices, faces, uv, image, tint)
 
 
