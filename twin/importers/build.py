@@ -24,6 +24,7 @@ from twin.importers.source import (
     surface_of,
 )
 from twin.importers.stated import stated_inertial, with_stated
+from twin.mesh import joined
 from twin.names import legal_name
 from twin.physics import with_physics
 from twin.scene import (
@@ -130,10 +131,15 @@ def _require_known(source: Source, asked: Mapping[str, object], known: Sequence[
             )
 
 
-def _surfaces(group: _Group, notes: list[str]) -> Mesh:
-    """What is seen of a group; where nothing is, what touches."""
+def _seen(group: _Group) -> list[Mesh]:
+    """What is seen of a group; if nothing is, what touches."""
     seen = [m for b in group.bodies for m in b.visual]
-    mesh, scale = joined_textures(seen or [surface_of(c) for b in group.bodies for c in b.collision])
+    return seen or [surface_of(c) for b in group.bodies for c in b.collision]
+
+
+def _surfaces(group: _Group, notes: list[str]) -> Mesh:
+    """What is seen of a group as one mesh, its pictures packed into one."""
+    mesh, scale = joined_textures(_seen(group))
     if scale < 1:
         name = group.bodies[0].name if group.first is not None else "what does not move"
         notes.append(
@@ -217,8 +223,7 @@ def _deeper(groups: Sequence[_Group], first: SourceBody, rest: float, position: 
         if any(b.parent in carried for b in group.bodies):
             carried.update(b.name for b in group.bodies)
         with_it = group.first is not None and group.first.name in carried
-        surface = _surfaces(group)
-        sides[with_it].append(Mesh(surface.vertices, surface.faces))
+        sides[with_it] += [Mesh(m.vertices, m.faces) for m in _seen(group)]
     others, mine = map(joined, sides)
     joint = at_rest(first.joint)
     return deeper(mine.transformed(joint.pose(rest - first.joint.rest)), others, joint, position - rest)
