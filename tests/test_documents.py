@@ -150,9 +150,9 @@ def test_every_command_of_the_documents_is_understood(page: str, command: str) -
     else:
         if words == ["--help"]:
             with pytest.raises(SystemExit, match="0"):
-                cli._parse(words)
+                cli.parse(words)
             return
-        options = vars(cli._parse(words))
+        options = vars(cli.parse(words))
         if options["verb"] in CONFIGS:
             given.settings(CONFIGS[options["verb"]], None, options["set"])
 

@@ -34,6 +34,7 @@ ARGUMENTS: dict[str, list[str]] = {
     "config": [],
     "doctor": [],
     "physics": ["show", "run"],
+    "completion": ["bash"],
 }
 
 
@@ -50,7 +51,7 @@ def test_help_is_quick_and_lists_every_verb() -> None:
 def test_parsing_imports_nothing_heavy() -> None:
     """What makes `--help` quick, told without a clock."""
     code = (
-        "import sys; from twin.cli import main as cli; cli._parse(['reconstruct', 'a', '-o', 'b']); "
+        "import sys; from twin.cli import main as cli; cli.parse(['reconstruct', 'a', '-o', 'b']); "
         "print(sorted({m.split('.')[0] for m in sys.modules} & set(sys.argv[1:])))"
     )
     heavy = [
@@ -73,7 +74,7 @@ def test_parsing_imports_nothing_heavy() -> None:
 
 @pytest.mark.parametrize("verb", ARGUMENTS)
 def test_every_verb_takes_what_its_parser_gives(verb: str) -> None:
-    options = vars(cli._parse([verb, *ARGUMENTS[verb]]))
+    options = vars(cli.parse([verb, *ARGUMENTS[verb]]))
     given = {k: v for k, v in options.items() if k not in ("verb", "json")}
     bound = inspect.signature(table.named(cli.VERBS[verb][0])).bind(console=Console(), **given)
     taken = dict(bound.arguments)
@@ -104,7 +105,7 @@ def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> N
 )  # fmt: skip
 def test_an_option_means_the_same_to_every_verb(line: str, options: dict[str, object]) -> None:
     """A part and a joint are named, seconds cut a recording, a layout is read and a format written."""
-    parsed = vars(cli._parse(line.split()))
+    parsed = vars(cli.parse(line.split()))
     assert {k: parsed[k] for k in options} == options
 
 

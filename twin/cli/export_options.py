@@ -29,7 +29,7 @@ def settings(parser: ArgumentParser) -> None:
     """Settings of a verb, which `twin config --of VERB` lists."""
     add = parser.add_argument
     add("--config", metavar="FILE.toml", type=Path, help="settings; what it leaves out keeps its default")
-    add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting; may be repeated")
+    add("--set", metavar="KEY=VALUE", action="append", default=[], help="one setting")
 
 
 def _view(parser: ArgumentParser) -> None:

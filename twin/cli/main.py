@@ -6,7 +6,6 @@ a goal was missed; 130 interrupted. Errors in the program keep their traceback.
 
 from __future__ import annotations
 
-import argparse
 import errno
 import json
 import os
@@ -18,9 +17,9 @@ from dataclasses import replace
 from typing import Any, NoReturn
 
 from twin import interrupt
-from twin.cli.options import OPTIONS, points_joined
+from twin.cli.parser import parse
 from twin.cli.table import VERBS, named
-from twin.errors import FuntwinError, InputError, nearest_name
+from twin.errors import FuntwinError
 
 # Causes outside of the program, which a traceback would not explain better.
 _ENVIRONMENT = {
@@ -36,10 +35,6 @@ _ENVIRONMENT = {
 }
 
 
-# As twin.errors has it; chosen by us: at 0.6 `--start`, an option of other verbs, is taken for `--part`.
-_ALIKE = 0.7
-
-
 def main() -> NoReturn:
     """Carry out the command line of this process and end it; `twin.__main__` calls it."""
     interrupt.handle()
@@ -50,7 +45,7 @@ def run(argv: Sequence[str]) -> int:
     """Carry out one command line and return its exit code."""
     as_json = "--json" in argv
     try:
-        options = vars(_parse(argv))
+        options = vars(parse(argv))
         code = _carry_out(options.pop("verb"), options.pop("json"), options)
         sys.stdout.flush()
     except BaseException as e:
@@ -141,72 +136,3 @@ def _fail(problem: str, remedy: str, as_json: bool) -> int:
     if as_json:
         print(json.dumps({"ok": False, "error": problem, "remedy": remedy}, ensure_ascii=False))
     return 1
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports wrong usage like every other wrong input: one line, exit code 1. Options are written out: a shortened one would
-    change its meaning when another option is added."""
-
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__(**{**kwargs, "allow_abbrev": False})
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(message, f"see `{self.prog} --help`")
-
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Like argparse's, but the error for an unknown option names the nearest one."""
-        options, unknown = self.parse_known_args(args, namespace)
-        if not unknown:
-            return options
-        word = unknown[0].partition("=")[0]
-        names = [name.lstrip("-") for name in option_names(self)]
-        close = nearest_name(word.lstrip("-"), names, _ALIKE) if word.startswith("-") else ""
-        hint = f"did you mean '--{close}'? " if close else ""
-        kind = "option" if word.startswith("-") else "argument"
-        raise InputError(f"unknown {kind} {word!r}", f"{hint}see `{self.prog} --help`")
-
-
-def option_names(parser: argparse.ArgumentParser) -> list[str]:
-    """All options that a verb takes, those of its actions included."""
-    names: list[str] = []
-    for action in parser._actions:
-        names += action.option_strings
-        if isinstance(action, argparse._SubParsersAction):
-            names += [name for sub in action.choices.values() for name in option_names(sub)]
-    return list(dict.fromkeys(names))
-
-
-def _parse(argv: Sequence[str]) -> argparse.Namespace:
-    """The verb and its options; an unknown verb is answered with the nearest one."""
-    verb, *rest = argv or ["--help"]
-    if verb.startswith("-"):
-        _parser().parse_args([verb])
-    if verb not in VERBS:
-        close = nearest_name(verb, list(VERBS))
-        hint = f"did you mean {close!r}?" if close else f"verbs: {', '.join(VERBS)}"
-        raise InputError(f"unknown verb {verb!r}", hint)
-    return _verb_parser(verb).parse_args(points_joined(rest), argparse.Namespace(verb=verb))
-
-
-def _parser() -> argparse.ArgumentParser:
-    from twin import __version__
-
-    width = max(map(len, VERBS))
-    verbs = "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in VERBS.items())
-    parser = _Parser(
-        prog="twin",
-        usage="twin VERB ...",
-        description="From one recording of a person opening furniture to a twin that a robot opens.",
-        epilog=f"verbs:\n{verbs}\n\n`twin VERB --help` tells a verb's options.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--version", action="version", version=f"funtwin {__version__}")
-    return parser
-
-
-def _verb_parser(verb: str) -> argparse.ArgumentParser:
-    parser = _Parser(prog=f"twin {verb}", description=f"{VERBS[verb][1][0].upper()}{VERBS[verb][1][1:]}.")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    if verb in OPTIONS:
-        OPTIONS[verb](parser)
-    return parser

@@ -243,6 +243,10 @@ def _engines(parser: ArgumentParser) -> None:
     )
 
 
+def _completion(parser: ArgumentParser) -> None:
+    parser.add_argument("shell", choices=("bash", "zsh"), help="the shell that reads the script")
+
+
 def _recording(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("recording", metavar="RECORDING", type=Path, help="folder or file of a recording")
@@ -272,4 +276,5 @@ OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "physics": _physics,
     "robots": _robots,
     "engines": _engines,
+    "completion": _completion,
 }

@@ -46,6 +46,10 @@ VERBS = {
         "twin.cli.verbs:engines",
         "list or install the programs that judge exports in environments of their own",
     ),
+    "completion": (
+        "twin.cli.completion_verb:completion",
+        "print a script that completes `twin` in your shell",
+    ),
 }
 # What `twin demo` chains, beside the twin's own verbs.
 CHAIN = {
@@ -62,6 +66,16 @@ SETTINGS = {
     "export": "twin.exporters.config:ExportConfig",
     "check": "twin.verification.config:CheckConfig",
     "replay": "robots.config:RobotsConfig",
+}
+# option, alone or after a verb -> the names that it takes, for completion in a shell.
+WORDS = {
+    "--robot": "robots.model.catalog:names",
+    "--layout": "recon.readers:READERS",
+    "--engines": "twin.verification:ENGINES",
+    "--install": "twin.engines:ENGINES",
+    "--ignore": "twin.lint.rules:RULES",
+    "robots": "robots.model.catalog:names",
+    "trajectory --format": "robots.formats:FORMATS",
 }
 # Frames for a robot's film and for a question about a part: whoever asks does not know how recordings are read.
 OPEN_RECORDING = "recon.readers:open_recording"

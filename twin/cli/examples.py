@@ -1,0 +1,27 @@
+"""An example of each verb, and of each action of a verb that has some; `--help` shows it."""
+
+EXAMPLES = {
+    "demo": "twin demo -o out/demo",
+    "simulate": "twin simulate --random 7 -o out/recording",
+    "inspect": "twin inspect clip.r3d",
+    "convert": "twin convert clip.mkv -o out/clip --start 2 --end 14",
+    "calibrate": "twin calibrate color/*.png --board charuco --columns 9 --rows 6 --square 0.03 --marker 0.022 -o out/camera",
+    "reconstruct": "twin reconstruct clip.r3d -o out/run --at 320,240@45 --type hinge",
+    "import": "twin import cabinet.urdf -o out/run --closed door_hinge=upper --exclude 'wall*' --exclude floor",
+    "export": "twin export out/run --format mjcf usd --set collision.part_pieces=16",
+    "check": "twin check out/run --engines mujoco pybullet",
+    "lint": "twin lint cabinet.urdf --ignore up-axis",
+    "replay": "twin replay out/run --part door --goal 45deg",
+    "trajectory": "twin trajectory out/run --part door --goal 45deg --format ros2 csv -o out/plan",
+    "evaluate": "twin evaluate out/run --truth out/recording/truth",
+    "config": "twin config --of replay --set plan.seed=3 --toml",
+    "physics": "twin physics show out/run",
+    "physics show": "twin physics show out/run --part door",
+    "physics set": "twin physics set out/run --part door --mass 3.2 --measured --note 'luggage scale'",
+    "physics catch": "twin physics catch out/run --part door --hold 24N --width 8mm",
+    "physics estimate": "twin physics estimate out/run --part door --dry-run",
+    "doctor": "twin doctor --json",
+    "robots": "twin robots show franka",
+    "engines": "twin engines --install pybullet drake",
+    "completion": "twin completion bash > ~/.local/share/bash-completion/completions/twin",
+}
