@@ -23,7 +23,7 @@ STREWN = (
     "notes.txt", ".hidden", "my photos/a b.jpg", "twin/notes.md", "twin/photos/deep/a.jpg", "twin/.secret",
     "twin/meshes/mine.ply", "twin/labels/readme.txt", "export/notes.txt", "export/mjcf/my_scene.xml",
     "export/mjcf/assets/bolt.obj", "export/urdf/launch/view.py", "export/urdf/meshes/bolt.obj", "export/usd/mine.usda",
-    "replay/notes.txt", "replay/franka/drawer_2/mine.csv", "replay/own/a/replay.txt", "report/mine.txt", "stages/mine.txt",
+    "replay/notes.txt", "replay/franka/drawer/mine.csv", "replay/own/a/replay.txt", "report/mine.txt", "stages/mine.txt",
     "stages/collision/mine.txt",
 )  # fmt: skip
 TELLTALES = (
@@ -80,7 +80,7 @@ def shapes_left(place: Path, rng: Random) -> float:
 
 def other_replay(place: Path, rng: Random) -> float:
     """Half of the time there was a replay before, which says something else."""
-    folder = place / "run/replay/franka/drawer_2"
+    folder = place / "run/replay/franka/drawer"
     if rng.random() < 0.5:
         report = json.loads((folder / "report.json").read_text())
         (folder / "report.json").write_text(json.dumps(report | {"grasp": "an earlier one"}))

@@ -15,6 +15,8 @@ from recon.contact.finish_parts import FinishedPart
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.judge import Judged
+from twin.completion.frame import kind_by_joint, viewer
+from twin.completion.part_names import part_names
 from twin.errors import InputError
 from twin.files.text import read_json
 from twin.names import legal_name
@@ -22,6 +24,8 @@ from twin.physics import keep_known
 from twin.runs.manifest import MANIFEST, update_manifest
 from twin.runs.stages import Run
 from twin.scene import (
+    FIRST_PART_ID,
+    HAND_LABEL,
     STATIC_LABEL,
     UNKNOWN_LABEL,
     Mesh,
@@ -37,6 +41,9 @@ from twin.storage import aside_name, digest, keep_aside, load, save
 from twin.storage.texture import same_textures
 from twin.verdict import Verdict, of_twin, verdict_document
 
+# Intersection over union of the pixels of one part in two twins of a recording: from half on, no other part has as many of them.
+_SAME = 0.5
+
 
 def assemble(
     recording: Recording,
@@ -48,25 +55,20 @@ def assemble(
     judged: Judged,
     moved: Sequence[MovingPart],
     textures: Mapping[int, Texture],
+    given: Mapping[int, str],
 ) -> Twin:
     """The twin, without mass or collision geometry yet (`twin.physics`, `twin.collision` add them).
 
     moved: all parts that were found. Those that are refused are no parts of it: their pixels count as unknown, and verdict and
-    provenance tell of them. They are told by the id that they would have, under the names that they would have.
-    textures: of the static scene and of parts, by label id.
+    provenance tell of them. They are told by the id and the name that they would have.
+    textures: of the static scene and of parts, by label id. given: names that parts keep, by id.
     """
     name = legal_name(recording.name)
-    taken = [name, "static"]
-    names = {}
-    for part in moved:
-        kind = "drawer" if part.joint.kind == "prismatic" else "door"
-        names[part.id] = legal_name(f"{kind}_{part.id}", taken)
-        taken.append(names[part.id])
-    refused = {p.id: names[p.id] for p in moved if judged.parts[p.id].level == "refused"}
+    gone = [p for p in moved if judged.parts[p.id].level == "refused"]
     finished = [
         Part(
             id=part.moving.id,
-            name=names[part.moving.id],
+            name="part",
             mesh=replace(part.mesh, texture=textures.get(part.moving.id)),
             joint=part.moving.joint.with_pivot(part.mesh.area_centroid),
             motion=part.moving.motion,
@@ -77,9 +79,15 @@ def assemble(
             verdict=judged.parts[part.moving.id],
         )
         for part in parts
-        if part.moving.id not in refused
+        if judged.parts[part.moving.id].level != "refused"
     ]
-    left_out = [_left_out(p, names[p.id], judged.parts[p.id]) for p in moved if p.id in refused]
+    names = part_names(finished, viewer(cameras), given, [name, "static"])
+    finished = [replace(p, name=names[p.id]) for p in finished]
+    refused: dict[int, str] = {}
+    for part in gone:
+        taken = [name, "static", *names.values(), *refused.values()]
+        refused[part.id] = legal_name(kind_by_joint(part.joint), taken)
+    left_out = [_left_out(p, refused[p.id], judged.parts[p.id]) for p in gone]
     return Twin(
         name=name,
         static=StaticPart(legal_name("static", []), replace(static, texture=textures.get(STATIC_LABEL))),
@@ -94,6 +102,26 @@ def assemble(
             judged.scene,
         ),
     )
+
+
+def given_names(
+    earlier: Twin | None, recording: Recording, labels: Mapping[int, NDArray[np.uint8]]
+) -> dict[int, str]:
+    """Names of the parts of an earlier twin of the recording, by the id of the part that has their pixels now."""
+    recorded = None if earlier is None else earlier.recorded
+    if earlier is None or recorded is None or recorded.fingerprint != recording.fingerprint:
+        return {}
+    both = np.zeros((256, 256), np.int64)  # pixels by their labels then and now
+    for frame in sorted(set(labels) & set(earlier.labels)):
+        then, now = earlier.labels[frame], labels[frame]
+        if then.shape == now.shape:
+            both += np.bincount(256 * then.ravel().astype(np.int64) + now.ravel(), minlength=1 << 16).reshape(
+                256, 256
+            )
+    either = both.sum(axis=1)[:, None] + both.sum(axis=0)[None] - both
+    part_ids = range(FIRST_PART_ID, HAND_LABEL)
+    same = both > _SAME * either  # at most one of each row and column, as _SAME is half
+    return {int(k): p.name for p in earlier.parts for k in np.flatnonzero(same[p.id]) if k in part_ids}
 
 
 def _left_out(part: MovingPart, name: str, verdict: Verdict) -> dict[str, Any]:
@@ -120,7 +148,7 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
     is kept beside the new one where it is not. What was measured or added about its parts goes over to the new one.
     """
     folder, found = out / "twin", digest(twin)
-    earlier = _earlier_twin(run, folder)
+    earlier = earlier_twin(run, folder)
     before = read_json(out / MANIFEST).get("twin")
     if earlier is not None:
         there = digest(earlier)
@@ -156,7 +184,8 @@ def _with_textures(earlier: Twin, twin: Twin) -> Twin:
     return replace(earlier, static=static, parts=parts)
 
 
-def _earlier_twin(run: Run, folder: Path) -> Twin | None:
+def earlier_twin(run: Run, folder: Path) -> Twin | None:
+    """The twin that a folder holds, None where there is none; one that can't be read is kept aside, with a warning."""
     if not (folder / "twin.json").is_file():
         return None
     try:

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.assemble import assemble, keep_key_frames, keep_twin, say_where
+from recon.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
 from recon.cameras.gravity import GRAVITY, upright
 from recon.cameras.poses import CAMERAS, camera_poses
 from recon.config import ReconConfig
@@ -85,7 +85,8 @@ def reconstruct(
             run.warn(note)
         recording = kept(recording)
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
-        twin = _run(run, recording, config, hints, materials)
+        earlier = None if out is None else earlier_twin(run, out / "twin")
+        twin = _run(run, recording, config, hints, materials, earlier)
         if out is not None:
             twin = keep_twin(run, twin, out)
             keep_key_frames(twin, recording, out)
@@ -110,8 +111,14 @@ class _Chain:
 
 
 def _run(
-    run: Run, recording: Recording, c: ReconConfig, hints: Sequence[TypeHint], materials: MaterialTable
+    run: Run,
+    recording: Recording,
+    c: ReconConfig,
+    hints: Sequence[TypeHint],
+    materials: MaterialTable,
+    earlier: Twin | None = None,
 ) -> Twin:
+    """earlier: the twin of the run folder, whose parts keep their names."""
     stage, loop, moving = _Chain(run, c), run.loop, c.motion.interval
     # Sparse 3D tracks, without weights; the paper's tracker is learned.
     tracks = stage(TRACKS, [], lambda: track_points(recording, c.tracks, loop("tracks")))
@@ -158,7 +165,8 @@ def _run(
         ),
     )
     made = _provenance(c, hints, up.warnings)
-    twin = _judged_twin(stage, recording, c, up, noise, found, labels, polished, made)
+    given = given_names(earlier, recording, labels.value) if earlier is not None else {}
+    twin = _judged_twin(stage, recording, c, up, noise, found, labels, polished, made, given)
     return with_physics(twin, table=materials)
 
 
@@ -172,6 +180,7 @@ def _judged_twin(
     labels: StageResult[dict[int, NDArray[np.uint8]]],
     polished: StageResult[tuple[MovingPart, ...]],
     made: Mapping[str, Any],
+    given: Mapping[int, str],
 ) -> Twin:
     """The last stages, and the twin of what they leave."""
     cameras, images, parts, loop = up.value, labels.value, polished.value, stage.run.loop
@@ -181,7 +190,7 @@ def _judged_twin(
         [up, polished, labels, noise],
         lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=loop("fusion")),
     )
-    scene = fused.value
+    scene, static, sigma = fused.value, fused.value.static, noise.value
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,
@@ -193,14 +202,7 @@ def _judged_twin(
         TEXTURE,
         [up, labels, noise, fused, finished],
         lambda: dress(
-            recording,
-            cameras,
-            images,
-            scene.static,
-            finished.value,
-            c.texture,
-            noise.value,
-            progress=loop("texture"),
+            recording, cameras, images, static, finished.value, c.texture, sigma, progress=loop("texture")
         ),
     )
     # What each part is worth, by numbers that need no truth.
@@ -210,7 +212,7 @@ def _judged_twin(
         lambda: judge(recording, cameras, images, found.value, parts, scene, finished.value),
     )
     twin = assemble(
-        recording, cameras, scene.static, finished.value, images, made, judged.value, parts, dressed.value
+        recording, cameras, static, finished.value, images, made, judged.value, parts, dressed.value, given
     )
     # How thick handles are, by their outline in photographs.
     sections = stage(HANDLE, [up, labels, fused, finished, judged], lambda: handle_sections(twin, recording))

@@ -226,10 +226,10 @@ def write_calibration(folder: Path, clip: Recording) -> None:
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with RUN, an exported cabinet whose parts are called NAME and door_2, and SCENE.xml with a joint NAME."""
+    """A folder with RUN, an exported cabinet whose parts are called NAME and door, and SCENE.xml with a joint NAME."""
     place = tmp_path_factory.mktemp("documents")
     twin = cabinet_twin()
-    named = [replace(p, name={"drawer": "NAME", "door": "door_2"}[p.name]) for p in twin.parts]
+    named = [replace(p, name="NAME") if p.name == "drawer" else p for p in twin.parts]
     save(replace(twin, parts=tuple(named)), place / "RUN" / "twin")
     (place / "RUN" / "config.toml").write_text(to_toml(ReconConfig()), encoding="utf-8")
     assert cli.run(["export", str(place / "RUN"), "--json"]) == 0

@@ -61,7 +61,7 @@ def handle_sections(twin: Twin, recording: Recording) -> dict[int, HandleSection
 
     twin: with labels, cameras, and its parts' meshes and motions.
     """
-    eye, out = viewer(twin), {}
+    eye, out = viewer(twin.cameras), {}
     for part in twin.parts:
         front = front_of(part, eye)
         found = [] if front is None else handles_of(part, front)

@@ -204,7 +204,7 @@ def judged_twin(clip: Clip, evidence: PartEvidence, sigma: float, cut: bool = Fa
     fused = FusedScene(clip.static, {} if cut else {part.id: clip.mesh})
     verdict = judge(clip.recording, clip.cameras, labels, found, (part,), fused, finished)
     return assemble(
-        clip.recording, clip.cameras, clip.static, finished, labels, {"made": 1}, verdict, (part,), {}
+        clip.recording, clip.cameras, clip.static, finished, labels, {"made": 1}, verdict, (part,), {}, {}
     )
 
 
@@ -227,9 +227,9 @@ def test_a_refused_part_is_told_but_not_written(
     nothing, *more = twin.verdict.reasons
     told = next(r for r in more if isinstance(r, OfPart) and r.of == why)
     assert isinstance(nothing, NothingArticulated)
-    assert (told.part, told.written) == ("door_2", False)
+    assert (told.part, told.written) == ("door", False)
     (left_out,) = twin.provenance["refused"]
-    assert (left_out["name"], left_out["verdict"]["level"]) == ("door_2", "refused")
+    assert (left_out["name"], left_out["verdict"]["level"]) == ("door", "refused")
     assert {int(v) for f in twin.labels for v in np.unique(twin.labels[f])} == {0, STATIC_LABEL}
     assert evidence.scene.labels[0].max() == 2  # the stage's own images stay
 

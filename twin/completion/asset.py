@@ -147,7 +147,7 @@ def asset_pose(twin: Twin) -> Array:
     from twin.completion.frame import part_frame, viewer  # SciPy, which a wrong option needs not wait for
 
     part = twin.parts[0]
-    frame = part_frame(part, viewer(twin))
+    frame = part_frame(part, viewer(twin.cameras))
     middle = part.mesh.area_centroid if len(part.mesh.faces) else np.zeros(3)
     out = frame.T_world_frame[:3, 2] if frame is not None else np.array([0.0, -1.0, 0.0])
     if frame is not None and abs(out[2]) > _LEVEL:  # a lid: who opens it stands before its free edge

@@ -11,7 +11,7 @@ from twin import geometry as geo
 from twin.collision.solid import spread
 from twin.geometry import Array
 from twin.handles import CONE, outermost_face
-from twin.scene import Part, Prismatic, Twin
+from twin.scene import Joint, Part, Prismatic, Trajectory
 
 Kind = Literal["drawer", "sliding_door", "door", "flap", "lid"]
 SQUARE = float(
@@ -74,18 +74,24 @@ def _outward(part: Part, normals: Array, eye: Array | None) -> Array | None:
     return out if np.mean(normals @ out > CONE) > _FACES else None
 
 
-def viewer(twin: Twin) -> Array | None:
-    """Where the person stood (3,), None of a twin without cameras."""
-    return None if twin.cameras is None else np.asarray(np.median(twin.cameras.T_world_cam[:, :3, 3], axis=0))
+def viewer(cameras: Trajectory | None) -> Array | None:
+    """Where the person stood (3,), None without cameras."""
+    return None if cameras is None else np.asarray(np.median(cameras.T_world_cam[:, :3, 3], axis=0))
 
 
 def _kind(part: Part, out: Array) -> Kind:
     joint = part.joint
     if isinstance(joint, Prismatic):
         return "drawer" if abs(joint.axis @ out) > 0.7 else "sliding_door"
-    if abs(joint.axis[2]) > _PLUMB:
-        return "door"
-    return "lid" if out[2] > _LEVEL else "flap"
+    kind = kind_by_joint(joint)
+    return "lid" if kind == "flap" and out[2] > _LEVEL else kind
+
+
+def kind_by_joint(joint: Joint) -> Kind:
+    """The kind of a part whose front is not known: what slides is taken for a drawer, what hangs on a level hinge for a flap."""
+    if isinstance(joint, Prismatic):
+        return "drawer"
+    return "door" if abs(joint.axis[2]) > _PLUMB else "flap"
 
 
 def _up(part: Part, out: Array, kind: Kind) -> Array:

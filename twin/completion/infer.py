@@ -20,7 +20,7 @@ def infer(twin: Twin) -> Twin:
 
     It has at least one part.
     """
-    eye = viewer(twin)
+    eye = viewer(twin.cameras)
     fronts = [front_of(p, eye) for p in twin.parts]
     mesh = twin.static.mesh
     found = apart(mesh, [f for f in fronts if f is not None])
