@@ -254,10 +254,10 @@ def _replay_part(
     r = robots.replay(
         twin, trajectory, folder, robot=robot, config=config.replay, demonstration=demonstration
     )
-    progress(f"replay {part.name}", 1.0, f"{100 * r.reached:.0f} % of the way")
+    progress(f"replay {part.name}", 1.0, f"{100 * r.reached:z.0f} % of the way")
     row = [
-        f"{100 * r.opening_peak:.0f} %",
-        f"{100 * r.opening_final:.0f} %",
+        f"{100 * r.opening_peak:z.0f} %",
+        f"{100 * r.opening_final:z.0f} %",
         f"{r.slip_mm:.1f} mm",
         f"{100 * max(r.torque_share):.0f} %",
         r.grasp,

@@ -31,6 +31,7 @@ from recon.recording import Recording
 from recon.recording.rig import Lens
 from recon.recording.write import write_recording
 from tests.recon.phone_recording import phone_recording
+from twin import verification
 from twin.cli import given
 from twin.cli import main as cli
 from twin.cli.table import SETTINGS, named
@@ -174,6 +175,15 @@ def test_every_setting_and_verb_that_a_document_names_exists(page: str) -> None:
 def test_a_setting_that_does_not_exist_is_found() -> None:
     with pytest.raises(ConfigError, match=r"unknown key 'labels\.window'"):
         given.settings(CONFIGS["reconstruct"], None, ["labels.window=5"])
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_engines_of_twin_check_are_counted_alike(page: str) -> None:
+    """Where fewer were measured, the page says of how many."""
+    numbers = ["two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"]
+    text = (ROOT / page).read_text(encoding="utf-8")
+    counted = re.findall(rf"\b({'|'.join(numbers)}) (?:\w+ )?engines\b", text)
+    assert set(counted) <= {numbers[len(verification.ENGINES) - 2]}
 
 
 def test_what_only_parses_is_in_the_documents() -> None:

@@ -146,8 +146,8 @@ def joint_text(joint: Joint) -> str:
 def range_text(joint: Joint) -> str:
     """The range in the units that people use: degrees or metres."""
     if joint.kind == "revolute":
-        return f"{np.rad2deg(joint.lower):.1f} to {np.rad2deg(joint.upper):.1f}°"
-    return f"{joint.lower:.3f} to {joint.upper:.3f} m"
+        return f"{np.rad2deg(joint.lower):z.1f} to {np.rad2deg(joint.upper):.1f}°"
+    return f"{joint.lower:z.3f} to {joint.upper:.3f} m"
 
 
 def sigma_text(joint: Joint) -> str:
@@ -187,7 +187,7 @@ def _number(quantity: Quantity) -> str:
 
 
 def _vector(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
-    return f"({', '.join(f'{v:.3f}' for v in values)})"
+    return f"({', '.join(f'{v:z.3f}' for v in values)})"
 
 
 def _lengths(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:

@@ -6,6 +6,15 @@ and exits with code 1; anything else is a bug and keeps its traceback.
 
 from __future__ import annotations
 
+import re
+
+_ERRNO = re.compile(r"\[(?:Errno|WinError) -?\d+\] ")
+
+
+def plain(problem: object) -> str:
+    """The text without the number that a system error's text begins with, which means nothing to a user."""
+    return _ERRNO.sub("", str(problem))
+
 
 class FuntwinError(Exception):
     """Base of all expected errors.
@@ -16,7 +25,7 @@ class FuntwinError(Exception):
     """
 
     def __init__(self, problem: str, remedy: str = "") -> None:
-        self.problem = problem
+        self.problem = problem = plain(problem)
         self.remedy = remedy
         super().__init__(f"{problem}; {remedy}" if remedy else problem)
 

@@ -155,7 +155,7 @@ def evaluate_step(progress: Progress, run: Path, truth: Path) -> Step:
         [
             r.metric,
             r.part,
-            f"{r.value:.4g} {r.unit}".strip(),
+            f"{r.value:.4g} {r.unit}".removesuffix("share").strip(),
             "-" if r.matched is None else f"{r.matched:.4g}",
             str(r.goal or ""),
             verdict[r.ok],

@@ -66,7 +66,7 @@ def _described_inertial(it: Inertial) -> list[tuple[str, str, str]]:
 
 
 def _vector(v: Array) -> str:
-    return "(" + ", ".join(f"{x:.3f}".replace("-0.000", "0.000") for x in v) + ")"
+    return "(" + ", ".join(f"{x:z.3f}" for x in v) + ")"
 
 
 def _number(x: float) -> str:

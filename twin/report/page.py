@@ -163,7 +163,7 @@ def part_facts(part: Part) -> list[tuple[str, str, str]]:
         shift = f" ± {sigma.pivot * 1000:.1f} mm" if sigma is not None and sigma.pivot is not None else ""
         facts.append(("pivot", f"{_vector(pivot)} m{shift}", ""))
     spread = f" ± {float(shown(part, sigma.state)):.1f}" if sigma is not None else ""
-    facts.append(("range", f"{low:.1f} to {high:.1f}{spread} {u}", part.limits_source))
+    facts.append(("range", f"{low:z.1f} to {high:z.1f}{spread} {u}", part.limits_source))
     facts.append(("closed end", "state 0", part.closed_source))
     if part.motion.intervals:
         moved = ", ".join(f"{a}-{b}" for a, b in part.motion.intervals)
@@ -195,7 +195,7 @@ def _phases(report: Path) -> Table | None:
         [
             row["phase"],
             f"{row['start']:.1f} to {row['end']:.1f} s",
-            f"{100 * row['opening_peak']:.0f} / {100 * row['opening_final']:.0f} %",
+            f"{100 * row['opening_peak']:z.0f} / {100 * row['opening_final']:z.0f} %",
             "yes" if row["at_rest"] else "no",
             f"{row['slip_mm']:.1f} mm",
             f"{row['tool_error_mm']:.1f} mm",
@@ -223,7 +223,7 @@ def _number(x: float) -> str:
 
 
 def _vector(v: Any) -> str:
-    return "(" + ", ".join(f"{x:.3f}".replace("-0.000", "0.000") for x in v) + ")"
+    return "(" + ", ".join(f"{x:z.3f}" for x in v) + ")"
 
 
 def _jpeg(image: Image) -> str:

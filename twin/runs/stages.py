@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from twin.errors import FuntwinError, InputError
+from twin.errors import FuntwinError, InputError, plain
 from twin.files.text import read_json, write_json, write_text
 from twin.runs.codec import Codec, OtherVersionError, TreeCodec
 from twin.runs.keys import same_today, stage_key, why_changed
@@ -189,7 +189,7 @@ class Run:
         except OtherVersionError as e:
             return None, f"its stored result is of another version of Funtwin: {e.problem}"
         except (FuntwinError, OSError, ValueError, KeyError, TypeError) as e:
-            return None, f"its stored result is damaged ({e})"
+            return None, f"its stored result is damaged ({plain(e)})"
         if stored != place:
             stored.rename(place)
         return StageResult(name, key, value, *meta, cached=True, reason=""), ""

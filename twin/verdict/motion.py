@@ -123,7 +123,7 @@ class ClosedEndUnsure(Reason):
 
     @property
     def text(self) -> str:
-        told = f"what tells its closed end from the open one differs by {100 * self.margin:.0f} %"
+        told = f"what tells its closed end from the open one differs by {100 * self.margin:z.0f} %"
         return f"{told} (at least {100 * self.limit:g} %)"
 
     @property
