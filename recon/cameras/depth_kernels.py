@@ -199,7 +199,7 @@ def track_system(poses, reference, starts, here, there, lateral, gate, h, g, hel
 def _relative(T_ref_world, T_world_cam):  # type: ignore[no-untyped-def]
     out = np.empty((len(T_ref_world), 4, 4))
     for k in range(len(out)):
-        out[k] = T_ref_world[k] @ T_world_cam
+        np.dot(T_ref_world[k], T_world_cam, out[k])
     return out
 
 
@@ -230,9 +230,11 @@ def refine(T_world_cam, T_ref_world, rows, depth, tracks, gate, rounds, least): 
         k = np.array([[0.0, -d[5], d[4]], [d[5], 0.0, -d[3]], [-d[4], d[3], 0.0]])
         sine = np.sin(angle) / angle if angle > 1e-6 else 1.0
         versine = (1.0 - np.cos(angle)) / angle**2 if angle > 1e-6 else 0.5
-        turned = np.eye(4)
-        turned[:3, :3] += sine * k + versine * (k @ k)
-        turned[:3, 3] = d[:3]
+        square, turned = k @ k, np.eye(4)
+        for a in range(3):
+            for b in range(3):
+                turned[a, b] += sine * k[a, b] + versine * square[a, b]
+            turned[a, 3] = d[a]
         pose = pose @ turned
         if np.abs(d).max() < least:
             break

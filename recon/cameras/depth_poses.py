@@ -168,4 +168,4 @@ class _Path:
         track, reference = np.nonzero(t.visible[references[:, None], ids].T)
         starts = np.searchsorted(track, np.arange(len(ids) + 1))
         there = t.points_cam[references[reference], ids[track]]
-        return reference, starts, t.points_cam[frame, ids], there, self._lateral
+        return np.ascontiguousarray(reference), starts, t.points_cam[frame, ids], there, self._lateral

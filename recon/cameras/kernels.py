@@ -55,7 +55,9 @@ def landmarks_of(poses, frame, track, points, info, weights, count):  # type: ig
         b[k, 2] += xz * x + yz * y + zz * z
     for k in range(count):
         m = np.array([[a[k, 0], a[k, 1], a[k, 2]], [a[k, 1], a[k, 3], a[k, 4]], [a[k, 2], a[k, 4], a[k, 5]]])
-        out[k] = np.linalg.solve(m + 1e-9 * np.eye(3), b[k])
+        solved = np.linalg.solve(m + 1e-9 * np.eye(3), b[k])
+        for i in range(3):  # an array put into a row takes seconds to compile
+            out[k, i] = solved[i]
     return out
 
 

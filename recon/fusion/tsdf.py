@@ -74,7 +74,7 @@ def allocate(points: Array, voxel: float, margin: float) -> Field:
         )
     touched = np.zeros(size, bool)
     _touch(touched, points, low, margin, edge)
-    blocks = np.argwhere(touched).astype(np.int32)
+    blocks = np.ascontiguousarray(np.argwhere(touched), np.int32)
     index = np.full(size, -1, np.int32)
     index[touched] = np.arange(len(blocks), dtype=np.int32)
     shape = (len(blocks), BLOCK, BLOCK, BLOCK)

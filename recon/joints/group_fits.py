@@ -92,7 +92,7 @@ def on_course(fit: MotionFit, movers: Movers, tolerance: float) -> NDArray[np.bo
         course = np.stack([np.hypot(off[..., 0], off[..., 1]), off[..., 2]], axis=-1)
     else:
         course = course[..., :2]
-    strays, _ = spread(np.ascontiguousarray(course), movers.visible[:, movers.moving], 0.9)
+    strays, _ = spread(course, movers.visible[:, movers.moving], 0.9)
     out[movers.moving] = strays < tolerance
     return out
 

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.dense.order import median, quantile
 from recon.joints.config import JointConfig
 from recon.joints.observations import (
     SIGMA_MIN,
@@ -54,7 +55,7 @@ def _track_statistics(points, weight, window):  # type: ignore[no-untyped-def]
                 buffer = np.empty(window)
                 for b in range(window):
                     buffer[b] = points[k, seen[m - half + b], i]
-                smooth[m - half, i] = np.median(buffer)
+                smooth[m - half, i] = median(buffer, window)
         centre = np.empty(3)
         for i in range(3):
             centre[i] = smooth[:, i].mean()
@@ -177,7 +178,9 @@ def _ways(points, seen, gap):  # type: ignore[no-untyped-def]
                 n += 1
         count[i] = n
         if n:
-            way[i] = np.quantile(np.sqrt(square[:n]), 0.75)
+            for k in range(n):
+                square[k] = np.sqrt(square[k])
+            way[i] = quantile(square, n, 0.75)
     return count, way
 
 

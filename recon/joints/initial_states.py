@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from recon.dense.order import median
 from recon.joints.hypotheses import Hypothesis
 from recon.joints.observations import Observations
 from twin import geometry as geo
@@ -72,7 +73,7 @@ def _additive_states(coord, lever, weight, revolute, sigma, rounds):  # type: ig
                     buffer[n] = _wrap(d - first, revolute)
                     n += 1
             if n:
-                offset[k] = first + np.median(buffer[:n])
+                offset[k] = first + median(buffer, n)
         for t in range(n_frames):
             n = 0
             for k in range(n_tracks):

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from recon.dense.order import median
 from recon.joints.config import JointConfig
 from recon.joints.observations import (
     Model,
@@ -58,7 +59,7 @@ def row_medians(values, weight):  # type: ignore[no-untyped-def]
     for k in range(len(values)):
         known = values[k][weight[k] > 0.0]
         if len(known):
-            out[k] = np.median(known)
+            out[k] = median(known, len(known))
     return out
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.dense.order import median
 from twin.geometry import Array
 from twin.robust import CAUCHY_95, LENGTH3_MEDIAN, cauchy
 
@@ -69,6 +70,10 @@ class Model:
     axis: Array
     pivot: Array
     state: Array
+
+    def __post_init__(self) -> None:
+        for name in ("axis", "pivot", "state"):  # loops are compiled anew for each other layout of memory
+            object.__setattr__(self, name, np.require(getattr(self, name), np.float64, ["C", "W"]))
 
 
 @njit(cache=True, nogil=True)
@@ -126,7 +131,7 @@ def median_landmarks(z, weight):  # type: ignore[no-untyped-def]
                     buffer[n] = z[k, t, i]
                     n += 1
             if n:
-                out[k, i] = np.median(buffer[:n])
+                out[k, i] = median(buffer, n)
     return out
 
 

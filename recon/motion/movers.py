@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.dense.depth import depth_sigma
+from recon.dense.order import median
 from recon.motion.intervals import IntervalConfig
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
@@ -96,5 +97,5 @@ def _running_median(p):  # type: ignore[no-untyped-def]
         for axis in range(3):
             for j in range(5):
                 window[j] = p[min(max(i + j - 2, 0), len(p) - 1), axis]
-            out[i, axis] = np.sort(window)[2]
+            out[i, axis] = median(window, 5)
     return out

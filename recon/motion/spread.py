@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from recon.dense.order import median, quantile
+from twin.geometry import Array
+
+
+def spread(points: Array, visible: NDArray[np.bool_], share: float) -> tuple[Array, NDArray[np.int64]]:
+    """Distance (K,) from a track's median point within which this share of its points (T, K, D) lies, in their unit, and
+    how many of them are visible (T, K); 0 where none is."""
+    return _spread(np.ascontiguousarray(points), np.ascontiguousarray(visible), share)
 
 
 @njit(cache=True, nogil=True)
-def spread(points, visible, share):  # type: ignore[no-untyped-def]
-    """Distance (K,) from a track's median point within which this share of its points (T, K, D) lies, in their unit, and how many of
-    them are visible (T, K); 0 where none is."""
+def _spread(points, visible, share):  # type: ignore[no-untyped-def]
     frames, tracks, dims = points.shape
     out, count = np.zeros(tracks), np.zeros(tracks, np.int64)
     seen = np.empty(frames, np.int64)
@@ -26,8 +34,10 @@ def spread(points, visible, share):  # type: ignore[no-untyped-def]
         for d in range(dims):
             for m in range(n):
                 values[m] = points[seen[m], k, d]
-            middle = np.median(values)
+            middle = median(values, n)
             for m in range(n):
-                square[m] += (values[m] - middle) ** 2
-        out[k] = np.quantile(np.sqrt(square), share)
+                square[m] += (points[seen[m], k, d] - middle) ** 2
+        for m in range(n):
+            square[m] = np.sqrt(square[m])
+        out[k] = quantile(square, n, share)
     return out, count

@@ -201,7 +201,7 @@ def _drop_sheets(chart: I32, flat: Array, height: Array) -> bool:
     low, size = _boxes(flat, chart)
     start = np.concatenate([[0], np.cumsum(size[:, 0] * size[:, 1])])
     front_first = np.lexsort((np.arange(len(chart)), -height))
-    behind = _behind(flat - low[chart][:, None], chart, start, size[:, 0], front_first)
+    behind = _behind(flat - low[chart][:, None], chart, start, np.ascontiguousarray(size[:, 0]), front_first)
     chart[behind] = -1
     return bool(behind.any())
 

@@ -47,8 +47,9 @@ def shade(
 
     def some(start: int) -> tuple[F32, NDArray[np.uint8]]:
         part = slice(start, start + _AT_ONCE)
+        own = np.require(points[part], requirements=["C", "W"])  # _shade is compiled for one layout of memory
         return _shade(
-            points[part], normals[part], photos.color, photos.depth, photos.trust, photos.low, photos.T_cam_body,
+            own, normals[part], photos.color, photos.depth, photos.trust, photos.low, photos.T_cam_body,
             photos.camera.vector, gains, group[part], noise.base, noise.slope,
         )  # fmt: skip
 
@@ -207,7 +208,8 @@ def _shade(
             if good > 0:
                 at[seen, 0], at[seen, 1], weight[seen], which[seen] = u, v, good, k
                 _low_at(low[k], u, v, slow[seen])
-                slow[seen] *= gains[group[p], k]
+                for c in range(3):
+                    slow[seen, c] *= gains[group[p], k, c]
                 bright[seen] = slow[seen].mean()
                 seen += 1
         if seen == 0:

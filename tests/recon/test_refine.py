@@ -121,7 +121,9 @@ def test_a_frame_that_is_hardly_seen_comes_along() -> None:
     frames, planes = 60, 60
     state = minimum_jerk(frames)
     normal = np.array([0.0, 1.0, 0.0])
-    term, frame = np.nonzero((rng.random((planes, frames)) < 0.5) | (np.arange(planes) < 3)[:, None])
+    term, frame = np.array(
+        np.nonzero((rng.random((planes, frames)) < 0.5) | (np.arange(planes) < 3)[:, None])
+    )
     hidden = (frame == 0) & (term >= 3)
     term, frame = term[~hidden], frame[~hidden]
     on_board = rng.uniform(-0.3, 0.3, (planes, 3)) * [1.0, 0.0, 1.0]

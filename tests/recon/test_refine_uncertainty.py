@@ -31,7 +31,7 @@ def observed(
     observations of eight neighbouring frames, along one direction; slow: m, of a shift of everything, half a cosine over all frames."""
     points = rng.uniform(-0.3, 0.3, (TERMS, 3))
     normals = geo.unit(rng.normal(size=(TERMS, 3)))
-    term, frame = np.nonzero(rng.random((TERMS, FRAMES)) < 0.5)
+    term, frame = np.array(np.nonzero(rng.random((TERMS, FRAMES)) < 0.5))
     poses = joint.poses(state)[frame]
     q = np.einsum("nij,nj->ni", poses[:, :3, :3], points[term]) + poses[:, :3, 3]
     block = rng.normal(0, 1, (FRAMES // 8 + 1, 3))[frame // 8]

@@ -6,6 +6,7 @@ import math
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -138,6 +139,7 @@ def rule_of(f: Field[Any]) -> Rule:
     return cast(Rule, f.metadata.get(_KEY, Rule(infinite=True)))
 
 
+@cache
 def types_of(cls: type) -> Mapping[str, Any]:
     """Field -> type of a dataclass, the fields in their order."""
     hints = get_type_hints(cls)

@@ -70,7 +70,7 @@ def edges_from_poses(
     T_world_part: Array, pairs: NDArray[np.int64], sigma: float, sigma_rad: float
 ) -> PoseEdges:
     """Edges between poses (N, 4, 4), in part coordinates; sigma (m) and sigma_rad: noise of one edge at the part's origin."""
-    i, j = pairs.T
+    i, j = np.ascontiguousarray(pairs.T)
     relative = geo.invert_pose(T_world_part[i]) @ T_world_part[j]
     omega = np.diag([sigma**-2.0] * 3 + [sigma_rad**-2.0] * 3)
     return PoseEdges(i, j, relative, np.broadcast_to(omega, (len(pairs), 6, 6)).copy(), np.abs(j - i) > 1)
@@ -112,7 +112,7 @@ def edges_from_tracks(
         )
         informations.append(np.einsum("nki,nkj->ij", jac, jac) / (2.0 * sigma**2))
         kept.append(row)
-    i, j = pairs[kept].T if kept else np.zeros((2, 0), dtype=np.int64)
+    i, j = np.ascontiguousarray(pairs[kept].T) if kept else np.zeros((2, 0), dtype=np.int64)
     shape = (len(kept), 4, 4)
     return PoseEdges(
         i, j, np.reshape(poses, shape), np.reshape(informations, (len(kept), 6, 6)), np.abs(j - i) > 1

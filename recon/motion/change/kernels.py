@@ -142,7 +142,7 @@ def best_path(score, most, price):  # type: ignore[no-untyped-def]
                 if c > best:
                     best, at = c, r
             back[t, q], new[q] = at, best + score[t, q]
-        total[:] = new
+        total, new = new, total
     path = np.zeros(frames, np.int64)
     path[frames - 1] = np.argmax(total)
     for t in range(frames - 1, 0, -1):

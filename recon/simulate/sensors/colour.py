@@ -39,7 +39,7 @@ def colour_image(
             fewer photons (variance / light) and the read noise is amplified (variance / light^2).
     """
     height, width = colour.shape[:2]
-    rows = np.ascontiguousarray(np.broadcast_to(np.asarray(gain, dtype=np.float64).reshape(-1), height))
+    rows = np.broadcast_to(np.asarray(gain, dtype=np.float64).reshape(-1), height).copy()
     noise = rng.standard_normal(colour.shape)
     return _developed(colour, rows, _vignette(height, width), noise, scale, light, *_LEVELS)
 
