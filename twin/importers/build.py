@@ -14,6 +14,7 @@ from twin.atlas import MOST_TEXELS, joined_textures
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
 from twin.importers.closed_end import travel_of
+from twin.importers.helpers import without_helpers
 from twin.importers.interpenetration import deeper
 from twin.importers.joints import at_rest, joint_of, range_of
 from twin.importers.source import (
@@ -55,7 +56,7 @@ def build(
 ) -> Twin:
     """The twin of a file. What it can't carry is told as UserWarnings. Raises InputError that names the element."""
     notes = list(source.notes)
-    bodies = _kept(source, exclude, notes)
+    bodies = without_helpers(source, _kept(source, exclude, notes), limits, notes)
     groups = _groups(bodies)
     moving = [g.first for g in groups if g.first is not None]
     for asked, what in ((closed, "closed"), (limits, "limits")):
@@ -218,15 +219,16 @@ def _deeper(groups: Sequence[_Group], first: SourceBody, rest: float, position: 
     """How much deeper (m) a part, with all that hangs on it, is in the others at a position of its joint than at rest."""
     assert first.joint is not None
     carried = {first.name}
-    sides: tuple[list[Mesh], list[Mesh]] = [], []
+    others: list[Mesh] = []
+    mine: list[Mesh] = []
     for group in groups:
         if any(b.parent in carried for b in group.bodies):
             carried.update(b.name for b in group.bodies)
         with_it = group.first is not None and group.first.name in carried
-        sides[with_it] += [Mesh(m.vertices, m.faces) for m in _seen(group)]
-    others, mine = map(joined, sides)
+        (mine if with_it else others).extend(Mesh(m.vertices, m.faces) for m in _seen(group))
     joint = at_rest(first.joint)
-    return deeper(mine.transformed(joint.pose(rest - first.joint.rest)), others, joint, position - rest)
+    part = joined(mine).transformed(joint.pose(rest - first.joint.rest))
+    return deeper(part, joined(others), joint, position - rest)
 
 
 def _part_above(body: SourceBody, ids: Mapping[str, int], bodies: Sequence[SourceBody]) -> int | None:

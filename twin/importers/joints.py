@@ -14,11 +14,16 @@ from twin.importers.source import Source, SourceJoint
 from twin.scene import Joint, Mesh, Prismatic, Revolute
 
 
+def has_range(low: float | None, high: float | None) -> bool:
+    """Whether limits leave a way to go."""
+    return low is not None and high is not None and bool(np.isfinite([low, high]).all()) and low < high
+
+
 def range_of(
     source: Source, joint: SourceJoint, limits: Mapping[str, tuple[float, float]]
 ) -> tuple[float, float]:
     low, high = limits.get(joint.name, (joint.lower, joint.upper))
-    if low is None or high is None or not np.isfinite([low, high]).all() or not low < high:
+    if low is None or high is None or not has_range(low, high):
         said = (
             "no limits" if low is None or high is None else f"the range {low:g} to {high:g}, which is no way"
         )
