@@ -10,6 +10,7 @@ A reader for each format fills one neutral description (twin.importers.source), 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from twin.errors import InputError
@@ -32,7 +33,8 @@ def from_urdf(
 
     Links that don't move are the static scene; a link on a revolute or prismatic joint is a part, with what is fixed to it.
     Numbers that the file doesn't state (mass, joint resistance, contact friction) come from the table of materials, as
-    in any twin. Nobody moved the parts: their motions are empty. What a twin can't carry is told as a UserWarning.
+    in any twin. Nobody moved the parts: their motions are empty. What a twin can't carry, and what `twin lint` calls an
+    error in the file's text, is told as a UserWarning.
 
     Args:
         closed: joint -> its closed position, state 0 of the twin: "lower", "upper", or a number in the file's own m or rad.
@@ -90,6 +92,7 @@ def _from(
     if fmt == "urdf" and visual_groups:
         raise InputError(f"{file} is URDF, which has no geom groups", "leave visual groups out")
     from twin.importers.build import build
+    from twin.importers.linted import errors
 
     if fmt == "urdf":
         from twin.importers import urdf
@@ -99,6 +102,7 @@ def _from(
         from twin.importers import mjcf
 
         source = mjcf.read(file, visual_groups)
+    source = replace(source, notes=(*errors(file), *source.notes))
     return build(source, closed or {}, limits or {}, exclude)
 
 

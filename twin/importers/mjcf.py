@@ -17,6 +17,7 @@ from twin.importers.geom_groups import seen_geoms
 from twin.importers.keyframes import ends
 from twin.importers.look import Lost, welded
 from twin.importers.mjcf_look import looking, mesh_arrays
+from twin.importers.refused import refusal
 from twin.importers.shapes import (
     box,
     capsule,
@@ -52,8 +53,7 @@ def read(path: Path, visual_groups: Sequence[int] = ()) -> Source:
         spec.compiler.fusestatic = False
         model = spec.compile()
     except ValueError as e:
-        reason = " ".join(str(e).split())
-        raise InputError(f"MuJoCo can't load {path}: {reason}", f"see `twin lint {path}`") from e
+        raise refusal(path, e) from e
     down = np.asarray(model.opt.gravity)
     if np.linalg.norm(down) > 0 and geo.angle_between(down, [0.0, 0.0, -1.0]) > 1e-6:
         raise InputError(f"{path}: gravity is {down.tolist()}", "turn the scene: a twin's z points up")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -14,11 +13,11 @@ from twin.errors import InputError, SceneError
 from twin.geometry import Array
 from twin.importers.look import Lost, painted
 from twin.importers.mesh_file import mesh_file
-from twin.importers.shapes import box, convex, cylinder, ellipsoid, is_convex
+from twin.importers.shapes import box, capsule, convex, cylinder, ellipsoid, is_convex
 from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
 from twin.importers.urdf_look import material_of, primitive, turned_upright
+from twin.importers.urdf_text import parsed
 from twin.lint.meshes import locate
-from twin.lint.xml import read_xml
 from twin.mesh import joined
 from twin.scene import Box, Collision, Mesh
 
@@ -27,7 +26,7 @@ _WORLD = "world"
 
 def read(path: Path) -> Source:
     """Read a URDF file. Raises InputError."""
-    robot = _parsed(path)
+    robot = parsed(path)
     links = {k.name: k for k in robot.links}
     if len(links) < len(robot.links):
         raise InputError(
@@ -67,24 +66,6 @@ def read(path: Path) -> Source:
         if j.mimic is not None
     ]
     return Source(path, robot.name, tuple(bodies), (*notes, *lost.notes()))
-
-
-def _parsed(path: Path) -> Any:
-    read_xml(path)  # refuses document types, which the parser of yourdfpy would follow
-    import yourdfpy
-
-    quiet = logging.getLogger("yourdfpy.urdf")
-    level = quiet.level
-    quiet.setLevel(logging.CRITICAL)  # what it warns about is told here, or has no weight for a twin
-    try:
-        return yourdfpy.URDF.load(
-            str(path), build_scene_graph=False, load_meshes=False, load_collision_meshes=False
-        ).robot
-    except Exception as e:  # the parser's errors have no common base
-        reason = " ".join(f"{type(e).__name__}: {e}".split())[:200]
-        raise InputError(f"{path} can't be read as URDF: {reason}", f"see `twin lint {path}`") from e
-    finally:
-        quiet.setLevel(level)
 
 
 def _joints_above(path: Path, robot: Any) -> dict[str, Any]:
@@ -207,12 +188,15 @@ def _visual(
 
 def _surface(path: Path, geometry: Any, owner: str, upright: bool = False) -> Mesh:
     """A geometry in its own frame, without its look; the mesh of a file turned upright or not."""
-    for shape in (geometry.box, geometry.cylinder, geometry.sphere):
+    tube = getattr(geometry, "capsule", None)
+    for shape in (geometry.box, geometry.cylinder, geometry.sphere, tube):
         sizes = np.hstack([np.zeros(0), *vars(shape).values()]) if shape is not None else np.ones(1)
         if not np.all(sizes > 0) or not np.isfinite(sizes).all():
             raise SceneError(f"the sizes of {owner} must be positive, got {sizes.tolist()}")
     if geometry.box is not None:
         return box(geometry.box.size)
+    if tube is not None:
+        return capsule(tube.radius, tube.length)
     if geometry.cylinder is not None:
         return cylinder(geometry.cylinder.radius, geometry.cylinder.length)
     if geometry.sphere is not None:
