@@ -213,6 +213,7 @@ class Twin(Described):
     labels: recording frame -> (H, W) uint8 label image (0 unknown, 1 static, part ids from 2, 255 hand); may be lazy.
     provenance: versions and configuration, JSON types only. extra: what others wrote into twin.json beside the format's
     own keys, JSON types; that of a part is with the part. verdict: what the whole is worth, None as of a part.
+    filtered_pairs: pairs of names of parts, or of one and the static scene, that don't collide with each other in a simulation.
     """
 
     name: str
@@ -224,10 +225,11 @@ class Twin(Described):
     labels: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
     extra: Mapping[str, Any] = field(default_factory=dict)
     verdict: Verdict | None = None
+    filtered_pairs: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         require_legal(self.name)
-        names = [self.static.name, *(p.name for p in self.parts)]
+        names = [o.name for o in self.owners]
         if len({n.lower() for n in names}) != len(names):
             raise SceneError(f"part names must be unique whatever their case, got {names}")
         ids = [p.id for p in self.parts]
@@ -235,9 +237,29 @@ class Twin(Described):
             raise SceneError(f"part ids must be unique, got {ids}")
         for p in self.parts:
             self._check_ancestors(p)
+        self._check_pairs(names)
 
     def _repr_html_(self) -> str:
         return html(self)
+
+    @property
+    def owners(self) -> tuple[StaticPart | Part, ...]:
+        """The static scene, then the parts."""
+        return (self.static, *self.parts)
+
+    def _check_pairs(self, names: list[str]) -> None:
+        for pair in self.filtered_pairs:
+            if len(pair) != 2 or pair[0] == pair[1]:
+                raise SceneError(f"a filtered pair must hold two different names, got {list(pair)}")
+            for name in pair:
+                if name not in names:
+                    close = nearest_name(name, names)
+                    hint = f"did you mean {close!r}?" if close else f"there are: {', '.join(names)}"
+                    raise SceneError(
+                        f"filtered_pairs names {name!r}, which is neither a part nor the static scene", hint
+                    )
+        kept = {tuple(sorted(pair, key=names.index)) for pair in self.filtered_pairs}
+        _set(self, "filtered_pairs", tuple(sorted(kept, key=lambda pair: [names.index(n) for n in pair])))
 
     def _check_ancestors(self, part: Part) -> None:
         seen = {part.id}

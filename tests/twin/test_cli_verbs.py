@@ -314,6 +314,7 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
 ) -> None:
     class Files(dict[str, Path]):
         warnings = ("usd: friction loss is left out",)
+        overlaps = ()
 
     full = load(run)
     bare = cabinet_twin(name="bare")

@@ -12,8 +12,9 @@ import trimesh
 from benchmarks.scenes.boards import cabinet_twin
 from twin.cli.main import run
 from twin.collision import with_collision
-from twin.collision.clearance import find_touches
-from twin.collision.stated import hollow, meetings, require_convex
+from twin.collision.clearance import Yielding, find_touches
+from twin.collision.meetings import meetings
+from twin.collision.stated import hollow, require_convex
 from twin.errors import SceneError
 from twin.exporters import complete, export
 from twin.scene import Box, Collision, Mesh, Twin
@@ -69,7 +70,7 @@ def test_made_shapes_give_way_to_stated_ones(exact: Twin) -> None:
     assert twin.part("door").collision == door
     fixed = {1 + [p.name for p in twin.parts].index("door")}
     shapes = [list(twin.static.collision), *(list(p.collision) for p in twin.parts)]
-    assert find_touches(twin, shapes, 0.0015, 0.01, fixed) == []
+    assert find_touches(twin, shapes, 0.0015, 0.01, Yielding(fixed)) == []
     assert meetings(twin) == []
     walls = with_collision(with_shapes(exact, **{exact.static.name: exact.static.collision}))
     assert walls.static.collision == exact.static.collision
@@ -100,9 +101,9 @@ def test_a_made_shape_that_stays_in_a_stated_one_is_told_as_made(exact: Twin) ->
     wall = Box(exact.part("door").collision[0].T_world_box, np.full(3, 0.05))  # type: ignore[union-attr]
     twin = replace(exact, static=replace(exact.static, collision=(*exact.static.collision, wall)))
     (told,) = meetings(twin, {"door"})
-    assert "those made for 'door' could not be cut free: state shapes that keep clear" in told
-    assert "left as stated" not in told
-    assert "left as stated" in meetings(twin)[0]
+    assert "those made for 'door' could not be cut free: state shapes that keep clear" in told.text
+    assert "left as stated" not in told.text
+    assert "left as stated" in meetings(twin)[0].text
 
 
 CHANNEL = trimesh.util.concatenate(

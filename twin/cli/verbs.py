@@ -116,9 +116,10 @@ def export_step(
     """collision: settings of the shapes by name; with any, shapes that the program made before are made anew."""
     from twin import exporters
     from twin.collision import collision_config
+    from twin.collision.meetings import shapes_of
     from twin.completion import without_shapes
     from twin.completion.asset import usual_view
-    from twin.exporters.shape_report import COLUMNS, collision_reports, inferred_tables, shapes_of
+    from twin.exporters.shape_report import COLUMNS, collision_reports, inferred_tables
 
     started = time.perf_counter()
     twin = load(run)
@@ -139,6 +140,7 @@ def export_step(
     data = {
         "files": {name: str(path) for name, path in files.items()},
         "collision": [r.to_json() for r in reports],
+        "overlaps": [vars(m) for m in files.overlaps],
     }
     tables = [
         Table("export", ["format", "file"], rows),
@@ -146,7 +148,8 @@ def export_step(
         Table("collision shapes", COLUMNS, [r.row() for r in reports]),
     ]
     warnings = [*files.warnings, *(r.warning for r in reports if r.warning)]
-    outcome = judged(Outcome(data, tables, warnings=warnings), twin)
+    doubt = "; ".join(m.text for m in files.overlaps)
+    outcome = judged(Outcome(data, tables, warnings=warnings, ok=not doubt, doubt=doubt), twin)
     return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
 
 

@@ -17,11 +17,12 @@ import numpy as np
 from twin import geometry as geo
 from twin.collision.boards import Board, BoardSearch, beyond, find_boards
 from twin.collision.cache import ShapeCache
-from twin.collision.clearance import make_clear, points_of, sweep_states
+from twin.collision.clearance import Yielding, make_clear, points_of, sweep_states
 from twin.collision.closed_pieces import closed_piece_shapes
 from twin.collision.convex import cut, thick_hull, triangles_of
 from twin.collision.decimation import decimated, decimated_body
 from twin.collision.main_axes import main_axes, outline_axes
+from twin.collision.meetings import filtered_owners
 from twin.collision.pieces import pieces_of
 from twin.collision.splitting import decompose, merge
 from twin.files.paths import AnyPath
@@ -101,7 +102,8 @@ def with_collision(
 
     The shapes of a part keep `clearance` from those of the static scene over its whole range: static shapes give way,
     because the recording showed that the part moves there. Shapes that the twin has already stay as they are, and what is
-    made gives way to them; where two of them meet is left to `twin.collision.stated.meetings` to say.
+    made gives way to them, except in filtered pairs. A part that would lose all its shapes keeps them, or nothing could
+    touch it. Where shapes overlap is left to `twin.collision.meetings` to say.
 
     Args:
         cache_dir: shapes are kept there and read back when mesh and config match, each part's by itself, and all again
@@ -135,8 +137,9 @@ def _make(
     ]
     reach = np.concatenate(moved) if moved else np.zeros((0, 3))
     static = list(stated[0]) or static_shapes(twin.static.mesh, reach, config)
-    fixed = {k for k, own in enumerate(stated) if own}
-    return make_clear(twin, [static, *parts], config.clearance, config.step, fixed)
+    yielding = Yielding({k for k, own in enumerate(stated) if own}, filtered_owners(twin))
+    cleared = make_clear(twin, [static, *parts], config.clearance, config.step, yielding)
+    return [cleared[0], *(left or whole for left, whole in zip(cleared[1:], parts, strict=True))]
 
 
 def made_for(mesh: Mesh, config: CollisionConfig, cache: ShapeCache) -> Made:

@@ -16,7 +16,7 @@ from twin.files.atomic import write_file
 from twin.files.paths import AnyPath
 from twin.scene import Box, Collision, Mesh, Twin
 
-_VERSION = 6  # part of every key: raise it whenever the same input may give other shapes
+_VERSION = 7  # part of every key: raise it whenever the same input may give other shapes
 
 Shapes = list[list[Collision]]
 
@@ -35,7 +35,7 @@ class ShapeCache:
         return f"part_{h.hexdigest()[:24]}"
 
     def key_of_twin(self, twin: Twin, stated: Sequence[Sequence[Collision]]) -> str:
-        """Key of all shapes: every mesh and joint, the shapes that are stated (static first), and the config."""
+        """Key of all shapes: every mesh and joint, filtered pairs, the shapes that are stated (static first), and the config."""
         h = hashlib.sha256(self._config)
         for mesh in (twin.static.mesh, *(p.mesh for p in twin.parts)):
             h.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
@@ -47,6 +47,8 @@ class ShapeCache:
             for s in own:
                 both = (s.T_world_box, s.size) if isinstance(s, Box) else (s.vertices, s.faces)
                 h.update(b"".join(x.tobytes() + f"{x.shape}".encode() for x in both))
+        if twin.filtered_pairs:
+            h.update(f"{[o.name for o in twin.owners]} {twin.filtered_pairs}".encode())
         return f"twin_{h.hexdigest()[:24]}"
 
     def kept(self, key: str, make: Callable[[], Shapes]) -> Shapes:

@@ -10,19 +10,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Set
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from twin import geometry as geo
+from twin.collision.contact_model import model_of
 from twin.collision.convex import Hull, clip, hull_of
 from twin.geometry import Array
-from twin.scene import Box, Collision, Mesh, Part, Revolute, Twin
+from twin.scene import Box, Collision, Part, Revolute, Twin
 
 _ROUNDS = 60  # a round takes about 0.1 s; each splits or cuts every shape in the way once
 _KEEP = 0.4  # a clip may not take more than this share of a large shape: the shape is split instead
 _LARGE = 0.12  # m
 _REACH = 0.05  # m to each side of a contact: the piece that is split off
+
+Owners = frozenset[int]
 
 
 @dataclass(frozen=True)
@@ -52,28 +54,53 @@ def _radius(joint: Revolute, points: Array) -> float:
     return float(np.linalg.norm(away - np.outer(away @ joint.axis, joint.axis), axis=1).max())
 
 
+@dataclass(frozen=True)
+class Yielding:
+    """Who gives way to whom; an owner is 0, the static scene, or 1 and more, a part.
+
+    fixed: owners whose shapes somebody stated: nothing of them is cut, what they touch gives way. ignored: pairs of owners
+    that may touch. only: where given, the pairs of owners that may not.
+    """
+
+    fixed: Set[int] = frozenset()
+    ignored: Set[Owners] = frozenset()
+    only: Set[Owners] | None = None
+
+    def matters(self, one: int, other: int) -> bool:
+        """Whether one of two owners has to give way when they touch: of two that are fixed neither does."""
+        pair = frozenset((one, other))
+        wanted = pair not in self.ignored if self.only is None else pair in self.only
+        return wanted and not pair <= self.fixed
+
+    def yields(self, one: int, other: int) -> bool:
+        """Whether the first of two owners gives way to the second: the static scene to parts, the later of two parts."""
+        if (one in self.fixed) != (other in self.fixed):
+            return other in self.fixed
+        return one == 0 or one > other > 0
+
+
+EVERYTHING = Yielding()  # all shapes were made, and no pair may touch
+
+
 def make_clear(
-    twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, fixed: Set[int] = frozenset()
+    twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, yielding: Yielding = EVERYTHING
 ) -> list[list[Collision]]:
     """Cut shapes (static first, then one list per part) until parts keep `clearance` from others over their range.
 
-    Static shapes give way to parts; of two parts, the later one in the twin. A part and its parent may touch. Shapes that
-    overlapped can be cut down to the same rest: it stays once.
-
-    Args:
-        fixed: lists (0 static, then parts) that somebody stated: nothing of them is cut, what they touch gives way.
+    A part and the part that it is mounted on may touch. Shapes that overlapped can be cut down to the same rest: it stays
+    once.
     """
     shapes = [list(s) for s in shapes]
-    touches = find_touches(twin, shapes, clearance, step, fixed)
+    touches = find_touches(twin, shapes, clearance, step, yielding)
     for _ in range(_ROUNDS):
         if not touches:
             break
         _give_way(shapes, touches, clearance)
-        touches = find_touches(twin, shapes, clearance, step, fixed)
+        touches = find_touches(twin, shapes, clearance, step, yielding)
     for owner, index in sorted({(t.owner, t.index) for t in touches}, reverse=True):
         if owner == 0:  # could not be cut free in all rounds
             del shapes[0][index]
-    return [s if k in fixed else _distinct(s) for k, s in enumerate(shapes)]
+    return [s if k in yielding.fixed else _distinct(s) for k, s in enumerate(shapes)]
 
 
 def _distinct(shapes: list[Collision]) -> list[Collision]:
@@ -126,11 +153,9 @@ def _split_around(hull: Hull, point: Array) -> list[Hull]:
 
 
 def find_touches(
-    twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, fixed: Set[int] = frozenset()
+    twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, yielding: Yielding = EVERYTHING
 ) -> list[Touch]:
-    """The deepest touch of every shape that comes nearer than `clearance`, one part opened at a time.
-
-    Of two `fixed` lists neither gives way, so their touches are left out.
+    """The deepest touch of every shape that comes nearer than `clearance` and has to give way, one part opened at a time.
 
     Between two states of the sweep a thin edge could slip past unseen, so what moves is tested as the hull of each shape at
     both ends of the step: it holds the shape in every state between them (of a turning one all but the rise of its arcs
@@ -138,7 +163,9 @@ def find_touches(
     """
     worst: dict[tuple[int, int], Touch] = {}
     for part in twin.parts:
-        for t in _touches_of(twin, shapes, part, clearance, step, fixed):
+        if yielding.only is not None and not any(carried(twin, part) & pair for pair in yielding.only):
+            continue
+        for t in _touches_of(twin, shapes, part, clearance, step, yielding):
             key = (t.owner, t.index)
             if key not in worst or t.depth < worst[key].depth:
                 worst[key] = t
@@ -146,7 +173,7 @@ def find_touches(
 
 
 def _touches_of(
-    twin: Twin, shapes: list[list[Collision]], part: Part, clearance: float, step: float, fixed: Set[int]
+    twin: Twin, shapes: list[list[Collision]], part: Part, clearance: float, step: float, yielding: Yielding
 ) -> Iterator[Touch]:  # fmt: skip
     """What comes too near while one part opens; several touches of one shape are possible."""
     import mujoco
@@ -176,22 +203,15 @@ def _touches_of(
                 continue
             a, b = c.geom
             toward = c.frame[:3]  # from a to b
-            if {int(owner[a]), int(owner[b])} <= fixed:
+            if not yielding.matters(int(owner[a]), int(owner[b])):
                 continue
-            gives, sign = (a, 1.0) if _yields(int(owner[a]), int(owner[b]), fixed) else (b, -1.0)
+            gives, sign = (a, 1.0) if yielding.yields(int(owner[a]), int(owner[b])) else (b, -1.0)
             surface = c.pos + sign * toward * c.dist / 2  # of the one that stays
             key = (int(owner[gives]), int(index[gives]))
             piece = shapes[key[0]][key[1]]
             yield _touch(
                 twin, key, piece, float(c.dist), surface, sign * toward, margin, part, states, float(state)
             )
-
-
-def _yields(one: int, other: int, fixed: Set[int]) -> bool:
-    """Whether the first of two owners gives way to the second."""
-    if (one in fixed) != (other in fixed):
-        return other in fixed
-    return one == 0 or one > other > 0
 
 
 def _touch(
@@ -228,52 +248,3 @@ def _swept(piece: Collision, delta: Array) -> Collision:
 def points_of(piece: Collision) -> Array:
     """Corners (n, 3) of a shape in the world at state 0."""
     return piece.corners if isinstance(piece, Box) else piece.vertices
-
-
-def model_of(twin: Twin, shapes: list[list[Collision]], moving: set[int], margin: float) -> Any:
-    """A model of the bare shapes in which only what moves meets what stays.
-
-    Body frames are the world at state 0, geoms are called geom_<owner>_<index>.
-    """
-    import mujoco
-
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    bodies: dict[int | None, Any] = {None: spec.worldbody}
-    order = list(twin.parts)
-    while order:
-        part = order.pop(0)
-        if part.parent not in bodies:
-            order.append(part)
-            continue
-        body = bodies[part.parent].add_body(
-            name=f"body_{part.id}", mass=1.0, inertia=[1.0, 1.0, 1.0], explicitinertial=True
-        )
-        bodies[part.id] = body
-        kind = (
-            mujoco.mjtJoint.mjJNT_HINGE if isinstance(part.joint, Revolute) else mujoco.mjtJoint.mjJNT_SLIDE
-        )
-        pivot = part.joint.pivot if isinstance(part.joint, Revolute) else np.zeros(3)
-        body.add_joint(name=f"joint_{part.id}", type=kind, axis=part.joint.axis, pos=pivot)
-    for i, owner in enumerate(shapes):
-        body = bodies[None if i == 0 else twin.parts[i - 1].id]
-        groups = {"contype": 1, "conaffinity": 2} if i in moving else {"contype": 2, "conaffinity": 1}
-        for k, piece in enumerate(owner):
-            _add_geom(spec, body, f"geom_{i}_{k}", piece, margin=margin, **groups)
-    return spec.compile()
-
-
-def _add_geom(spec: Any, body: Any, name: str, piece: Collision, **options: Any) -> None:
-    import mujoco
-
-    if isinstance(piece, Mesh):
-        hull = hull_of(piece.vertices)  # what engines take, however a stated mesh is wound
-        if hull is None:
-            return  # flat: it stands for no body
-        spec.add_mesh(name=name, uservert=hull.vertices.ravel(), userface=hull.faces.ravel())
-        body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
-    else:
-        body.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=piece.size / 2, pos=piece.T_world_box[:3, 3],
-            quat=geo.quat_wxyz_from_matrix(piece.T_world_box[:3, :3]), **options,
-        )  # fmt: skip

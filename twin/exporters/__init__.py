@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from twin.completion.asset import AssetView, is_reconstructed, usual_view
 from twin.contacts import contacts_off
@@ -24,16 +24,23 @@ from twin.runs.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import overlaps, require_sound
 
+if TYPE_CHECKING:
+    from twin.collision.meetings import Meeting
+
 Format = Literal["urdf", "mjcf", "usd"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 
 @dataclass(frozen=True)
 class Exported(Mapping[str, Path]):
-    """Format -> main file, with a warning for everything a format can't carry."""
+    """Format -> main file, with a warning for everything a format can't carry.
+
+    overlaps: bodies whose collision shapes overlap by more than 2 mm with every part closed; an engine throws them apart.
+    """
 
     files: Mapping[str, Path]
     warnings: tuple[str, ...] = ()
+    overlaps: tuple[Meeting, ...] = ()
 
     def __getitem__(self, fmt: str) -> Path:
         return self.files[fmt]
@@ -71,7 +78,7 @@ def export(
         collision: settings of the collision shapes that are made, by name: {"part_pieces": 8}.
 
     Returns:
-        the main file of every format, and warnings about what a format can't carry.
+        the main file of every format, warnings about what a format can't carry, and the overlaps that are to be mended.
 
     Raises:
         InputError: unknown format, illegal package name, an unwritable folder, or a file in it that was changed since its export.
@@ -86,15 +93,16 @@ def export(
     asset = AssetInfo() if asset is None else asset
     view = usual_view(twin) if view is None else view
     ready = _shown(twin, view, cache_dir, collision)
-    tree = build_tree(ready)
+    tree, met = build_tree(ready), _meetings(twin, ready)
+    trees, lost_shapes = _trees(ready, tree, formats, met)
     files: dict[str, Path] = {}
-    warnings = _warnings(twin, ready, tree)
+    warnings = [*_warnings(twin, ready, tree, met), *lost_shapes]
     try:
         with ExitStack() as stack:
             staged = {fmt: stack.enter_context(staging((folder / fmt).resolve())) for fmt in formats}
             for fmt, here in staged.items():
-                path, lost = import_module(f"twin.exporters.{fmt}").write(tree, here, asset)
-                (here / "README.md").write_text(readme(tree, fmt), encoding="utf-8", newline="\n")
+                path, lost = import_module(f"twin.exporters.{fmt}").write(trees[fmt], here, asset)
+                (here / "README.md").write_text(readme(trees[fmt], fmt), encoding="utf-8", newline="\n")
                 view.write(twin, here)
                 files[fmt] = folder / fmt / path.name
                 warnings += lost
@@ -105,7 +113,7 @@ def export(
         raise InputError(
             f"{folder} can't be written: {e.strerror or e}", "check space and permissions"
         ) from e
-    return Exported(files, tuple(warnings))
+    return Exported(files, tuple(warnings), tuple(m for m in met if m.rests))
 
 
 def _shown(
@@ -120,16 +128,34 @@ def _shown(
     return without_rests(ready)  # as it was before rests were looked at, to the byte
 
 
-def _warnings(twin: Twin, ready: Twin, tree: Tree) -> list[str]:
-    """What of a completed twin (`ready`) is not as one would wish."""
-    from twin.collision.stated import meetings, owners_of
+def _meetings(twin: Twin, ready: Twin) -> list[Meeting]:
+    """The bodies of a completed twin (`ready`) whose shapes overlap while a part opens."""
+    from twin.collision.meetings import meetings, shapes_of  # SciPy, which a wrong option needs not wait for
 
-    made = {owner.name for owner in owners_of(twin) if not owner.collision}
+    return meetings(ready, {owner.name for owner in twin.owners if not shapes_of(owner)})
+
+
+def _trees(
+    ready: Twin, tree: Tree, formats: Sequence[str], met: Sequence[Meeting]
+) -> tuple[dict[str, Tree], list[str]]:
+    """The tree of each format, and a line for each body whose shapes are cut in URDF, which can't filter pairs."""
+    from twin.collision.meetings import meetings, with_pairs_cut
+
+    cut, told = with_pairs_cut(ready, met) if "urdf" in formats else (ready, [])
+    own = tree if cut is ready else build_tree(cut)
+    left = {m.names: m.depth for m in (met if cut is ready else meetings(cut))}
+    return {fmt: replace(own, meeting=left) if fmt == "urdf" else tree for fmt in formats}, [
+        f"urdf: {text}" for text in told
+    ]
+
+
+def _warnings(twin: Twin, ready: Twin, tree: Tree, met: Sequence[Meeting]) -> list[str]:
+    """What of a completed twin (`ready`) is not as one would wish."""
     from twin.physics import unheld
 
     bare = [k.name for k in tree.links if not k.collision]
     found = [f"{name} has no collision shapes, so nothing can touch it" for name in bare]
-    found += [*overlaps(ready), *meetings(ready, made)]
+    found += [*overlaps(ready), *(m.text for m in met if not m.filtered)]
     found += [f"{off.problem}; {off.remedy}" for off in contacts_off(twin)]
     found += unheld(ready)
     level = level_evidence(ready)

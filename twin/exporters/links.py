@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -121,6 +121,8 @@ class Tree:
     """Links, the root first and every parent before its children, in depth-first order; source names what it was made from.
 
     verdict: on the twin, None where it has none; told: the line that says it, or why there is none. whole: with the inferred layer.
+    filtered: pairs of links that don't collide, each part and its parent among them. meeting: pairs of links whose shapes overlap
+    while a part opens, with the deepest overlap (m); filtered ones too.
     """
 
     name: str
@@ -129,6 +131,8 @@ class Tree:
     verdict: Verdict | None = None
     told: str = ""
     whole: bool = False
+    filtered: tuple[tuple[str, str], ...] = ()
+    meeting: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     @property
     def root(self) -> Link:
@@ -151,6 +155,14 @@ def spawn(region: Region) -> Array:
     """Where a thing is put down in a region, in its link's frame (3,): the middle of its floor. The axes of a link are the world's."""
     corners = region.box.corners
     return np.array([*corners[:, :2].mean(axis=0), corners[:, 2].min()])
+
+
+def clear_of_each_other(tree: Tree) -> str:
+    """Whether the collision shapes of the links keep clear of each other while a part opens, and which don't."""
+    if not tree.meeting:
+        return "the collision shapes keep clear of each other"
+    pairs = [f"{a} and {b} (by up to {1e3 * d:.1f} mm)" for (a, b), d in tree.meeting.items()]
+    return f"these collision shapes overlap while a part opens: {', '.join(pairs)}"
 
 
 def catches_lost(tree: Tree) -> list[str]:

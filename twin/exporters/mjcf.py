@@ -217,11 +217,11 @@ def _reasons(root: ET.Element, tree: Tree) -> None:
 
 
 def _excludes(root: ET.Element, tree: Tree) -> None:
-    """A part does not touch what it is mounted on: hinges and runners are not modelled as contact."""
-    if tree.moving:
+    """The pairs of bodies that don't collide."""
+    if tree.filtered:
         contact = ET.SubElement(root, "contact")
-        for link in tree.moving:
-            ET.SubElement(contact, "exclude", body1=str(link.parent), body2=link.name)
+        for first, second in tree.filtered:
+            ET.SubElement(contact, "exclude", body1=first, body2=second)
 
 
 def _keyframes(root: ET.Element, tree: Tree) -> None:

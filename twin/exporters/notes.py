@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin.exporters.tree import Tree
+from twin.exporters.tree import Tree, clear_of_each_other
 from twin.names import scene_file
 
 _PASSIVE = """Its joints are passive. Isaac Sim's URDF importer makes every joint a position servo, which holds a door
@@ -81,8 +81,8 @@ def _urdf(tree: Tree) -> str:
 `world` carries the static scene by a fixed joint; the scene's mass has no effect.
 
 - {_PASSIVE.replace(chr(10), chr(10) + "  ")}
-- URDF has no contact friction, no pairs that must not collide and no stored poses: set friction in the simulator; the
-  collision shapes keep clear of each other.
+- URDF has no contact friction, no pairs that must not collide and no stored poses: set friction in the simulator;
+  {clear_of_each_other(tree)}.
 - `<part>_grasp` are frames without mass: x along the closing direction of a gripper, y along the handle, z out of the part.
 - Effort and velocity limits are placeholders far above what a hand does. MuJoCo's own `<mujoco>` element keeps the static
   link and the visuals there; other readers skip it.

@@ -9,10 +9,11 @@ from typing import Any
 from twin.collision import CollisionConfig
 from twin.collision.cache import ShapeCache
 from twin.collision.fit import Fit, fit_of
+from twin.collision.meetings import shapes_of
 from twin.collision.solid import Solid
 from twin.physics import read_materials, shell_inertial
 from twin.report.sections import Table
-from twin.scene import Box, Collision, Mesh, Part, Twin
+from twin.scene import Box, Mesh, Part, Twin
 
 _TOLD = 0.1  # share of the boards' area from which an unseen back is worth a warning
 
@@ -55,11 +56,6 @@ def collision_reports(
     """One report for every part that has shapes; seconds and thickness come from what `with_collision` kept in cache_dir."""
     cache = ShapeCache(cache_dir, asdict(CollisionConfig() if config is None else config))
     return [_report(p, cache) for p in twin.parts if shapes_of(p) and len(p.mesh.faces)]
-
-
-def shapes_of(part: Part) -> tuple[Collision, ...]:
-    """The collision shapes that are written of a part: those of its inferred layer where it has one."""
-    return part.collision if part.completion is None else part.completion.shapes
 
 
 def inferred_tables(twin: Twin) -> list[Table]:

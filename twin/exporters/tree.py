@@ -19,6 +19,7 @@ from twin.exporters.links import TreeCatch as TreeCatch
 from twin.exporters.links import TreeJoint as TreeJoint
 from twin.exporters.links import Visual as Visual
 from twin.exporters.links import catches_lost as catches_lost
+from twin.exporters.links import clear_of_each_other as clear_of_each_other
 from twin.exporters.links import numbers as numbers
 from twin.exporters.links import spawn as spawn
 from twin.geometry import Array
@@ -71,8 +72,25 @@ def build_tree(twin: Twin, visual: bool = True) -> Tree:
     add(None, root.name, np.zeros(3))
     source = twin.recorded.source if twin.recorded is not None else ""
     return Tree(
-        twin.name, tuple(links), source or "twin.json", twin.verdict, verdict_line(twin), layer is not None
+        twin.name,
+        tuple(links),
+        source or "twin.json",
+        twin.verdict,
+        verdict_line(twin),
+        layer is not None,
+        _filtered(twin, links),
     )
+
+
+def _filtered(twin: Twin, links: list[Link]) -> tuple[tuple[str, str], ...]:
+    """Pairs of links that don't collide: a part and what it is mounted on, since hinges and runners are not modelled as
+    contact, and the twin's filtered pairs; what is filtered against the static scene is so against all that stands still."""
+    mounted = [(str(k.parent), k.name) for k in links if k.joint is not None]
+    standing = [k.name for k in links if k.parent is None]
+    stated = [
+        (first, b) for a, b in twin.filtered_pairs for first in (standing if a == twin.static.name else [a])
+    ]
+    return tuple(dict.fromkeys([*mounted, *(p for p in stated if p[::-1] not in mounted)]))
 
 
 def require_ranges(twin: Twin) -> None:

@@ -14,7 +14,15 @@ from twin.exporters.asset import AssetInfo
 from twin.exporters.mjcf import material_name, write_xml
 from twin.exporters.mjcf_scene import remarks
 from twin.exporters.obj import hull, textured
-from twin.exporters.tree import EFFORT_LIMIT, VELOCITY_LIMIT, Link, Tree, catches_lost, numbers
+from twin.exporters.tree import (
+    EFFORT_LIMIT,
+    VELOCITY_LIMIT,
+    Link,
+    Tree,
+    catches_lost,
+    clear_of_each_other,
+    numbers,
+)
 from twin.geometry import Array
 from twin.names import unused
 from twin.physics.simulation import HOLDING_ITERATIONS
@@ -63,7 +71,7 @@ def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]
 def _not_carried(tree: Tree) -> list[str]:
     lost = [
         "urdf: contact friction is not carried (URDF has none); set it in the simulator",
-        "urdf: pairs that must not collide are not carried (URDF has none); the collision shapes keep clear of each other",
+        f"urdf: pairs that must not collide are not carried (URDF has none); {clear_of_each_other(tree)}",
         "urdf: the keyframes closed and open are not carried (URDF has none)",
     ]
     lost += [f"urdf: {text} (URDF has none)" for text in catches_lost(tree)]

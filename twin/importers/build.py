@@ -14,6 +14,7 @@ from twin.atlas import MOST_TEXELS, joined_textures
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
 from twin.importers.closed_end import travel_of
+from twin.importers.filtered import filtered_pairs
 from twin.importers.helpers import without_helpers
 from twin.importers.interpenetration import deeper
 from twin.importers.joints import at_rest, joint_of, range_of
@@ -69,7 +70,9 @@ def build(
     taken: list[str] = []
     static = _static(groups[0], taken, notes)
     parts = _parts(source, groups, closed, limits, taken, notes)
-    twin = Twin(legal_name(source.name), static, parts)
+    names = [static.name, *(p.name for p in parts)]
+    pairs = filtered_pairs(source, names, [g.bodies for g in groups])
+    twin = Twin(legal_name(source.name), static, parts, filtered_pairs=pairs)
     try:
         twin = with_physics(twin)
     except SceneError as e:

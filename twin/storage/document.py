@@ -47,6 +47,7 @@ def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
             **texture_document(static.name, static.mesh.texture),
             **completion_document(static.name, static.completion, meshes),
         },
+        **({"filtered_pairs": [list(pair) for pair in twin.filtered_pairs]} if twin.filtered_pairs else {}),
         "parts": [with_extra(_part(p, meshes), p.extra) for p in twin.parts],
     }
     return with_extra(document, twin.extra)

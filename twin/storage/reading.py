@@ -65,10 +65,20 @@ def read_twin(folder: Path) -> Twin:
             provenance=root.maybe("provenance", lambda n: n.value) or {},
             labels=LabelFolder(folder / "labels"),
             verdict=root.maybe("verdict", _verdict),
+            filtered_pairs=_pairs(root),
         )
     known = twin_document(twin, {})
     own = {key: value for key, value in root.value.items() if key != "parts"}
     return replace(twin, extra=extra_of(own, known))
+
+
+def _pairs(root: Node) -> tuple[tuple[str, str], ...]:
+    """Pairs of names of bodies that don't collide; none where the document is silent."""
+    rows = root.list("filtered_pairs") if root.value.get("filtered_pairs") is not None else []
+    for k, row in enumerate(rows):
+        if not (isinstance(row, list) and len(row) == 2 and all(isinstance(name, str) for name in row)):
+            raise root.error(f"must be two names, is {row!r:.60}", f"filtered_pairs[{k}]")
+    return tuple((row[0], row[1]) for row in rows)
 
 
 def _part(n: Node, folder: Path) -> Part:

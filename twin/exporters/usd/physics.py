@@ -46,9 +46,11 @@ def _body(stage: Usd.Stage, tree: Tree, link: Link) -> None:
     UsdPhysics.RigidBodyAPI.Apply(body)
     if link is tree.root:  # MuJoCo takes whatever is the root for a body
         UsdPhysics.ArticulationRootAPI.Apply(body)
-    elif link.parent is not None:  # hinges and runners are not modelled as contact
-        pairs = UsdPhysics.FilteredPairsAPI.Apply(body)
-        pairs.CreateFilteredPairsRel().AddTarget(link_path(tree, link.parent))
+    others = [first for first, second in tree.filtered if second == link.name]
+    if others:
+        pairs = UsdPhysics.FilteredPairsAPI.Apply(body).CreateFilteredPairsRel()
+        for other in others:
+            pairs.AddTarget(link_path(tree, other))
     _mass(body, link)
     if tree.whole and not link.shapes:
         return  # no prototype that could hold its material
