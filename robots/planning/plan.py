@@ -29,6 +29,7 @@ from robots.simulation.faults import SLIP_LIMIT
 from robots.simulation.replay import replay
 from robots.task import Goal, Task, task_of
 from robots.trajectory import RejectedBase, RobotTrajectory
+from twin.collision.meetings import shapes_of
 from twin.errors import PlanningError
 from twin.files.paths import AnyPath
 from twin.geometry import Array
@@ -87,6 +88,11 @@ def plan(
     holds = holds_of(twin, target, spec, contact, config.seed)
     twin = completed(twin)
     target = twin.part(part)
+    if not shapes_of(target):
+        raise PlanningError(
+            f"part {target.name!r} has no collision shape, so no gripper can touch it",
+            f"give it one: a box or a convex mesh in `collision` of {target.name!r} in twin.json",
+        )
     try:
         return _planned(twin, target, spec, task, holds, config, _ROUNDS, robot, ground)
     except PlanningError as first:

@@ -121,18 +121,30 @@ def build_world(
     """Compile the scene.
 
     Args:
-        twin: its static part and parts need collision shapes, its parts mass and friction (see `completed`).
+        twin: its parts need mass and friction (see `completed`); nothing touches what has no collision shapes.
         T_world_base: base pose (4, 4).
         pedestal: height in metres of the column under the base (0: none).
         visual: with what is drawn, for a video.
         skin: what the robot wears in place of its own shapes, which then touch as before, but are not drawn.
 
     Raises:
-        SceneError: a part that can't be exported. PlanningError: a part has no collision shapes, or MuJoCo refuses the scene.
+        SceneError: a part that can't be exported. PlanningError: MuJoCo refuses the scene.
     """
-    bare = [p.name for p in twin.parts if not p.collision and p.completion is None]
-    if bare:
-        raise PlanningError(f"part {bare[0]!r} has no collision geometry", "call robots.completed first")
+    return compiled_world(
+        editable_scene(twin, spec, T_world_base, pedestal, visual=visual, skin=skin), twin, spec
+    )
+
+
+def editable_scene(
+    twin: Twin,
+    spec: RobotSpec,
+    T_world_base: Array,
+    pedestal: float,
+    *,
+    visual: bool = False,
+    skin: Skin | None = None,
+) -> mujoco.MjSpec:
+    """The scene before it is compiled; arguments and errors as of `build_world`."""
     try:
         tree = build_tree(twin, visual)
         scene = document(tree).spec()
@@ -140,10 +152,21 @@ def build_world(
         if visual:
             _light(scene)
         _add_robot(scene, spec, T_world_base, pedestal, skin)
-        model = scene.compile()
     except ValueError as e:
-        raise PlanningError(f"MuJoCo refuses the scene of twin {twin.name!r}: {e}", "run `twin check`") from e
-    return _index(model, twin, spec)
+        raise _refused(twin, e) from e
+    return scene
+
+
+def compiled_world(scene: mujoco.MjSpec, twin: Twin, spec: RobotSpec) -> World:
+    """A scene compiled, with the places of its pieces. Raises PlanningError where MuJoCo refuses it."""
+    try:
+        return _index(scene.compile(), twin, spec)
+    except ValueError as e:
+        raise _refused(twin, e) from e
+
+
+def _refused(twin: Twin, error: ValueError) -> PlanningError:
+    return PlanningError(f"MuJoCo refuses the scene of twin {twin.name!r}: {error}", "run `twin check`")
 
 
 def _set_masks(scene: mujoco.MjSpec, standing: Set[str]) -> None:
