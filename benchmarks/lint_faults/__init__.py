@@ -3,7 +3,7 @@
 tests/twin/test_lint.py asks our own rules; benchmarks/lint.py asks the public validators about the same files.
 """
 
-from benchmarks.lint_faults import files, joints, motion, quantities, shapes
+from benchmarks.lint_faults import files, joints, motion, quantities, shapes, sizes
 from benchmarks.lint_faults.planting import Mutation, lint_twin
 
 __all__ = ["MUTATIONS", "Mutation", "lint_twin"]
@@ -12,6 +12,7 @@ MUTATIONS: list[Mutation] = [
     *quantities.MUTATIONS,
     *joints.MUTATIONS,
     *shapes.MUTATIONS,
+    *sizes.MUTATIONS,
     *files.MUTATIONS,
     *motion.MUTATIONS,
 ]

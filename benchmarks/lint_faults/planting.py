@@ -144,5 +144,17 @@ def shift(values: Any, offset: Any) -> str:
     )
 
 
+def each(where: str, change: Callable[[Any], None]) -> Callable[[Xml, Path], None]:
+    """Change every element at an ElementTree path; there is one at least."""
+
+    def plant(root: Xml, _: Path) -> None:
+        found = root.findall(where)
+        assert found, where
+        for e in found:
+            change(e)
+
+    return plant
+
+
 U_DOOR, M_DOOR = "joint[@name='door_joint']", ".//joint[@name='door_joint']"
 U_DRAWER, M_DRAWER = "link[@name='drawer']", ".//body[@name='drawer']"

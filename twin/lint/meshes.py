@@ -56,17 +56,33 @@ def is_absolute(written: str) -> bool:
 
 
 def load_surface(path: Path) -> tuple[Surface | None, str]:
-    """The mesh in a file, or why it can't be read. Scenes are joined into one mesh in their common frame."""
+    """The mesh in a file, or why it can't be read. Scenes are joined into one mesh in their common frame; COLLADA's unit is
+    followed, its `up_axis` is not."""
     import trimesh
 
     if not path.is_file():
         return None, ""  # another rule's matter
     try:
-        loaded: Any = trimesh.load_scene(str(path), process=False).to_mesh()
+        scene: Any = trimesh.load_scene(str(path), process=False)
+        unit = trimesh.units.unit_conversion(scene.units, "meters") if path.suffix.lower() == ".dae" else 1.0
+        loaded: Any = scene.to_mesh()
     except Exception as e:  # whatever the parser of an unknown file raises
         return None, f"{type(e).__name__}: {e}".splitlines()[0][:200]
     faces = np.asarray(loaded.faces, dtype=np.int64).reshape(-1, 3)
-    return Surface(np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3), faces), ""
+    return Surface(unit * np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3), faces), ""
+
+
+def counts_y_up(path: Path) -> bool:
+    """Whether a mesh file says that y points up: glTF always, COLLADA where it says nothing else."""
+    if path.suffix.lower() in (".glb", ".gltf"):
+        return True
+    if path.suffix.lower() != ".dae":
+        return False
+    try:
+        axes = [e.text or "" for e in read_xml(path)[0].iter() if e.tag.rpartition("}")[2] == "up_axis"]
+    except InputError:
+        return False  # the mesh's reader says what is wrong with it
+    return not axes or axes[0].strip() == "Y_UP"
 
 
 def surface_problem(surface: Surface) -> str:

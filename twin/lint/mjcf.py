@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -58,7 +58,8 @@ def read(path: Path) -> LintModel:
         spec = _spec(path)  # a failed compilation leaves nothing to read
     references = list(_references(spec, path.parent))
     files = {r.element: r for r in references}
-    bodies = [_body(b) for b in spec.bodies if b.name != WORLD or b.parent is not None]
+    weighs = spec.compiler.inertiagrouprange
+    bodies = [_body(b, weighs) for b in spec.bodies if b.name != WORLD or b.parent is not None]
     joints = [j for b in spec.bodies if b.parent is not None for j in _joints(spec, b, data)]
     shapes = [_shape(spec, g, model, data, files) for g in spec.geoms]
     return LintModel(
@@ -130,8 +131,8 @@ def _references(spec: Any, folder: Path) -> Iterator[Reference]:
                     yield Reference(_label(kind, t), written, folder / written)
 
 
-def _body(b: Any) -> Body:
-    """Mass and inertia where an <inertial> is written, else what MuJoCo takes them from."""
+def _body(b: Any, weighs: Sequence[int]) -> Body:
+    """Mass and inertia as an <inertial> says, else what MuJoCo takes them from: geoms of the groups `weighs`."""
     if b.explicitinertial:
         full = np.asarray(b.fullinertia, dtype=np.float64)
         if np.isnan(full[0]) or not np.any(full):
@@ -140,11 +141,16 @@ def _body(b: Any) -> Body:
             xx, yy, zz, xy, xz, yz = full
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return Body(b.name, _label("body", b), float(b.mass), tensor)
-    solid = [g for g in b.geoms if not (np.isnan(g.mass) and g.density == 0) and g.mass != 0]
+    counted = [g for g in b.geoms if weighs[0] <= g.group <= weighs[1]]
+    solid = [g for g in counted if not (np.isnan(g.mass) and g.density == 0) and g.mass != 0]
     untold = [g for g in solid if np.isnan(g.mass) and g.density == _DEFAULT_DENSITY]
-    return Body(
-        b.name, _label("body", b), inferred="default density" if untold else "density" if solid else ""
+    inferred = "default density" if untold else "density" if solid else ""
+    why = (
+        ""
+        if counted or not len(b.geoms)
+        else f"none of its geoms is in inertiagrouprange {weighs[0]} {weighs[1]}"
     )
+    return Body(b.name, _label("body", b), inferred=inferred, weightless=why)
 
 
 def _joints(spec: Any, b: Any, data: Any) -> Iterator[Joint]:

@@ -34,7 +34,8 @@ class Surface:
 class Shape:
     """Geometry of a body. `points` (N, 3) span it in the world; `surface` is set for meshes that can be read, `problem` says
     why one can't. `approximation` is USD's token, empty when none is written, None in other formats. `scale` (3,) is what the
-    scene does to it."""
+    scene does to it. `upright` (N, 3) are the points of a mesh whose file counts y upwards when a reader turns it to z, None
+    for others."""
 
     element: str
     body: str
@@ -45,6 +46,7 @@ class Shape:
     problem: str = ""
     approximation: str | None = None
     scale: Array = field(default_factory=lambda: np.ones(3))
+    upright: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ class Body:
     """A rigid body. `mass`, `com` and `inertia` (3, 3 about the com, axes that don't matter) as written, None when not written.
 
     `inferred` names what the mass comes from when it is not written ("default density", "density"), empty when nothing does.
-    `scale` (3,) are the lengths of its axes in the world.
+    `weightless` says why its shapes weigh nothing. `scale` (3,) are the lengths of its axes in the world.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Body:
     mass: float | None = None
     inertia: Array | None = None
     inferred: str = ""
+    weightless: str = ""
     scale: Array = field(default_factory=lambda: np.ones(3))
 
 

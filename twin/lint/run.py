@@ -27,6 +27,7 @@ _DRIFT = 1e-3  # m
 _SECONDS = 10.0  # of simulated time
 _PUSHED = 60.0  # s, chosen by us: a gate of 10 m whose damping stops it in a second takes 15 s; what is stuck stands still long before
 _REACHED = 0.01  # share of the range that may be left: limits are soft
+_NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 _STALLED = 1e-5  # share of the range per step; slower for half a second is standing still
 
 
@@ -158,11 +159,16 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
         force = f"{_pull(scene, j):.3g} {of}"
         for sign, name, limit in ((1.0, "upper", upper), (-1.0, "lower", lower)):
             end = _push(scene, j, sign)
-            if not np.isfinite(end) or sign * (limit - end) > _REACHED * (upper - lower):
-                yield [
-                    "error", scene.joint(j), f"{end * scale:.4g} of {limit * scale:.4g} {unit}",
-                    f"{force} don't bring it to its {name} limit", "look for shapes in its way, friction, damping and the range",
-                ]  # fmt: skip
+            if sign * (limit - end) <= _REACHED * (upper - lower):
+                continue
+            m.opt.disableflags |= _NO_CONTACT
+            free = sign * (limit - _push(scene, j, sign)) <= _REACHED * (upper - lower)
+            m.opt.disableflags &= ~_NO_CONTACT
+            yield [  # a latch may lock a door, a stop have some slack, a hinge be stiff
+                "warning", scene.joint(j), f"{end * scale:.4g} of {limit * scale:.4g} {unit}",
+                f"{force} don't bring it to its {name} limit",
+                "look for shapes in its way, and the range" if free else "look for friction, damping and the range",
+            ]  # fmt: skip
     m.opt.gravity[:], m.opt.disableflags = gravity, flags
     m.pair_adhesion[:], m.geom_adhesion[:] = adhesion
 
@@ -228,8 +234,8 @@ def drifts(scene: Scene) -> Iterator[list[str]]:
     for j in watched:
         if diverged or most[j] > _DRIFT:
             value = "the simulation diverges" if diverged else f"{most[j] * 1000:.3g} mm in {_SECONDS:g} s"
-            yield [
-                "error", scene.joint(j), value, "the part moves although nobody touches it",
+            yield [  # what falls shut or rolls may be meant to
+                "error" if diverged else "warning", scene.joint(j), value, "the part moves although nobody touches it",
                 "look at the direction of gravity and of the axis, at shapes that overlap, and at its friction",
             ]  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -11,11 +11,12 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.lint.meshes import load_surface, locate
+from twin.lint.meshes import counts_y_up, load_surface, locate
 from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shape, Surface
 from twin.lint.primitives import box_points, cylinder_points
 from twin.lint.xml import read_xml
 
+_Y_TO_Z = geo.exp_so3([np.pi / 2, 0, 0])
 _KINDS: dict[str, Kind] = {
     "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
 }  # fmt: skip
@@ -162,8 +163,6 @@ def _rest_poses(links: list[str], joints: list[tuple[Joint, Array]]) -> dict[str
 
 
 def _placed(joint: Joint, origin: Array, poses: dict[str, Array]) -> Joint:
-    from dataclasses import replace
-
     if joint.parent not in poses:
         return joint
     pose = poses[joint.parent] @ origin
@@ -177,7 +176,7 @@ def _shape(f: _File, element: ET.Element, link: str, role: str, pose: Array | No
     geometry = element.find("geometry")
     inner = None if geometry is None or not len(geometry) else geometry[0]
     kind = "other" if inner is None else inner.tag
-    local, surface, problem = None, None, ""
+    local, upright, surface, problem = None, None, None, ""
     if kind == "box" and (size := f.floats(inner, "size", 3, owner)) is not None:
         local = box_points(size)
     elif kind == "sphere" and (radius := f.number(inner, "radius", owner)) is not None:
@@ -185,7 +184,7 @@ def _shape(f: _File, element: ET.Element, link: str, role: str, pose: Array | No
     elif kind in ("cylinder", "capsule"):
         radius, length = f.number(inner, "radius", owner), f.number(inner, "length", owner)
         if radius is not None and length is not None:
-            local = cylinder_points(radius, length)
+            local = cylinder_points(radius, length + 2 * radius if kind == "capsule" else length)
     elif kind == "mesh" and inner is not None and (written := inner.get("filename")):
         found = locate(written, f.path.parent)
         f.references.append(Reference(f.where(inner, owner), written, found))
@@ -194,9 +193,13 @@ def _shape(f: _File, element: ET.Element, link: str, role: str, pose: Array | No
             if found not in f.surfaces:
                 f.surfaces[found] = load_surface(found)
             surface, problem = f.surfaces[found]
-        if surface is not None and len(surface.vertices):
+        if found is not None and surface is not None and len(surface.vertices):
             local = surface.vertices * (1.0 if scale is None else scale)
-    points = None if local is None or pose is None else geo.transform(pose @ place, local)
+            if counts_y_up(found):
+                upright = surface.vertices @ _Y_TO_Z.T * (1.0 if scale is None else scale)
+    points, upright = (
+        None if p is None or pose is None else geo.transform(pose @ place, p) for p in (local, upright)
+    )
     return Shape(
         f.where(element, owner),
         link,
@@ -205,4 +208,5 @@ def _shape(f: _File, element: ET.Element, link: str, role: str, pose: Array | No
         points,
         surface,
         problem,
+        upright=upright,
     )

@@ -89,7 +89,12 @@ def _body(prim: Any, cache: Any) -> Body:
     mass, moments = authored(api.GetMassAttr()), authored(api.GetDiagonalInertiaAttr())
     tensor = None if moments is None else np.diag(np.array(moments, dtype=np.float64))
     return Body(
-        name, name, None if mass is None else float(mass), tensor, inferred if mass is None else "", scale
+        name,
+        name,
+        None if mass is None else float(mass),
+        tensor,
+        inferred if mass is None else "",
+        scale=scale,
     )
 
 

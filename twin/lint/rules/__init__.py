@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from twin.lint.model import Fault, LintModel
-from twin.lint.rules import files, joints, masses, motion, shapes, structure, units
+from twin.lint.rules import files, joints, masses, motion, shapes, sizes, structure, units
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,11 @@ RULES: Mapping[str, Rule] = {
         "limits that look like radians where the file counts in degrees, or the other way round",
         "a door that opens by 1.4 degrees, or through itself",
     ),
+    "limits-small": Rule(
+        sizes.way,
+        "a hinge in radians that turns by less than 2 degrees, or a slide of less than 1 mm",
+        "the part looks fixed: its limits were converted twice, or stand in other units",
+    ),
     "axis": Rule(joints.axis, "a joint axis that is zero, not finite or not of length one", "readers refuse it or scale the motion"),
     "joint-frames": Rule(
         joints.frames,
@@ -109,6 +114,24 @@ RULES: Mapping[str, Rule] = {
         shapes.approximation,
         "a USD collision mesh on a moving body with no approximation",
         "simulators don't move triangle meshes: the collider is dropped or replaced",
+        stops=False,
+    ),
+    "part-size": Rule(
+        sizes.part,
+        "a moving part of more than 5 m or less than 5 mm (an error from ten times that)",
+        "lengths in millimetres taken for metres: a door of 400 m, or of 0.4 mm",
+        stops=False,
+    ),
+    "collider-elsewhere": Rule(
+        sizes.collider,
+        "a body that is drawn across its collider, beside it, or in another size",
+        "what is seen is not what is touched: a door stands that lies in every picture",
+        stops=False,
+    ),
+    "shape-unknown": Rule(
+        shapes.unknown,
+        "a URDF geometry that is no box, cylinder, sphere or mesh",
+        "readers leave the shape out without a word; a <capsule> is read by few",
         stops=False,
     ),
     "mesh-unusable": Rule(

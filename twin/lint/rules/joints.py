@@ -10,6 +10,8 @@ from twin.geometry import Array
 from twin.lint.model import WORLD, Fault, LintModel
 
 _TURN = 2 * np.pi
+# Degrees. Half a turn in radians: doors turn by less. A switch may turn by 4 to 6 degrees. Chosen by us.
+_HALF = 3.2
 # How far the axis of a hinge may pass beside the part: concealed furniture hinges turn about a line 2 to 3 cm off the door, small
 # mechanisms about one a few per cent of their size away. Chosen by us.
 _BESIDE, _BESIDE_M = 0.10, 0.05  # share of the part's diagonal, and at most m
@@ -62,7 +64,7 @@ def unit(model: LintModel) -> Iterator[Fault]:
         written = f"{' .. '.join(f'{x:g}' for x in limits)} {j.unit}"
         if j.unit == "deg" and 0 < np.ptp(limits) <= _TURN and largest <= _TURN:
             yield Fault(
-                "error", j.element, written,
+                "error" if np.ptp(limits) < _HALF else "warning", j.element, written,
                 f"limits of a few degrees look like radians ({' .. '.join(f'{x:.4g}' for x in np.rad2deg(limits))} degrees)",
                 "multiply by 57.2958; if the joint does turn by so little, ignore the rule limits-unit",
             )  # fmt: skip
@@ -116,8 +118,8 @@ def pivot(model: LintModel) -> Iterator[Fault]:
         size = float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
         off = _beside(np.concatenate(points), j.axis_world, j.pivot_world)
         if off > min(_BESIDE * size, _BESIDE_M):
-            yield Fault(
-                "error", j.element, f"{off * 1000:.3g} mm beside a part of {size * 1000:.3g} mm",
+            yield Fault(  # an arm may stand for links that are left out, but not farther off than it is large
+                "error" if off > size else "warning", j.element, f"{off * 1000:.3g} mm beside a part of {size * 1000:.3g} mm",
                 "its axis does not touch the part it turns", "move the pivot onto the hinge line",
             )  # fmt: skip
 

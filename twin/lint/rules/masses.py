@@ -33,8 +33,9 @@ def missing(model: LintModel) -> Iterator[Fault]:
             assumed.append(element)
         elif not sources or sources == {"default density"}:
             severity: Severity = "error" if shapes or model.format == "urdf" else "warning"
+            why = next((f": {b.weightless}" for b in bodies if b.weightless), "")
             yield Fault(
-                severity, element, "none written", "it moves and has no mass", "write mass, centre and inertia"
+                severity, element, "none written", f"it moves and has no mass{why}", "write mass, centre and inertia"
             )  # fmt: skip
     if assumed:  # once for all: who leaves the mass to the reader does so everywhere
         more = f" and {len(assumed) - 1} more" if len(assumed) > 1 else ""

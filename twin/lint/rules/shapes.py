@@ -16,6 +16,7 @@ _ROUND = {
     "cylinder": (0, 1),
     "cone": (0, 1),
 }  # axes that must scale alike
+_URDF = ("box", "cylinder", "sphere", "mesh")
 _ALIKE = 1e-4  # relative; float32 scale operations are exact to 1e-7
 
 
@@ -59,13 +60,22 @@ def missing(model: LintModel) -> Iterator[Fault]:
         drawn = [s for s in shapes if s.role == "visual"]
         if drawn:
             element = next((b.element for b in bodies if b.name == joint.child), joint.element)
-            yield Fault(
-                "error",
-                element,
-                f"{len(drawn)} drawn, 0 to touch",
-                "a moving part has no collision shape",
+            yield Fault(  # a mark or a pane may be meant to be without
+                "warning", element, f"{len(drawn)} drawn, 0 to touch", "a moving part has no collision shape",
                 "add convex shapes that cover it",
-            )
+            )  # fmt: skip
+
+
+def unknown(model: LintModel) -> Iterator[Fault]:
+    """A capsule is in no version of URDF: MuJoCo and PyBullet read it, others leave it out without a word."""
+    for s in model.shapes:
+        if model.format != "urdf" or s.kind in _URDF:
+            continue
+        severity: Severity = "warning" if s.kind == "capsule" else "error"
+        yield Fault(
+            severity, s.element, "nothing" if s.kind == "other" else f"<{s.kind}>", "its geometry is no shape of URDF",
+            "use " + ", ".join(f"<{k}>" for k in _URDF[:-1]) + f" or <{_URDF[-1]}>",
+        )  # fmt: skip
 
 
 def approximation(model: LintModel) -> Iterator[Fault]:
