@@ -1,15 +1,17 @@
 """Other people's articulated files through the verbs, every result judged by hand: `imports.md`.
 
-    python -m benchmarks.imports [FOLDER ...]      # the files that have no row yet, then the page
+    python -m benchmarks.imports [FOLDER ...]               # the files that have no row yet, then the page
+    python -m benchmarks.imports --only TEXT [FOLDER ...]   # of these the files whose name holds TEXT, no page
     python -m benchmarks.imports --sheets [FOLDER ...]      # also pictures of source and export to judge by
 
-benchmarks/imports.toml names the collections: Python packages, whose files belong to third parties and are not in this repository.
-FOLDER holds them, unpacked by `pip install --no-deps --target FOLDER NAME==VERSION ...`; without one, installed packages are taken.
-A file is taken when it lies where its collection keeps objects and has a hinge or a slide, includes read. Robots are left out.
+benchmarks/imports.toml names the collections: Python packages, whose files belong to third parties and are not
+in this repository. FOLDER holds them, unpacked by `pip install --no-deps --target FOLDER NAME==VERSION ...`;
+without one, installed packages are taken. A file is taken when it lies where its collection keeps objects and
+has a hinge or a slide, includes read. Robots are left out.
 
-Each file goes through import, lint, export, lint of the export, check and replay with default options, as a user types them. Rows are
-kept in out/imports, one file a commit, so that a stopped run goes on. imports.toml holds the judgement on each result; a result that
-differs from the one that was judged is "to be judged" on the page.
+Each file goes through import, lint, export, lint of the export, check and replay with default options, as a user
+types them. Rows are kept in out/imports, one file a commit, so that a stopped run goes on. imports.toml holds the
+judgement on each result; a result that differs from the one that was judged is "to be judged" on the page.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import argparse
 import hashlib
 import json
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -49,7 +52,7 @@ def listed() -> dict[str, Any]:
 
 
 def found(folders: Sequence[Path]) -> dict[str, Path]:
-    """Name -> articulated file of every collection. Raises InputError for a package that is not there in the version asked for."""
+    """Name -> articulated file of every collection. Raises InputError for a package that is not there."""
     places = {"path": [str(f) for f in folders]} if folders else {}
     there = {d.metadata["Name"].lower().replace("_", "-"): d for d in distributions(**places)}
     files = {}
@@ -111,7 +114,7 @@ def measured(file: Path, run: Path) -> dict[str, str]:
 
 
 def said(step: str, code: int, out: str, err: str, run: Path) -> str:
-    """What a verb says, in one line: exit code, then what a judge must know. Measured numbers have two digits."""
+    """What a verb says, in one line: exit code, then what a judge must know; two digits of measured numbers."""
     try:
         data = json.loads(out)
     except ValueError:
@@ -151,17 +154,13 @@ def _short(text: str) -> str:
 def rows(files: Mapping[str, Path], state: Path, sheets: bool) -> list[dict[str, Any]]:
     """A row for every file: those kept in `state`, and the others measured and kept."""
     state.parent.mkdir(parents=True, exist_ok=True)
-    kept = (
-        [json.loads(line) for line in state.read_text(encoding="utf-8").splitlines()]
-        if state.is_file()
-        else []
-    )
-    done = {row["name"]: row for row in kept}
+    kept = state.read_text(encoding="utf-8").splitlines() if state.is_file() else []
+    done = {row["name"]: row for row in map(json.loads, kept)}
     for name, file in files.items():
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()[:12]
         run = state.with_suffix("") / name
         if name not in done:
-            started = time.monotonic()
+            digest, started = hashlib.sha256(file.read_bytes()).hexdigest()[:12], time.monotonic()
+            shutil.rmtree(run, ignore_errors=True)  # of a run that was stopped
             steps = measured(file, run)
             done[name] = {
                 "name": name,
@@ -171,7 +170,7 @@ def rows(files: Mapping[str, Path], state: Path, sheets: bool) -> list[dict[str,
             }
             with state.open("a", encoding="utf-8") as out:
                 out.write(json.dumps(done[name], ensure_ascii=False) + "\n")
-            print(f"{len(done)} of {len(files)} {name}", flush=True)
+            print(f"{len(done)}: {name}, {done[name]['seconds']} s", flush=True)
         if sheets:
             from benchmarks.imports_sheet import sheet
 
@@ -185,16 +184,19 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folders", metavar="FOLDER", nargs="*", type=Path)
+    parser.add_argument("--only", metavar="TEXT", default="")
     parser.add_argument("--sheets", action="store_true")
     args = parser.parse_args()
     try:
         commit = sealing.commit()
-        measured_rows = rows(found(args.folders), OUT / f"{commit}.jsonl", args.sheets)
+        files = {name: file for name, file in found(args.folders).items() if args.only in name}
+        done = rows(files, OUT / f"{commit}.jsonl", args.sheets)
     except FuntwinError as error:
         print(error, file=sys.stderr)
         return 1
-    text, whole = page(measured_rows, listed(), commit)
-    write_text(PAGE, text)
+    text, whole = page(done, listed(), commit)
+    if not args.only:
+        write_text(PAGE, text)
     return 0 if whole else 2
 
 

@@ -13,14 +13,16 @@ JUDGEMENTS = ("right", "refused", "wrong")
 UNJUDGED = "to be judged"
 HEAD = """# Other people's files
 
-Written by `python -m benchmarks.imports FOLDER` at commit {commit}, which sends every articulated object of the collections below
-through import, lint, export, lint of the export, check and replay with default options. The files belong to their authors and are not
-in this repository: they lie in Python packages, which `pip install --no-deps --target FOLDER NAME==VERSION` unpacks. A file is taken
-when it lies where its collection keeps objects and has a hinge or a slide, in itself or in what it includes; robots are left out.
+Written by `python -m benchmarks.imports FOLDER` at commit {commit}. Every articulated object of the collections
+below goes through import, lint, export, lint of the export, check and replay with default options. The files belong
+to their authors and are not in this repository: they lie in Python packages, which
+`pip install --no-deps --target FOLDER NAME==VERSION` unpacks. A file is taken when it lies where its collection keeps
+objects and has a hinge or a slide, in itself or in what it includes; robots are left out.
 
-A person judged every result once, with pictures of source and export at both ends of each range (`--sheets`) and the ranges in the
-source. *right*: the twin is, and what the verbs say about it is true; *refused*: import fails and says the true reason; *wrong*: anything
-else. benchmarks/imports.toml holds the judgements, each for one result of one file; *to be judged*: the file or its result is another one.
+A person judged every result once, with pictures of source and export at both ends of each range (`--sheets`) and with
+the ranges in the source. *right*: the twin is right, and what the verbs say about it is true. *refused*: import fails
+and says the true reason. *wrong*: anything else. `benchmarks/imports.toml` holds the judgements, each for one result of
+one file. *to be judged*: the file or its result is another one since.
 """
 
 

@@ -1,4 +1,4 @@
-"""Pictures to judge an imported file by: the source above, the exported MJCF below, each at both ends of every range and at rest."""
+"""Pictures to judge an imported file by: source above export, each at rest, at all lower and at all upper ends."""
 
 from __future__ import annotations
 
@@ -9,45 +9,55 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-SIDE = 300
-VIEWS = ((135.0, -25.0), (225.0, -25.0), (315.0, -25.0), (45.0, -25.0))
+SIDE = 320  # pixels
+VIEWS = (-65.0, 25.0, 115.0, 205.0)  # azimuths in degrees: obliquely from all four sides
 
 
 def sheet(source: Path, run: Path, to: Path) -> None:
-    """Write the picture; nothing where neither file can be read by MuJoCo."""
-    rows = [row for f in (source, *sorted((run / "export" / "mjcf").glob("*.xml"))) for row in _rows(f)]
+    """Write the picture; nothing where MuJoCo reads neither file."""
+    exported = [f for f in sorted((run / "export" / "mjcf").glob("*.xml")) if f.name != "scene.xml"]
+    rows = [row for f in (source, *exported) for row in _rows(f)]
     if rows:
         Image.fromarray(np.concatenate(rows)).save(to)
 
 
 def _rows(path: Path) -> list[NDArray[np.uint8]]:
-    """Four views of a file at rest, at the lower and at the upper ends: (3 SIDE, 4 SIDE, 3)."""
-    if path.name.startswith("scene") or path.suffix != ".xml":
-        return []
+    """Pictures (SIDE, 4 SIDE, 3) of a file at rest, at all lower and at all upper ends."""
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        spec.visual.global_.offwidth = spec.visual.global_.offheight = SIDE
-        spec.worldbody.add_light(pos=[0, 0, 4], dir=[0, 0, -1], diffuse=[0.6] * 3)
+        spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.4] * 3, [0.6] * 3
         model = spec.compile()
     except ValueError:
         return []
     data = mujoco.MjData(model)
+    camera = _on_parts(model, data)
     limited = [j for j in range(model.njnt) if model.jnt_limited[j]]
     rows = []
-    for end in (None, 0, 1):
-        mujoco.mj_resetData(model, data)
-        for j in limited if end is not None else []:
-            data.qpos[model.jnt_qposadr[j]] = model.jnt_range[j, end]
-        mujoco.mj_forward(model, data)
-        rows.append(np.concatenate([_view(model, data, *v) for v in VIEWS], axis=1))
+    with mujoco.Renderer(model, SIDE, SIDE) as renderer:
+        for end in (None, 0, 1):
+            mujoco.mj_resetData(model, data)
+            for j in limited if end is not None else []:
+                data.qpos[model.jnt_qposadr[j]] = model.jnt_range[j, end]
+            mujoco.mj_forward(model, data)
+            rows.append(np.concatenate([_view(renderer, data, camera, v) for v in VIEWS], axis=1))
     return rows
 
 
-def _view(model: mujoco.MjModel, data: mujoco.MjData, azimuth: float, elevation: float) -> NDArray[np.uint8]:
+def _on_parts(model: mujoco.MjModel, data: mujoco.MjData) -> mujoco.MjvCamera:
+    """A camera that sees what moves at rest, and as much around it."""
+    mujoco.mj_forward(model, data)
+    moving = model.body_weldid[model.geom_bodyid] != 0
+    centers, radii = data.geom_xpos[moving], model.geom_rbound[moving]
     camera = mujoco.MjvCamera()
-    camera.lookat, camera.azimuth, camera.elevation = model.stat.center, azimuth, elevation
-    camera.distance = 2.2 * model.stat.extent
-    with mujoco.Renderer(model, SIDE, SIDE) as renderer:
-        renderer.update_scene(data, camera)
-        seen: NDArray[np.uint8] = renderer.render()
-    return seen
+    camera.lookat = (centers.min(axis=0) + centers.max(axis=0)) / 2
+    camera.distance = 3.5 * float((np.linalg.norm(centers - camera.lookat, axis=1) + radii).max())
+    camera.elevation = -25.0
+    return camera
+
+
+def _view(
+    renderer: mujoco.Renderer, data: mujoco.MjData, camera: mujoco.MjvCamera, azimuth: float
+) -> NDArray[np.uint8]:
+    camera.azimuth = azimuth
+    renderer.update_scene(data, camera)
+    return np.array(renderer.render())
