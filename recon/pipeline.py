@@ -40,7 +40,7 @@ from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
 from twin.runs.keys import Stage
 from twin.runs.manifest import versions
-from twin.runs.progress import default_progress
+from twin.runs.progress import Counted, default_progress
 from twin.runs.settings import as_dict
 from twin.runs.stages import Progress, Run, StageResult
 from twin.scene import Trajectory, Twin
@@ -48,13 +48,20 @@ from twin.storage import require_place
 
 T = TypeVar("T")
 
+# Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third of the whole. Only
+# their ratios count.
+_SECONDS = {
+    "tracks": 5.0, "cameras": 1.7, "gravity": 0.2, "motion": 6.0, "noise": 0.2, "refine": 4.0, "labels": 3.5, "polish": 1.6,
+    "fusion": 1.8, "contact": 0.6, "texture": 13.0, "verdict": 2.0, "handle": 0.3,
+}  # fmt: skip
+
 
 def reconstruct(
     recording: Recording | Path | str,
     config: ReconConfig | None = None,
     *,
     out: Path | str | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     hint: JointHint | None = None,
 ) -> Twin:
     """Reconstruct a twin.
@@ -64,7 +71,8 @@ def reconstruct(
         config: settings by stage, and what the user says of the recording (`config.said`); None takes the defaults.
         out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
             there. None keeps everything in memory.
-        progress: told about every stage; without it a bar appears on a terminal.
+        progress: told about every stage, with its number and the time left; True shows it on standard error, terminal or not,
+            False nothing. Left out, bars appear on a terminal.
         hint: says which joint types to expect; asked once, before anything else. Clear motion overrules it.
 
     Raises InputError, ConfigError, ReconstructionError, MissingDependencyError: in one line what is wrong and what to try. Stages that
@@ -80,7 +88,10 @@ def reconstruct(
     require_said(config.said, recording)
     if out is not None:
         require_place(out / "twin")
-    with default_progress(progress) as told, Run(out, recording.fingerprint, told, config) as run:
+    with (
+        default_progress(progress) as shown,
+        Run(out, recording.fingerprint, Counted(shown, _SECONDS), config) as run,
+    ):
         for note in recording.warnings:
             run.warn(note)
         recording = kept(recording)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from twin.report.sections import MARKS, Table
-from twin.runs.progress import Bars, silent, told_to
+from twin.runs.progress import Bars, Lines, silent, told_to
 from twin.runs.stages import Progress
 
 
@@ -46,7 +46,7 @@ class Console:
             with Bars() as bars, told_to(bars):
                 yield bars
         else:
-            with told_to(_Lines()) as progress:
+            with told_to(Lines()) as progress:
                 yield progress
 
     def show(self, outcome: Outcome) -> None:
@@ -75,10 +75,3 @@ class Console:
 def _mark(cell: str) -> str:
     colors = {"good": "green", "bad": "red"}
     return f"[{colors[MARKS[cell]]}]{cell}[/]" if cell in MARKS else cell
-
-
-class _Lines:
-    def __call__(self, stage: str, fraction: float, message: str = "") -> None:
-        if fraction >= 1.0:
-            sys.stderr.write(f"{stage:<12} {message}\n")
-            sys.stderr.flush()
