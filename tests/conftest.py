@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from tests.forked import Server, in_place_of_subprocess
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it once, when the first test imports it
 pytest.register_assert_rewrite(
@@ -20,3 +24,18 @@ def funtwin_data() -> Path:
     if not folder or not Path(folder).is_dir():
         pytest.skip("FUNTWIN_DATA does not name a folder with the measured recordings")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def _server() -> Iterator[Server]:
+    server = Server()
+    yield server
+    server.close()
+
+
+@pytest.fixture(autouse=True)
+def _forked(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, _server: Server) -> None:
+    """Engines are asked in forks, with the mark `started` in processes that are started."""
+    if request.node.get_closest_marker("started") is None:
+        for module in ("twin.verification.process", "twin.lint.simulate"):
+            monkeypatch.setattr(import_module(module), "subprocess", in_place_of_subprocess(_server))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -16,6 +16,7 @@ import twin
 from benchmarks.scenes.boards import cabinet_twin
 from recon.pipeline import reconstruct
 from recon.recording import Intrinsics, Recording
+from tests.forked import Forked, Server
 from twin.errors import InputError
 from twin.files.paths import require_writable
 
@@ -25,9 +26,13 @@ CHEST = str(ROOT / "assets" / "scenes" / "chest.xml")
 # Importing any of these takes longer than reading a twin; NumPy, which the scene types need, is not among them.
 HEAVY = ("mujoco", "open3d", "scipy", "cv2", "mink", "pinocchio", "matplotlib", "numba", "av", "trimesh", "pxr", "sklearn")  # fmt: skip
 CODE = (
-    "import json, sys; from twin.cli import main as cli; code = cli.run(json.loads(sys.argv[1])); "
-    "print(json.dumps([code, sorted({m.split('.')[0] for m in sys.modules} & set(json.loads(sys.argv[2])))]))"
+    "import json, sys; from pathlib import Path; from twin.cli import main as cli; code = cli.run(json.loads(sys.argv[1])); "
+    "heavy = {m.split('.')[0] for m in sys.modules} & set(json.loads(sys.argv[2])); "
+    "Path(sys.argv[3]).write_text(json.dumps([code, sorted(heavy)]))"
 )
+# What every command may import, and some here do; were one of them heavy, each test would tell.
+LIGHT = ("numpy", "recon.readers", "recon.verbs", "robots.replay_verb", "twin.exporters", "twin.importers")
+Told = Callable[..., str]
 
 
 PAGE = "<title>run · Funtwin</title>"
@@ -52,16 +57,28 @@ def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def told_early(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
-    """The line on standard error; the command must end with code 1 and nothing heavy imported but what is `needed`."""
-    done = subprocess.run(
-        [sys.executable, "-c", CODE, json.dumps(list(argv)), json.dumps(HEAVY)],
-        capture_output=True, text=True, check=True, cwd=ROOT,
-    )  # fmt: skip
-    code, imported = json.loads(done.stdout)
-    assert (code, sorted(set(imported) - set(needed))) == (1, []), done.stderr
-    assert done.stderr.count("\n") == 1
-    return done.stderr
+@pytest.fixture(scope="module")
+def command_line() -> Iterator[Server]:
+    server = Server(LIGHT)
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def told_early(command_line: Server, tmp_path_factory: pytest.TempPathFactory) -> Told:
+    """Gives the line on standard error; the command must end with code 1 and nothing heavy imported but what is `needed`."""
+
+    def told(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
+        folder = tmp_path_factory.mktemp("told")
+        said, answer = folder / "said.txt", folder / "answer.json"
+        words = [sys.executable, "-c", CODE, json.dumps(list(argv)), json.dumps(HEAVY), str(answer)]
+        Forked(command_line, words, cwd=str(ROOT), stdout=str(said), env=os.environ).wait(60)
+        code, imported = json.loads(answer.read_text())
+        assert (code, sorted(set(imported) - set(needed))) == (1, []), said.read_text()
+        assert said.read_text().count("\n") == 1
+        return said.read_text()
+
+    return told
 
 
 @pytest.mark.parametrize(
@@ -94,7 +111,7 @@ def told_early(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
     ],
 )
 def test_a_wrong_name_is_told_before_heavy_imports(
-    options: str, words: str, run: Path, tmp_path: Path
+    options: str, words: str, run: Path, tmp_path: Path, told_early: Told
 ) -> None:
     (tmp_path / "x.svo2").write_bytes(b"\x89MCAP0\r\n")
     places = {"RUN": str(run), "OUT": str(tmp_path / "out"), "CLIP": str(tmp_path / "x.svo2")}
@@ -103,7 +120,7 @@ def test_a_wrong_name_is_told_before_heavy_imports(
     assert (run / "report.html").read_text() == PAGE
 
 
-def test_a_joint_that_a_scene_lacks_is_told_by_mujoco_alone(tmp_path: Path) -> None:
+def test_a_joint_that_a_scene_lacks_is_told_by_mujoco_alone(tmp_path: Path, told_early: Told) -> None:
     line = told_early(
         ["simulate", CHEST, "--joint", "ld", "-o", str(tmp_path / "out")], needed=("mujoco", "pxr")
     )
@@ -122,7 +139,7 @@ OUTPUTS = (
 
 @pytest.mark.parametrize("options", OUTPUTS, ids=lambda o: o.split()[0])
 def test_an_output_that_is_a_file_is_told_before_heavy_imports(
-    options: str, run: Path, tmp_path: Path
+    options: str, run: Path, tmp_path: Path, told_early: Told
 ) -> None:
     out = tmp_path / "out"
     out.write_text("a file")
@@ -132,7 +149,9 @@ def test_an_output_that_is_a_file_is_told_before_heavy_imports(
 
 
 @pytest.mark.parametrize("options", [o for o in OUTPUTS if o.split()[0] in ("demo", "reconstruct", "import")])
-def test_a_foreign_twin_folder_is_told_before_anything_is_computed(options: str, foreign: Path) -> None:
+def test_a_foreign_twin_folder_is_told_before_anything_is_computed(
+    options: str, foreign: Path, told_early: Told
+) -> None:
     line = told_early([str(foreign) if word == "OUT" else word for word in options.split()])
     assert f"{foreign / 'twin'} exists and does not hold a twin" in line
     assert sorted(p.name for p in foreign.rglob("*")) == ["notes.txt", "twin"]

@@ -33,6 +33,7 @@ def cabinet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Twin, Exported]:
     return twin, export(twin, tmp_path_factory.mktemp("check"))
 
 
+@pytest.mark.started
 def test_the_cabinet_agrees_everywhere_without_a_warning(cabinet: tuple[Twin, Exported]) -> None:
     report = funtwin.check(*cabinet)
     assert report.warnings == ()

@@ -33,6 +33,7 @@ def planted(clean: Exported, mutation: Mutation, folder: Path) -> Path:
     return path
 
 
+@pytest.mark.started
 def test_our_exports_have_no_finding(clean: Exported) -> None:
     report = lint(list(clean.values()))
     assert report.findings == ()

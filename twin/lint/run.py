@@ -9,6 +9,7 @@ controllers.
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -275,3 +276,4 @@ def main(path: str, fmt: str, answer: str) -> None:
 
 if __name__ == "__main__":
     main(*sys.argv[1:])
+    os._exit(0)  # the answer is written, and to take the imports down takes as long as to load them

@@ -24,7 +24,7 @@ import mujoco
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from .moved import BrokenDown, Moved, insist, moved, pose_of
+from .moved import BrokenDown, Moved, moved, pose_of, watch
 
 REST_SECONDS = 10.0
 REACH_SECONDS = 60.0  # a gate of 10 m whose damping stops it in a second takes 15 s
@@ -92,9 +92,10 @@ def _guarded(run: Callable[..., Any], *arguments: Any) -> Any:
 
 def _steps(model: Any, data: Any, seconds: float, look: Callable[[], bool]) -> None:
     """Simulate up to `seconds`, until a look says that it is done."""
+    insist = watch(data)
     while data.time < seconds:
         mujoco.mj_step(model, data)
-        insist(data)
+        insist()
         if look():
             return
 
@@ -102,34 +103,38 @@ def _steps(model: Any, data: Any, seconds: float, look: Callable[[], bool]) -> N
 def _slide(part: Moved) -> list[float]:
     """States at SLIDE_TIMES of the part let go when all are closed."""
     data, course = part.data(0.0), []
+    insist = watch(data)
     for until in SLIDE_TIMES:
         while data.time < until - part.model.opt.timestep / 2:
             mujoco.mj_step(part.model, data)
-        insist(data)
+        insist()
         course.append(float(data.qpos[part.at]))
     return course
 
 
-def _creep(part: Moved, pull: float) -> float:
-    """Speed (m/s or rad/s) at which dry friction yields to a `pull` (N or N m) that it holds: MuJoCo's friction is a soft
-    constraint, R f = -b v once nothing accelerates (its documentation, Computation, "Constraint model"). Its solver without slip leaves none."""
+def _creep(part: Moved) -> tuple[float, float]:
+    """Slackness and damping of dry friction: to a pull (N or N m) that it holds it yields with slackness * pull / damping
+    (m/s or rad/s). MuJoCo's friction is a soft constraint, R f = -b v once nothing accelerates (its documentation,
+    Computation, "Constraint model"). Its solver without slip leaves none."""
     model, (constant, ratio) = part.model, map(float, part.model.dof_solref[part.dof])
     if model.opt.noslip_iterations > 0:
-        return 0.0
+        return 0.0, 1.0
     d = float(model.dof_solimp[part.dof, 0])
     damping = 2.0 / (float(model.dof_solimp[part.dof, 1]) * constant) if constant > 0 else -ratio
-    return (1.0 - d) / d * float(model.dof_invweight0[part.dof]) * pull / damping
+    return (1.0 - d) / d * float(model.dof_invweight0[part.dof]), damping
 
 
 def _stay(part: Moved, state: float) -> dict[str, float]:
     """Greatest change of state in 10 s when left at `state`, and what friction would yield in that time to gravity's pull where
     the part is: a door that creeps away from its balance is pulled more and more."""
     data, most, creep = part.data(state), 0.0, 0.0
+    (slack, damping), step = _creep(part), part.model.opt.timestep
+    position, bias, at, dof = data.qpos, data.qfrc_bias, part.at, part.dof
 
     def look() -> bool:
         nonlocal most, creep
-        most = max(most, abs(float(data.qpos[part.at]) - state))
-        creep += part.model.opt.timestep * _creep(part, abs(float(data.qfrc_bias[part.dof])))
+        most = max(most, abs(float(position[at]) - state))
+        creep += step * (slack * abs(float(bias[dof])) / damping)
         return False
 
     _steps(part.model, data, REST_SECONDS, look)
@@ -142,11 +147,11 @@ def _reach(part: Moved, start: float, force: float) -> dict[str, float]:
     span = part.upper - part.lower
     data = part.data(start)
     data.qfrc_applied[part.dof] = force
-    left = 1.0
+    left, sign, position, at = 1.0, float(np.sign(force)), data.qpos, part.at
 
     def look() -> bool:
         nonlocal left
-        left = min(left, max(0.0, np.sign(force) * (goal - float(data.qpos[part.at])) / span))
+        left = min(left, max(0.0, sign * (goal - float(position[at])) / span))
         return left == 0.0
 
     _steps(part.model, data, REACH_SECONDS, look)
@@ -246,7 +251,7 @@ def _demonstration(part: Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
     mujoco.mj_mulM(model, data, column, unit)
     inertia, damping = float(column[part.dof]), float(model.dof_damping[part.dof])
     friction, slow = float(model.dof_frictionloss[part.dof]), _SLOW * (part.upper - part.lower)
-    hand, motion, most = float(asked["hand"]), [], 0.0
+    hand, motion, most, insist = float(asked["hand"]), [], 0.0, watch(data)
     for t in times:
         while steps[k] < t:
             state, speed, push = course[k]
@@ -257,7 +262,7 @@ def _demonstration(part: Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
             data.qfrc_applied[part.dof] = pull
             most, k = max(most, abs(pull)), k + 1
             mujoco.mj_step(model, data)
-        insist(data)
+        insist()
         shown.qpos[:] = data.qpos
         shown.qpos[part.at] -= data.qvel[part.dof] * (steps[k] - t)  # the last step went a little past t
         mujoco.mj_kinematics(model, shown)
