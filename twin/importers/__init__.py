@@ -31,20 +31,21 @@ def from_urdf(
 ) -> Twin:
     """The twin that a URDF file describes.
 
-    Links that don't move are the static scene; a link on a revolute or prismatic joint is a part, with what is fixed to it.
-    Numbers that the file doesn't state (mass, joint resistance, contact friction) come from the table of materials, as
-    in any twin. Nobody moved the parts: their motions are empty. What a twin can't carry, and what `twin lint` calls an
-    error in the file's text, is told as a UserWarning.
+    Links that don't move are the static scene; a link on a revolute or prismatic joint is a part, with what
+    is fixed to it. Numbers that the file doesn't state (mass, joint resistance, contact friction) come from
+    the table of materials, as in any twin. Nobody moved the parts: their motions are empty. What a twin can't
+    carry, and what `twin lint` calls an error in the file's text, is told as a UserWarning.
 
     Args:
-        closed: joint -> its closed position, state 0 of the twin: "lower", "upper", or a number in the file's own m or rad.
-            Left out: the end of the range near the file's rest pose (zero), else the rest pose; docs/importing.md tells all.
+        closed: joint -> its closed position, state 0 of the twin: "lower", "upper", or a number in the file's
+            own m or rad. Left out: the end of the range near the file's rest pose (zero), else the rest pose;
+            docs/importing.md tells all.
         limits: joint -> (lower, upper) in the file's own m or rad; for joints that have none, or others.
         exclude: names of links, * and ? allowed, that are left out with all that hangs on them.
 
     Raises:
-        InputError: the file, or a mesh that it names, can't be read, or it moves in a way that a twin can't: names the
-            element.
+        InputError: the file, or a mesh that it names, can't be read, or it moves in a way that a twin can't:
+            names the element.
     """
     return _from("urdf", path, closed, limits, exclude)
 
@@ -57,7 +58,7 @@ def from_mjcf(
     exclude: Sequence[str] = (),
     visual_groups: Sequence[int] = (),
 ) -> Twin:
-    """The twin that an MJCF file describes: as `from_urdf`, with bodies for links; the rest pose is that of qpos0.
+    """The twin that an MJCF file describes: as `from_urdf`, with bodies for links and qpos0 as rest pose.
 
     Args:
         visual_groups: groups of geoms that are seen, 0 to 5; left out, the model's own groups say which are.

@@ -1,4 +1,5 @@
-"""From what a reader found to a twin: fixed bodies join, joints start at their closed end, what is missing is filled in."""
+"""From what a reader found to a twin: fixed bodies join, joints start closed, what is missing is filled
+in."""
 
 from __future__ import annotations
 
@@ -55,7 +56,8 @@ def build(
     limits: Mapping[str, tuple[float, float]],
     exclude: Sequence[str],
 ) -> Twin:
-    """The twin of a file. What it can't carry is told as UserWarnings. Raises InputError that names the element."""
+    """The twin of a file, and UserWarnings of what it can't carry. Raises InputError that names the
+    element."""
     notes = list(source.notes)
     bodies = without_helpers(source, _kept(source, exclude, notes), limits, notes)
     groups = _groups(bodies)
@@ -86,7 +88,7 @@ def build(
 
 
 def _kept(source: Source, exclude: Sequence[str], notes: list[str]) -> list[SourceBody]:
-    """Bodies without what the user leaves out, and without what stands loose; each with all that hangs on it."""
+    """Bodies without what the user leaves out and without what stands loose, nor what hangs on either."""
     names = [b.name for b in source.bodies]
     for pattern in exclude:
         if not any(fnmatchcase(n, pattern) for n in names):
@@ -173,8 +175,8 @@ def _parts(
     taken: list[str],
     notes: list[str],
 ) -> tuple[Part, ...]:
-    """Parts with mesh, joint, shapes and what they are stated to weigh at state 0: every joint of the file at its closed
-    position. The first of `groups` does not move."""
+    """Parts with mesh, joint, shapes and what they are stated to weigh at state 0: every joint of the file at
+    its closed position. The first of `groups` does not move."""
     ids: dict[str, int] = {}
     poses: dict[int | None, Array] = {None: np.eye(4)}
     placed: list[Part] = []
@@ -219,7 +221,8 @@ def _parts(
 
 
 def _deeper(groups: Sequence[_Group], first: SourceBody, rest: float, position: float) -> float:
-    """How much deeper (m) a part, with all that hangs on it, is in the others at a position of its joint than at rest."""
+    """How much deeper (m) a part, with all that hangs on it, is in the others at a position of its joint than
+    at rest."""
     assert first.joint is not None
     carried = {first.name}
     others: list[Mesh] = []

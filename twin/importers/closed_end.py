@@ -1,8 +1,8 @@
 """Where a joint of a file is closed, which way it opens, and how much of its range the twin keeps.
 
-In a twin state 0 is closed and opening is positive; a file says neither. In order: the user's word, a keyframe of the file
-named closed or open, the end of the range near the rest pose. Where none of them tells, the part is closed at rest and
-opens to both sides.
+In a twin state 0 is closed and opening is positive; a file says neither. In order: the user's word, a
+keyframe of the file named closed or open, the end of the range near the rest pose. Where none of them tells,
+the part is closed at rest and opens to both sides.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import numpy as np
 from twin.errors import InputError
 from twin.importers.source import Closed, SourceJoint
 
-# Share of the range. A rest pose this near to an end is taken for closed there, and travel behind the closed pose that is
-# no longer than this is slack: LIBERO's drawers have 3 and 6 %; a joint that opens to both sides has more.
+# Share of the range. A rest pose this near to an end is closed there, and travel behind the closed pose
+# that is no longer than this is slack: LIBERO's drawers have 3 and 6 %, joints that open to both sides more.
 _NEAR = 0.15
-# m, chosen by us: a visual that goes deeper than this into another one, where it was not at rest, is not closed but inside.
+# m, chosen by us: a part whose visuals are deeper than this in others, where they were not at rest, is not
+# closed but inside.
 _DEEPER = 1e-3
 
 
@@ -26,8 +27,9 @@ _DEEPER = 1e-3
 class Travel:
     """What a twin takes of a joint's range, in the file's own coordinate, m or rad.
 
-    closed: state 0 of the twin. lower, upper: the range that is kept. opens: 1 where the coordinate grows in opening, else
-    -1. source: who says so. doubt: what the user should know of the choice; empty where closed is an end of the range.
+    closed: state 0 of the twin. lower, upper: the range that is kept. opens: 1 where the coordinate grows in
+    opening, else -1. source: who says so. doubt: what the user should know of the choice; empty where closed
+    is an end of the range.
     """
 
     closed: float
@@ -40,7 +42,7 @@ class Travel:
 
 @dataclass(frozen=True)
 class _Choice:
-    """A closed pose and why; `doubt` as a clause, `two_sided`: nothing says that travel behind it is slack."""
+    """A closed pose and why; `doubt`: a clause. `two_sided`: nothing says that travel behind it is slack."""
 
     at: float
     source: str
@@ -108,7 +110,7 @@ def _asked(name: str, closed: Closed, span: tuple[float, float]) -> float:
 def _from_rest(
     file: str, joint: SourceJoint, span: tuple[float, float], deeper: Callable[[float], float]
 ) -> _Choice:
-    """Closed at the end next to the rest pose, or at rest where that end is inside of others or none is near."""
+    """Closed at the end next to the rest pose; at rest where that end is inside of others or none is near."""
     rest, (low, high) = _clipped(joint.rest, span), span
     end = low if rest - low <= high - rest else high
     if joint.open is not None:

@@ -1,4 +1,4 @@
-"""Which bodies of an MJCF file can't touch each other: by contype and conaffinity, <exclude>, <pair>, and parent and child."""
+"""Which bodies of an MJCF file never touch: by contype, conaffinity, <exclude>, <pair>, parent and child."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def touching_geoms(model: Any) -> NDArray[np.bool_]:
 
 
 def bodies_apart(model: Any) -> set[tuple[int, int]]:
-    """Pairs (lower id first) of bodies with touching geoms that move against each other and that MuJoCo never lets touch.
+    """Pairs (lower id first) of bodies with geoms that touch, not welded, that MuJoCo never lets touch.
 
-    The rules are those of MuJoCo, "Computation: Collision detection: Selection": two geoms collide when the contype of one
-    shares a bit with the conaffinity of the other; an excluded pair of bodies never does, nor a body and its parent, unless
-    that stands still; a <pair> always does.
+    The rules are those of MuJoCo, "Computation: Collision detection: Selection": two geoms collide when the
+    contype of one shares a bit with the conaffinity of the other; an excluded pair of bodies never does, nor
+    a body and its parent, unless that stands still; a <pair> always does.
     """
     geoms: dict[int, list[int]] = {}
     for g in np.flatnonzero(touching_geoms(model)):

@@ -1,9 +1,10 @@
 """Which geoms of an MJCF file are seen.
 
-A geom without contype and conaffinity is there to be seen. One that touches may be the surface itself or stand in for one:
-the model's own groups say which. Where some shown group holds visuals, one in which every geom touches holds colliders
-(robosuite, LIBERO, RoboCasa: colliders 0, visuals 1), and a geom of it is not seen where visuals of the same body span it.
-Groups from 3 on are those that MuJoCo's viewer hides (Menagerie: visuals 2, colliders 3).
+A geom without contype and conaffinity is there to be seen. One that touches may be the surface itself or
+stand in for one: the model's own groups say which. Where some shown group holds visuals, one in which every
+geom touches holds colliders (robosuite, LIBERO, RoboCasa: colliders 0, visuals 1), and a geom of it is not
+seen where visuals of the same body span it. Groups from 3 on are those that MuJoCo's viewer hides (Menagerie:
+visuals 2, colliders 3).
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from twin.geometry import Array
 
 # Groups below this are those that MuJoCo's own viewer shows, of this many in all (mjNGROUP).
 _SHOWN, _GROUPS = 3, 6
-# Share of a collider's extent along each axis that the visuals of its body span where it stands in for them (chosen by us:
-# colliders are cruder than visuals, and a handle that is drawn spans little of the panel that it is on).
+# Share of a collider's extent along each axis that the visuals of its body span where it stands in for them.
+# Chosen by us: colliders are cruder than visuals, and a handle that is drawn spans little of its panel.
 _SPANNED = 0.5
 
 
@@ -96,7 +97,7 @@ def _alpha(model: Any) -> Array:
 
 
 def _homes(model: Any) -> NDArray[np.int64]:
-    """(ngeom,) the uppermost body that each geom is welded to, the world left out: geoms of it alone share its number."""
+    """(ngeom,) the uppermost body that each geom is welded to; the world counts for its own geoms alone."""
     weld, parent = np.asarray(model.body_weldid), np.asarray(model.body_parentid)
     top = np.arange(int(model.nbody))
     for b in range(1, int(model.nbody)):  # parents come first

@@ -1,4 +1,4 @@
-"""Chains of joints through bodies without a shape, by which some files give one part two joints (PartNet-Mobility)."""
+"""Chains of joints through bodies without a shape: two joints for one part, as PartNet-Mobility has them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def without_helpers(
     limits: Mapping[str, tuple[float, float]],
     notes: list[str],
 ) -> list[SourceBody]:
-    """The bodies, with each helper's joint held at rest where it has no range: what hangs on it moves by its own joint.
+    """The bodies; the joint of a helper is held at rest where it has no range.
 
     A helper is a body on a joint, with all that is fixed to it, that has no shape and carries another joint.
 
     Raises:
-        InputError: a helper's joint has a range, so that the part would need both joints; names the body to exclude.
+        InputError: a helper's joint has a range, so that the part needs both; names the body to exclude.
     """
     home: dict[str, str | None] = {}
     solid: set[str | None] = set()

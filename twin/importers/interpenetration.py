@@ -1,11 +1,11 @@
 """How much deeper a part's surface and the others are in each other at the end of a way than at rest.
 
-Visual meshes are seldom closed and often thin sheets, so that no inside can be relied on. Instead points of each surface
-are followed along the way, and the first face of the other surface that each passes is the one that it goes through. Its
-depth is how far it ends behind that face, along the face's normal, and no more than its distance to the other surface: a
-point that slides along a wall a hair's breadth inside of it is not deep.
-Limits: a point that starts inside a solid, or on its surface, is not followed (what leaves a solid is not deeper); what is
-under a thousandth of the points, a peg or a wire, is not seen.
+Visual meshes are seldom closed and often thin sheets, so that no inside can be relied on. Instead points of
+each surface are followed along the way, and the first face of the other surface that each passes is the one
+that it goes through. Its depth is how far it ends behind that face, along the face's normal, and no more than
+its distance to the other surface: a point that slides along a wall a hair's breadth inside of it is not deep.
+Limits: a point that starts inside a solid, or on its surface, is not followed (what leaves a solid is not
+deeper); what is under a thousandth of the points, a peg or a wire, is not seen.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from twin.geometry import Array
 from twin.scene import Joint, Mesh, Revolute
 
 # All chosen by us.
-# m: the way begins this much before the rest pose, so that faces that touch or overlap at rest are passed on it.
+# m: the way begins this much before the rest pose, so that faces that overlap at rest are passed on it.
 _BEFORE = 0.01
-# m: a point that starts nearer than this to the other surface slides along it, and may leave it through its side.
+# m: a point that starts nearer than this to the other surface slides along it, and may leave by its side.
 _TOUCHES = 1e-3
 # rad: a hinge turns in steps of at most this, whose chord leaves the arc by 0.3 mm at 1 m.
 _STEP = 0.05
@@ -39,7 +39,7 @@ _DIRECTIONS = np.array([[0.31, 0.52, 0.79], [-0.71, 0.23, 0.66], [0.12, -0.84, -
 
 
 def deeper(part: Mesh, others: Mesh, joint: Joint, to: float) -> float:
-    """How much deeper (m) `part` and `others` are in each other with the part at state `to` of `joint` than at state 0.
+    """How much deeper (m) `part` and `others` are in each other at state `to` of `joint` than at state 0.
 
     Args:
         part: its surface in the world at state 0; it needn't be closed.
@@ -80,7 +80,8 @@ def _within(mesh: Mesh, low: Array, high: Array) -> Array:
 
 
 def _passed(points: Array, mesh: Mesh, poses: Array) -> Array:
-    """How much deeper (n,) m each point (m, 3) is in `mesh` at the last of `poses` (k, 4, 4) than at the second, its rest.
+    """How much deeper (n,) m points (m, 3) are in `mesh` at the last of `poses` (k, 4, 4) than at poses[1],
+    rest.
 
     Points that are inside, or touch, at the first pose are left out.
     """
@@ -113,8 +114,8 @@ class _Surface:
         self._scene.add_triangles(_tensor(mesh.vertices - self._middle), faces)
 
     def first(self, start: Array, end: Array) -> tuple[Array, Array]:
-        """The share (n,) of the way from `start` to `end` (n, 3) at which a face is passed, infinite for none, and the
-        normals (n, 3) of those faces."""
+        """The share (n,) of the way from `start` to `end` (n, 3) at which a face is passed, infinite for
+        none, and the normals (n, 3) of those faces."""
         rays = np.concatenate([start - self._middle, end - start], axis=1)
         still = np.linalg.norm(end - start, axis=1) < 1e-9
         rays[still, 3:] = [1.0, 0.0, 0.0]

@@ -40,7 +40,8 @@ def at_rest(joint: SourceJoint) -> Joint:
 
 
 def joint_of(joint: SourceJoint, T: Array, travel: Travel, mesh: Mesh) -> Joint:
-    """The joint of a twin, moved by T from the file's rest pose; its point is the one nearest the mesh's centroid."""
+    """The joint of a twin, moved by T from the file's rest pose; its point is the nearest to the mesh's
+    middle."""
     axis = geo.unit(geo.rotate(T, joint.axis) * travel.opens)
     low, high = sorted(travel.opens * (end - travel.closed) + 0.0 for end in (travel.lower, travel.upper))
     if joint.kind == "prismatic":

@@ -11,7 +11,8 @@ _SAME = 0.01  # of the range, chosen by us: a keyframe that moves a joint by les
 
 
 def ends(model: Any, joint: int, names: tuple[str, ...]) -> tuple[float | None, float | None]:
-    """Where keyframes have a joint closed and open. One that leaves it where it is closed, or at rest, does not open it."""
+    """Where keyframes have a joint closed and open. One that leaves it closed, or at rest, does not open
+    it."""
     closed, opened = (_keyed(model, joint, word, names) for word in ("closed", "open"))
     if opened is not None:
         start = closed if closed is not None else float(model.qpos0[model.jnt_qposadr[joint]])
@@ -21,10 +22,10 @@ def ends(model: Any, joint: int, names: tuple[str, ...]) -> tuple[float | None, 
 
 
 def _keyed(model: Any, joint: int, word: Literal["closed", "open"], names: tuple[str, ...]) -> float | None:
-    """The position (m or rad) of a joint in the first keyframe that is named so and speaks of it; None without one.
+    """The position (m or rad) of a joint in the first keyframe of that name that speaks of it; None without.
 
-    `closed` speaks of every joint, `drawer_closed` of those that have the word drawer in one of their `names` (their own,
-    that of the body). Upper and lower case don't matter.
+    `closed` speaks of every joint, `drawer_closed` of those that have the word drawer in one of their `names`
+    (their own, that of the body). Upper and lower case don't matter.
     """
     mine = [_words(n) for n in names]
     for k in range(int(model.nkey)):

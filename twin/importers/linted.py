@@ -9,7 +9,7 @@ from twin.errors import InputError
 from twin.lint import Finding, lint
 from twin.lint.rules import RULES
 
-# How a file runs in MuJoCo takes seconds to minutes, and tells of robots and motors what no twin takes from it.
+# How a file runs in MuJoCo takes seconds to minutes, and tells of robots and motors that no twin takes.
 _TEXT = tuple(name for name, rule in RULES.items() if not rule.simulates)
 _NAMED = 3  # elements that one line names
 

@@ -14,7 +14,7 @@ _ALL_GROUPS = [0, 5]
 
 
 def refusal(path: Path, error: ValueError) -> InputError:
-    """MuJoCo's own reason, with what it leaves unsaid: where a file was looked for, why a body has no mass."""
+    """MuJoCo's reason, with what it leaves unsaid: where a file was looked for, why a body has no mass."""
     reason = " ".join(str(error).split())
     if "Error opening file" in reason:
         remedy = f"put the file there: names count from {path.parent}, behind meshdir and texturedir"

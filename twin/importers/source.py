@@ -1,4 +1,4 @@
-"""What both readers fill: bodies with what is known about them, everything in the file's world at its rest pose."""
+"""What both readers fill: bodies with what is known about them, in the file's world at its rest pose."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ Closed = float | str  # a coordinate of the file's joint, "lower" or "upper"
 
 @dataclass(frozen=True, eq=False)
 class SourceJoint:
-    """A hinge or slide. axis, pivot (3,): unit and m, in the world at rest. `rest`, `lower`, `upper` are in the file's own
-    coordinate, m or rad; without limits they are None. closed, open: where keyframes of the file that are named so have it,
-    None without them. damping, frictionloss: None where the file states none."""
+    """A hinge or slide. axis, pivot (3,): unit and m, in the world at rest. `rest`, `lower`, `upper` are in
+    the file's own coordinate, m or rad; without limits they are None. closed, open: where keyframes of the
+    file that are named so have it, None without them. damping, frictionloss: None where the file states
+    none."""
 
     name: str
     kind: Literal["revolute", "prismatic"]
@@ -45,10 +46,11 @@ class SourceMass:
 
 @dataclass(frozen=True, eq=False)
 class SourceBody:
-    """A rigid body. `parent` names another, None what stands in the world. friction: of each shape that touches.
+    """A rigid body. `parent` names another, None the world. friction: of each shape that touches.
 
-    stated: whether the file states the mass, and not only the program that reads it. refused: why a twin can't carry how it
-    moves. loose: it stands on nothing. shapes: False when some of its collision shapes can't be used.
+    stated: whether the file states the mass, and not only the program that reads it. refused: why a twin
+    can't carry how it moves. loose: it stands on nothing. shapes: False when some of its collision shapes
+    can't be used.
     """
 
     name: str
@@ -68,8 +70,9 @@ class SourceBody:
 class Source:
     """A file as read: `bodies` with parents before their children, `notes` what of it no twin holds.
 
-    apart: pairs of names of bodies that move against each other, that both have collision shapes, and that the file never
-    lets touch. Two parts never touch when each body of the one and each body of the other, shapes given, are such a pair.
+    apart: pairs of names of bodies that move against each other, that both have collision shapes, and that
+    the file never lets touch. Two parts never touch when each body of the one and each body of the other,
+    shapes given, are such a pair.
     URDF says nothing of contacts: the set is empty.
     """
 

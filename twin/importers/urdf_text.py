@@ -1,4 +1,4 @@
-"""URDF text as yourdfpy parses it: what that stumbles over is named first, capsules, which it doesn't know, are put back."""
+"""URDF text as yourdfpy parses it; faults are named before it stumbles over them, capsules are put back."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ class Capsule:
 
 
 def parsed(path: Path) -> Any:
-    """The robot as yourdfpy has it; a geometry of a capsule has it as `capsule`. Raises InputError that names the element."""
+    """The robot as yourdfpy has it, a capsule as `capsule` of its geometry. Raises InputError by the
+    element."""
     root, lines = read_xml(path)  # refuses document types, which the parser of yourdfpy would follow
     for element, problem in _malformed(root):
         name = f" {element.get('name')!r}" if element.get("name") else ""

@@ -1,4 +1,4 @@
-"""Where a joint of a file is closed: the user's word, a keyframe, the end near the rest pose, else rest, and that is told."""
+"""Where a joint of a file is closed: the user's word, a keyframe, the end near the rest pose, else rest."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from twin.cli import main as cli
 from twin.importers.source import Closed
 from twin.scene import Part
 
-# A box drawer in a carcass: its back stands 2 mm before the carcass' back, its front closes flush. It opens along -y.
+# A box drawer, flush in its carcass and 2 mm before the carcass' back, that opens along -y.
 DEPTH, GAP = 0.4, 0.002
 
 
@@ -46,7 +46,7 @@ def _read(path: Path, text: str, **options: Mapping[str, Closed]) -> tuple[Part,
 def test_an_end_that_would_push_a_drawer_into_the_carcass_is_not_closed(
     sign: float, slack: float, tmp_path: Path
 ) -> None:
-    """The ranges -0.16..0.01 and -0.005..0.16 of other people's cabinets, rest 0: open and closed are not swapped."""
+    """The ranges -0.16..0.01 and -0.005..0.16 of other people's cabinets, whose rest pose is 0."""
     low, high = sorted([-0.16 * sign, slack * sign])
     part, (told,) = _read(tmp_path / "drawer.xml", _drawer(low, high, -sign))
     assert np.allclose(part.joint.axis, [0, -1, 0])
@@ -83,7 +83,8 @@ def test_a_range_that_does_not_tell_leaves_closed_at_rest_and_asks_for_the_optio
 
 @pytest.mark.parametrize(("low", "high"), [(-0.16, 0.01), (-0.01, 0.16)])
 def test_closed_at_a_number_opens_the_longer_way(low: float, high: float, tmp_path: Path) -> None:
-    """Opening is positive whatever the sign in the file; what lies behind closed is cut, unless the user says the range."""
+    """Opening is positive whatever the sign in the file; what lies behind closed is cut, unless the user says
+    the range."""
     text = _drawer(low, high, -1.0 if high < 0.1 else 1.0)
     part, (told,) = _read(tmp_path / "drawer.xml", text, closed={"slide": 0.0})
     assert (part.joint.lower, part.joint.upper) == (0.0, pytest.approx(0.16))
@@ -113,7 +114,8 @@ def test_a_keyframe_that_does_not_speak_of_the_joint_says_nothing(name: str, tmp
 
 
 def test_a_keyframe_named_open_says_which_way_a_joint_opens(tmp_path: Path) -> None:
-    """Of a symmetric range, where the rest pose tells nothing; one that leaves the joint at rest says nothing."""
+    """Of a symmetric range, where the rest pose tells nothing; one that leaves the joint at rest is
+    silent."""
     key = '<keyframe><key name="open" qpos="{}"/></keyframe>'
     part, _ = _read(tmp_path / "drawer.xml", _drawer(-0.3, 0.3, after=key.format(-0.2)))
     assert np.allclose(part.joint.axis, [0, -1, 0])

@@ -1,4 +1,4 @@
-"""What an MJCF file says of contacts is read: contype and conaffinity, <exclude>, <pair>, parent and child."""
+"""What an MJCF file says of contacts is read: contype, conaffinity, <exclude>, <pair>, parent and child."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from twin.importers import urdf as urdf_reader
 
 
 def _bodies(rng: np.random.Generator, count: int) -> tuple[str, list[list[str]]]:
-    """Nested bodies, all in one place, some of them welded to what they hang on, and the chain of names of each."""
+    """Nested bodies, all in one place, some welded to what they hang on, and the chain of names of each."""
     chains: list[list[str]] = []
     for k in range(count):
         above = chains[int(rng.integers(len(chains)))] if chains and rng.random() < 0.6 else []

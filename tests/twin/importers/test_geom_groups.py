@@ -1,4 +1,4 @@
-"""Colliders of an MJCF file are no visible surface: its contacts and its own groups say which geoms are seen."""
+"""Colliders of an MJCF file are no visible surface: its contacts and groups say which geoms are seen."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_geoms_that_touch_are_seen_where_the_model_has_no_visuals(group: int, tm
 
 
 def test_a_panel_stays_where_only_its_handle_is_drawn(tmp_path: Path) -> None:
-    """The handle's collider goes, the panel, which nothing else shows, stays, and that is told with the option."""
+    """The handle's collider goes; the panel, which nothing else shows, stays, and the option is named."""
     door = board(*HANDLE, f'{SEEN} group="1"') + board(*PANEL, 'group="0"') + board(*GRIP, 'group="0"')
     made, told = _read(tmp_path / "door.xml", _scene(door))
     mesh = made.part("door").mesh

@@ -1,4 +1,4 @@
-"""Two joints on one part, through a helper without a shape (PartNet-Mobility): merged where the helper has no range."""
+"""Two joints on one part, through a helper without a shape: merged where the helper has no range."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from twin.scene import Prismatic
 
 
 def _chain(above: str) -> str:
-    """A slide with a range on a helper without a shape, which hangs on another joint: PartNet's composite joints."""
+    """A slide with a range on a helper without a shape that hangs on another joint, as in PartNet."""
     helper = f'<joint name="turn" type="{above}"><parent link="a"/><child link="helper"/><axis xyz="0 0 1"/>{{}}</joint>'
     slide = (
         '<joint name="push" type="prismatic"><parent link="helper"/><child link="b"/><axis xyz="0 1 0"/>'

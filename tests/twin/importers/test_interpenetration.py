@@ -1,4 +1,4 @@
-"""How much deeper surfaces are in each other than at rest: known by construction, whatever the meshes are like."""
+"""How much deeper surfaces are in each other than at rest, known by construction, for any kind of mesh."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_drawer_in_a_solid_block_goes_deeper_by_its_front() -> None:
 @pytest.mark.parametrize("ajar", [0.0, 0.1, 0.2])
 @pytest.mark.parametrize("flipped", [False, True])
 def test_a_door_closes_until_its_frame_and_not_beyond(ajar: float, flipped: bool) -> None:
-    """One that lies on the carcass, and one inset, which swings through; meshes that are inside out count alike."""
+    """One that lies on the carcass, and one inset, which swings through; inside-out meshes count alike."""
     outside, inset = _board((0, -0.018, 0), (0.6, 0, 0.3)), _board((0.018, 0, 0.018), (0.582, 0.018, 0.282))
     carcass = _carcass()
     if flipped:

@@ -1,4 +1,4 @@
-"""Import tells what `twin lint` calls errors in the file's text, by rule and element, and refuses nothing for it."""
+"""Import tells what `twin lint` calls errors in the file's text, and refuses nothing for it."""
 
 from __future__ import annotations
 

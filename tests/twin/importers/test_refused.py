@@ -1,4 +1,4 @@
-"""What import refuses, and why: the reason names the element and the remedy, and sends nobody to another verb for it."""
+"""What import refuses: the reason names element and remedy, and sends nobody to another verb for it."""
 
 from __future__ import annotations
 
