@@ -90,8 +90,7 @@ def export(
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")
     if package:
         check_package(package)
-    asset = AssetInfo() if asset is None else asset
-    view = usual_view(twin) if view is None else view
+    asset, view = asset or AssetInfo(), view or usual_view(twin)
     ready = _shown(twin, view, cache_dir, collision)
     tree, met = build_tree(ready), _meetings(twin, ready)
     trees, lost_shapes = _trees(ready, tree, formats, met)
