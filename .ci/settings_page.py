@@ -27,7 +27,7 @@ Made by `python .ci/settings_page.py` from the fields of the classes, which hold
 `twin config` lists the settings of a reconstruction here and now, with what gives each value; `twin config --of replay` those of another
 verb; `twin config RUN` those of a run and where they differ from today's defaults; `twin config --toml` prints a file for `--config` with
 the meanings as comments, `--json` the same for machines. `--set labels.every=2` changes one setting of a verb, `--config FILE.toml` many:
-names have the table's path before a dot, angles are in radians. A file with a setting that was renamed or left since is read, with a warning that says so.
+names have the table's path before a dot, angles are in radians.
 """
 
 

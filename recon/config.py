@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from recon.cameras.gravity import GravityConfig
 from recon.cameras.poses import CameraConfig
@@ -14,10 +13,9 @@ from recon.joints.config import JointConfig
 from recon.labels.label_frames import LabelConfig
 from recon.parts.config import MotionConfig
 from recon.recording.said import Said
-from recon.refine.observations import RefineConfig
 from recon.texture.dress import TextureConfig
 from recon.tracking.tracks import TrackConfig
-from twin.runs.setting import Former, Settings, group
+from twin.runs.setting import Settings, group
 
 
 @dataclass(frozen=True)
@@ -29,12 +27,9 @@ class ReconConfig(Settings):
     gravity: GravityConfig = group(GravityConfig, "which way is up")
     motion: MotionConfig = group(MotionConfig, "which parts move, when and how")
     joints: JointConfig = group(JointConfig, "how tracks or poses become a joint")
-    refine: RefineConfig = group(RefineConfig, "joints and states refined with every pixel")
     labels: LabelConfig = group(LabelConfig, "what each pixel shows")
     fusion: FusionConfig = group(FusionConfig, "meshes of the static scene and the parts")
     closed_end: ClosedEndConfig = group(ClosedEndConfig, "which end of a part's travel is the closed one")
     contact: ContactConfig = group(ContactConfig, "where the hand held a part")
     texture: TextureConfig = group(TextureConfig, "photographs on the meshes")
     said: Said = group(Said, "the user's word")
-
-    FORMERLY: ClassVar[Former] = {"motion.joint": "joints"}

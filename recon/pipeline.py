@@ -130,7 +130,7 @@ def _run(
     earlier: Twin | None = None,
 ) -> Twin:
     """earlier: the twin of the run folder, whose parts keep their names."""
-    stage, loop, moving = _Chain(run, c), run.loop, c.motion.interval
+    stage, loop = _Chain(run, c), run.loop
     # Sparse 3D tracks, without weights; the paper's tracker is learned.
     tracks = stage(TRACKS, [], lambda: track_points(recording, c.tracks, loop("tracks")))
     # Camera poses in spite of hands and moving parts (FunREC, supplement 1.2).
@@ -158,9 +158,7 @@ def _run(
     refined = stage(
         REFINE,
         [up, found, noise],
-        lambda: refine_found(
-            recording, up.value, found.value, c.refine, c.labels, moving, sigma, loop("refine")
-        ),
+        lambda: refine_found(recording, up.value, found.value, c.labels, sigma, loop("refine")),
     )
     # Pixel-aligned part segmentation (supplement 1.3).
     labels = stage(
@@ -171,9 +169,7 @@ def _run(
     polished = stage(
         POLISH,
         [up, found, refined, labels, noise],
-        lambda: polish_parts(
-            recording, up.value, labels.value, found.value, refined.value, c.refine, moving, sigma
-        ),
+        lambda: polish_parts(recording, up.value, labels.value, found.value, refined.value, sigma),
     )
     made = _provenance(c, hints, up.warnings)
     given = given_names(earlier, recording, labels.value) if earlier is not None else {}

@@ -9,8 +9,6 @@ import tomllib
 import types
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import reduce
-from operator import getitem
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -29,7 +27,7 @@ from tests.recon import tiny
 from twin.cli.table import SETTINGS, named
 from twin.errors import ConfigError
 from twin.runs.keys import stage_key
-from twin.runs.setting import Left, Settings, rule_of, types_of
+from twin.runs.setting import Settings, rule_of, types_of
 from twin.runs.settings import as_dict, from_dict, load_config, to_toml
 from twin.runs.settings_list import listed
 
@@ -154,23 +152,6 @@ def test_a_refusal_names_the_setting_as_its_user_does() -> None:
         assert len(str(e.value)) <= LINE
 
     assert_for_all(law, [(c, s.path) for c in map(named, SETTINGS.values()) for s in listed(c())])
-
-
-def test_what_a_setting_was_called_leads_to_one_of_today() -> None:
-    """A file of that time is read, with one warning, and gives the same settings."""
-
-    def law(cls: type, old: str, now: str | Left) -> None:
-        assert old not in {s.path for s in listed(cls())}
-        data: dict[str, Any] = {}
-        inner = data
-        for table in old.split(".")[:-1]:
-            inner = inner.setdefault(table, {})
-        value = now.value if isinstance(now, Left) else reduce(getitem, now.split("."), as_dict(cls()))
-        inner[old.split(".")[-1]] = value
-        with pytest.warns(UserWarning, match=re.escape(old)):
-            assert from_dict(cls, data) == cls()
-
-    assert_for_all(law, [(c, old, now) for c in CLASSES for old, now in c.FORMERLY.items()])  # type: ignore[attr-defined]
 
 
 def test_the_page_of_settings_is_up_to_date() -> None:

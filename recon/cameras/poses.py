@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +20,14 @@ from recon.cameras.kernels import chi_squares, landmarks_of, pose_systems
 from recon.cameras.rigid import point_sigmas, ransac_pose
 from recon.cameras.rival import followed_part
 from recon.recording import Recording
-from recon.tracking.tracks import Tracks
+from recon.tracking.tracks import PIXEL_SIGMA, Tracks
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array
 from twin.robust import chi2_scale, geman_mcclure
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
-from twin.runs.setting import Former, Left, Settings, setting
+from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
 CAMERAS = Stage("cameras", 3, ("cameras",))
@@ -43,41 +42,30 @@ _BETTER = 1.1  # by what the other path then agrees more with the frames before;
 
 @dataclass(frozen=True)
 class CameraConfig(Settings):
-    """Camera poses from tracks; chosen by us unless a setting says otherwise."""
+    """Camera poses."""
 
-    keyframe_every: int = setting(
-        15, "a keyframe serves at most so long (measured)", unit="frames", at_least=1
-    )
-    keyframe_min_inliers: float = setting(
-        0.5, "share of inliers below which a new keyframe is taken", unit="", at_least=0, at_most=1
-    )
-    min_correspondences: int = setting(
-        12, "a frame that shares fewer tracks with its keyframe is lost", unit="tracks", at_least=3
-    )
-    ransac_iterations: int = setting(300, "poses tried for a frame", unit="", at_least=1)
-    inlier_sigma: float = setting(
-        4.0, "standard deviations within which a track agrees with a pose", unit="", above=0
-    )
-    pixel_sigma: float = setting(
-        0.6,
-        "lateral noise of a track; about what the forward-backward test leaves (measured)",
-        unit="px",
-        above=0,
-    )
     use_known_poses: bool = setting(
         False, "take the poses that the recording holds instead of estimating them"
     )
 
-    FORMERLY: ClassVar[Former] = {
-        "bundle_rounds": Left(_BUNDLE_ROUNDS),
-        "converged": Left(_CONVERGED),
-    }
+
+_DEFAULT = CameraConfig()
+# Frames that a keyframe serves at most. Measured.
+_KEYFRAME_EVERY = 15
+# Share of inliers below which a new keyframe is taken. Chosen by us.
+_KEYFRAME_MIN_INLIERS = 0.5
+# A frame that shares fewer tracks with its keyframe is lost. Chosen by us.
+_MIN_CORRESPONDENCES = 12
+# Poses tried for a frame. Chosen by us.
+_TRIES = 300
+# Standard deviations within which a track agrees with a pose. Chosen by us.
+INLIER_SIGMA = 4.0
 
 
 def camera_poses(
     recording: Recording,
     tracks: Tracks,
-    config: CameraConfig = CameraConfig(),
+    config: CameraConfig = _DEFAULT,
     progress: Loop = untold,
 ) -> Trajectory:
     """The recording's own poses where the settings say so, else those that `estimate_cameras` finds.
@@ -91,41 +79,39 @@ def camera_poses(
                 "leave cameras.use_known_poses off to estimate them",
             )
         return recording.poses
-    found = _checked(recording, tracks, config, progress)
+    found = _checked(recording, tracks, progress)
     lost = len(recording) - len(found.frames)
     if lost:
         warnings.warn(f"{lost} of {len(recording)} frames have no camera pose", stacklevel=2)
     return found
 
 
-def _checked(recording: Recording, tracks: Tracks, config: CameraConfig, progress: Loop) -> Trajectory:
+def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> Trajectory:
     """The poses by which the room keeps its place: where they follow a part that fills the view, those by all other tracks."""
-    lateral, rng = config.pixel_sigma / recording.intrinsics.fx, np.random.default_rng(0)
-    poses, posed = _of_two(recording, tracks, config, progress)
+    lateral, rng = PIXEL_SIGMA / recording.intrinsics.fx, np.random.default_rng(0)
+    poses, posed = _of_two(recording, tracks, progress)
     sigma = np.hypot(*point_sigmas(tracks.points_cam, lateral))
     part = followed_part(tracks, poses, posed, sigma, rng)
     if part.any():
         others = tracks.without(part)
-        room, known = _of_two(recording, others, config, progress)
+        room, known = _of_two(recording, others, progress)
         if known.sum() >= _AS_MANY * posed.sum() and not followed_part(others, room, known, sigma, rng).any():
             poses, posed = room, known
     _enough(posed)
     return _from_first(poses, posed, recording.times)
 
 
-def _of_two(
-    recording: Recording, tracks: Tracks, config: CameraConfig, progress: Loop
-) -> tuple[Array, NDArray[np.bool_]]:
+def _of_two(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array, NDArray[np.bool_]]:
     """Poses (T, 4, 4) and which of them are known (T,): the tracks' where those from depth and tracks agree with them; else those that
     explain more of the depth, bundled."""
     focal = recording.intrinsics.fx
-    start, posed = _start_poses(tracks, config, focal, progress)
-    poses = _bundle(tracks, start, posed, config, focal) if posed.any() else start
-    depth = poses_by_depth(recording, tracks, poses, config.pixel_sigma / focal, progress)
+    start, posed = _start_poses(tracks, focal, progress)
+    poses = _bundle(tracks, start, posed, focal) if posed.any() else start
+    depth = poses_by_depth(recording, tracks, poses, PIXEL_SIGMA / focal, progress)
     apart = _apart(poses, depth.T_world_cam, posed & depth.posed)
     if (apart & (depth.good > _BETTER * depth.theirs)).any() or depth.posed.sum() > posed.sum():
         posed = depth.posed
-        poses = _bundle(tracks, depth.T_world_cam, posed, config, focal, depth.information)
+        poses = _bundle(tracks, depth.T_world_cam, posed, focal, depth.information)
     return poses, posed
 
 
@@ -155,7 +141,7 @@ def estimate_cameras(
     tracks: Tracks,
     times: Array,
     focal: float,
-    config: CameraConfig = CameraConfig(),
+    tries: int = _TRIES,
     progress: Loop = untold,
 ) -> Trajectory:
     """Poses T_world_cam of all frames that can be posed; the world is the first posed frame's camera.
@@ -164,12 +150,13 @@ def estimate_cameras(
         tracks: T frames of tracks.
         times: (T,) s.
         focal: focal length in pixels of the recording.
+        tries: poses tried for a frame.
 
     Raises ReconstructionError when fewer than half of the frames can be posed.
     """
-    start, posed = _start_poses(tracks, config, focal, progress)
+    start, posed = _start_poses(tracks, focal, progress, tries)
     _enough(posed)
-    return _from_first(_bundle(tracks, start, posed, config, focal), posed, times)
+    return _from_first(_bundle(tracks, start, posed, focal), posed, times)
 
 
 def _from_first(poses: Array, posed: NDArray[np.bool_], times: Array) -> Trajectory:
@@ -179,7 +166,7 @@ def _from_first(poses: Array, posed: NDArray[np.bool_], times: Array) -> Traject
 
 
 def _start_poses(
-    tracks: Tracks, config: CameraConfig, focal: float, progress: Loop
+    tracks: Tracks, focal: float, progress: Loop, tries: int = _TRIES
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Poses (T, 4, 4) by alignment to keyframes and a mask (T,) of the frames that could be posed."""
     rng = np.random.default_rng(0)
@@ -189,15 +176,13 @@ def _start_poses(
     key, last = -1, -1
     for i in progress(range(n_frames), "cameras"):
         if key < 0:
-            posed[i] = tracks.visible[i].sum() >= config.min_correspondences
+            posed[i] = tracks.visible[i].sum() >= _MIN_CORRESPONDENCES
             key = last = i if posed[i] else -1
             continue
-        found = _align(tracks, key, i, config, focal, rng)
-        if (
-            found is None or found[1] < config.keyframe_min_inliers or i - key >= config.keyframe_every
-        ) and last != key:
+        found = _align(tracks, key, i, tries, focal, rng)
+        if (found is None or found[1] < _KEYFRAME_MIN_INLIERS or i - key >= _KEYFRAME_EVERY) and last != key:
             key = last
-            found = _align(tracks, key, i, config, focal, rng) or found
+            found = _align(tracks, key, i, tries, focal, rng) or found
         if found is None:
             continue
         poses[i] = poses[key] @ found[0]
@@ -206,27 +191,26 @@ def _start_poses(
 
 
 def _align(
-    tracks: Tracks, key: int, frame: int, config: CameraConfig, focal: float, rng: np.random.Generator
+    tracks: Tracks, key: int, frame: int, tries: int, focal: float, rng: np.random.Generator
 ) -> tuple[Array, float] | None:
     """T_key_frame and its inlier share, None when they share too few tracks."""
     both = tracks.visible[key] & tracks.visible[frame]
-    if both.sum() < config.min_correspondences:
+    if both.sum() < _MIN_CORRESPONDENCES:
         return None
     a, b = tracks.points_cam[frame, both], tracks.points_cam[key, both]
-    lateral_a, axial_a = point_sigmas(a, config.pixel_sigma / focal)
-    lateral_b, axial_b = point_sigmas(b, config.pixel_sigma / focal)
+    lateral_a, axial_a = point_sigmas(a, PIXEL_SIGMA / focal)
+    lateral_b, axial_b = point_sigmas(b, PIXEL_SIGMA / focal)
     sigma = np.sqrt(axial_a**2 + axial_b**2 + lateral_a**2 + lateral_b**2)
-    gate = config.inlier_sigma
-    pose = ransac_pose(a, b, sigma, rng, tries=config.ransac_iterations, gate=gate)
+    gate = INLIER_SIGMA
+    pose = ransac_pose(a, b, sigma, rng, tries=tries, gate=gate)
     inlier = np.linalg.norm(geo.transform(pose, a) - b, axis=-1) < gate * sigma
-    return (pose, float(inlier.mean())) if inlier.sum() >= config.min_correspondences else None
+    return (pose, float(inlier.mean())) if inlier.sum() >= _MIN_CORRESPONDENCES else None
 
 
 def _bundle(
     tracks: Tracks,
     start: Array,
     posed: NDArray[np.bool_],
-    config: CameraConfig,
     focal: float,
     held: Array | None = None,
 ) -> Array:
@@ -237,7 +221,7 @@ def _bundle(
     visible = tracks.visible & posed[:, None]
     frame_index, track_index = np.nonzero(visible)
     points = tracks.points_cam[frame_index, track_index]
-    lateral, axial = point_sigmas(points, config.pixel_sigma / focal)
+    lateral, axial = point_sigmas(points, PIXEL_SIGMA / focal)
     info = np.stack([1 / lateral**2, 1 / axial**2], axis=-1)
     poses = start.copy()
     weights = np.ones(len(points))

@@ -32,29 +32,25 @@ _BEYOND_M = 0.15  # a hand farther from the part than this does not hold it
 
 @dataclass(frozen=True)
 class ContactConfig(Settings):
-    """Finding the contact; chosen by us."""
+    """Finding the contact."""
 
     source: Literal["geometry", "keypoints"] = setting(
         "geometry", '"geometry" needs no model, "keypoints" asks a hand detector (extra `hands`)'
     )
-    width: int = setting(320, "hand pixels come from a grid of about so many columns", unit="px", at_least=32)
-    hold_frames: int = setting(
-        2, "the hand holds the part so long before it moves and after", unit="frames", at_least=0
-    )
-    near: float = setting(
-        0.05, "a hand whose surface comes so close to the part holds it", unit="m", above=0, below=0.2
-    )
-    finger: float = setting(
-        0.025,
-        "how much farther from what they hold the fingers' surface may be than its nearest point",
-        unit="m",
-        above=0,
-        below=0.1,
-    )
-    breadth: float = setting(
-        0.10, "of a fist with its thumb; adults have some 9 to 10.5 cm", unit="m", at_least=0, below=0.3
-    )
-    min_points: int = setting(6, "fewest hand pixels that count as seen", unit="px", at_least=1)
+
+
+# Hand pixels come from a grid of about so many columns. Chosen by us.
+_COLUMNS = 320
+# Frames for which the hand holds the part before it moves and after. Chosen by us.
+_HOLD_FRAMES = 2
+# m; a hand whose surface comes so close to the part holds it. Chosen by us.
+_NEAR = 0.05
+# m; how much farther from what they hold the fingers' surface may be than its nearest point. Chosen by us.
+_FINGER = 0.025
+# m; breadth of a fist with its thumb: adults have some 9 to 10.5 cm. Chosen by us.
+_BREADTH = 0.10
+# Fewest hand pixels that count as seen. Chosen by us.
+_MIN_POINTS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +85,11 @@ def find_contact(
     Warns and returns None when no hand comes near the part while it moves.
     """
     surface = sample(mesh)
-    T_part_cam = _T_part_cam(recording, cameras, labels, part, config)
-    hand = _hand_points(recording, labels, T_part_cam, surface, config)
-    touch, seen_by = _steady(_close(hand, hand.distance, config), config), "hand label"
+    T_part_cam = _T_part_cam(recording, cameras, labels, part)
+    hand = _hand_points(recording, labels, T_part_cam, surface)
+    touch, seen_by = _steady(_close(hand, hand.distance)), "hand label"
     if config.source == "keypoints":
-        tips = _fingertips(recording, labels, T_part_cam, surface, config)
+        tips = _fingertips(recording, labels, T_part_cam, surface)
         if len(tips.points):
             touch, seen_by = tips, "fingertips"
         else:
@@ -103,7 +99,7 @@ def find_contact(
             )
     if not len(touch.points):
         warnings.warn(
-            f"no hand is within {100 * config.near:.0f} cm of part {part.id} while it moves: it gets no contact; "
+            f"no hand is within {100 * _NEAR:.0f} cm of part {part.id} while it moves: it gets no contact; "
             "record the hand that moves it",
             stacklevel=2,
         )
@@ -117,7 +113,7 @@ def find_contact(
     elif handle.kind == "bar" and seen_by == "fingertips":
         handle = handle.shifted(float(np.median(handle.along(touch.points))))
     elif handle.kind == "bar":
-        handle = handle.shifted(_middle_of_fingers(handle, hand, T_part_cam, config))
+        handle = handle.shifted(_middle_of_fingers(handle, hand, T_part_cam))
     return ContactPath(
         handle.surface_point,
         handle.rotation,
@@ -132,15 +128,14 @@ def _hand_points(
     labels: Mapping[int, NDArray[np.uint8]],
     T_part_cam: Mapping[int, Array],
     surface: Surface,
-    config: ContactConfig,
 ) -> HandPoints:
     """The hand's surface in the labelled frames in which the part moves, as far as it is near the part."""
     tree = cKDTree(surface.points)
-    step = max(1, round(recording.intrinsics.width / config.width))
+    step = max(1, round(recording.intrinsics.width / _COLUMNS))
     found = []
     for frame, pose in T_part_cam.items():
         is_hand = labels[frame][::step, ::step] == HAND_LABEL
-        if np.count_nonzero(is_hand) < config.min_points:
+        if np.count_nonzero(is_hand) < _MIN_POINTS:
             continue
         depth = recording.depth(frame)[::step, ::step]
         y, x = np.nonzero(is_hand & (depth > 0))
@@ -158,7 +153,6 @@ def _T_part_cam(
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
     part: MovingPart,
-    config: ContactConfig,
 ) -> dict[int, Array]:
     """Camera points to the part's frame at state 0, for the labelled frames in which the hand may hold it."""
     spans = part.motion.intervals or ((0, len(recording) - 1),)
@@ -168,15 +162,15 @@ def _T_part_cam(
         if (
             pose is not None
             and camera is not None
-            and any(a - config.hold_frames <= frame <= b + config.hold_frames for a, b in spans)
+            and any(a - _HOLD_FRAMES <= frame <= b + _HOLD_FRAMES for a, b in spans)
         ):
             out[frame] = geo.invert_pose(pose) @ camera
     return out
 
 
-def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
+def _steady(hand: HandPoints) -> HandPoints:
     """What of the hand stays at the same place of the part: cells of 2 cm which it fills in half as many frames as any."""
-    if len(hand.points) < config.min_points:
+    if len(hand.points) < _MIN_POINTS:
         return hand.chosen(np.zeros(len(hand.points), dtype=bool))
     keys = voxel_keys(hand.points.astype(np.float32), 0.02)
     cells, cell = np.unique(keys, return_inverse=True)
@@ -185,32 +179,28 @@ def _steady(hand: HandPoints, config: ContactConfig) -> HandPoints:
     return hand.chosen((frames >= 0.5 * frames.max())[cell])
 
 
-def _middle_of_fingers(
-    handle: Handle, hand: HandPoints, T_part_cam: Mapping[int, Array], config: ContactConfig
-) -> float:
+def _middle_of_fingers(handle: Handle, hand: HandPoints, T_part_cam: Mapping[int, Array]) -> float:
     """Coordinate along a bar: the median over frames of the middle of the fist's extent along it.
 
     A camera that looks along the bar sees one end of the fist and not the other. What is missing of a hand's breadth
     lies at the far end.
     """
-    fingers = _close(hand, handle.distance(hand.points), config, limit=np.inf)
+    fingers = _close(hand, handle.distance(hand.points), limit=np.inf)
     middles = []
     for frame in np.unique(fingers.frame):
         along = handle.along(fingers.points[fingers.frame == frame])
         low, high = np.quantile(along, [0.02, 0.98])
         to_eye = geo.unit(T_part_cam[int(frame)][:3, 3] - handle.centre)
         one_sided = np.clip(2.0 * (to_eye @ handle.rotation[:, 1]), -1.0, 1.0)  # from 30 degrees on, wholly
-        hidden = max(0.0, config.breadth - (high - low))
+        hidden = max(0.0, _BREADTH - (high - low))
         middles.append(float(0.5 * (low + high) - 0.5 * hidden * one_sided))
     return float(np.median(middles)) if middles else 0.0
 
 
-def _close(
-    hand: HandPoints, distance: Array, config: ContactConfig, limit: float | None = None
-) -> HandPoints:
-    """In each frame the points whose distance (n,) exceeds the smallest one by less than `config.finger`.
+def _close(hand: HandPoints, distance: Array, limit: float | None = None) -> HandPoints:
+    """In each frame the points whose distance (n,) exceeds the smallest one by less than `_FINGER`.
 
-    Frames in which no point comes within `limit`, by default `config.near`, hold nothing.
+    Frames in which no point comes within `limit`, by default `_NEAR`, hold nothing.
     """
     keep = np.zeros(len(distance), dtype=bool)
     for frame in np.unique(hand.frame):
@@ -218,11 +208,8 @@ def _close(
         nearest = float(
             np.quantile(distance[of], 0.02)
         )  # single pixels of another surface may be labelled as hand
-        close = of & (distance < nearest + config.finger)
-        if (
-            nearest < (config.near if limit is None else limit)
-            and np.count_nonzero(close) >= config.min_points
-        ):
+        close = of & (distance < nearest + _FINGER)
+        if nearest < (_NEAR if limit is None else limit) and np.count_nonzero(close) >= _MIN_POINTS:
             keep |= close
     return hand.chosen(keep)
 
@@ -232,9 +219,8 @@ def _fingertips(
     labels: Mapping[int, NDArray[np.uint8]],
     T_part_cam: Mapping[int, Array],
     surface: Surface,
-    config: ContactConfig,
 ) -> HandPoints:
-    """The fingertips that come near the part, in each frame no farther from it than `config.near` beyond the nearest."""
+    """The fingertips that come near the part, in each frame no farther from it than `_NEAR` beyond the nearest."""
     from recon.contact.hand_keypoints import FINGERTIPS, detect_hands
 
     keypoints = detect_hands(recording, list(T_part_cam), labels)
@@ -245,7 +231,7 @@ def _fingertips(
         points = geo.transform(T_part_cam[frame], tips[np.isfinite(tips).all(axis=1)])
         if len(points):
             distance, _ = tree.query(points)
-            near = (distance < distance.min() + config.near) & (distance.min() < 2 * config.near)
+            near = (distance < distance.min() + _NEAR) & (distance.min() < 2 * _NEAR)
             found.append(HandPoints(points[near], np.full(int(near.sum()), frame), distance[near]))
     return _joined(found)
 

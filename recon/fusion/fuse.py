@@ -39,27 +39,18 @@ class FusionConfig(Settings):
     part_faces: int = setting(8_000, "most triangles of a part, for simulation", unit="triangles", at_least=4)
     static_faces: int = setting(60_000, "most triangles of the static scene", unit="triangles", at_least=4)
     max_depth: float = setting(5.0, "depth beyond is left out", unit="m", above=0)
-    min_share: float = setting(
-        0.05,
-        "connected pieces of a part with a smaller share of the largest one's triangles are noise",
-        unit="",
-        at_least=0,
-        below=1,
-    )
-    max_gap: float = setting(
-        0.2, "pieces of a part farther from the rest of it are not its own", unit="m", above=0, infinite=True
-    )
-    static_min_share: float = setting(
-        0.002,
-        "as min_share, for the static scene, whose true pieces differ more in size",
-        unit="",
-        at_least=0,
-        below=1,
-    )
-    smoothing: int = setting(3, "rounds of Taubin smoothing", unit="rounds", at_least=0)
-    min_views: float = setting(
-        0.25, "evidence that a surface needs, in frames that see it straight on", unit="frames", at_least=0
-    )
+
+
+# Connected pieces of a part with a smaller share of the largest one's triangles are noise. Chosen by us.
+_MIN_SHARE = 0.05
+# The same of the static scene, whose true pieces differ more in size. Chosen by us.
+_STATIC_MIN_SHARE = 0.002
+# m; pieces of a part farther from the rest of it are not its own. Chosen by us.
+_MAX_GAP = 0.2
+# Rounds of Taubin smoothing. Chosen by us.
+_SMOOTHING = 3
+# Evidence that a surface needs, in frames that see it straight on. Chosen by us.
+_MIN_VIEWS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +155,13 @@ def _fuse_body(
     field = allocate(cloud, voxel, truncation)
     del cloud  # a hundred megabytes that nothing needs any more
     integrate(field, observations, truncation, 0.5, noise.curve)
-    vertices, faces = surface(field, config.min_views * 1e-5 / sigma**2)
-    share = config.static_min_share if part is None else config.min_share
-    gap = np.inf if part is None else config.max_gap
+    vertices, faces = surface(field, _MIN_VIEWS * 1e-5 / sigma**2)
+    share = _STATIC_MIN_SHARE if part is None else _MIN_SHARE
+    gap = np.inf if part is None else _MAX_GAP
     vertices, faces = keep_large_pieces(vertices, faces, share, gap)
     if not len(faces):
         return None
-    vertices = smooth(vertices, faces, config.smoothing)
+    vertices = smooth(vertices, faces, _SMOOTHING)
     vertices, faces = reduce_faces(
         vertices, faces, config.static_faces if part is None else config.part_faces
     )

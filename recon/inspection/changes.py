@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from recon.dense.depth import depth_sigma, look_up
 from recon.inspection.glance import Stretch
-from recon.motion.intervals import IntervalConfig
 from recon.recording import Intrinsics
 from twin import geometry as geo
 from twin.geometry import Array
@@ -24,9 +23,6 @@ Mask = NDArray[np.bool_]
 
 _WIDTH = 160  # px, of the depth that is compared
 _MARGIN = 0.03  # m, and four standard deviations of depth: in front by less is noise, or drift of the cameras
-REST_S = (
-    IntervalConfig().rest_seconds
-)  # so long a point has to stay to be at rest, for the reconstruction as here
 _REFERENCES = 8  # frames, spread over the stretch, that every frame is held against
 _BAND = 3  # px: the picture's border, where sensors give less depth
 _ARM_M = (0.02, 0.30)  # m: from a thin wrist to a padded sleeve seen aslant

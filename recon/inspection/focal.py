@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from recon.cameras.poses import INLIER_SIGMA
 from recon.cameras.rigid import ransac_pose
 from recon.dense.depth import depth_sigma
 from recon.inspection.glance import Stretch
 from recon.recording import Intrinsics
-from recon.tracking.tracks import Tracks
+from recon.tracking.tracks import PIXEL_SIGMA, Tracks
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.robust import chi2_scale, geman_mcclure
@@ -28,8 +29,7 @@ _GAPS_S = (
 )  # between the two frames of a pair: long enough to turn, short enough to share tracks
 _PAIRS = 20  # of each gap and stretch
 _LEAST, _MOST = 60, 300  # tracks that a pair shares, and that are used
-_PIXEL = 0.6  # px, as `CameraConfig.pixel_sigma`
-_TRIES, _GATE = 60, 4.0  # rigid motions, and sigmas as `CameraConfig.inlier_sigma`; chosen by us
+_TRIES = 60  # rigid motions; chosen by us
 _ROUNDS = 3
 _BLOCKS = 6  # of the jackknife
 
@@ -101,9 +101,9 @@ def _system(a: Array, b: Array, k: Array, first: bool) -> tuple[Array, Array]:
     """Normal equations (3, 3), (3,) of log focal length and centre from one pair, its motion eliminated."""
     pa, pb = _points(a, k), _points(b, k)
     depth = np.sqrt(depth_sigma(a[:, 2]) ** 2 + depth_sigma(b[:, 2]) ** 2)
-    lateral = _PIXEL / k[0] * np.hypot(a[:, 2], b[:, 2])
+    lateral = PIXEL_SIGMA / k[0] * np.hypot(a[:, 2], b[:, 2])
     sigma = np.hypot(depth, lateral)
-    pose = ransac_pose(pa, pb, sigma, np.random.default_rng(0), tries=_TRIES, gate=_GATE)
+    pose = ransac_pose(pa, pb, sigma, np.random.default_rng(0), tries=_TRIES, gate=INLIER_SIGMA)
     turn = pose[:3, :3]
     q = geo.transform(pose, pa)
     z = q[:, 2]
@@ -128,7 +128,7 @@ def _system(a: Array, b: Array, k: Array, first: bool) -> tuple[Array, Array]:
     # noise of the first frame's depth reaches the pixel through the camera's motion, that of pixels the depth hardly
     ray = np.column_stack([(a[:, :2] - k[2:]) / k[:2], np.ones(len(a))])
     by_depth = np.einsum("nij,nj->ni", project, ray @ turn.T)
-    sigma2 = np.column_stack([np.full(len(a), 2 * _PIXEL**2)] * 2 + [depth_sigma(b[:, 2]) ** 2])
+    sigma2 = np.column_stack([np.full(len(a), 2 * PIXEL_SIGMA**2)] * 2 + [depth_sigma(b[:, 2]) ** 2])
     sigma2 += (by_depth * depth_sigma(a[:, 2])[:, None]) ** 2
     r = b - seen
     chi2 = (r**2 / sigma2).sum(axis=1)

@@ -13,15 +13,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.cameras.poses import CameraConfig, estimate_cameras
+from recon.cameras.poses import estimate_cameras
 from recon.inspection.pictures import PictureFacts, facts_of
 from recon.recording import Recording
-from recon.tracking.tracks import TrackConfig, Tracks, track_points
+from recon.tracking.tracks import Seeding, Tracks, track_points
 from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
 WIDTH = 480  # px, of the pictures that are kept: half the pixels of VGA, and corners are still found to a fraction of one
+# Poses tried for a frame: a glance needs no more. Chosen by us.
+_TRIES = 100
 _FPS = 15.0  # 1/s; what documents ask for. Denser recordings are thinned to it
 _ALL, _SPAN = (
     180,
@@ -46,14 +48,13 @@ class Stretch:
     @cached_property
     def tracks(self) -> Tracks:
         """Corners followed through the small pictures."""
-        return track_points(self.small, TrackConfig(cell=16, reseed_every=6))
+        return track_points(self.small, seeding=Seeding(cell=16, every=6))
 
     @cached_property
     def cameras(self) -> Trajectory | None:
         """Poses from the tracks; None where too few are shared."""
-        config = CameraConfig(ransac_iterations=100)
         try:
-            return estimate_cameras(self.tracks, self.small.times, self.small.intrinsics.fx, config)
+            return estimate_cameras(self.tracks, self.small.times, self.small.intrinsics.fx, tries=_TRIES)
         except ReconstructionError:
             return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.inspection.changes import REST_S, Depths, arm_in_view, depths_of, moving_shares
+from recon.inspection.changes import Depths, arm_in_view, depths_of, moving_shares
 from recon.inspection.finding import Finding, Unknown
 from recon.inspection.focal import fit_focal
 from recon.inspection.glance import Stretch
@@ -18,6 +18,7 @@ from recon.inspection.motion_findings import (
     WrongFocal,
 )
 from recon.inspection.registration import REACH, EdgeTable, delay, edge_table, offset
+from recon.motion.intervals import REST_SECONDS
 from recon.recording import Recording
 
 Found = list[Finding | Unknown]
@@ -99,7 +100,7 @@ def rest_and_hand(stretches: list[Stretch]) -> Found:
 
 
 def _rest(stretches: list[Stretch], ends: list[Depths]) -> Found:
-    gap = max(1, round(REST_S / stretches[0].seconds))
+    gap = max(1, round(REST_SECONDS / stretches[0].seconds))
     shares = []
     for depths in ends:
         n = len(depths.depth) - gap
@@ -117,7 +118,7 @@ def _rest(stretches: list[Stretch], ends: list[Depths]) -> Found:
         )  # of a long one the motion may not have been looked at
     if max(before, after) < _MOVES:
         return []
-    return [NoRest(before >= _MOVES, after >= _MOVES, REST_S, max(before, after))]
+    return [NoRest(before >= _MOVES, after >= _MOVES, REST_SECONDS, max(before, after))]
 
 
 def _hand(first: Depths, last: Depths) -> Found:

@@ -19,7 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recon.joints.candidates import TrackFit, agreeing_rms, compare_kinds, fit_kinds, movers
-from recon.joints.config import JointConfig
+from recon.joints.config import (
+    LIMIT_QUANTILE,
+    MIN_OBSERVATIONS,
+    MIN_SHARE,
+    MIN_TRACKS,
+    JointConfig,
+)
 from recon.joints.hypotheses import travel_and_noise
 from recon.joints.observations import KINDS, Kind, Observations
 from recon.joints.pose_graph.fit_poses import fit_motion_poses
@@ -63,13 +69,13 @@ def fit_motion(
     everything = Observations.of(points, seen, trust)
     moving, fits = _fits(everything, KINDS, config)
     if fits:
-        evidence = compare_kinds(everything.take(moving), fits, config)
+        evidence = compare_kinds(everything.take(moving), fits)
         tightest = min(fits.values(), key=lambda f: f.bundle.sigma)
         hint = hint_about(hints, tightest.bundle.model.state)
-        kind, source = decide(evidence, config, hint) if joint_type is None else (joint_type, "given")
+        kind, source = decide(evidence, hint) if joint_type is None else (joint_type, "given")
     if not fits or kind not in fits:
-        raise _none_carries(joint_type or "slide or hinge", moving, config)
-    return _motion_fit(fits[kind], moving, everything, evidence, source, config)
+        raise _none_carries(joint_type or "slide or hinge", moving)
+    return _motion_fit(fits[kind], moving, everything, evidence, source)
 
 
 def fit_again(
@@ -82,8 +88,8 @@ def fit_again(
     everything, kind = Observations.of(points_world, visible), fit.joint.kind
     moving, fits = _fits(everything, (kind,), config)
     if kind not in fits:
-        raise _none_carries(kind, moving, config)
-    return _motion_fit(fits[kind], moving, everything, fit.evidence, fit.type_source, config)
+        raise _none_carries(kind, moving)
+    return _motion_fit(fits[kind], moving, everything, fit.evidence, fit.type_source)
 
 
 def _fits(
@@ -91,19 +97,19 @@ def _fits(
 ) -> tuple[NDArray[np.int64], dict[Kind, TrackFit]]:
     """Which tracks move, and the joint of each kind that enough of them follow."""
     travel, noise = travel_and_noise(everything)
-    moving = movers(travel, noise, config)
-    fits = fit_kinds(everything.take(moving), noise, config, kinds)
-    least = _least(moving, config)
+    moving = movers(travel, noise)
+    fits = fit_kinds(everything.take(moving), noise, config.method, kinds=kinds)
+    least = _least(moving)
     return moving, {kind: fit for kind, fit in fits.items() if fit.members.sum() >= least}
 
 
-def _least(moving: NDArray[np.int64], config: JointConfig) -> int:
-    return max(config.min_tracks, int(config.min_share * len(moving)))
+def _least(moving: NDArray[np.int64]) -> int:
+    return max(MIN_TRACKS, int(MIN_SHARE * len(moving)))
 
 
-def _none_carries(joint: str, moving: NDArray[np.int64], config: JointConfig) -> ReconstructionError:
+def _none_carries(joint: str, moving: NDArray[np.int64]) -> ReconstructionError:
     return ReconstructionError(
-        f"{len(moving)} tracks move but no {joint} carries {_least(moving, config)} of them together",
+        f"{len(moving)} tracks move but no {joint} carries {_least(moving)} of them together",
         "check that the interval holds one part's motion, or cluster the tracks first",
     )
 
@@ -156,18 +162,17 @@ def _motion_fit(
     everything: Observations,
     evidence: TypeEvidence,
     source: str,
-    config: JointConfig,
 ) -> MotionFit:
     bundle = fit.bundle
     r = bundle.residual
     agree = r <= 3.0 * np.sqrt(3.0) * bundle.sigma  # NaN compares false
-    frames = np.flatnonzero(agree.sum(axis=0) >= config.min_observations)
+    frames = np.flatnonzero(agree.sum(axis=0) >= MIN_OBSERVATIONS)
     if len(frames) < 2:
         raise ReconstructionError(
-            f"only {len(frames)} frames show {config.min_observations} tracks of the part",
+            f"only {len(frames)} frames show {MIN_OBSERVATIONS} tracks of the part",
             "give longer tracks",
         )
-    oriented = orient(bundle.model, bundle.covariance, frames, config.limit_quantile)
+    oriented = orient(bundle.model, bundle.covariance, frames, LIMIT_QUANTILE)
     inlier = np.zeros(len(everything.points), dtype=bool)
     inlier[moving[fit.members]] = True
     landmarks = np.full((len(inlier), 3), np.nan)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.joints.config import JointConfig
+from recon.joints.config import SEARCH_SIGMA, JointConfig
 from recon.joints.fit_tracks import MotionFit, fit_again, fit_motion
 from recon.joints.inliers import track_support
 from recon.joints.observations import Model, Observations
@@ -61,11 +61,11 @@ def fit_group(
         except ReconstructionError as e:
             failed.append(e)
         else:
-            return GroupFit(fit, chosen, float(support(fit, free, movers, config).sum()))
+            return GroupFit(fit, chosen, float(support(fit, free, movers).sum()))
     raise failed[0]
 
 
-def support(fit: MotionFit, asked: NDArray[np.bool_], movers: Movers, config: JointConfig) -> Array:
+def support(fit: MotionFit, asked: NDArray[np.bool_], movers: Movers) -> Array:
     """How much better each track (K,) follows a fit than standing still, 0..1; 0 for those not asked for.
 
     Past its known frames the part is held still.
@@ -75,7 +75,7 @@ def support(fit: MotionFit, asked: NDArray[np.bool_], movers: Movers, config: Jo
     pivot = fit.joint.pivot if isinstance(fit.joint, Revolute) else np.zeros(3)
     model = Model(fit.joint.kind, fit.joint.axis, pivot, state)
     out = np.zeros(len(asked))
-    out[asked] = track_support(obs, model, config.search_sigma, config)
+    out[asked] = track_support(obs, model, SEARCH_SIGMA)
     return out
 
 
@@ -111,5 +111,5 @@ def widened(
     except ReconstructionError:
         return fit
     better = len(wide.frames) > len(fit.frames) and wide.residual <= max_residual
-    before, after = (float(support(f, group, movers, config).sum()) for f in (fit, wide))
+    before, after = (float(support(f, group, movers).sum()) for f in (fit, wide))
     return wide if better and after >= AS_WELL * before else fit

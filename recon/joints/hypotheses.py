@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.dense.order import median, quantile
-from recon.joints.config import JointConfig
+from recon.joints.config import MIN_TRACKS, MIN_TRAVEL, MOVER_SIGMAS, PAIR_GAPS, SAMPLES
 from recon.joints.observations import (
     SIGMA_MIN,
     Kind,
@@ -184,44 +184,42 @@ def _ways(points, seen, gap):  # type: ignore[no-untyped-def]
     return count, way
 
 
-def frame_pairs(obs: Observations, config: JointConfig, least: float) -> NDArray[np.int64]:
-    """Pairs of frames (P, 2) between which the tracks move by more than `least` metres, long motions preferred."""
+def frame_pairs(obs: Observations, most: int, least: float) -> NDArray[np.int64]:
+    """At most `most` pairs of frames (P, 2) between which the tracks move by more than `least` metres, long motions preferred."""
     n_frames = obs.weight.shape[1]
     seen = obs.weight > 0
     rows: list[tuple[int, int]] = []
     worth: list[float] = []
-    for gap in sorted({min(g, n_frames - 1) for g in (*config.pair_gaps, n_frames // 2) if n_frames > 1}):
+    for gap in sorted({min(g, n_frames - 1) for g in (*PAIR_GAPS, n_frames // 2) if n_frames > 1}):
         # a quarter that moves will do: background that moves at another time is at rest now
         for i, (both, moved) in enumerate(zip(*_ways(obs.points, seen, gap), strict=True)):
             if both >= 3 and moved > least:
                 rows.append((i, i + gap))
                 worth.append(float(moved * both))
     order = np.argsort(-np.asarray(worth), kind="stable")
-    if len(order) > config.pairs:  # half the best, half spread over the others
-        half = config.pairs // 2
+    if len(order) > most:  # half the best, half spread over the others
+        half = most // 2
         rest = order[half:]
-        order = np.concatenate(
-            [order[:half], rest[np.linspace(0, len(rest) - 1, config.pairs - half).astype(int)]]
-        )
+        order = np.concatenate([order[:half], rest[np.linspace(0, len(rest) - 1, most - half).astype(int)]])
     return np.asarray(rows, dtype=np.int64).reshape(-1, 2)[order]
 
 
 def pair_hypotheses(
-    obs: Observations, sigma: float, config: JointConfig, rng: np.random.Generator
+    obs: Observations, sigma: float, pairs: int, rng: np.random.Generator
 ) -> list[Hypothesis]:
-    """Joints of both kinds from rigid motions between pairs of frames (triples, truncated squares, least squares)."""
+    """Joints of both kinds from rigid motions between at most `pairs` pairs of frames (triples, truncated squares, least squares)."""
     tau2 = (3.0 * np.sqrt(2.0) * sigma) ** 2 * 1.5
     seen = obs.weight > 0
     found: list[Hypothesis] = []
-    least = max(config.min_travel, config.mover_sigmas * sigma)
-    for i, j in frame_pairs(obs, config, least):
+    least = max(MIN_TRAVEL, MOVER_SIGMAS * sigma)
+    for i, j in frame_pairs(obs, pairs, least):
         both = np.flatnonzero(seen[:, i] & seen[:, j])
         for _ in range(_PAIR_ROUNDS):
-            if len(both) < max(config.min_tracks, 4):
+            if len(both) < max(MIN_TRACKS, 4):
                 break
             a, b = obs.points[both, i], obs.points[both, j]
-            inlier = best_rigid_inliers(a, b, config.samples, tau2, rng)
-            if inlier.sum() < config.min_tracks:
+            inlier = best_rigid_inliers(a, b, SAMPLES, tau2, rng)
+            if inlier.sum() < MIN_TRACKS:
                 break
             if (
                 np.median(np.linalg.norm(b[inlier] - a[inlier], axis=1)) > least

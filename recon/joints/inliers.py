@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from recon.dense.order import median
-from recon.joints.config import JointConfig
+from recon.joints.config import MOVER_SIGMAS, PRUNE_SIGMAS, SEARCH_SIGMA
 from recon.joints.observations import (
     Model,
     Observations,
@@ -19,7 +19,7 @@ from twin.geometry import Array
 from twin.robust import LENGTH3_MEDIAN
 
 
-def track_support(obs: Observations, model: Model, sigma: float, config: JointConfig) -> Array:
+def track_support(obs: Observations, model: Model, sigma: float) -> Array:
     """How much better each track (K,) follows a model, over everything it was seen, than standing still: 0..1.
 
     Following is the mean over its observations of 1 - r^2 / tau^2 (not below 0). Standing still is judged alike, and taken
@@ -28,12 +28,12 @@ def track_support(obs: Observations, model: Model, sigma: float, config: JointCo
     square, _, marks = residuals(obs, model, sigma, rounds=2)
     seen = obs.weight > 0
     count = np.maximum(seen.sum(axis=1), 1)
-    tau2 = (config.prune_sigmas * LENGTH3_MEDIAN * sigma) ** 2
+    tau2 = (PRUNE_SIGMAS * LENGTH3_MEDIAN * sigma) ** 2
     moving, resting = (
         (np.clip(1.0 - q / tau2, 0.0, 1.0) * seen).sum(axis=1) / count for q in (square, obs.unrest)
     )
     gain = np.maximum(moving**2 - resting**2, 0.0)
-    return np.asarray(np.where(predicted_travel(obs, model, marks) > config.mover_sigmas * sigma, gain, 0.0))
+    return np.asarray(np.where(predicted_travel(obs, model, marks) > MOVER_SIGMAS * sigma, gain, 0.0))
 
 
 def predicted_travel(obs: Observations, model: Model, landmarks: Array) -> Array:
@@ -92,27 +92,25 @@ def _creep(z, weight, landmarks, state):  # type: ignore[no-untyped-def]
     return out
 
 
-def creeping(
-    obs: Observations, model: Model, sigma: float, members: NDArray[np.bool_], config: JointConfig
-) -> NDArray[np.bool_]:
+def creeping(obs: Observations, model: Model, sigma: float, members: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Tracks (K,) that move against the part in step with its state, as a hand that turns about the handle does.
 
     The slope of a track's pulled-back points over the state is zero for a rigid member. It counts when it exceeds four
     standard deviations (one in a thousand by chance; the deviation is rescaled by the members' own median, since real
-    tracks creep) and adds up to more than `search_sigma` metres over the motion.
+    tracks creep) and adds up to more than `SEARCH_SIGMA` metres over the motion.
     """
     _, weight, marks = residuals(obs, model, sigma)
     z = pull_back(obs.points, weight, model.kind == "revolute", model.axis, model.pivot, model.state)
     slope, information, span = _creep(z, weight, marks, model.state).T
     score = slope * np.sqrt(information) / sigma
     scale = max(1.0, float(np.median(score[members])) / LENGTH3_MEDIAN) if members.any() else 1.0
-    return np.asarray((score > 4.0 * scale) & (slope * span > config.search_sigma))
+    return np.asarray((score > 4.0 * scale) & (slope * span > SEARCH_SIGMA))
 
 
-def follows(obs: Observations, model: Model, sigma: float, config: JointConfig) -> NDArray[np.bool_]:
-    """Tracks (K,) whose median residual stays within `prune_sigmas` times that of pure noise and that do not creep."""
+def follows(obs: Observations, model: Model, sigma: float) -> NDArray[np.bool_]:
+    """Tracks (K,) whose median residual stays within `PRUNE_SIGMAS` times that of pure noise and that do not creep."""
     square, _, marks = residuals(obs, model, sigma)
     middle = np.sqrt(row_medians(square, obs.weight))
-    moved = predicted_travel(obs, model, marks) > config.mover_sigmas * sigma
-    near = middle < config.prune_sigmas * LENGTH3_MEDIAN * sigma
-    return np.asarray(near & moved & ~creeping(obs, model, sigma, near & moved, config))
+    moved = predicted_travel(obs, model, marks) > MOVER_SIGMAS * sigma
+    near = middle < PRUNE_SIGMAS * LENGTH3_MEDIAN * sigma
+    return np.asarray(near & moved & ~creeping(obs, model, sigma, near & moved))

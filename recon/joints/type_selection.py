@@ -17,12 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.joints.config import JointConfig
+from recon.joints.config import MAX_RADIUS, MIN_DELTA_BIC, MIN_RANGE
 from recon.joints.observations import Kind
 from twin.errors import ConfigError
 from twin.geometry import Array
 
-HINT_WEIGHT = 20.0  # BIC, as JointConfig.min_delta_bic: prior weight of a hint; chosen by us
+HINT_WEIGHT = 20.0  # BIC, as MIN_DELTA_BIC: prior weight of a hint; chosen by us
 TRUNCATE = 9.0  # squared standard deviations at which an observation stops counting (3 sigma)
 
 
@@ -91,17 +91,17 @@ def delta_bic(chi2_prismatic: float, chi2_revolute: float, values: int) -> float
     return chi2_prismatic - chi2_revolute - 2.0 * float(np.log(max(values, 2)))
 
 
-def decide(evidence: TypeEvidence, config: JointConfig, hint: TypeHint | None = None) -> tuple[Kind, str]:
+def decide(evidence: TypeEvidence, hint: TypeHint | None = None) -> tuple[Kind, str]:
     """The joint type and the sentence that explains it."""
     if hint is not None and hint.certain:
         return hint.kind, f"said by {hint.source}"
-    kind, why = _by_motion(evidence, config)
+    kind, why = _by_motion(evidence)
     if hint is None:
         return kind, why
     if hint.kind == kind:
         return kind, f"{why}; so does the hint say ({hint.source})"
     towards = hint.weight if hint.kind == "revolute" else -hint.weight
-    may_turn = evidence.delta_bic + towards > config.min_delta_bic and evidence.radius <= config.max_radius
+    may_turn = evidence.delta_bic + towards > MIN_DELTA_BIC and evidence.radius <= MAX_RADIUS
     if may_turn == (hint.kind == "revolute"):
         return hint.kind, f"hint {hint.kind} ({hint.source}; motion leaves it open: {_facts(evidence)})"
     return kind, f"{why}; overrules the hint {hint.kind} ({hint.source})"
@@ -112,12 +112,12 @@ def _facts(evidence: TypeEvidence) -> str:
     return f"hinge over slide by {evidence.delta_bic:.0f} BIC, {turned:.1f} deg at {evidence.radius:.2f} m"
 
 
-def _by_motion(evidence: TypeEvidence, config: JointConfig) -> tuple[Kind, str]:
+def _by_motion(evidence: TypeEvidence) -> tuple[Kind, str]:
     facts = _facts(evidence)
-    if evidence.delta_bic <= config.min_delta_bic:
-        return "prismatic", f"motion ({facts}; needs {config.min_delta_bic:g} BIC)"
-    if evidence.range < config.min_range:
-        return "prismatic", f"motion ({facts}; needs {np.degrees(config.min_range):g} deg)"
-    if evidence.radius > config.max_radius:
-        return "prismatic", f"motion ({facts}; at most {config.max_radius:g} m)"
+    if evidence.delta_bic <= MIN_DELTA_BIC:
+        return "prismatic", f"motion ({facts}; needs {MIN_DELTA_BIC:g} BIC)"
+    if evidence.range < MIN_RANGE:
+        return "prismatic", f"motion ({facts}; needs {np.degrees(MIN_RANGE):g} deg)"
+    if evidence.radius > MAX_RADIUS:
+        return "prismatic", f"motion ({facts}; at most {MAX_RADIUS:g} m)"
     return "revolute", f"motion ({facts})"

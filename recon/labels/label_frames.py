@@ -51,21 +51,19 @@ LABELS = Stage("labels", 9, ("labels",))
 
 @dataclass(frozen=True)
 class LabelConfig(Settings):
-    """How frames are labelled; chosen by us."""
+    """How frames are labelled."""
 
     every: int = setting(4, "every so many frames one is labelled", unit="frames", at_least=1)
-    working_width: int = setting(
-        320, "width to which frames are shrunk for the dense test", unit="px", at_least=32
-    )
-    pose_error: float = setting(
-        0.003, "error in depth that camera, joint and state may cause together", unit="m", at_least=0
-    )
-    references: int = setting(6, "frames taken from each time of rest", unit="frames", at_least=1)
-    witnesses: int = setting(
-        8, "frames of the whole recording that join as free-space witnesses", unit="frames", at_least=0
-    )
 
 
+# px; width to which frames are shrunk for the dense test. Chosen by us.
+WORKING_WIDTH = 320
+# m; error in depth that camera, joint and state may cause together. Chosen by us.
+_POSE_ERROR = 0.003
+# Frames taken from each time of rest. Chosen by us.
+_REFERENCES = 6
+# Frames of the whole recording that join as free-space witnesses. Chosen by us.
+_WITNESSES = 8
 # Log scores, chosen by us and the same for every recording: agreement of two references is worth 1.5, being seen
 # through by 1.5 of them 4. Without any evidence a pixel is static; a moving one without more is part or hand alike.
 _SUPPORT, _VIOLATION = 1.5, 4.0
@@ -83,6 +81,7 @@ def label_frames(
     noise: DepthNoise = GOOD_SENSOR,
     *,
     frames: Sequence[int] | None = None,
+    width: int = WORKING_WIDTH,
     progress: Loop | None = None,
 ) -> dict[int, NDArray[np.uint8]]:
     """Label images (H, W) at colour resolution: 0 unknown, 1 static, part ids, 255 hand with sleeve and forearm.
@@ -90,6 +89,7 @@ def label_frames(
     Args:
         noise: of depth.
         frames: which frames; default every `config.every`-th one that has a camera pose.
+        width: px, to which frames are shrunk for the dense test.
 
     Warns when no frame before or after the motion is free of the hand. Raises ReconstructionError when none of the
     frames has a camera pose.
@@ -99,8 +99,8 @@ def label_frames(
     chosen = [int(f) for f in wanted if int(f) in known]
     if not chosen:
         raise ReconstructionError("no frame to label has a camera pose", "label frames the cameras cover")
-    factor = max(1, round(recording.intrinsics.width / config.working_width))
-    slack = config.pose_error
+    factor = max(1, round(recording.intrinsics.width / width))
+    slack = _POSE_ERROR
     refs = find_references(
         recording,
         cameras,
@@ -108,8 +108,8 @@ def label_frames(
         factor=factor,
         slack=slack,
         noise=noise,
-        per_phase=config.references,
-        witnesses=config.witnesses,
+        per_phase=_REFERENCES,
+        witnesses=_WITNESSES,
     )
     _warn(refs)
     camera = recording.intrinsics.binned(factor)

@@ -12,29 +12,15 @@ from numpy.typing import NDArray
 
 from twin.errors import SceneError
 from twin.geometry import Array
-from twin.runs.setting import Settings, setting
 
-
-@dataclass(frozen=True)
-class IntervalConfig(Settings):
-    """Detection of movement."""
-
-    min_displacement: float = setting(
-        0.01, "a track that moves less rests (eps_s of the paper)", unit="m", above=0
-    )
-    sigmas: float = setting(
-        5.0, "a mover leaves its place by so many standard deviations of its depth", unit="", above=0
-    )
-    rest_seconds: float = setting(
-        0.33, "a track that stays so long is at rest; chosen by us", unit="s", at_least=0
-    )
-    rest_share: float = setting(
-        0.02,
-        "share of the travelled range that still counts as rest; the metric's definition",
-        unit="",
-        above=0,
-        below=0.5,
-    )
+# m; a track that moves less rests: eps_s of the paper.
+MIN_DISPLACEMENT = 0.01
+# Standard deviations of its depth by which a mover leaves its place. Chosen by us.
+MOVER_SIGMAS = 5.0
+# s; a track that stays so long is at rest. Chosen by us.
+REST_SECONDS = 0.33
+# Share of the travelled range that still counts as rest: the metric's definition (docs/metrics.md).
+REST_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -51,7 +37,7 @@ class Interval:
 
 
 def state_intervals(
-    frames: NDArray[np.int64], state: Array, noise: float, config: IntervalConfig = IntervalConfig()
+    frames: NDArray[np.int64], state: Array, noise: float, rest_share: float = REST_SHARE
 ) -> tuple[Interval, ...]:
     """Intervals of a joint from its smoothed state.
 
@@ -59,7 +45,7 @@ def state_intervals(
     plateau. Plateaus are spans at least ten frames long at both ends or in between; what lies between two is motion.
     """
     span = float(np.quantile(state, 0.98) - np.quantile(state, 0.02))
-    tolerance = max(config.rest_share * span, 3.0 * noise)
+    tolerance = max(rest_share * span, 3.0 * noise)
     found: list[Interval] = []
     k, n = 0, len(state)
     while k < n - 1:

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from recon.dense.depth import depth_sigma
 from recon.dense.order import median
-from recon.motion.intervals import IntervalConfig
+from recon.motion.intervals import MIN_DISPLACEMENT, MOVER_SIGMAS, REST_SECONDS
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Trajectory
-
-_DEFAULT = IntervalConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +40,7 @@ class Movers:
         return out
 
 
-def find_movers(
-    tracks: Tracks, cameras: Trajectory, times: Array, config: IntervalConfig = _DEFAULT
-) -> Movers:
+def find_movers(tracks: Tracks, cameras: Trajectory, times: Array) -> Movers:
     """Bring tracks to the world and tell which of them move. times (T,): seconds of the frames."""
     visible = np.zeros_like(tracks.visible)
     points = np.full(tracks.points_cam.shape, np.nan)
@@ -52,16 +48,16 @@ def find_movers(
     visible[cameras.frames] = tracks.visible[cameras.frames]
     points[~visible] = np.nan
     seconds = float(np.median(np.diff(times)))
-    rest = max(3, round(config.rest_seconds / seconds))
+    rest = max(3, round(REST_SECONDS / seconds))
     count = len(tracks)
     moving, rested = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     high = np.where(visible[..., None], points, -np.inf).max(axis=0)
     low = np.where(visible[..., None], points, np.inf).min(axis=0)
     extent = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
-    asked = np.flatnonzero((extent > config.min_displacement) & (visible.sum(axis=0) >= 2 * rest))
+    asked = np.flatnonzero((extent > MIN_DISPLACEMENT) & (visible.sum(axis=0) >= 2 * rest))
     depth = np.where(visible[:, asked], tracks.points_cam[:, asked, 2], np.nan)
     sigma = depth_sigma(np.nanmedian(depth, axis=0)) if len(asked) else np.zeros(0)
-    tolerance = np.maximum(config.min_displacement, config.sigmas * sigma)
+    tolerance = np.maximum(MIN_DISPLACEMENT, MOVER_SIGMAS * sigma)
     moving[asked], rested[asked] = _left(
         np.ascontiguousarray(points[:, asked].swapaxes(0, 1)), visible[:, asked].T.copy(), tolerance, 2 * rest
     )

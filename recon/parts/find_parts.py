@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.joints.clustering.clusters import cluster_tracks
-from recon.joints.config import JointConfig
+from recon.joints.config import MIN_TRACKS, JointConfig
 from recon.joints.group_fits import AS_WELL, GroupFit, fit_group, on_course, support, widened
 from recon.joints.result import MotionFit
 from recon.joints.type_selection import TypeHint
-from recon.motion.intervals import IntervalConfig, state_intervals
+from recon.motion.intervals import MIN_DISPLACEMENT, state_intervals
 from recon.motion.movers import Movers, find_movers
-from recon.parts.config import MotionConfig
+from recon.parts.config import FAR_SHARE, MAX_RESIDUAL, REST_TOLERANCE, MotionConfig
 from recon.parts.found import FoundParts as FoundParts
 from recon.parts.found import PartTracks as PartTracks
 from recon.parts.hand_tracks import hand_tracks
@@ -66,21 +66,21 @@ def find_parts(
 
     None where nothing moves, or no joint explains what moves: a warning says which.
     """
-    movers = find_movers(tracks, cameras, recording.times, config.interval)
-    to_part = partial(_moving_part, cameras.frames, recording.times[cameras.frames], config.interval)
-    hand_of = partial(hand_tracks, recording, cameras, tracks, config=config.hand)
+    movers = find_movers(tracks, cameras, recording.times)
+    to_part = partial(_moving_part, cameras.frames, recording.times[cameras.frames])
+    hand_of = partial(hand_tracks, recording, cameras, tracks)
     if said.words:
-        seen = Observed(recording, tracks, cameras, movers, config, joints)
+        seen = Observed(recording, tracks, cameras, movers, joints)
         return _said_parts(seen, hand_of, to_part, hints, said)
     hints = _hints(said, 0, hints)
-    search = _Search(movers, hand_of, to_part, config, joints, hints)
-    if movers.moving.sum() >= joints.min_tracks:
+    search = _Search(movers, hand_of, to_part, joints, hints)
+    if movers.moving.sum() >= MIN_TRACKS:
         for group in _groups(movers, config, joints):
             if len(search.found) == config.max_parts or not (
                 search.take(group) or config.method == "clusters"
             ):
                 break  # all tracks together bring no more; of the clusters, each may
-    parts = by_both(search.found, recording, cameras, movers, config, joints)
+    parts = by_both(search.found, recording, cameras, movers, config.max_parts)
     if not parts:
         nothing = f"{int(movers.moving.sum())} of {len(tracks)} tracked points leave their place"
         why = search.failed[0].problem if search.failed else nothing
@@ -106,9 +106,9 @@ def _said_parts(
         try:
             where = sought(word, seen, free & ~hand, told)
             if not said.intervals and where.fit is not None:  # now it is known when it rests
-                hand = hand | hand_of(rest_spans(where.fit.fit, frames, seen.config))
+                hand = hand | hand_of(rest_spans(where.fit.fit, frames))
                 where = sought(word, seen, free & ~hand, told)
-            search = _Search(where.movers, lambda _: hand, to_part, seen.config, seen.joints, told)  # noqa: B023
+            search = _Search(where.movers, lambda _: hand, to_part, seen.joints, told)  # noqa: B023
             search.free &= where.group
             if not search.take(where.group, where.fit):
                 raise search.failed[0]
@@ -135,7 +135,7 @@ def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterat
         yield from repeat(movers.moving)
     moving = np.flatnonzero(movers.moving)
     points, visible = movers.points_world[:, moving], movers.visible[:, moving]
-    for cluster in cluster_tracks(points, visible, config=config.clusters, joints=joints):
+    for cluster in cluster_tracks(points, visible, config=config.clusters, method=joints.method):
         mask = np.zeros_like(movers.moving)
         mask[moving[cluster.members]] = True
         yield mask
@@ -153,17 +153,10 @@ class _Search:
         movers: Movers,
         hand_of: Callable[[Sequence[tuple[int, int]]], NDArray[np.bool_]],
         to_part: Callable[[int, MotionFit], MovingPart],
-        config: MotionConfig,
         joints: JointConfig,
         hints: Sequence[TypeHint],
     ) -> None:
-        self.movers, self.hand_of, self.to_part, self.config, self.joints = (
-            movers,
-            hand_of,
-            to_part,
-            config,
-            joints,
-        )
+        self.movers, self.hand_of, self.to_part, self.joints = movers, hand_of, to_part, joints
         self.fit_group = partial(fit_group, movers=movers, config=joints, hints=hints)
         self.free, self.hand = movers.moving.copy(), np.zeros_like(movers.moving)
         self.found: list[PartTracks] = []
@@ -178,7 +171,7 @@ class _Search:
             self.failed.append(e)
             return False
         fit, members = best.fit, best.members
-        known = same_part(fit, members, self.movers, [f.part for f in self.found], self.config)
+        known = same_part(fit, members, self.movers, [f.part for f in self.found])
         if known is not None:
             members = self._join(known, members)
         elif self._is_another(fit, members):
@@ -192,7 +185,7 @@ class _Search:
     def _is_another(self, fit: MotionFit, members: NDArray[np.bool_]) -> bool:
         if not self.found:
             return True
-        return is_another_part(fit, members, self.movers, self.fits[0], self.found[0].members, self.config)
+        return is_another_part(fit, members, self.movers, self.fits[0], self.found[0].members)
 
     def _join(self, known: int, members: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """More tracks of a known part."""
@@ -203,31 +196,31 @@ class _Search:
 
     def _add(self, fit: MotionFit, members: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """A further part, with all free tracks that stay on its course."""
-        course = on_course(fit, self.movers, self.config.rest_tolerance)
+        course = on_course(fit, self.movers, REST_TOLERANCE)
         circling = members | (self.free & ~self.hand & course)
         fit = self._widened(fit, circling)
-        members = circling & (support(fit, circling, self.movers, self.joints) > 0)
+        members = circling & (support(fit, circling, self.movers) > 0)
         part = self.to_part(FIRST_PART_ID + len(self.found), fit)
         self.found.append(PartTracks(part, members, fit.type_source))
         self.fits.append(fit)
         return members
 
     def _widened(self, fit: MotionFit, group: NDArray[np.bool_]) -> MotionFit:
-        return widened(fit, group, self.movers, self.joints, self.config.max_residual)
+        return widened(fit, group, self.movers, self.joints, MAX_RESIDUAL)
 
     def _fit(self, free: NDArray[np.bool_]) -> GroupFit:
         """The fit to one part among the free tracks (K,); what lies on the hand is noted."""
         first, frames = bool((free == self.movers.moving).all()), len(self.movers.visible)
         free = free & ~self.hand
         best = self.fit_group((self._far(free), free), free)
-        self.hand = self.hand | self.hand_of(rest_spans(best.fit, frames, self.config))
+        self.hand = self.hand | self.hand_of(rest_spans(best.fit, frames))
         try:
             if (free & self.hand).any():
                 free = free & ~self.hand
                 best = self.fit_group((self._far(free), free), free)
             for _ in range(_CALM_ROUNDS):
-                rests = known_rest_spans(best.fit, frames, self.config)
-                calm = free & ~restless(self.movers, free, rests, self.config)
+                rests = known_rest_spans(best.fit, frames)
+                calm = free & ~restless(self.movers, free, rests)
                 if np.array_equal(calm, best.chosen):
                     break
                 every = self.fit_group((calm,), free)
@@ -247,16 +240,12 @@ class _Search:
         if not free.any():
             raise ReconstructionError("no moving tracks are left")
         reach = float(np.quantile(self.movers.travel[free], 0.95))
-        return free & (
-            self.movers.travel > max(self.config.interval.min_displacement, self.config.far_share * reach)
-        )
+        return free & (self.movers.travel > max(MIN_DISPLACEMENT, FAR_SHARE * reach))
 
 
-def _moving_part(
-    frames: NDArray[np.int64], times: Array, interval: IntervalConfig, number: int, fit: MotionFit
-) -> MovingPart:
+def _moving_part(frames: NDArray[np.int64], times: Array, number: int, fit: MotionFit) -> MovingPart:
     """A state for every posed frame; frames without an estimate lie between their neighbours for now."""
     state = np.interp(frames, fit.frames, fit.state)
-    spans = state_intervals(frames, state, fit.joint.sigma.state if fit.joint.sigma else 0.0, interval)
+    spans = state_intervals(frames, state, fit.joint.sigma.state if fit.joint.sigma else 0.0)
     moving = tuple((i.first, i.last) for i in spans)
     return MovingPart(number, fit.joint, Motion(frames, times, state, moving, fit.residual, fit.inliers))

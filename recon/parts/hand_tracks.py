@@ -10,8 +10,6 @@ FunREC, supplement 3.2: colour in place of a mask of the hand.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -22,37 +20,21 @@ from recon.recording import Intrinsics, Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.runs.setting import Former, Left, Settings, setting
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-_BINS = 24  # of the colour histogram, per axis
-
-
-@dataclass(frozen=True)
-class HandColorConfig(Settings):
-    """Learning the hand's colours; chosen by us."""
-
-    width: int = setting(160, "width to which frames are shrunk", unit="px", at_least=32)
-    margin: float = setting(
-        0.03,
-        "the hand is so far in front of the surface behind it, beyond 4 standard deviations of depth",
-        unit="m",
-        above=0,
-    )
-    max_frames: int = setting(12, "frames looked at on each side of the motion", unit="frames", at_least=1)
-    min_share: float = setting(
-        0.003, "less of the image than that is noise, not a hand", unit="", at_least=0, below=1
-    )
-    min_odds: float = setting(
-        0.0,
-        "mean log odds above which a track lies on the hand; 0: more likely than not",
-        unit="",
-        at_least=-20,
-        at_most=20,
-    )
-
-    FORMERLY: ClassVar[Former] = {"bins": Left(_BINS)}
+# Bins of the colour histogram, per axis. Chosen by us.
+_BINS = 24
+# px; width to which frames are shrunk. Chosen by us.
+_WIDTH = 160
+# m; the hand is so far in front of the surface behind it, beyond 4 standard deviations of depth. Chosen by us.
+_MARGIN = 0.03
+# Frames looked at on each side of the motion. Chosen by us.
+_MAX_FRAMES = 12
+# Share of the image below which it is noise, not a hand. Chosen by us.
+_MIN_SHARE = 0.003
+# Mean log odds above which a track lies on the hand: more likely than not.
+_MIN_ODDS = 0.0
 
 
 def hand_tracks(
@@ -60,7 +42,6 @@ def hand_tracks(
     cameras: Trajectory,
     tracks: Tracks,
     rests: Sequence[tuple[int, int]],
-    config: HandColorConfig = HandColorConfig(),
 ) -> NDArray[np.bool_]:
     """Mask (K,) of the tracks whose colours are those of the hand.
 
@@ -69,21 +50,19 @@ def hand_tracks(
             from the motion serves as the picture without a hand: the first frame of the recording's first span, the last frame of the
             last one, and both ends of the spans in between.
     """
-    size = (
-        config.width,
-        max(1, round(recording.intrinsics.height * config.width / recording.intrinsics.width)),
-    )
+    width = min(_WIDTH, recording.intrinsics.width)
+    size = width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width))
     camera = recording.intrinsics.scaled(*size)
     hand, rest_of = np.ones(_BINS**3), np.ones(_BINS**3)
     found = 0
-    for reference, frames in _compared(rests, config.max_frames):
+    for reference, frames in _compared(rests, _MAX_FRAMES):
         surface = _small_depth(recording, reference, camera)
 
         def look(
             frame: int, reference: int = reference, surface: Array = surface
         ) -> tuple[NDArray[np.bool_], NDArray[np.int32]] | None:
-            mask = _in_front(recording, cameras, surface, reference, frame, camera, config)
-            if mask is None or mask.mean() < config.min_share:
+            mask = _in_front(recording, cameras, surface, reference, frame, camera)
+            if mask is None or mask.mean() < _MIN_SHARE:
                 return None
             return mask, _bin(_small_color(recording, frame, camera), _BINS)
 
@@ -96,7 +75,7 @@ def hand_tracks(
     if found == 0:
         return np.zeros(len(tracks), dtype=bool)
     odds = _smooth_log_odds(hand, rest_of, _BINS)
-    return _mean_odds(recording, tracks, odds) > config.min_odds
+    return _mean_odds(recording, tracks, odds) > _MIN_ODDS
 
 
 def _compared(rests: Sequence[tuple[int, int]], most: int) -> Iterator[tuple[int, list[int]]]:
@@ -149,7 +128,6 @@ def _in_front(
     reference: int,
     frame: int,
     camera: Intrinsics,
-    config: HandColorConfig,
 ) -> NDArray[np.bool_] | None:
     """Mask of the pixels of `frame` that float in front of what `reference` saw, `seen` m; None without poses."""
     T_world_ref, T_world_frame = cameras.pose(reference), cameras.pose(frame)
@@ -161,7 +139,7 @@ def _in_front(
     points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth).reshape(-1, 3)
     p = geo.transform(geo.invert_pose(T_world_ref) @ T_world_frame, points)
     inside, _, _, surface = look_up(np.asarray(unknown), camera, p)
-    mask = inside & (depth.ravel() > 0) & (surface - p[:, 2] > config.margin + 4.0 * depth_sigma(surface))
+    mask = inside & (depth.ravel() > 0) & (surface - p[:, 2] > _MARGIN + 4.0 * depth_sigma(surface))
     opened = cv2.morphologyEx(
         mask.reshape(depth.shape).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
     )

@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 
 from recon.joints.result import MotionFit
 from recon.motion.movers import Movers
-from recon.parts.config import MotionConfig
+from recon.parts.config import (
+    MAX_AXIS_SIGMA,
+    MAX_LOOSENESS,
+    MAX_MOVING_SHARE,
+    MAX_RESIDUAL,
+    MIN_SHARE,
+    MIN_TRACKS,
+    MIN_TRAVEL,
+    REST_TOLERANCE,
+    SAME_AXIS,
+    SAME_PIVOT,
+)
 from recon.parts.moving_part import MovingPart
 from recon.parts.static_spans import REST_MARGIN, moving_spans
 from twin import geometry as geo
@@ -24,7 +35,6 @@ def same_part(
     members: NDArray[np.bool_],
     movers: Movers,
     found: Sequence[MovingPart],
-    config: MotionConfig,
 ) -> int | None:
     """Index of the found part that the new tracks belong to, if there is one: its joint and states carry most of them,
     or the new fit found its joint again at the same time (from the tracks on its other face)."""
@@ -36,24 +46,24 @@ def same_part(
             seen = movers.visible[frames, k]
             back = geo.transform(T_part_world[seen], movers.points_world[frames[seen], k][:, None])[:, 0]
             spread = np.linalg.norm(back - np.median(back, axis=0), axis=1)
-            rigid += bool(np.median(spread) < 2.0 * config.rest_tolerance)
-        if rigid > 0.5 * int(members.sum()) or _same_joint(fit, other, config):
+            rigid += bool(np.median(spread) < 2.0 * REST_TOLERANCE)
+        if rigid > 0.5 * int(members.sum()) or _same_joint(fit, other):
             return number
     return None
 
 
-def _same_joint(fit: MotionFit, other: MovingPart, config: MotionConfig) -> bool:
+def _same_joint(fit: MotionFit, other: MovingPart) -> bool:
     """Whether a fit has the joint of a found part and moves together with it, or right before or after it."""
     joint, known = fit.joint, other.joint
-    if joint.kind != known.kind or geo.line_angle(joint.axis, known.axis) > config.same_axis:
+    if joint.kind != known.kind or geo.line_angle(joint.axis, known.axis) > SAME_AXIS:
         return False
     if isinstance(joint, Revolute) and isinstance(known, Revolute):
         centre = np.nanmedian(fit.landmarks, axis=0)
         feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, known)]
-        if np.linalg.norm(feet[0] - feet[1]) > config.same_pivot:
+        if np.linalg.norm(feet[0] - feet[1]) > SAME_PIVOT:
             return False
     gap = 2 * REST_MARGIN
-    spans = moving_spans(fit, config)
+    spans = moving_spans(fit)
     return any(
         i.first <= last + gap and first <= i.last + gap
         for i in spans
@@ -67,17 +77,16 @@ def is_another_part(
     movers: Movers,
     first: MotionFit,
     of_first: NDArray[np.bool_],
-    config: MotionConfig,
 ) -> bool:
     """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
 
     Tracks that drift along edges while the camera sways also follow some joint, but loosely and without ever resting.
     """
-    enough = int(members.sum()) >= max(config.min_tracks, config.min_share * int(of_first.sum()))
+    enough = int(members.sum()) >= max(MIN_TRACKS, MIN_SHARE * int(of_first.sum()))
     lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))
-    far = float(fit.joint.upper * lever) >= config.min_travel
-    moving = sum(i.last - i.first + 1 for i in moving_spans(fit, config))
-    rests = 0 < moving <= config.max_moving_share * len(fit.frames) and bool(np.any(members & movers.rested))
-    sure = fit.joint.sigma is not None and fit.joint.sigma.axis <= config.max_axis_sigma
-    loose = fit.residual > min(config.max_residual, config.max_looseness * first.residual)
+    far = float(fit.joint.upper * lever) >= MIN_TRAVEL
+    moving = sum(i.last - i.first + 1 for i in moving_spans(fit))
+    rests = 0 < moving <= MAX_MOVING_SHARE * len(fit.frames) and bool(np.any(members & movers.rested))
+    sure = fit.joint.sigma is not None and fit.joint.sigma.axis <= MAX_AXIS_SIGMA
+    loose = fit.residual > min(MAX_RESIDUAL, MAX_LOOSENESS * first.residual)
     return enough and far and rests and sure and not loose

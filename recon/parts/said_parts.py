@@ -18,9 +18,8 @@ from recon.dense.depth import depth_sigma
 from recon.joints.config import JointConfig
 from recon.joints.group_fits import AS_WELL, GroupFit, fit_group, support
 from recon.joints.type_selection import TypeHint
-from recon.motion.intervals import IntervalConfig
+from recon.motion.intervals import MIN_DISPLACEMENT, REST_SECONDS
 from recon.motion.movers import Movers, find_movers
-from recon.parts.config import MotionConfig
 from recon.parts.static_spans import REST_MARGIN, restless
 from recon.recording import Recording
 from recon.recording.said import Word
@@ -50,7 +49,6 @@ class Observed:
     tracks: Tracks
     cameras: Trajectory
     movers: Movers
-    config: MotionConfig
     joints: JointConfig
 
 
@@ -73,7 +71,7 @@ def sought(word: Word, seen: Observed, free: NDArray[np.bool_], hints: Sequence[
     if word.interval is not None:
         movers = _within(word.interval, seen)
         rests = outside([word.interval], len(movers.visible))
-        free = free & ~restless(seen.movers, movers.moving, rests, seen.config)
+        free = free & ~restless(seen.movers, movers.moving, rests)
     group = np.asarray(movers.moving & free)
     if word.point is None:
         return Sought(movers, group, None)
@@ -109,19 +107,17 @@ def outside(intervals: Sequence[tuple[int, int]], frames: int) -> list[tuple[int
 
 def _within(interval: tuple[int, int], seen: Observed) -> Movers:
     """The movers as the frames of an interval show them, and as many frames around it as a rest takes."""
-    times, tracks, config = seen.recording.times, seen.tracks, seen.config.interval
-    rest = max(REST_MARGIN, round(config.rest_seconds / float(np.median(np.diff(times)))))
+    times, tracks = seen.recording.times, seen.tracks
+    rest = max(REST_MARGIN, round(REST_SECONDS / float(np.median(np.diff(times)))))
     kept = np.zeros((len(times), 1), dtype=bool)
     kept[max(interval[0] - rest, 0) : interval[1] + rest + 1] = True
     visible = tracks.visible & kept
     points, pixels = (np.where(visible[..., None], p, np.nan) for p in (tracks.points_cam, tracks.pixels))
-    shown = find_movers(Tracks(points, pixels, visible, tracks.confidence), seen.cameras, times, config)
+    shown = find_movers(Tracks(points, pixels, visible, tracks.confidence), seen.cameras, times)
     return replace(shown, rested=seen.movers.rested)
 
 
-def _place(
-    point: tuple[int, int, int], recording: Recording, cameras: Trajectory, config: IntervalConfig
-) -> tuple[Array, float]:
+def _place(point: tuple[int, int, int], recording: Recording, cameras: Trajectory) -> tuple[Array, float]:
     """Where a point is in the world (3,), m, and by how much the distance of two points there may change by noise, m."""
     x, y, frame = point
     T_world_cam = cameras.pose(frame)
@@ -129,7 +125,7 @@ def _place(
         raise ReconstructionError(f"the camera of frame {frame} is not known", "point at it in another frame")
     depth = float(recording.depth(frame)[y, x])
     at = recording.intrinsics.backproject(np.array([float(x), float(y)]), np.array(depth))
-    tolerance = max(config.min_displacement, _SIGMAS * float(depth_sigma(depth)))
+    tolerance = max(MIN_DISPLACEMENT, _SIGMAS * float(depth_sigma(depth)))
     return geo.transform(T_world_cam, at), tolerance
 
 
@@ -146,7 +142,7 @@ def _with_point(
     there: where the tracks (K, 3) are when the point is seen.
     """
     movers = seen.movers
-    at, tolerance = _place(point, seen.recording, seen.cameras, seen.config.interval)
+    at, tolerance = _place(point, seen.recording, seen.cameras)
     away = np.linalg.norm(there - at, axis=1)
     away[~group | ~np.isfinite(away)] = np.inf
     near = np.argsort(away, kind="stable")[:_SEEDS]
@@ -177,7 +173,7 @@ def _grown(
     best = fit_group((seeds,), seeds, movers, joints, hints)
     chosen = seeds
     for least in _FOLLOWS:
-        follow = seeds | (support(best.fit, group, movers, joints) > least)
+        follow = seeds | (support(best.fit, group, movers) > least)
         if np.array_equal(follow, chosen):
             continue
         chosen = follow

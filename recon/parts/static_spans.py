@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +11,25 @@ from recon.joints.result import MotionFit
 from recon.motion.intervals import Interval, state_intervals
 from recon.motion.movers import Movers
 from recon.motion.spread import spread
-from recon.parts.config import MotionConfig
+from recon.parts.config import REST_TOLERANCE
 
-REST_MARGIN = 3  # frames between motion and what surely is rest; chosen by us
+# Frames between motion and what surely is rest. Chosen by us.
+REST_MARGIN = 3
+# Share of the range within which a part rests for sure: each frame's own uncertainty would call slow starts rest, and this
+# is well above both. Chosen by us.
+_SURE_REST = 0.05
 
 
-def moving_spans(fit: MotionFit, config: MotionConfig) -> tuple[Interval, ...]:
+def moving_spans(fit: MotionFit) -> tuple[Interval, ...]:
     """When the fitted part surely moves: its slow starts and ends count as rest."""
-    # Each frame's own uncertainty would call slow starts rest; 5 % of the range is well above both.
-    careful = replace(config.interval, rest_share=0.05)
     noise = fit.joint.sigma.state if fit.joint.sigma else 0.0
-    return state_intervals(fit.frames, fit.state, noise, careful)
+    return state_intervals(fit.frames, fit.state, noise, _SURE_REST)
 
 
-def rest_spans(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
+def rest_spans(fit: MotionFit, frames: int) -> list[tuple[int, int]]:
     """Spans of frames in which the fitted part rests, a few frames away from its motion."""
     spans, start = [], 0
-    for interval in (*moving_spans(fit, config), Interval(frames + 1, frames + 2)):
+    for interval in (*moving_spans(fit), Interval(frames + 1, frames + 2)):
         first, last = start, min(interval.first - REST_MARGIN, frames - 1)
         if last - first >= REST_MARGIN:
             spans.append((first, last))
@@ -36,10 +37,10 @@ def rest_spans(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[
     return spans
 
 
-def known_rest_spans(fit: MotionFit, frames: int, config: MotionConfig) -> list[tuple[int, int]]:
+def known_rest_spans(fit: MotionFit, frames: int) -> list[tuple[int, int]]:
     """Spans of rest cut to the frames whose state is known: past the last of these the part may well move on."""
     spans = []
-    for first, last in rest_spans(fit, frames, config):
+    for first, last in rest_spans(fit, frames):
         known = fit.frames[(fit.frames >= first) & (fit.frames <= last)]
         if len(known) and known[-1] - known[0] >= REST_MARGIN:
             spans.append((int(known[0]), int(known[-1])))
@@ -47,12 +48,12 @@ def known_rest_spans(fit: MotionFit, frames: int, config: MotionConfig) -> list[
 
 
 def restless(
-    movers: Movers, chosen: NDArray[np.bool_], rests: Sequence[tuple[int, int]], config: MotionConfig
+    movers: Movers, chosen: NDArray[np.bool_], rests: Sequence[tuple[int, int]]
 ) -> NDArray[np.bool_]:
     """Tracks (K,) that move while the part rests: on the hand, or drifting."""
     out = np.zeros_like(chosen)
     points, visible = movers.points_world[:, chosen], movers.visible[:, chosen]
     for first, last in rests:
         strays, count = spread(points[first : last + 1], visible[first : last + 1], 0.9)
-        out[chosen] |= (strays > config.rest_tolerance) & (count >= 6)
+        out[chosen] |= (strays > REST_TOLERANCE) & (count >= 6)
     return out

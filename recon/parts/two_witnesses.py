@@ -8,12 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from recon.joints.config import JointConfig
 from recon.motion.intervals import state_intervals
 from recon.motion.movers import Movers
 from recon.parts.changed.compete import Witnessed, witnessed
 from recon.parts.changed.search import MEANWHILE, carried_along, together
-from recon.parts.config import MotionConfig
 from recon.parts.found import PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
@@ -35,31 +33,30 @@ def by_both(
     recording: Recording,
     cameras: Trajectory,
     movers: Movers,
-    config: MotionConfig,
-    joints: JointConfig,
+    most: int,
 ) -> tuple[PartTracks, ...]:
-    """The parts by both witnesses. A joint that both tell is taken from the tracks, which know it more finely, unless depth contradicts their
+    """The parts by both witnesses, at most `most`. A joint that both tell is taken from the tracks, which know it more finely, unless depth contradicts their
     states: tracks that slip along a part, or lie on the hand that moves it, know its joint and not its way. Where depth tells any, one that it
     does not confirm is none, and a warning says so: corners that drift along edges follow some joint as well. Many tracks that know their axis
     well need no confirmation: what depth has move meanwhile is the same part, badly seen."""
-    seen = witnessed(recording, cameras, movers, [f.part for f in found], config, joints)
+    seen = witnessed(recording, cameras, movers, [f.part for f in found])
     if not seen:
         return tuple(found)
     left = [f for k, f in enumerate(found) if all(w.by_tracks != k for w in seen)]
     firm = [f for f in left if _firm(f)]
     parts: list[PartTracks] = []
     taken: set[int | None] = set()
-    for w in seen[: config.max_parts]:
+    for w in seen[:most]:
         if w.by_tracks is None or w.as_well <= _AS_WELL:
             if not _goes_along(w, seen) and not any(_meanwhile(w, f, cameras) for f in firm):
-                parts.append(_of_depth(w, recording, cameras, movers, config))
+                parts.append(_of_depth(w, recording, cameras, movers))
         elif w.by_tracks not in taken:
             parts.append(found[w.by_tracks])
         taken.add(w.by_tracks)
     for f in left:
         if not _firm(f):
             _warn(f)
-    parts = [*parts, *firm][: config.max_parts]
+    parts = [*parts, *firm][:most]
     return tuple(replace(p, part=replace(p.part, id=FIRST_PART_ID + k)) for k, p in enumerate(parts))
 
 
@@ -93,15 +90,11 @@ def _warn(left: PartTracks) -> None:
     )
 
 
-def _of_depth(
-    w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers, config: MotionConfig
-) -> PartTracks:
+def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers) -> PartTracks:
     """A part that depth alone tells. Inliers: the share of the movers that follow it, 0 where there are none; its residual is that of
     the refinement, which comes next."""
     spread = w.joint.sigma.state if w.joint.sigma is not None else 0.0
-    spans = tuple(
-        (i.first, i.last) for i in state_intervals(cameras.frames, w.state, spread, config.interval)
-    )
+    spans = tuple((i.first, i.last) for i in state_intervals(cameras.frames, w.state, spread))
     inliers = float(w.followers.sum()) / max(int(movers.moving.sum()), 1)
     motion = Motion(cameras.frames, recording.times[cameras.frames], w.state, spans, 0.0, inliers)
     return PartTracks(MovingPart(FIRST_PART_ID, w.joint, motion), w.followers, "depth")

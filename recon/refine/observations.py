@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,60 +16,46 @@ from recon.motion.movers import Movers
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from recon.refine.terms import Terms
+from recon.tracking.tracks import PIXEL_SIGMA
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.runs.setting import Former, Left, Settings, setting
 from twin.runs.threads import each
 from twin.scene import Joint, Trajectory
 
-STEPS = 2  # Gauss-Newton steps a round; the next round associates anew
-BEFORE = 0.03  # m by which what covers a point is before it, more than depth scatters; chosen by us
+# Gauss-Newton steps a round; the next round associates anew. Chosen by us.
+STEPS = 2
+# m by which what covers a point is before it, more than depth scatters. Chosen by us.
+BEFORE = 0.03
+# m; greatest distance of what is taken for the same surface, one round each. Chosen by us.
+GATES = (0.03, 0.015, 0.015, 0.01, 0.01, 0.01)
+# px; width to which depth is shrunk. Chosen by us.
+_WIDTH = 320
+# m; surfels are means over voxels of this side. Chosen by us.
+VOXEL = 0.010
+# Most surfels of a part, for speed. Chosen by us.
+_MAX_SURFELS = 2500
+# Least cosine between a surfel's normal and the ray that sees it. Chosen by us.
+_GRAZING = 0.25
+# Fewest frames that see a surfel. Chosen by us.
+_MIN_VIEWS = 2
 
 
 @dataclass(frozen=True)
-class RefineConfig(Settings):
-    """Joints and states from every pixel; chosen by us unless a setting says otherwise."""
+class Drift:
+    """Slow error of the cameras as it shows at the part, one standard deviation in each direction: shift in m, angle in rad.
 
-    width: int = setting(320, "width to which depth is shrunk", unit="px", at_least=64)
-    voxel: float = setting(0.010, "surfels are means over voxels of this side", unit="m", above=0)
-    max_surfels: int = setting(2500, "most surfels of a part", unit="surfels", at_least=1)
-    gates: tuple[float, ...] = setting(
-        (0.03, 0.015, 0.015, 0.01, 0.01, 0.01),
-        "greatest distance of what is taken for the same surface, one round each",
-        unit="m",
-        above=0,
-        least=1,
-    )
-    grazing: float = setting(
-        0.25, "least cosine between a surfel's normal and the ray that sees it", unit="", at_least=0, below=1
-    )
-    min_views: int = setting(2, "fewest frames that see a surfel", unit="frames", at_least=1)
-    pixel_sigma: float = setting(
-        0.6, "lateral noise of a track, in pixels of the recording", unit="px", above=0
-    )
-    drift: float = setting(
-        2e-4,
-        "slow error of the cameras as it shows at the part, one standard deviation in each direction, where the recording itself shows "
-        "no larger one (`recon.dense.noise`); measured 0.17 mm on the recordings of benchmarks/reconstruct.md",
-        unit="m",
-        at_least=0,
-    )
-    drift_angle: float = setting(
-        float(np.radians(0.015)),
-        "the same of its angle, which grows with a larger drift; measured 0.014 degrees there",
-        unit="rad",
-        at_least=0,
-        at_most=np.pi,
-    )
+    The defaults hold where the recording itself shows no larger drift (`recon.dense.noise`); 0.17 mm and 0.014 degrees were
+    measured on the recordings of benchmarks/reconstruct.md.
+    """
 
-    FORMERLY: ClassVar[Former] = {"steps": Left(STEPS)}
+    shift: float = 2e-4
+    angle: float = float(np.radians(0.015))
 
-    def with_drift(self, measured: float) -> RefineConfig:
-        """With a drift that was measured (m) in place of a smaller one, and an angle that is as much larger."""
-        if not 0.0 < self.drift < measured:
+    def at_least(self, measured: float) -> Drift:
+        """With a shift that was measured (m) in place of a smaller one, and an angle that is as much larger."""
+        if not 0.0 < self.shift < measured:
             return self
-        angle = min(self.drift_angle * measured / self.drift, np.pi)
-        return replace(self, drift=measured, drift_angle=angle)
+        return Drift(measured, min(self.angle * measured / self.shift, np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +68,9 @@ class Views:
     row: dict[int, int]  # recording frame -> row
 
 
-def load_views(recording: Recording, cameras: Trajectory, config: RefineConfig) -> Views:
+def load_views(recording: Recording, cameras: Trajectory) -> Views:
     """Read every posed frame's depth once, at the working width."""
-    width = min(config.width, recording.intrinsics.width)
+    width = min(_WIDTH, recording.intrinsics.width)
     size = (width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width)))
     depth = np.stack(list(each(lambda f: mean_depth(recording.depth(int(f)), size), cameras.frames)))
     rows = {int(f): k for k, f in enumerate(cameras.frames)}
@@ -136,7 +121,7 @@ def build_surfels(
     rows: NDArray[np.int64],
     joint: Joint,
     state: Array,
-    config: RefineConfig,
+    voxel: float = VOXEL,
 ) -> tuple[Array, Array]:
     """Mean points and normals (K, 3) in the part frame per voxel and normal direction, seen in several frames."""
     keys, points, normals, seen_in = [], [], [], []
@@ -144,7 +129,7 @@ def build_surfels(
         T = geo.invert_pose(joint.pose(float(state[k]))) @ views.T_world_cam[rows[k]]
         x = geo.transform(T, at)
         m = facing @ T[:3, :3].T
-        cell = np.floor(x / config.voxel).astype(np.int64) + 2**19
+        cell = np.floor(x / voxel).astype(np.int64) + 2**19
         main = np.abs(m).argmax(axis=1)
         octant = (main * 2 + (np.take_along_axis(m, main[:, None], 1)[:, 0] > 0)).astype(np.int64)
         keys.append(((cell[:, 0] * 2**20 + cell[:, 1]) * 2**20 + cell[:, 2]) * 6 + octant)
@@ -161,9 +146,9 @@ def build_surfels(
     mean = np.stack([np.bincount(where, c, len(key)) / count for c in np.concatenate(points).T], axis=-1)
     normal = np.stack([np.bincount(where, c, len(key)) / count for c in np.concatenate(normals).T], axis=-1)
     length = np.linalg.norm(normal, axis=1)
-    keep = np.flatnonzero((views_of >= config.min_views) & (length > 0.8))
-    if len(keep) > config.max_surfels:
-        keep = keep[np.linspace(0, len(keep) - 1, config.max_surfels).astype(int)]
+    keep = np.flatnonzero((views_of >= _MIN_VIEWS) & (length > 0.8))
+    if len(keep) > _MAX_SURFELS:
+        keep = keep[np.linspace(0, len(keep) - 1, _MAX_SURFELS).astype(int)]
     return mean[keep], normal[keep] / length[keep][:, None]
 
 
@@ -186,7 +171,6 @@ def surfel_terms(
     state: Array,
     gate: float,
     noise: DepthNoise,
-    config: RefineConfig,
 ) -> Terms:
     """Look every surfel up in every frame's depth."""
     points, normals = surfels
@@ -201,7 +185,7 @@ def surfel_terms(
         inside, u, v, z = look_up(views.depth[row], views.camera, x)
         seen = views.camera.backproject(np.stack([u, v], axis=1), z)
         distance = (n * (seen - x)).sum(axis=1)
-        k = np.flatnonzero(inside & (cosine > config.grazing) & (z > 0) & (np.abs(distance) < gate))
+        k = np.flatnonzero(inside & (cosine > _GRAZING) & (z > 0) & (np.abs(distance) < gate))
         # a plane seen at an angle: axial noise counts by its cosine, half a pixel of offset by the sine
         half = 0.5 * z[k] / views.camera.fx
         sigma = np.sqrt((noise.sigma(z[k]) * cosine[k]) ** 2 + half**2 * (1 - cosine[k] ** 2))
@@ -241,7 +225,6 @@ def track_terms(
     state: Array,
     focal: float,
     noise: DepthNoise,
-    config: RefineConfig,
 ) -> Terms:
     """Three scalar terms per track, along directions square and parallel to its mean viewing ray."""
     ids = np.flatnonzero(members)
@@ -259,6 +242,6 @@ def track_terms(
     normals = np.swapaxes(basis, 1, 2).reshape(-1, 3)
     term = (3 * k[:, None] + np.arange(3)).ravel()
     cosine2 = (normals[term].reshape(-1, 3, 3) @ ray_part[:, :, None])[..., 0] ** 2
-    lateral = config.pixel_sigma * depth / focal
+    lateral = PIXEL_SIGMA * depth / focal
     sigma = np.sqrt(cosine2 * noise.sigma(depth)[:, None] ** 2 + (1 - cosine2) * lateral[:, None] ** 2)
     return Terms(term, np.repeat(i, 3), np.repeat(q, 3, axis=0), sigma.ravel(), normals)

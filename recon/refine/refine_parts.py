@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
-from recon.labels.label_frames import LabelConfig, label_frames
-from recon.motion.intervals import IntervalConfig, state_intervals
+from recon.labels.label_frames import WORKING_WIDTH, LabelConfig, label_frames
+from recon.motion.intervals import state_intervals
 from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
@@ -28,8 +28,10 @@ from recon.recording import Recording
 from recon.refine.board import edge_tie, find_board, with_board
 from recon.refine.front import LEAN_OF_DEPTH, LEAN_OF_TRACKS, find_front, with_front
 from recon.refine.observations import (
+    GATES,
     STEPS,
-    RefineConfig,
+    VOXEL,
+    Drift,
     Views,
     build_surfels,
     in_part,
@@ -48,9 +50,9 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 19, ("refine", "labels", "motion.interval"))
-POLISH = Stage("polish", 12, ("refine", "motion.interval"))
-_DEFAULT, _INTERVAL = RefineConfig(), IntervalConfig()
+REFINE = Stage("refine", 19, ("labels",))
+POLISH = Stage("polish", 12, ())
+_DRIFT = Drift()
 _FIRST_GRID = 2 / 3  # of the final labels' working width
 
 
@@ -58,9 +60,7 @@ def refine_found(
     recording: Recording,
     cameras: Trajectory,
     found: FoundParts,
-    config: RefineConfig,
     of_labels: LabelConfig,
-    interval: IntervalConfig,
     noise: DepthNoise,
     progress: Loop = untold,
 ) -> tuple[MovingPart, ...]:
@@ -70,10 +70,10 @@ def refine_found(
         return ()
     # As often as the final ones: a door's far face is in few frames. More frames, or a finer grid, add time and no accuracy: on 24
     # random recordings all joints were as near to the truth, with a third less time.
-    coarser = max(round(_FIRST_GRID * of_labels.working_width), 32)
-    first = replace(of_labels, every=max(of_labels.every, 4), working_width=coarser)
-    labels = label_frames(recording, cameras, parts, first, noise, progress=progress)
-    return distinct(refine_parts(recording, cameras, labels, found, config, interval, noise))
+    coarser = max(round(_FIRST_GRID * WORKING_WIDTH), 32)
+    first = replace(of_labels, every=max(of_labels.every, 4))
+    labels = label_frames(recording, cameras, parts, first, noise, width=coarser, progress=progress)
+    return distinct(refine_parts(recording, cameras, labels, found, noise))
 
 
 def polish_parts(
@@ -82,14 +82,11 @@ def polish_parts(
     labels: Mapping[int, NDArray[np.uint8]],
     found: FoundParts,
     refined: Sequence[MovingPart],
-    config: RefineConfig,
-    interval: IntervalConfig,
     noise: DepthNoise,
 ) -> tuple[MovingPart, ...]:
     """Refined once more with the final labels, which show what the first ones missed, by the last, tight gates."""
     tracks = tuple(replace(t, part=p) for t, p in zip(found.of(refined), refined, strict=True))
-    tight = replace(config, gates=config.gates[-3:])
-    return refine_parts(recording, cameras, labels, replace(found, parts=tracks), tight, interval, noise)
+    return refine_parts(recording, cameras, labels, replace(found, parts=tracks), noise, GATES[-3:])
 
 
 def refine_parts(
@@ -97,23 +94,29 @@ def refine_parts(
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
     found: FoundParts,
-    config: RefineConfig = _DEFAULT,
-    interval: IntervalConfig = _INTERVAL,
     noise: DepthNoise = GOOD_SENSOR,
+    gates: Sequence[float] = GATES,
+    drift: Drift = _DRIFT,
+    voxel: float = VOXEL,
 ) -> tuple[MovingPart, ...]:
     """All parts with refined joints, states, uncertainties and intervals.
 
     Args:
         labels: label images of some frames, from a first pass with the joints in `found`.
         noise: of depth.
+        gates: greatest distances (m) of what is taken for the same surface, one round each.
+        drift: of the cameras, where the recording shows no larger one.
+        voxel: m; surfels are means over voxels of this side.
     """
     if not found.parts:
         return ()
-    views = load_views(recording, cameras, config)
+    views = load_views(recording, cameras)
     out = []
     for tracks in found.parts:
-        fit = _refine_one(views, labels, tracks, found.movers, recording.intrinsics.fx, config, noise)
-        spans = state_intervals(tracks.part.motion.frames, fit.state, fit.jitter, interval)
+        fit = _refine_one(
+            views, labels, tracks, found.movers, recording.intrinsics.fx, noise, gates, drift, voxel
+        )
+        spans = state_intervals(tracks.part.motion.frames, fit.state, fit.jitter)
         joint = replace(fit.joint, covariance=fit.covariance, sigma=fit.sigma)
         motion = replace(
             tracks.part.motion,
@@ -131,8 +134,10 @@ def _refine_one(
     tracks: PartTracks,
     movers: Movers,
     focal: float,
-    config: RefineConfig,
     noise: DepthNoise,
+    gates: Sequence[float],
+    drift: Drift,
+    voxel: float,
 ) -> Refined:
     """Alternate association and Gauss-Newton until the joint settles; `focal` is the recording's, px."""
     part = tracks.part
@@ -146,8 +151,8 @@ def _refine_one(
     outlines = part_patches(views, labels, part, also=HAND_LABEL)
 
     def one_round(gate: float, joint: Joint, state: Array) -> tuple[Joint, Array, Terms]:
-        surfels = build_surfels(views, patches, rows, joint, state, config)
-        seen = surfel_terms(views, surfels, rows, joint, state, gate, noise, config)
+        surfels = build_surfels(views, patches, rows, joint, state, voxel)
+        seen = surfel_terms(views, surfels, rows, joint, state, gate, noise)
         board = find_board(joint, *surfels, noise)
         if board is not None:
             shown = in_part(views, outlines, rows, joint, state)
@@ -158,18 +163,19 @@ def _refine_one(
             seen = with_front(seen, front)
         terms = join(
             seen,
-            track_terms(views, movers, tracks.members, part, rows, joint, state, focal, noise, config),
+            track_terms(views, movers, tracks.members, part, rows, joint, state, focal, noise),
         )
         for _ in range(STEPS):
             joint, state = step(joint, state, part.motion.state, rests, terms)
         return joint, state, terms
 
-    *wider, last = config.gates
+    *wider, last = gates
     for gate in wider:
         joint, state, _ = one_round(gate, joint, state)
     end = settle(partial(one_round, last), joint, state)
-    drifting = config.with_drift(noise.drift)
-    return with_uncertainty(end.joint, end.state, part.motion.state, rests, end.terms, end.left, drifting)
+    return with_uncertainty(
+        end.joint, end.state, part.motion.state, rests, end.terms, end.left, drift.at_least(noise.drift)
+    )
 
 
 def _rests(motion: Motion) -> NDArray[np.bool_]:

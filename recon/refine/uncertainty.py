@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.refine.observations import RefineConfig
+from recon.refine.observations import Drift
 from recon.refine.solver import add_priors, reduced, robust_weights
 from recon.refine.terms import Terms, linearise
 from recon.refine.ties import with_board_known
@@ -42,7 +42,7 @@ def with_uncertainty(
     rests: NDArray[np.bool_],
     terms: Terms,
     left: Array,
-    config: RefineConfig,
+    drift: Drift,
 ) -> Refined:
     """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
 
@@ -72,7 +72,7 @@ def with_uncertainty(
     np.add.at(scores, (blocks, d + terms.frame), score * jac[:, d])
     inverse = np.linalg.inv(h)
     pushed = scores @ inverse
-    slow = _drift(joint, state, terms, weight, jac, config) @ inverse
+    slow = _drift(joint, state, terms, weight, jac, drift) @ inverse
     spans = _of_spans(joint, state, terms, weight, value - mean[terms.term], jac, blocks) @ inverse
     whole = pushed.T @ pushed + slow.T @ slow + spans.T @ spans + inverse
     joint, state, whole = with_board_known(joint, state, whole, terms)
@@ -94,12 +94,10 @@ def _of_a_state(covariance: Array) -> float:
     return float(np.sqrt(max(float(np.diag(covariance).mean() - covariance.mean()), 0.0)))
 
 
-def _drift(
-    joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array, config: RefineConfig
-) -> Array:
+def _drift(joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array, drift: Drift) -> Array:
     """Scores (modes, d + n) of unseen slow errors: cosines over the recording, in six directions about the part."""
     way, turn = _moves(joint, state, terms)
-    moves = np.concatenate([config.drift * way, config.drift_angle * turn], axis=1)
+    moves = np.concatenate([drift.shift * way, drift.angle * turn], axis=1)
     time = (np.arange(len(state)) + 0.5) / len(state)
     shapes = [
         np.sqrt(2.0 * share) * np.cos(np.pi * (k + 1) * time)[terms.frame]

@@ -45,15 +45,7 @@ class TextureConfig(Settings):
     """How photo textures are made; chosen by us."""
 
     texel: float = setting(0.002, "largest texel, where the image has room for it", unit="m", above=0)
-    finest: float = setting(0.0005, "smallest texel", unit="m", above=0)
     most: int = setting(4096, "largest width and height of a texture", unit="px", at_least=64, at_most=16384)
-    near: float = setting(
-        0.5,
-        "around what the parts reach, the static scene has texels as fine as theirs",
-        unit="m",
-        at_least=0,
-    )
-    max_depth: float = setting(5.0, "depth beyond is left out", unit="m", above=0)
     most_frames: int = setting(48, "most frames that are used, spread evenly", unit="frames", at_least=1)
     skip_every: int = setting(
         0,
@@ -61,6 +53,14 @@ class TextureConfig(Settings):
         unit="frames",
         at_least=0,
     )
+
+
+# m; smallest texel. Chosen by us.
+_FINEST = 0.0005
+# m; around what the parts reach, the static scene has texels as fine as theirs. Chosen by us.
+_NEAR_M = 0.5
+# m; depth beyond is left out, as in fusion. Chosen by us.
+_MAX_DEPTH = 5.0
 
 
 def dress(
@@ -84,7 +84,7 @@ def dress(
     """
     camera = recording.intrinsics
     frames = chosen([f for f in sorted(labels) if cameras.pose(f) is not None], config)
-    shots = take(recording, cameras, labels, frames, config.max_depth)
+    shots = take(recording, cameras, labels, frames, _MAX_DEPTH)
     bodies: dict[int, tuple[Mesh, FinishedPart | None]] = {STATIC_LABEL: (static, None)}
     bodies |= {p.moving.id: (p.mesh, p) for p in parts}
     bodies = {key: body for key, body in bodies.items() if len(body[0].faces)}
@@ -178,13 +178,13 @@ def _texels(
     config: TextureConfig,
 ) -> Array:
     """Size (F,) m wanted of the texels of each face."""
-    finest = min(config.finest, config.texel)
+    finest = min(_FINEST, config.texel)
     own = photos.depth[(photos.trust > 0) & (photos.depth > 0)]
     pixel = float(np.quantile(own, _NEARER)) / photos.camera.fx if len(own) else config.texel
     fine = float(np.clip(pixel / _PER_PIXEL, finest, config.texel))
     if part is not None or not parts:
         return np.full(len(mesh.faces), fine)
-    return np.where(_near(mesh, parts, config.near), fine, config.texel)
+    return np.where(_near(mesh, parts, _NEAR_M), fine, config.texel)
 
 
 def _near(mesh: Mesh, parts: Sequence[FinishedPart], reach: float) -> NDArray[np.bool_]:

@@ -62,26 +62,6 @@ class TrackConfig(Settings):
         unit="px",
         at_least=64,
     )
-    cell: int = setting(
-        12,
-        "side of a cell, which gets one corner; measured: other seeding left 3 % of the corners on the moving part",
-        unit="px",
-        at_least=3,
-    )
-    reseed_every: int = setting(10, "how often empty cells get a corner", unit="frames", at_least=1)
-    window: int = setting(21, "side of the window that is compared", unit="px", at_least=3)
-    levels: int = setting(
-        3, "halvings of the image, for corners that move far", unit="", at_least=0, at_most=10
-    )
-    max_forward_backward: float = setting(
-        0.7, "a corner followed there and back ends no farther from its start", unit="px", above=0
-    )
-    min_corner_quality: float = setting(
-        2e-5,
-        "least eigenvalue of a corner's gradient matrix, grey levels 0 to 1; chosen by us",
-        unit="",
-        at_least=0,
-    )
     max_depth: float = setting(
         6.0,
         "points farther away are left out: noise of structured light and time of flight grows with depth squared",
@@ -89,13 +69,34 @@ class TrackConfig(Settings):
         above=0,
         infinite=True,
     )
-    depth_edge: float = setting(
-        0.03, "relative step in 3 x 3 pixels that makes an edge of depth; chosen by us", unit="", above=0
-    )
+
+
+@dataclass(frozen=True)
+class Seeding:
+    """Where and when corners are taken. cell: side (px) of a cell, which gets one corner. every: frames after which empty cells
+    get one. Measured: other ways of seeding left 3 % of the corners on the moving part."""
+
+    cell: int = 12
+    every: int = 10
+
+
+# px of the recording; lateral noise of a track: about what the forward-backward test leaves. Measured.
+PIXEL_SIGMA = 0.6
+# px; side of the window that is compared. Chosen by us.
+_WINDOW = 21
+# Halvings of the image, for corners that move far. Chosen by us.
+_LEVELS = 3
+# px; a corner followed there and back ends no farther from its start. Chosen by us.
+_MAX_FORWARD_BACKWARD = 0.7
+# Least eigenvalue of a corner's gradient matrix, grey levels 0 to 1. Chosen by us.
+_MIN_CORNER_QUALITY = 2e-5
+# Relative step in 3 x 3 pixels that makes an edge of depth. Chosen by us.
+_DEPTH_EDGE = 0.03
+_USUAL, _SEEDING = TrackConfig(), Seeding()
 
 
 def track_points(
-    recording: Recording, config: TrackConfig = TrackConfig(), progress: Loop = untold
+    recording: Recording, config: TrackConfig = _USUAL, progress: Loop = untold, seeding: Seeding = _SEEDING
 ) -> Tracks:
     """Track corners through every frame and lift them by depth.
 
@@ -106,13 +107,13 @@ def track_points(
     size = (round(recording.intrinsics.width * scale), round(recording.intrinsics.height * scale))
     camera = recording.intrinsics.scaled(*size)
     cv2.setRNGSeed(0)
-    tracker = _Tracker(config, size)
+    tracker = _Tracker(config, seeding, size)
 
     def prepared(i: int) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.bool_]]:
         frame = recording.frame(i)
         grey = cv2.resize(cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
         depth = cv2.resize(frame.depth, size, interpolation=cv2.INTER_NEAREST)
-        smooth, edge = _smooth_depth(np.asarray(depth, dtype=np.float32), config.depth_edge)
+        smooth, edge = _smooth_depth(np.asarray(depth, dtype=np.float32), _DEPTH_EDGE)
         return np.asarray(grey, dtype=np.uint8), smooth, edge
 
     frames = each(prepared, range(len(recording)))
@@ -124,8 +125,8 @@ def track_points(
 class _Tracker:
     """State of the tracker between frames: the previous image and the live corners."""
 
-    def __init__(self, config: TrackConfig, size: tuple[int, int]) -> None:
-        self._config = config
+    def __init__(self, config: TrackConfig, seeding: Seeding, size: tuple[int, int]) -> None:
+        self._config, self._seeding = config, seeding
         self._size = size
         self._previous: NDArray[np.uint8] | None = None
         self._live_id = np.zeros(0, dtype=np.int64)
@@ -139,7 +140,7 @@ class _Tracker:
         """smooth, edge: depth m of the same size and its edges and holes."""
         if self._previous is not None and len(self._live_id):
             self._follow(grey)
-        if index % self._config.reseed_every == 0:
+        if index % self._seeding.every == 0:
             self._seed(grey, smooth, edge)
         xy = np.rint(self._live_xy).astype(int)
         z = smooth[xy[:, 1], xy[:, 0]]
@@ -148,10 +149,9 @@ class _Tracker:
         self._previous = grey
 
     def _follow(self, grey: NDArray[np.uint8]) -> None:
-        c = self._config
         lk = {
-            "winSize": (c.window, c.window),
-            "maxLevel": c.levels,
+            "winSize": (_WINDOW, _WINDOW),
+            "maxLevel": _LEVELS,
             "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01),
         }
         assert self._previous is not None
@@ -162,7 +162,7 @@ class _Tracker:
         xy = there[:, 0]
         w, h = self._size
         inside = (xy[:, 0] >= 1) & (xy[:, 0] <= w - 2) & (xy[:, 1] >= 1) & (xy[:, 1] <= h - 2)
-        keep = inside & (ok1[:, 0] == 1) & (ok2[:, 0] == 1) & (error < c.max_forward_backward)
+        keep = inside & (ok1[:, 0] == 1) & (ok2[:, 0] == 1) & (error < _MAX_FORWARD_BACKWARD)
         # Two tracks that have run into each other follow the same point: the older one stays.
         cells = np.rint(xy / 2.0).astype(np.int64)
         _, first = np.unique(
@@ -174,23 +174,23 @@ class _Tracker:
         self._live_id, self._live_xy = self._live_id[keep], np.ascontiguousarray(xy[keep])
 
     def _seed(self, grey: NDArray[np.uint8], depth: NDArray[np.float32], edge: NDArray[np.bool_]) -> None:
-        c = self._config
+        side = self._seeding.cell
         w, h = self._size
         score = cv2.cornerMinEigenVal(grey.astype(np.float32) / 255.0, 5)
-        score[edge | (depth <= 0) | (depth > c.max_depth)] = 0.0
-        border = c.window // 2
+        score[edge | (depth <= 0) | (depth > self._config.max_depth)] = 0.0
+        border = _WINDOW // 2
         score[:border], score[-border:], score[:, :border], score[:, -border:] = 0.0, 0.0, 0.0, 0.0
-        ny, nx = h // c.cell, w // c.cell
-        blocks = score[: ny * c.cell, : nx * c.cell].reshape(ny, c.cell, nx, c.cell).swapaxes(1, 2)
+        ny, nx = h // side, w // side
+        blocks = score[: ny * side, : nx * side].reshape(ny, side, nx, side).swapaxes(1, 2)
         flat = blocks.reshape(ny, nx, -1)
         best = flat.argmax(axis=-1)
-        good = np.take_along_axis(flat, best[..., None], -1)[..., 0] > c.min_corner_quality
-        cell = np.floor(self._live_xy / c.cell).astype(int)
+        good = np.take_along_axis(flat, best[..., None], -1)[..., 0] > _MIN_CORNER_QUALITY
+        cell = np.floor(self._live_xy / side).astype(int)
         inside = (cell[:, 0] < nx) & (cell[:, 1] < ny)
         good[cell[inside, 1], cell[inside, 0]] = False
         cy, cx = np.nonzero(good)
         b = best[cy, cx]
-        xy = np.stack([cx * c.cell + b % c.cell, cy * c.cell + b // c.cell], axis=-1).astype(np.float32)
+        xy = np.stack([cx * side + b % side, cy * side + b // side], axis=-1).astype(np.float32)
         self._live_id = np.concatenate([self._live_id, np.arange(self._next_id, self._next_id + len(xy))])
         self._live_xy = np.concatenate([self._live_xy, xy])
         self._next_id += len(xy)

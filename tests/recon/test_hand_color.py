@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from recon.parts.hand_tracks import HandColorConfig, _smooth_log_odds, hand_tracks
+from recon.parts.hand_tracks import _smooth_log_odds, hand_tracks
 from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.recon import tiny
-from twin.errors import ConfigError
 from twin.scene import HAND_LABEL, Trajectory
 
 FRAMES = 30
@@ -54,9 +53,7 @@ def test_hand_tracks_are_found_and_others_are_not(door: Path) -> None:
     tracks = _tracks(door)
     assert tracks.visible[::3].sum(axis=0).min() >= 3
     # the hand is in view while the door rests only just before and after the motion
-    on_hand = hand_tracks(
-        recording, cameras, tracks, [(0, 9), (20, FRAMES - 1)], HandColorConfig(width=tiny.WIDTH)
-    )
+    on_hand = hand_tracks(recording, cameras, tracks, [(0, 9), (20, FRAMES - 1)])
     assert on_hand.tolist() == [True, False, False]
 
 
@@ -64,7 +61,7 @@ def test_no_hand_in_view_means_no_hand_tracks(door: Path) -> None:
     recording = open_recording(door)
     cameras = Trajectory(np.arange(FRAMES), recording.times, tiny.cameras(FRAMES))
     tracks = _tracks(door)
-    assert not hand_tracks(recording, cameras, tracks, [(0, 4)], HandColorConfig(width=tiny.WIDTH)).any()
+    assert not hand_tracks(recording, cameras, tracks, [(0, 4)]).any()
 
 
 def test_colours_are_blurred_by_one_bin() -> None:
@@ -82,8 +79,3 @@ def test_colours_are_blurred_by_one_bin() -> None:
         ((3, 4, 4), 0.0),
     ):
         assert speaks[at] == pytest.approx(share, abs=1e-9)
-
-
-def test_settings_are_checked() -> None:
-    with pytest.raises(ConfigError):
-        HandColorConfig(width=1)

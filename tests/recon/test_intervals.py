@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.motion.intervals import Interval, IntervalConfig, state_intervals
+from recon.motion.intervals import Interval, state_intervals
 from tests.recon.tiny import smooth
-from twin.errors import ConfigError, SceneError
+from twin.errors import SceneError
 
 
 def _expected(state: np.ndarray, share: float = 0.02) -> tuple[int, int]:
@@ -55,5 +55,3 @@ def test_motion_that_reaches_the_last_frame_ends_there() -> None:
 def test_laws() -> None:
     with pytest.raises(SceneError):
         Interval(5, 5)
-    with pytest.raises(ConfigError):
-        IntervalConfig(rest_share=0.7)

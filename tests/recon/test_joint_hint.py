@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.tracks import PartName, minimum_jerk, track_scene
-from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import fit_motion
 from recon.joints.type_selection import HINT_WEIGHT, Kind, TypeEvidence, TypeHint, decide, hint_about
 from recon.models import joint_hint
@@ -71,11 +70,11 @@ def test_a_hint_weighs_what_it_states(
     delta_bic: float, turned_deg: float, radius: float, told: Kind, kind: Kind
 ) -> None:
     evidence = TypeEvidence(delta_bic, float(np.radians(turned_deg)), radius, 0.01, 0.002)
-    assert decide(evidence, JointConfig(), hint(told))[0] == kind
-    alone, why = decide(evidence, JointConfig())
+    assert decide(evidence, hint(told))[0] == kind
+    alone, why = decide(evidence)
     without_weight = TypeHint(told, 1, 2, "seer-1", weight=0.0)
     if turned_deg > 3:
-        assert decide(evidence, JointConfig(), without_weight)[0] == alone
+        assert decide(evidence, without_weight)[0] == alone
     assert why.startswith("motion")
 
 

@@ -15,7 +15,7 @@ from recon.joints.config import JointConfig
 from recon.joints.fit_tracks import fit_motion
 from recon.joints.group_fits import on_course, widened
 from recon.motion.movers import Movers
-from recon.parts.config import MotionConfig
+from recon.parts.config import MAX_RESIDUAL, REST_TOLERANCE, MotionConfig
 from recon.parts.find_parts import _moving_part, _Search, find_parts
 from recon.readers import open_recording
 from recon.recording import Recording
@@ -103,14 +103,11 @@ def test_tracks_once_seen_on_the_hand_stay_there() -> None:
     points, seen = together(door, drawer)
     every = np.ones(160, bool)
     on_hand = iter([np.arange(160) == 3, np.arange(160) == 120, np.zeros(160, bool)])
-    to_part = partial(
-        _moving_part, np.arange(len(points)), np.arange(len(points)) / 15.0, MotionConfig().interval
-    )
+    to_part = partial(_moving_part, np.arange(len(points)), np.arange(len(points)) / 15.0)
     search = _Search(
         Movers(points, seen, every, every),
         lambda _: next(on_hand),
         to_part,
-        MotionConfig(),
         JointConfig(),
         (),
     )
@@ -122,7 +119,7 @@ def test_tracks_once_seen_on_the_hand_stay_there() -> None:
 
 def test_settings_are_checked() -> None:
     with pytest.raises(ConfigError):
-        MotionConfig(far_share=1.5)
+        MotionConfig(max_parts=0)
 
 
 def test_a_track_that_circles_the_axis_is_on_course_whatever_its_state() -> None:
@@ -138,7 +135,7 @@ def test_a_track_that_circles_the_axis_is_on_course_whatever_its_state() -> None
         geo.transform(joint.poses(state), joint.pivot + np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3))),
         np.ones((30, 20), bool),
     )
-    assert on_course(fit, movers, MotionConfig().rest_tolerance).tolist() == [True, True, False, False]
+    assert on_course(fit, movers, REST_TOLERANCE).tolist() == [True, True, False, False]
 
 
 def test_a_part_fitted_again_from_both_sides_keeps_why_it_is_a_hinge() -> None:
@@ -154,7 +151,7 @@ def test_a_part_fitted_again_from_both_sides_keeps_why_it_is_a_hinge() -> None:
     everything = np.ones(40, bool)
     movers = Movers(points, seen, everything, everything)
     front = fit_motion(points[:, :20], seen[:, :20])
-    both = widened(front, everything, movers, JointConfig(), MotionConfig().max_residual)
+    both = widened(front, everything, movers, JointConfig(), MAX_RESIDUAL)
     assert len(both.frames) == 50 > len(front.frames)
     assert both.type_source == front.type_source
     assert both.type_source.startswith("motion")

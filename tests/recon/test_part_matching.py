@@ -11,7 +11,16 @@ from benchmarks.scenes.tracks import minimum_jerk
 from recon.joints.result import MotionFit
 from recon.joints.type_selection import TypeEvidence
 from recon.motion.movers import Movers
-from recon.parts.config import MotionConfig
+from recon.parts.config import (
+    MAX_AXIS_SIGMA,
+    MAX_LOOSENESS,
+    MAX_RESIDUAL,
+    MIN_TRACKS,
+    MIN_TRAVEL,
+    REST_TOLERANCE,
+    SAME_AXIS,
+    SAME_PIVOT,
+)
 from recon.parts.moving_part import MovingPart
 from recon.parts.part_matching import is_another_part, same_part
 from recon.parts.static_spans import REST_MARGIN, known_rest_spans, moving_spans, rest_spans, restless
@@ -21,7 +30,6 @@ from twin.joint import JointSigma, Prismatic, Revolute
 from twin.scene import Motion
 
 FRAMES, TRACKS = 120, 20
-CONFIG = MotionConfig()
 # At rest for 40 frames, opened in 40, at rest again.
 STATE = np.concatenate([np.zeros(40), minimum_jerk(40), np.ones(40)])
 SURE = JointSigma(np.radians(0.2), 0.002, 0.001)
@@ -50,7 +58,7 @@ def movers_of(fit: MotionFit, rested: bool = True) -> Movers:
 def another(fit: MotionFit, members: int = TRACKS, first: MotionFit | None = None, **changes: object) -> bool:
     mask = np.arange(TRACKS) < members
     movers = replace(movers_of(fit), **changes)
-    return is_another_part(fit, mask, movers, first or fit_of(), np.ones(TRACKS, bool), CONFIG)
+    return is_another_part(fit, mask, movers, first or fit_of(), np.ones(TRACKS, bool))
 
 
 def test_a_clean_motion_from_rest_to_rest_is_another_part() -> None:
@@ -59,11 +67,11 @@ def test_a_clean_motion_from_rest_to_rest_is_another_part() -> None:
 
 
 def test_another_part_has_enough_tracks() -> None:
-    assert another(fit_of(), members=CONFIG.min_tracks)
-    assert not another(fit_of(), members=CONFIG.min_tracks - 1)
+    assert another(fit_of(), members=MIN_TRACKS)
+    assert not another(fit_of(), members=MIN_TRACKS - 1)
     many = np.ones(400, bool)  # a tenth of the first part's is more than the least number
     fit, few = fit_of(), np.arange(TRACKS) < 20
-    assert not is_another_part(fit, few, movers_of(fit), fit, many, CONFIG)
+    assert not is_another_part(fit, few, movers_of(fit), fit, many)
 
 
 @pytest.mark.parametrize("joint", [DRAWER, DOOR])
@@ -71,7 +79,7 @@ def test_another_part_moves_far(joint: Prismatic | Revolute) -> None:
     near = fit_of(joint)
     lever = float(np.linalg.norm(joint.velocity(0.0, np.median(near.landmarks, axis=0))))
     for share, said in ((1.1, True), (0.9, False)):
-        upper = share * CONFIG.min_travel / lever
+        upper = share * MIN_TRAVEL / lever
         assert another(fit_of(replace(joint, upper=upper))) is said
 
 
@@ -84,27 +92,27 @@ def test_another_part_rests() -> None:
 
 def test_another_part_is_sure_of_its_axis() -> None:
     for share, said in ((0.99, True), (1.01, False)):
-        sigma = replace(SURE, axis=share * CONFIG.max_axis_sigma)
+        sigma = replace(SURE, axis=share * MAX_AXIS_SIGMA)
         assert another(fit_of(replace(DRAWER, sigma=sigma))) is said
     assert not another(fit_of(replace(DRAWER, sigma=None)))
 
 
 def test_another_part_is_rigid() -> None:
     first = fit_of(residual=0.01)
-    assert another(fit_of(residual=0.99 * CONFIG.max_residual), first=first)
-    assert not another(fit_of(residual=1.01 * CONFIG.max_residual), first=first)
+    assert another(fit_of(residual=0.99 * MAX_RESIDUAL), first=first)
+    assert not another(fit_of(residual=1.01 * MAX_RESIDUAL), first=first)
     precise = fit_of(residual=0.001)  # the same camera: what leaves much more is no part
-    assert another(fit_of(residual=0.99 * CONFIG.max_looseness * 0.001), first=precise)
-    assert not another(fit_of(residual=1.01 * CONFIG.max_looseness * 0.001), first=precise)
+    assert another(fit_of(residual=0.99 * MAX_LOOSENESS * 0.001), first=precise)
+    assert not another(fit_of(residual=1.01 * MAX_LOOSENESS * 0.001), first=precise)
 
 
 def part_of(fit: MotionFit) -> MovingPart:
-    spans = tuple((i.first, i.last) for i in moving_spans(fit, CONFIG))
+    spans = tuple((i.first, i.last) for i in moving_spans(fit))
     return MovingPart(2, fit.joint, fit.motion(np.arange(FRAMES) / 15.0, spans))
 
 
 def found(fit: MotionFit, movers: Movers, known: MotionFit) -> int | None:
-    return same_part(fit, np.ones(TRACKS, bool), movers, [part_of(known)], CONFIG)
+    return same_part(fit, np.ones(TRACKS, bool), movers, [part_of(known)])
 
 
 def test_tracks_that_a_known_part_carries_are_its_own() -> None:
@@ -122,9 +130,9 @@ def test_the_same_joint_at_the_same_time_is_the_same_part() -> None:
         drifting, points_world=drifting.points_world + rng.normal(0, 0.1, drifting.points_world.shape)
     )
     assert found(known, drifting, known) == 0
-    tilted = replace(DOOR, axis=geo.unit(geo.exp_so3([1.2 * CONFIG.same_axis, 0, 0]) @ DOOR.axis))
+    tilted = replace(DOOR, axis=geo.unit(geo.exp_so3([1.2 * SAME_AXIS, 0, 0]) @ DOOR.axis))
     assert found(fit_of(tilted), drifting, known) is None, "another axis"
-    moved = replace(DOOR, pivot=DOOR.pivot + [1.2 * CONFIG.same_pivot, 0, 0])
+    moved = replace(DOOR, pivot=DOOR.pivot + [1.2 * SAME_PIVOT, 0, 0])
     assert found(fit_of(moved), drifting, known) is None, "another hinge"
     along = replace(DOOR, pivot=DOOR.pivot + [0, 0, 0.7])
     assert found(fit_of(along), drifting, known) == 0, "the same line, another point of it"
@@ -146,7 +154,7 @@ def test_the_same_joint_at_another_time_is_another_part() -> None:
 def test_the_same_joint_right_before_or_after_is_the_same_part(later: bool) -> None:
     """Twice the margin of rest lies between two motions at most; what moves a frame later is another part."""
     known = fit_of(DOOR, minimum_jerk(FRAMES, 20, 50))
-    ((first, last),) = [(i.first, i.last) for i in moving_spans(known, CONFIG)]
+    ((first, last),) = [(i.first, i.last) for i in moving_spans(known)]
     drifting = movers_of(known)
     noise = np.random.default_rng(1).normal(0, 0.1, drifting.points_world.shape)
     drifting = replace(drifting, points_world=drifting.points_world + noise)
@@ -159,9 +167,9 @@ def test_the_same_joint_right_before_or_after_is_the_same_part(later: bool) -> N
 
 def test_rest_spans_keep_away_from_the_motion() -> None:
     fit = fit_of()
-    ((first, last),) = [(i.first, i.last) for i in moving_spans(fit, CONFIG)]
+    ((first, last),) = [(i.first, i.last) for i in moving_spans(fit)]
     assert 40 <= first < last <= 80
-    before, after = rest_spans(fit, FRAMES, CONFIG)
+    before, after = rest_spans(fit, FRAMES)
     assert before == (0, first - REST_MARGIN)
     assert after[0] == last + REST_MARGIN
     assert FRAMES - REST_MARGIN <= after[1] < FRAMES
@@ -173,19 +181,19 @@ def test_rest_is_known_only_where_the_state_is() -> None:
     cut = replace(
         whole, frames=whole.frames[kept], state=whole.state[kept], state_sigma=whole.state_sigma[kept]
     )
-    assert rest_spans(cut, FRAMES, CONFIG)[-1][1] > 94
-    assert known_rest_spans(cut, FRAMES, CONFIG)[-1][1] == 94
-    short = slice(0, moving_spans(whole, CONFIG)[0].last + REST_MARGIN + 2)
+    assert rest_spans(cut, FRAMES)[-1][1] > 94
+    assert known_rest_spans(cut, FRAMES)[-1][1] == 94
+    short = slice(0, moving_spans(whole)[0].last + REST_MARGIN + 2)
     cut = replace(
         whole, frames=whole.frames[short], state=whole.state[short], state_sigma=whole.state_sigma[short]
     )
-    assert len(known_rest_spans(cut, FRAMES, CONFIG)) == 1, "too few known frames of rest at the end"
-    none = slice(0, moving_spans(whole, CONFIG)[0].last)
+    assert len(known_rest_spans(cut, FRAMES)) == 1, "too few known frames of rest at the end"
+    none = slice(0, moving_spans(whole)[0].last)
     cut = replace(
         whole, frames=whole.frames[none], state=whole.state[none], state_sigma=whole.state_sigma[none]
     )
-    assert len(rest_spans(cut, FRAMES, CONFIG)) == 2
-    assert len(known_rest_spans(cut, FRAMES, CONFIG)) == 1, "no known frame of rest at the end"
+    assert len(rest_spans(cut, FRAMES)) == 2
+    assert len(known_rest_spans(cut, FRAMES)) == 1, "no known frame of rest at the end"
 
 
 def test_what_moves_while_the_part_rests_is_restless() -> None:
@@ -193,17 +201,17 @@ def test_what_moves_while_the_part_rests_is_restless() -> None:
     movers = movers_of(fit)
     points = movers.points_world.copy()
     points[:38, 3] += np.linspace(0.1, 0.0, 38)[:, None]  # a hand that approaches
-    points[:38, 4] += 0.5 * CONFIG.rest_tolerance * np.sin(np.arange(38))[:, None] / np.sqrt(3)  # noise
+    points[:38, 4] += 0.5 * REST_TOLERANCE * np.sin(np.arange(38))[:, None] / np.sqrt(3)  # noise
     points[55:65, 5] += 0.2  # off, but only while the part moves
     movers = replace(movers, points_world=points)
     chosen = np.ones(TRACKS, bool)
     chosen[6] = False
     points[:38, 6] += 1.0 * np.linspace(1, 0, 38)[:, None]  # not asked about
-    out = restless(movers, chosen, rest_spans(fit, FRAMES, CONFIG), CONFIG)
+    out = restless(movers, chosen, rest_spans(fit, FRAMES))
     assert np.flatnonzero(out).tolist() == [3]
     seen = movers.visible.copy()
     seen[:35, 3] = False  # five frames of it are too few to tell
-    out = restless(replace(movers, visible=seen), chosen, [(0, 37)], CONFIG)
+    out = restless(replace(movers, visible=seen), chosen, [(0, 37)])
     assert not out.any()
 
 

@@ -14,7 +14,7 @@ from recon.motion.movers import Movers
 from recon.parts.find_parts import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
-from recon.refine.observations import RefineConfig
+from recon.refine.observations import Drift
 from recon.refine.refine_parts import refine_parts
 from recon.refine.solver import step
 from recon.refine.terms import Terms
@@ -48,8 +48,7 @@ def test_a_wrong_start_comes_back_to_the_truth_and_says_how_sure_it_is(door: Pat
     )
     part = MovingPart(2, start, Motion(np.arange(n), recording.times, 0.95 * state))
     # 96x72 pixels are 1.4 m / 80 = 17 mm apart, so voxels are as large
-    config = RefineConfig(width=96, voxel=0.02)
-    (found,) = refine_parts(recording, cameras, labels, _found(part, n), config)
+    (found,) = refine_parts(recording, cameras, labels, _found(part, n), voxel=0.02)
     assert isinstance(found.joint, Revolute)
     assert np.degrees(geo.angle_between(found.joint.axis, true_joint.axis)) < 0.5
     assert geo.line_distance(found.joint.pivot, found.joint.axis, true_joint.pivot, true_joint.axis) < 0.005
@@ -80,9 +79,10 @@ def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(door: Path) -> No
     cameras = Trajectory(np.arange(n), recording.times, drifting)
     sigma = {}
     for said, measured in ((1e-5, 0.0), (size, 0.0), (1e-5, size)):
-        config = RefineConfig(width=96, voxel=0.02, drift=said, drift_angle=0.0)
         noise = replace(GOOD_SENSOR, drift=measured)
-        (found,) = refine_parts(recording, cameras, labels, _found(part, n), config, noise=noise)
+        (found,) = refine_parts(
+            recording, cameras, labels, _found(part, n), noise, drift=Drift(said, 0.0), voxel=0.02
+        )
         assert isinstance(found.joint, Revolute)
         assert found.joint.sigma is not None
         sigma[said + measured] = found.joint.sigma.pivot
@@ -105,9 +105,7 @@ def test_a_part_at_rest_does_not_creep_where_nothing_of_it_is_seen(door: Path) -
     crept = {}
     for end in (last, n - 1):
         part = MovingPart(2, joint, Motion(np.arange(n), recording.times, creeping, ((first, end),)))
-        (found,) = refine_parts(
-            recording, cameras, labels, _found(part, n), RefineConfig(width=96, voxel=0.02)
-        )
+        (found,) = refine_parts(recording, cameras, labels, _found(part, n), voxel=0.02)
         crept[end] = float(np.ptp(found.motion.state[last + 4 :]))
     with_rest, without = crept.values()
     assert with_rest < 0.5 * without

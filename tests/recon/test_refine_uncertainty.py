@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.tracks import minimum_jerk
-from recon.refine.observations import RefineConfig
+from recon.refine.observations import Drift
 from recon.refine.solver import step
 from recon.refine.terms import Terms
 from recon.refine.uncertainty import Refined, with_uncertainty
@@ -51,9 +51,9 @@ def refined(
     found, s, no_rest = joint, state, np.zeros(FRAMES, bool)
     for _ in range(6):
         found, s = step(found, s, state, no_rest, terms)
-    config = RefineConfig(drift=slow, drift_angle=0.0)
+    drift = Drift(slow, 0.0)
     settled = np.zeros(len(joint.minus(joint)))
-    return joint, with_uncertainty(found, s - s[0], state, no_rest, terms, settled, config)
+    return joint, with_uncertainty(found, s - s[0], state, no_rest, terms, settled, drift)
 
 
 @pytest.mark.parametrize("name", JOINTS)
@@ -130,9 +130,9 @@ def test_the_residual_is_that_of_what_agrees() -> None:
     joint, state = JOINTS["drawer"], JOINTS["drawer"].upper * STATE
     terms = observed(joint, state, rng, 0.004, 0.0)
     wild = np.where((np.arange(len(terms.q)) % 20 == 0)[:, None], rng.normal(0, 0.3, terms.q.shape), 0.0)
-    config = RefineConfig(drift=0.0, drift_angle=0.0)
+    drift = Drift(0.0, 0.0)
     clean, spoilt = (
-        with_uncertainty(joint, state, state, np.zeros(FRAMES, bool), t, np.zeros(2), config).residual
+        with_uncertainty(joint, state, state, np.zeros(FRAMES, bool), t, np.zeros(2), drift).residual
         for t in (terms, replace(terms, q=terms.q + wild))
     )
     assert clean == pytest.approx(0.004, rel=0.15)

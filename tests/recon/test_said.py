@@ -16,7 +16,6 @@ import pytest
 from benchmarks.scenes.tracks import minimum_jerk
 from recon.cameras.gravity import GravityConfig, find_gravity
 from recon.config import ReconConfig
-from recon.joints.config import JointConfig
 from recon.parts.config import MotionConfig
 from recon.parts.find_parts import FoundParts, find_parts
 from recon.parts.said_parts import outside
@@ -34,7 +33,6 @@ from twin.scene import Joint, Prismatic, Revolute, Trajectory
 
 FRAMES = 60
 QUICK = GravityConfig(keyframes=1, width=96)
-FAST = JointConfig(pairs=12, samples=48, candidates=1, search_frames=30)
 CAMERA = Intrinsics(96, 72, 80.0, 80.0, 47.5, 35.5)
 DOOR = Revolute(geo.unit(np.array([0.05, 1.0, 0.05])), 0.0, 0.8, pivot=np.array([0.35, 0.0, 1.5]))
 BEHIND = Prismatic(geo.unit(np.array([1.0, 0.0, 0.2])), 0.0, 0.6)
@@ -93,7 +91,7 @@ def joint_error(found: FoundParts, truth: Joint) -> float:
     return float(np.degrees(geo.line_angle(joint.axis, truth.axis))) if joint.kind == truth.kind else 90.0
 
 
-find = partial(find_parts, config=MotionConfig(max_parts=1), joints=FAST)
+find = partial(find_parts, config=MotionConfig(max_parts=1))
 
 
 def test_a_point_tells_which_of_two_movers_is_the_part() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recon.refine.observations import RefineConfig
+from recon.refine.observations import Drift
 from recon.refine.settling import MOST_ROUNDS, Mixing, settle
 from recon.refine.solver import step
 from recon.refine.terms import Terms
@@ -64,8 +64,7 @@ def test_what_a_joint_has_left_to_go_is_part_of_its_uncertainty() -> None:
     assert abs(float(end.left[0])) == pytest.approx(np.radians(5.0))
     terms, rests = observed(joint, state, np.random.default_rng(0), 0.002, 0.0), np.zeros(FRAMES, bool)
     sure, unsure = (
-        with_uncertainty(joint, state, state, rests, terms, left, RefineConfig())
-        for left in (np.zeros(2), end.left)
+        with_uncertainty(joint, state, state, rests, terms, left, Drift()) for left in (np.zeros(2), end.left)
     )
     np.testing.assert_allclose(unsure.covariance, sure.covariance + np.outer(end.left, end.left), atol=1e-15)
     assert unsure.sigma.axis > 10.0 * sure.sigma.axis
@@ -89,6 +88,6 @@ def test_a_joint_of_which_nothing_was_observed_stays_and_is_as_unsure_as_can_be(
     after, states = step(joint, state, state, rests, NO_TERMS)
     np.testing.assert_allclose(after.minus(joint), 0.0, atol=1e-12)
     left = np.zeros(len(joint.minus(joint)))
-    found = with_uncertainty(after, states, state, rests, NO_TERMS, left, RefineConfig())
+    found = with_uncertainty(after, states, state, rests, NO_TERMS, left, Drift())
     assert found.sigma.axis > np.radians(90.0)
     assert found.residual == 0.0

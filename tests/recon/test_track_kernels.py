@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.tracks import minimum_jerk, moved_points, track_scene
-from recon.joints.config import JointConfig
+from recon.joints.config import MIN_TRAVEL, Search
 from recon.joints.hypotheses import Hypothesis, frame_pairs
 from recon.joints.initial_states import states_of
 from recon.joints.inliers import follows, predicted_travel
@@ -72,13 +72,13 @@ def test_how_far_tracks_stray_is_numpys_over_what_was_seen() -> None:
 
 def test_frame_pairs_are_those_between_which_a_quarter_moves() -> None:
     scene = track_scene("drawer", "static", seed=4, outlier_share=0.7, noise=0.0005)
-    obs, config = Observations.of(scene.points, scene.visible), JointConfig()
-    pairs = frame_pairs(obs, config, config.min_travel)
+    obs = Observations.of(scene.points, scene.visible)
+    pairs = frame_pairs(obs, Search().pairs, MIN_TRAVEL)
     assert len(pairs)
     for i, j in pairs:
         way = np.linalg.norm(scene.points[j] - scene.points[i], axis=1)
-        assert np.nanquantile(way, 0.75) > config.min_travel
-    assert frame_pairs(obs, config, 1.0).shape == (0, 2)
+        assert np.nanquantile(way, 0.75) > MIN_TRAVEL
+    assert frame_pairs(obs, Search().pairs, 1.0).shape == (0, 2)
 
 
 def test_what_was_fitted_is_counted_in_the_noise() -> None:
@@ -115,7 +115,7 @@ def test_tracks_that_creep_as_all_do_follow_and_what_rests_has_no_say() -> None:
     seen = np.ones((40, 120), dtype=bool)
     seen[6:, 40:] = False
     model = Model("prismatic", np.array([0.0, 1.0, 0.0]), np.zeros(3), state)
-    found = follows(Observations.of(points, seen), model, 1e-3, JointConfig())
+    found = follows(Observations.of(points, seen), model, 1e-3)
     assert found[:40].mean() > 0.9
     assert not found[40:].any()
 

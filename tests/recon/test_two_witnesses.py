@@ -8,10 +8,8 @@ from typing import cast
 import numpy as np
 import pytest
 
-from recon.joints.config import JointConfig
 from recon.motion.movers import Movers
 from recon.parts.changed.compete import Witnessed, witnessed
-from recon.parts.config import MotionConfig
 from recon.parts.found import PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.parts.two_witnesses import _goes_along, by_both
@@ -35,11 +33,9 @@ def movers(count: int = 0) -> Movers:
 def test_a_true_joint_that_tracks_tell_is_known_again_and_a_wrong_one_is_not(clip: Clip) -> None:
     true = clip.part.joint
     wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
-    (found,) = witnessed(
-        clip.recording, clip.cameras, movers(), [wrong, clip.part], MotionConfig(), JointConfig()
-    )
+    (found,) = witnessed(clip.recording, clip.cameras, movers(), [wrong, clip.part])
     assert found.by_tracks == 1
-    (alone,) = witnessed(clip.recording, clip.cameras, movers(), [wrong], MotionConfig(), JointConfig())
+    (alone,) = witnessed(clip.recording, clip.cameras, movers(), [wrong])
     assert alone.by_tracks is None
     assert alone.joint.kind == true.kind
     assert len(alone.state) == len(clip.cameras.frames)
@@ -55,7 +51,7 @@ def test_tracks_that_follow_a_joint_are_its_and_others_are_not() -> None:
     points = np.concatenate([riding, drifting], axis=1)
     every = np.ones(40, bool)
     seen = Movers(points, np.ones((26, 40), bool), every, every)
-    (found,) = witnessed(clip.recording, clip.cameras, seen, [], MotionConfig(), JointConfig())
+    (found,) = witnessed(clip.recording, clip.cameras, seen, [])
     assert found.followers[:20].mean() > 0.8
     assert not found.followers[20:].any()
 
@@ -64,10 +60,10 @@ def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip:
     none = np.zeros(0, bool)
     wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
     told = [PartTracks(wrong, none, "motion"), PartTracks(clip.part, none, "motion")]
-    (kept,) = by_both(told, clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
+    (kept,) = by_both(told, clip.recording, clip.cameras, movers(), 8)
     assert kept.type_source == "motion"
     assert kept.part.joint is clip.part.joint
-    (other,) = by_both(told[:1], clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
+    (other,) = by_both(told[:1], clip.recording, clip.cameras, movers(), 8)
     assert other.type_source == "depth"
     assert other.part.joint.kind == clip.part.joint.kind
     assert other.part.motion.inliers == 0.0  # no track follows it
@@ -87,7 +83,7 @@ def test_many_tracks_that_know_their_axis_need_no_other_witness() -> None:
 
     def told(part: MovingPart, tracks: int, degrees: float) -> tuple[PartTracks, ...]:
         firm = [firmly(part, tracks, degrees)]
-        return by_both(firm, clip.recording, clip.cameras, movers(tracks), MotionConfig(), JointConfig())
+        return by_both(firm, clip.recording, clip.cameras, movers(tracks), 8)
 
     for tracks, degrees, kept in ((200, 0.2, True), (50, 0.2, False), (200, 2.0, False)):
         (part,) = told(elsewhere, tracks, degrees)
@@ -114,7 +110,7 @@ def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) 
     other = "motion" if strip else "depth"
     for state, source in ((0.1 * true, "depth"), (0.4 * true, other), (early, other), (true, "motion")):
         told = [PartTracks(with_states(clip, state), none, "motion")]
-        (part,) = by_both(told, clip.recording, clip.cameras, movers(), MotionConfig(), JointConfig())
+        (part,) = by_both(told, clip.recording, clip.cameras, movers(), 8)
         assert part.type_source == source
     np.testing.assert_array_equal(part.part.motion.state, true)
 
@@ -126,7 +122,7 @@ def test_states_that_run_on_out_of_view_are_none_of_the_part() -> None:
     blind = replace(clip.recording, read_depth=lambda f: read(f) * np.float32(f >= 4))
     for run_on, known in ((0.0, True), (0.1, True), (0.2, False)):
         told = with_states(clip, np.where(np.arange(26) < 4, true - run_on, true))
-        (found,) = witnessed(blind, clip.cameras, movers(), [told], MotionConfig(), JointConfig())
+        (found,) = witnessed(blind, clip.cameras, movers(), [told])
         assert (found.as_well > 0.5) == known
 
 
@@ -134,7 +130,7 @@ def test_depth_says_how_well_it_agrees_with_the_states_of_tracks(clip: Clip) -> 
     """The farther they are from the truth, the less."""
     true = clip.part.motion.state
     told = [
-        witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, share * true)], MotionConfig(), JointConfig())
+        witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, share * true)])
         for share in (1.0, 0.8, 0.4)
     ]  # fmt: skip
     right, short, shorter = (w[0].as_well for w in told)

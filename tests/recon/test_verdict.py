@@ -13,7 +13,6 @@ from recon.assemble import assemble
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.motion.movers import Movers
-from recon.refine.observations import RefineConfig
 from recon.refine.refine_parts import polish_parts, refine_found
 from recon.verdict import of_parts, of_video
 from recon.verdict.evidence import PartEvidence
@@ -237,8 +236,8 @@ def test_a_refused_part_is_told_but_not_written(
 def test_refinement_of_no_part_is_none(clip: Clip, evidence: PartEvidence) -> None:
     none = replace(evidence.scene.found, parts=())
     nothing: Any = None
-    assert refine_found(clip.recording, clip.cameras, none, nothing, nothing, nothing, nothing) == ()
-    assert polish_parts(clip.recording, clip.cameras, {}, none, (), RefineConfig(), nothing, nothing) == ()
+    assert refine_found(clip.recording, clip.cameras, none, nothing, nothing) == ()
+    assert polish_parts(clip.recording, clip.cameras, {}, none, (), nothing) == ()
 
 
 def test_motion_without_frames_never_rests_nor_moves(evidence: PartEvidence) -> None:

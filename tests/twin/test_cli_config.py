@@ -41,21 +41,21 @@ def test_every_setting_is_listed_with_what_it_means(what: str, capsys: pytest.Ca
 
 def test_what_gives_a_setting_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "my.toml"
-    file.write_text("[labels]\nevery = 2\nreferences = 6\n[joints]\npairs = 9\n")
-    data = told(capsys, "--config", str(file), "--set", "joints.pairs=5")
+    file.write_text("[labels]\nevery = 2\n[motion]\nmax_parts = 9\n[fusion]\npart_voxel = 0.005\n")
+    data = told(capsys, "--config", str(file), "--set", "motion.max_parts=5")
     rows = by_name(data)
-    assert [rows[n]["source"] for n in ("labels.every", "labels.references", "labels.witnesses")] == [
+    assert [rows[n]["source"] for n in ("labels.every", "fusion.part_voxel", "fusion.static_voxel")] == [
         str(file),
         str(file),
         "default",
     ]
-    assert (rows["joints.pairs"]["source"], rows["joints.pairs"]["value"]) == ("--set", 5)
+    assert (rows["motion.max_parts"]["source"], rows["motion.max_parts"]["value"]) == ("--set", 5)
     assert rows["labels.every"]["unit"] == "frames"
-    assert data["changed"] == ["joints.pairs", "labels.every"]
-    few = told(capsys, "--set", "joints.pairs=5", "--changed")
-    assert list(by_name(few)) == ["joints.pairs"]
-    assert cli.run(["config", "--set", "joints.pairs=5", "--changed"]) == 0
-    assert "--set (default 48)" in capsys.readouterr().out
+    assert data["changed"] == ["motion.max_parts", "labels.every"]
+    few = told(capsys, "--set", "motion.max_parts=5", "--changed")
+    assert list(by_name(few)) == ["motion.max_parts"]
+    assert cli.run(["config", "--set", "motion.max_parts=5", "--changed"]) == 0
+    assert "--set (default 8)" in capsys.readouterr().out
 
 
 def test_a_run_tells_what_it_was_made_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -80,8 +80,8 @@ def test_a_run_tells_what_it_was_made_with(tmp_path: Path, capsys: pytest.Captur
         (["."], ". tells no settings"),
         ([".", "--set", "labels.every=2"], ". has its own settings"),
         (
-            ["--set", "joints.pairs=0"],
-            "--set: joints.pairs = 0 must be at least 1; the default is 48",
+            ["--set", "motion.max_parts=0"],
+            "--set: motion.max_parts = 0 must be at least 1; the default is 8",
         ),
         (["--set", "labels.evry=2"], "--set: unknown key 'labels.evry'; did you mean 'labels.every'?"),
         (["--of", "lint"], "invalid choice: 'lint'"),
@@ -106,22 +106,3 @@ def test_the_toml_repeats_the_settings(capsys: pytest.CaptureFixture[str]) -> No
     text = capsys.readouterr().out
     assert from_dict(ReconConfig, tomllib.loads(text)) == from_dict(ReconConfig, {"labels": {"every": 2}})
     assert "# every so many frames one is labelled [at least 1; default 4 frames]\nevery = 2\n" in text
-
-
-def test_an_earlier_name_is_told_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "config.toml").write_text("[cameras]\nconverged = 1e-5\nbundle_rounds = 60\n")
-    data = told(capsys, str(tmp_path))
-    (warning,) = data["warnings"]
-    assert warning.endswith(
-        "without effect: cameras.bundle_rounds (always 60), cameras.converged (always 5e-05)"
-    )
-    assert cli.run(["config", str(tmp_path), "--changed"]) == 0
-    shown = capsys.readouterr()
-    assert shown.out.count("warning: ") == 1
-    assert shown.err == ""
-    assert cli.run(["config", "--set", "cameras.converged=1", "--set", "labels.every=0"]) == 1
-    warned, failed = capsys.readouterr().err.splitlines()
-    assert warned.startswith(
-        "twin: warning: --set: no longer settings, and without effect: cameras.converged"
-    )
-    assert failed.startswith("twin: --set: labels.every = 0 must be")

@@ -6,14 +6,14 @@ import math
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 from twin.errors import ConfigError
-from twin.runs.setting import Former, Left, Settings, group, setting
-from twin.runs.settings import SettingWarning, as_dict, from_dict, load_config, to_toml
+from twin.runs.setting import Settings, group, setting
+from twin.runs.settings import as_dict, from_dict, load_config, to_toml
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,6 @@ class Inner(Settings):
     window: int = setting(5, "that is compared", unit="frames", at_least=1)
     scale: float = setting(0.5, "of everything", unit="", above=0, below=1e6)
     mode: Literal["fast", "exact"] = setting("fast", "how")
-
-    FORMERLY: ClassVar[Former] = {"rounds": Left(3), "size": "window"}
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,6 @@ class Span(Settings):
     name: str = setting("a", "what it is called")
     perhaps: int | None = setting(None, "none: as it comes", unit="", at_least=2)
     inner: Inner = group(Inner, "more")
-
-    FORMERLY: ClassVar[Former] = {"core": "inner", "inner.ends": "gates"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -156,25 +152,6 @@ def test_the_place_of_a_nested_setting_is_told() -> None:
 
 def test_infinity_is_read_as_json_has_it() -> None:
     assert from_dict(Span, as_dict(Span(high=math.inf))).high == math.inf
-
-
-def test_settings_that_left_or_were_renamed_are_read_with_one_warning(tmp_path: Path) -> None:
-    (tmp_path / "c.toml").write_text("[core]\nrounds = 9\nsize = 7\nscale = 2.0\nends = [0.5]\n")
-    with pytest.warns(SettingWarning) as told:
-        config = load_config(Span, tmp_path / "c.toml")
-    assert config == Span(gates=(0.5,), inner=Inner(window=7, scale=2.0))
-    assert [str(w.message).partition("c.toml: ")[2] for w in told] == [
-        (
-            "core is called inner now; inner.ends is called gates now; inner.size is called inner.window now; "
-            "no longer settings, and without effect: inner.rounds (always 3)"
-        )
-    ]
-
-
-def test_todays_name_goes_before_an_earlier_one() -> None:
-    with pytest.warns(SettingWarning):
-        config = from_dict(Span, {"core": {"window": 2, "scale": 2}, "inner": {"scale": 3}})
-    assert config.inner == Inner(2, 3.0)
 
 
 def test_nothing_is_warned_of_when_all_is_todays() -> None:

@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from twin.errors import InputError
 from twin.files.text import read_json
 from twin.geometry import Array
 from twin.runs.keys import stage_key
-from twin.runs.setting import Former, Left, Settings, setting
+from twin.runs.setting import Settings, setting
 from twin.runs.settings import load_config
 from twin.runs.stages import Run, StageResult
 from twin.scene import Prismatic
@@ -114,7 +113,6 @@ class Before:
     """What `Today` was in an earlier version."""
 
     rounds: int = 60
-    size: int = 3
     seed: int = 0
 
 
@@ -123,30 +121,13 @@ class Today(Settings):
     window: int = setting(3, "that is compared", unit="px", at_least=1)
     seed: int = setting(0, "of every draw", unit="", at_least=0)
 
-    FORMERLY: ClassVar[Former] = {"rounds": Left(60), "size": "window"}
 
-
-@pytest.mark.parametrize("group", [lambda c: c, lambda c: (Window(), c)], ids=["alone", "in a group"])
-def test_a_stage_stays_when_only_names_of_its_settings_changed(
-    group: Callable[[object], object], tmp_path: Path
-) -> None:
-    def go(config: object) -> list[StageResult[object]]:
-        with Run(tmp_path, "x") as run:
-            first = run.stage("a", 1, group(config), [], lambda: 1)
-            return [first, run.stage("b", 1, None, [first], lambda: 2)]
-
-    go(Before())
-    assert [r.cached for r in go(Today())] == [True, True]
-    first, second = go(Today(window=4))
-    assert "window, which is 4, is a new setting" in first.reason
-    assert second.reason == "it reads a, which changed"
-
-
-def test_a_stage_is_computed_again_when_a_setting_that_left_had_another_value(tmp_path: Path) -> None:
+def test_a_stage_of_other_settings_is_computed_again_and_names_them(tmp_path: Path) -> None:
     for config in (Before(rounds=5), Today()):
         with Run(tmp_path, "x") as run:
             reason = run.stage("a", 1, config, [], lambda: 1).reason
     assert "rounds, which was 5, is no longer a setting" in reason
+    assert "window, which is 3, is a new setting" in reason
 
 
 def test_key_tells_every_part_apart() -> None:

@@ -10,10 +10,8 @@ import errno
 import json
 import os
 import sys
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import replace
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from twin import interrupt
@@ -90,9 +88,7 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
     from twin.cli.console import Console
 
     console = Console(quiet=as_json)
-    with _of_settings() as said:
-        outcome = named(VERBS[verb][0])(console=console, **options)
-    outcome = replace(outcome, warnings=[*said, *outcome.warnings])
+    outcome = named(VERBS[verb][0])(console=console, **options)
     if as_json:
         report = {"ok": outcome.ok, **outcome.data, "warnings": list(outcome.warnings)}
         print(json.dumps(report, indent=1, ensure_ascii=False))
@@ -104,30 +100,6 @@ def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
     if outcome.doubt:
         print(f"twin: {outcome.doubt}", file=sys.stderr)
     return 0 if outcome.ok else 2
-
-
-@contextmanager
-def _of_settings() -> Iterator[list[str]]:
-    """Warnings about the names of settings: into a list, or onto stderr when the verb fails; others as usual."""
-    from twin.runs.settings import SettingWarning
-
-    said: list[str] = []
-    with warnings.catch_warnings():
-        usual = warnings.showwarning
-
-        def tell(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-            if issubclass(category, SettingWarning):
-                said.append(str(message))
-            else:
-                usual(message, category, *place, **more)
-
-        warnings.showwarning = tell
-        warnings.simplefilter("always", SettingWarning)
-        try:
-            yield said
-        except BaseException:
-            print("".join(f"twin: warning: {text}\n" for text in said), end="", file=sys.stderr)
-            raise
 
 
 def _fail(problem: str, remedy: str, as_json: bool) -> int:

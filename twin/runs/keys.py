@@ -5,11 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
-
-from twin.runs.settings import up_to_date
 
 
 @dataclass(frozen=True)
@@ -17,7 +15,7 @@ class Stage:
     """A stage as the folder that computes it declares it.
 
     name: identifier, unique in a run. version: to be raised by whoever changes what the stage returns. settings: dotted names of
-    the run's settings that it reads ("refine", "motion.interval").
+    the run's settings that it reads ("labels", "motion.clusters").
     """
 
     name: str
@@ -54,20 +52,6 @@ def why_changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
     if changed:
         reasons.append(f"it reads {', '.join(changed)}, which changed")
     return "; ".join(reasons) or "its stored key does not match"
-
-
-def same_today(old: Mapping[str, Any], new: Mapping[str, Any], config: Any) -> bool:
-    """Whether two sets of key parts differ only in settings that were renamed, or that left with the value they had. `config`
-    is what the new ones were made of."""
-    return {**old, "config": _today(old.get("config"), config)} == new
-
-
-def _today(stored: Any, config: Any) -> Any:
-    if isinstance(config, tuple) and isinstance(stored, list) and len(config) == len(stored):
-        return [_today(s, c) for s, c in zip(stored, config, strict=True)]
-    if is_dataclass(config) and isinstance(stored, Mapping):
-        return up_to_date(type(config), stored, keep_changed=True)[0]
-    return stored
 
 
 def _what_changed(field: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> str:

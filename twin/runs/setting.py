@@ -9,7 +9,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from twin.errors import ConfigError
 
@@ -83,24 +83,11 @@ class SettingError(ConfigError):
         return SettingError(self.name, self.fault, self.remedy, owner)
 
 
-@dataclass(frozen=True)
-class Left:
-    """Stands for a setting that became a constant: `value` is what it always is now."""
-
-    value: Any
-
-
-Former = Mapping[str, str | Left]
-
-
 class Settings:
     """Base of the frozen dataclasses that hold settings: checks every field when an object is made.
 
-    A class with conditions between fields extends `__post_init__` and raises `refused`. FORMERLY tells what became of settings
-    that the class had: old name -> today's or `Left`, dotted below the class, taken in this order.
+    A class with conditions between fields extends `__post_init__` and raises `refused`.
     """
-
-    FORMERLY: ClassVar[Former] = {}
 
     def __post_init__(self) -> None:
         check(type(self), vars(self))

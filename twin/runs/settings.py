@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 import tomllib
 import types
-import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
@@ -17,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin
 
 from twin.errors import ConfigError, nearest_name
-from twin.runs.setting import Left, SettingError, Settings, check, fits, types_of
+from twin.runs.setting import SettingError, check, fits, types_of
 
 T = TypeVar("T")
 _KNOWN = 6  # names in a message, which stays one line
@@ -42,73 +40,13 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 
 def from_dict(cls: type[T], data: Mapping[str, Any], where: str = "config") -> T:
-    """Build the dataclass `cls` from plain data. `where` opens the error messages.
-
-    Settings that left or were renamed are read, with one warning that names them all.
-    """
-    today, former = up_to_date(cls, data)
-    if former:
-        warnings.warn(f"{where}: {_told(former)}", SettingWarning, stacklevel=2)
-    return _build(cls, today, f"{where}: ")
-
-
-class SettingWarning(UserWarning):
-    """A settings file names what is no longer called so, or no longer a setting."""
-
-
-def up_to_date(
-    cls: type, data: Mapping[str, Any], keep_changed: bool = False
-) -> tuple[dict[str, Any], dict[str, str | Left]]:
-    """Plain data of `cls` by today's names, as `Settings.FORMERLY` tells them, and what became of the names that it had.
-
-    keep_changed: settings that left stay in the data unless their value is the one that they always have now.
-    """
-    out, found = copy.deepcopy(dict(data)), {}
-    for old, now in (cls.FORMERLY if issubclass(cls, Settings) else {}).items():
-        *tables, name = old.split(".")
-        table = _table(out, tables)
-        if table is None or name not in table:
-            continue
-        if isinstance(now, Left):
-            if keep_changed and table[name] != as_dict(now.value):
-                continue
-            del table[name]
-        else:
-            *tables, new = now.split(".")
-            place = _table(out, tables, make=True)
-            value = table.pop(name)
-            if place is not None:  # what is given by today's name goes before
-                given = place.get(new, {} if isinstance(value, dict) else value)
-                place[new] = value | given if isinstance(value, dict) and isinstance(given, dict) else given
-        found[old] = now
-    for name, inner in nested(cls):
-        if isinstance(out.get(name), dict):
-            out[name], more = up_to_date(inner, out[name], keep_changed)
-            found |= {f"{name}.{k}": v if isinstance(v, Left) else f"{name}.{v}" for k, v in more.items()}
-    return out, found
-
-
-def _told(former: Mapping[str, str | Left]) -> str:
-    """One line about settings that a file has by earlier names."""
-    renamed = [f"{old} is called {now} now" for old, now in former.items() if not isinstance(now, Left)]
-    left = [f"{old} (always {now.value!r})" for old, now in former.items() if isinstance(now, Left)]
-    gone = f"no longer settings, and without effect: {', '.join(left)}"
-    return "; ".join([*renamed, *([gone] if left else [])])
+    """Build the dataclass `cls` from plain data. `where` opens the error messages."""
+    return _build(cls, data, f"{where}: ")
 
 
 def nested(cls: type) -> list[tuple[str, type]]:
     """The fields of a dataclass that hold another one."""
     return [(n, h) for n, h in types_of(cls).items() if isinstance(h, type) and is_dataclass(h)]
-
-
-def _table(data: dict[str, Any], path: list[str], make: bool = False) -> dict[str, Any] | None:
-    """The table at a path, None where there is none."""
-    for name in path:
-        inner = data.setdefault(name, {}) if make else data.get(name)
-        if not isinstance(inner, dict):
-            return None
-        data = inner
-    return data
 
 
 def as_dict(config: Any) -> Any:

@@ -19,7 +19,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from twin.errors import FuntwinError, InputError, plain
 from twin.files.text import read_json, write_json, write_text
 from twin.runs.codec import Codec, OtherVersionError, TreeCodec
-from twin.runs.keys import same_today, stage_key, why_changed
+from twin.runs.keys import stage_key, why_changed
 from twin.runs.loop import Loop
 from twin.runs.manifest import MANIFEST, update_manifest, versions
 from twin.runs.memory import peak_memory_mb, reset_peak_memory
@@ -119,7 +119,7 @@ class Run:
             "upstream": {u.name: u.key for u in upstream},
             "input": self.fingerprint,
         }
-        found, reason = self._look_up(name, parts, config, codec)
+        found, reason = self._look_up(name, parts, codec)
         if found is None:
             self.report(name, 0.0, reason)
             found = self._compute(name, parts, compute, codec, reason)
@@ -170,7 +170,7 @@ class Run:
         self.close()
 
     def _look_up(
-        self, name: str, parts: Mapping[str, Any], config: Any, codec: Codec[T]
+        self, name: str, parts: Mapping[str, Any], codec: Codec[T]
     ) -> tuple[StageResult[T] | None, str]:
         """The cached result, or None and the reason why it must be computed."""
         if self.folder is None:
@@ -180,8 +180,7 @@ class Run:
             return None, "not computed yet"
         record = read_json(stored / RECORD)
         key, then = str(record.get("key")), record.get("parts", {})
-        same = key == stage_key(name, then) and same_today(then, parts, config)
-        if not same and key != stage_key(name, parts):
+        if key != stage_key(name, parts):
             return None, why_changed(then, parts)
         try:
             value = codec.load(stored)

@@ -15,7 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from recon.joints.candidates import TrackFit, compare_kinds, fit_kinds
 from recon.joints.clustering.line_arc import track_shapes
-from recon.joints.config import JointConfig
+from recon.joints.config import (
+    LIMIT_QUANTILE,
+    MIN_OBSERVATIONS,
+    MOVER_SIGMAS,
+    PRUNE_SIGMAS,
+    SEARCH_SIGMA,
+    Method,
+    Search,
+)
 from recon.joints.hypotheses import travel_and_noise
 from recon.joints.inliers import follows, predicted_travel, row_medians
 from recon.joints.observations import Kind, Model, Observations, residuals
@@ -52,7 +60,9 @@ class ClusterConfig(Settings):
     max_parts: int = setting(8, "most clusters sought", unit="parts", at_least=1)
 
 
-_DEFAULT, _JOINTS = ClusterConfig(), JointConfig()
+_DEFAULT = ClusterConfig()
+# The joint of a cluster only finds members: a part's own fit is finer. Chosen by us, for speed.
+_COARSE = Search(pairs=24, tracks=150, frames=40)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,48 +81,45 @@ def cluster_tracks(
     visible: ArrayLike,
     *,
     config: ClusterConfig = _DEFAULT,
-    joints: JointConfig = _JOINTS,
+    method: Method = "bundle",
 ) -> list[Cluster]:
     """Clusters of tracks, best first; empty when nothing moves.
 
     Args:
         points_world: (T, K, 3) m, NaN where not visible.
         visible: (T, K) bool.
-        joints: of the fits, here with fewer samples.
+        method: as `JointConfig.method`.
 
     Raises MissingDependencyError without scikit-learn.
     """
-    joints = replace(joints, pairs=24, search_tracks=150, search_frames=40)  # a part's own fit is finer
     points, seen = geo.as_float(points_world), np.asarray(visible, dtype=bool)
     everything = Observations.of(points, seen)
     travel, noise = travel_and_noise(everything)
-    moving = np.flatnonzero(travel > max(config.eps_s, joints.mover_sigmas * noise))
+    moving = np.flatnonzero(travel > max(config.eps_s, MOVER_SIGMAS * noise))
     least = max(config.min_size, int(np.ceil(config.min_share * len(moving))))
     if len(moving) < least:
         return []
     obs = everything.take(moving)
     free = np.ones(len(moving), dtype=bool)
     found: list[Cluster] = []
-    seeds = [*_seeds(obs, noise, least, config, joints), None]
+    seeds = [*_seeds(obs, noise, least, config), None]
     while seeds and len(found) < config.max_parts:
         seed = seeds[0]
-        cluster = _grow(obs, free if seed is None else free & seed, free, noise, least, joints)
+        cluster = _grow(obs, free if seed is None else free & seed, free, noise, least, method)
         if cluster is None:
             seeds.pop(0)
             continue
         members, fit = cluster
-        free &= ~_explained(obs, fit, noise, joints)
+        free &= ~_explained(obs, fit, noise)
         full = np.zeros(seen.shape[1], dtype=bool)
         full[moving[members]] = True
-        found.append(_cluster(full, obs.take(members), fit, joints))
+        found.append(_cluster(full, obs.take(members), fit))
     return sorted(found, key=lambda c: -c.score)
 
 
-def _seeds(
-    obs: Observations, noise: float, least: int, config: ClusterConfig, joints: JointConfig
-) -> list[NDArray[np.bool_]]:
+def _seeds(obs: Observations, noise: float, least: int, config: ClusterConfig) -> list[NDArray[np.bool_]]:
     """Density clusters over the joints of single tracks, largest first."""
-    shapes = track_shapes(obs, max(noise, joints.search_sigma))
+    shapes = track_shapes(obs, max(noise, SEARCH_SIGMA))
     fitted = np.flatnonzero(shapes.error < max(config.eps_f, 2.5 * noise))
     if len(fitted) < least:
         return []
@@ -133,33 +140,33 @@ def _grow(
     free: NDArray[np.bool_],
     noise: float,
     least: int,
-    joints: JointConfig,
+    method: Method,
 ) -> tuple[NDArray[np.bool_], TrackFit] | None:
     """Fit the seed's joint and take every free track that follows it; nothing when too few do."""
     if seed.sum() < least:
         return None
-    fits = fit_kinds(obs.take(seed), noise, joints)
+    fits = fit_kinds(obs.take(seed), noise, method, _COARSE)
     if not fits:
         return None
-    kind, _ = decide(compare_kinds(obs.take(seed), fits, joints), joints)
+    kind, _ = decide(compare_kinds(obs.take(seed), fits))
     fit = fits.get(kind) or next(iter(fits.values()))
-    members = follows(obs, fit.bundle.model, fit.scale(noise, joints), joints) & free
+    members = follows(obs, fit.bundle.model, fit.scale(noise)) & free
     return (members, fit) if members.sum() >= least else None
 
 
-def _explained(obs: Observations, fit: TrackFit, noise: float, joints: JointConfig) -> NDArray[np.bool_]:
+def _explained(obs: Observations, fit: TrackFit, noise: float) -> NDArray[np.bool_]:
     """Tracks that need no joint of their own: they follow, or stay near one that does (a hand on the handle)."""
-    sigma = max(fit.scale(noise, joints), joints.search_sigma)
+    sigma = max(fit.scale(noise), SEARCH_SIGMA)
     square, _, _ = residuals(obs, fit.bundle.model, sigma)
-    return np.asarray(np.sqrt(row_medians(square, obs.weight)) < joints.prune_sigmas * LENGTH3_MEDIAN * sigma)
+    return np.asarray(np.sqrt(row_medians(square, obs.weight)) < PRUNE_SIGMAS * LENGTH3_MEDIAN * sigma)
 
 
-def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit, joints: JointConfig) -> Cluster:
+def _cluster(full: NDArray[np.bool_], obs: Observations, fit: TrackFit) -> Cluster:
     model: Model = fit.bundle.model
     _, _, marks = residuals(obs, model, max(fit.bundle.sigma, 1e-5))
     score = float(predicted_travel(obs, model, marks).sum())
-    frames = np.flatnonzero((obs.weight > 0).sum(0) >= joints.min_observations)
-    oriented = orient(model, fit.bundle.covariance, frames, joints.limit_quantile)
+    frames = np.flatnonzero((obs.weight > 0).sum(0) >= MIN_OBSERVATIONS)
+    oriented = orient(model, fit.bundle.covariance, frames, LIMIT_QUANTILE)
     joint = replace(oriented.joint, covariance=None, sigma=None)
     return Cluster(full, model.kind, joint, score)
 

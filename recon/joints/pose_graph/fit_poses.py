@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recon.joints.config import JointConfig
+from recon.joints.config import LIMIT_QUANTILE, SIGMA_FLOOR, SIGMA_FLOOR_RAD
 from recon.joints.observations import KINDS, Kind, Model
 from recon.joints.pose_graph.bundle import FLOOR, PoseBundle, chi2, refine_poses
 from recon.joints.pose_graph.edges import edges_from_poses, graph_pairs
@@ -19,7 +19,6 @@ from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array
 from twin.robust import cauchy, mad_sigma
 
-_DEFAULT = JointConfig()
 _LOOPS = 10  # loop closures a frame; more changed neither axis nor states on the measured graphs
 _GRAPH_POSES = 120  # poses that the graph uses; every pose takes part in the refinement (by us, for speed)
 
@@ -28,7 +27,6 @@ def fit_motion_poses(
     poses: ArrayLike,
     frames: ArrayLike | None = None,
     *,
-    config: JointConfig = _DEFAULT,
     joint_type: Kind | None = None,
 ) -> MotionFit:
     """Fit a joint to poses of the part.
@@ -44,17 +42,16 @@ def fit_motion_poses(
         ReconstructionError: the poses do not move.
     """
     T_world_part, numbers = _checked(poses, frames)
-    sigma, sigma_rad = config.sigma_floor, config.sigma_floor_rad
     fits: dict[Kind, PoseBundle] = {}
     for kind in KINDS:
         try:
-            fits[kind] = _fit(T_world_part, kind, sigma, sigma_rad)
+            fits[kind] = _fit(T_world_part, kind, SIGMA_FLOOR, SIGMA_FLOOR_RAD)
         except ReconstructionError:
             if kind == joint_type or (kind == "revolute" and "prismatic" not in fits):
                 raise
-    evidence = _evidence(fits, T_world_part, config)
-    kind, source = decide(evidence, config) if joint_type is None else (joint_type, "given")
-    return _motion_fit(fits[kind], numbers, evidence, source, config)
+    evidence = _evidence(fits, T_world_part)
+    kind, source = decide(evidence) if joint_type is None else (joint_type, "given")
+    return _motion_fit(fits[kind], numbers, evidence, source)
 
 
 def _checked(poses: ArrayLike, frames: ArrayLike | None) -> tuple[Array, NDArray[np.int64]]:
@@ -118,13 +115,11 @@ def _rms(fit: PoseBundle, part: slice) -> float:
     return float(np.sqrt(np.mean((fit.error[fit.good, part] ** 2).sum(1))))
 
 
-def _evidence(fits: dict[Kind, PoseBundle], T_world_part: Array, config: JointConfig) -> TypeEvidence:
+def _evidence(fits: dict[Kind, PoseBundle], T_world_part: Array) -> TypeEvidence:
     """Compare both kinds: translation and rotation residuals over their noise floors."""
 
     def total(fit: PoseBundle) -> float:
-        square = chi2(
-            fit.error, max(config.sigma_floor, fit.sigma), max(config.sigma_floor_rad, fit.sigma_rad)
-        )
+        square = chi2(fit.error, max(SIGMA_FLOOR, fit.sigma), max(SIGMA_FLOOR_RAD, fit.sigma_rad))
         return truncated_chi2(square, 1.0, dof=6)
 
     shift = slice(0, 3)
@@ -132,7 +127,7 @@ def _evidence(fits: dict[Kind, PoseBundle], T_world_part: Array, config: JointCo
         slide = _rms(fits["prismatic"], shift)
         return TypeEvidence(0.0, 0.0, float("inf"), slide, slide)
     hinge = fits["revolute"]
-    low, high = np.quantile(hinge.state, [config.limit_quantile, 1.0 - config.limit_quantile])
+    low, high = np.quantile(hinge.state, [LIMIT_QUANTILE, 1.0 - LIMIT_QUANTILE])
     away = T_world_part[:, :3, 3] - hinge.pivot
     radius = float(np.median(np.linalg.norm(np.cross(away, hinge.axis), axis=1)))
     if "prismatic" not in fits:
@@ -143,11 +138,11 @@ def _evidence(fits: dict[Kind, PoseBundle], T_world_part: Array, config: JointCo
 
 
 def _motion_fit(
-    fit: PoseBundle, numbers: NDArray[np.int64], evidence: TypeEvidence, source: str, config: JointConfig
+    fit: PoseBundle, numbers: NDArray[np.int64], evidence: TypeEvidence, source: str
 ) -> MotionFit:
     picked = np.flatnonzero(fit.good)
     model = Model(fit.kind, fit.axis, fit.pivot, fit.state)
-    oriented = orient(model, fit.covariance, picked, config.limit_quantile)
+    oriented = orient(model, fit.covariance, picked, LIMIT_QUANTILE)
     return MotionFit(
         joint=oriented.joint,
         frames=numbers[picked],

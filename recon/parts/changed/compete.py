@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.joints.config import JointConfig
+from recon.joints.config import LIMIT_QUANTILE, SEARCH_SIGMA
 from recon.joints.inliers import track_support
 from recon.joints.observations import Model, Observations
 from recon.motion.movers import Movers
 from recon.parts.changed.proposals import Proposed
 from recon.parts.changed.search import ChangedPart, changed_parts
-from recon.parts.config import MotionConfig
+from recon.parts.config import SAME_AXIS, SAME_PIVOT
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
@@ -43,23 +43,21 @@ def witnessed(
     cameras: Trajectory,
     movers: Movers,
     told: Sequence[MovingPart],
-    config: MotionConfig,
-    joints: JointConfig,
 ) -> list[Witnessed]:
     """What depth says of the parts. told: those that tracks tell; the joint of each competes for the surfaces that changed."""
     out = []
     known = [_proposed(p.joint) for p in told]
     for part in changed_parts(recording, cameras, known):
-        oriented = part.oriented(joints.limit_quantile)
+        oriented = part.oriented(LIMIT_QUANTILE)
         state = np.interp(cameras.frames, part.frames, oriented.state)
-        same = [k for k, p in enumerate(told) if _same(oriented.joint, p.joint, part, config)]
+        same = [k for k, p in enumerate(told) if _same(oriented.joint, p.joint, part)]
         motions = [told[k].motion for k in same]
         as_well = [part.as_well(known[k], m.frames, m.state) for k, m in zip(same, motions, strict=True)]
         out.append(
             Witnessed(
                 replace(oriented.joint, covariance=None),
                 state,
-                _followers(oriented.joint, cameras.frames, state, movers, joints),
+                _followers(oriented.joint, cameras.frames, state, movers),
                 same[0] if same else None,
                 as_well[0] if same else 1.0,
             )
@@ -71,20 +69,18 @@ def _proposed(joint: Joint) -> Proposed:
     return Proposed(joint.kind, joint.axis, joint.pivot if isinstance(joint, Revolute) else np.zeros(3))
 
 
-def _same(joint: Joint, told: Joint, part: ChangedPart, config: MotionConfig) -> bool:
+def _same(joint: Joint, told: Joint, part: ChangedPart) -> bool:
     """Whether both are one joint as far as the part can tell."""
-    if joint.kind != told.kind or geo.line_angle(joint.axis, told.axis) > config.same_axis:
+    if joint.kind != told.kind or geo.line_angle(joint.axis, told.axis) > SAME_AXIS:
         return False
     if isinstance(joint, Revolute) and isinstance(told, Revolute):
         centre = part.surface.points.mean(axis=0)
         feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, told)]
-        return bool(np.linalg.norm(feet[0] - feet[1]) <= config.same_pivot)
+        return bool(np.linalg.norm(feet[0] - feet[1]) <= SAME_PIVOT)
     return True
 
 
-def _followers(
-    joint: Joint, frames: NDArray[np.int64], state: Array, movers: Movers, config: JointConfig
-) -> NDArray[np.bool_]:
+def _followers(joint: Joint, frames: NDArray[np.int64], state: Array, movers: Movers) -> NDArray[np.bool_]:
     """Movers (K,) that follow a joint with states (n,) in frames (n,)."""
     every = np.interp(np.arange(len(movers.visible)), frames, state)
     pivot = joint.pivot if isinstance(joint, Revolute) else np.zeros(3)
@@ -93,5 +89,5 @@ def _followers(
     if len(asked):
         obs = Observations.of(movers.points_world[:, asked], movers.visible[:, asked])
         model = Model(joint.kind, joint.axis, pivot, every)
-        out[asked] = track_support(obs, model, max(config.search_sigma, _COARSE_M), config) > _FOLLOW
+        out[asked] = track_support(obs, model, max(SEARCH_SIGMA, _COARSE_M)) > _FOLLOW
     return out
