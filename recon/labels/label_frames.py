@@ -100,31 +100,30 @@ def label_frames(
     if not chosen:
         raise ReconstructionError("no frame to label has a camera pose", "label frames the cameras cover")
     factor = max(1, round(recording.intrinsics.width / width))
-    slack = _POSE_ERROR
     refs = find_references(
         recording,
         cameras,
         parts,
         factor=factor,
-        slack=slack,
+        slack=_POSE_ERROR,
         noise=noise,
         per_phase=_REFERENCES,
         witnesses=_WITNESSES,
     )
     _warn(refs)
     camera = recording.intrinsics.binned(factor)
-    boxes = [_part_box(refs, cameras, p, camera, slack, noise) for p in parts]
+    boxes = [_part_box(refs, cameras, p, camera, _POSE_ERROR, noise) for p in parts]
 
     def look(frame: int) -> tuple[View, F32, NDArray[np.bool_]]:
         seen = view(recording, frame, factor)
-        return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, slack, noise)
+        return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, _POSE_ERROR, noise)
 
     looks = [seen for _, seen in zip((progress or untold)(chosen, "labels"), each(look, chosen), strict=True)]
     views, scores, stays = (list(column) for column in zip(*looks, strict=True))
     pool_in_space(views, scores, stays, cameras, parts, camera, COLOR_SIGMAS * refs.color_sigma, noise)
     _weigh(views, scores, COLOR_SIGMAS * refs.color_sigma)
     pool_color(views, scores)
-    rests = Rests.of(views, cameras, parts, camera, refs.color_sigma, slack, noise)
+    rests = Rests.of(views, cameras, parts, camera, refs.color_sigma, _POSE_ERROR, noise)
     ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
 
     def final(k: int) -> NDArray[np.uint8]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache
 from numbers import Integral, Real
@@ -126,11 +126,15 @@ def rule_of(f: Field[Any]) -> Rule:
     return cast(Rule, f.metadata.get(_KEY, Rule(infinite=True)))
 
 
-@cache
 def types_of(cls: type) -> Mapping[str, Any]:
     """Field -> type of a dataclass, the fields in their order."""
+    return _types_of(cls)
+
+
+@cache
+def _types_of(cls: Hashable) -> Mapping[str, Any]:
     hints = get_type_hints(cls)
-    return {f.name: hints[f.name] for f in fields(cls) if f.init}
+    return {f.name: hints[f.name] for f in fields(cast(Any, cls)) if f.init}
 
 
 def check(cls: type, values: Mapping[str, Any]) -> None:
