@@ -56,6 +56,8 @@ ONLY_PARSED = {
     "make test": ITSELF,
     "make wheel": ITSELF,
     "pip install ./dist/funtwin-*.whl": ITSELF,
+    "python .ci/constants.py": "prints counts of the source",
+    "twin demo": ITSELF,
     "python .ci/settings_page.py": "writes docs/settings.md; tests/test_settings_law.py compares",
     "python -m benchmarks.complete RUN RECORDING/truth": "tests/benchmarks/test_complete.py has its parts",
     "python -m benchmarks.complete sealed": "takes an hour; tests/benchmarks/test_complete_sealed.py has its parts",

@@ -337,7 +337,7 @@ def test_the_config_of_a_run_repeats_it(tmp_path: Path, monkeypatch: pytest.Monk
         tiny.write_recording(tmp_path / "r", ("door",), frames=40, scale=1, still=True)
     )
     changed = from_dict(
-        ReconConfig, {"tracks": {"cell": 10, "max_depth": float("inf")}, "labels": {"every": 3}}
+        ReconConfig, {"tracks": {"max_width": 320, "max_depth": float("inf")}, "labels": {"every": 3}}
     )
     for config in (ReconConfig(), changed):
         first = run(config, tmp_path / "a")

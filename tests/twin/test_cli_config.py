@@ -55,7 +55,7 @@ def test_what_gives_a_setting_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
     few = told(capsys, "--set", "motion.max_parts=5", "--changed")
     assert list(by_name(few)) == ["motion.max_parts"]
     assert cli.run(["config", "--set", "motion.max_parts=5", "--changed"]) == 0
-    assert "--set (default 8)" in capsys.readouterr().out
+    assert "(default 8 parts)" in capsys.readouterr().out
 
 
 def test_a_run_tells_what_it_was_made_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,7 +69,7 @@ def test_a_run_tells_what_it_was_made_with(tmp_path: Path, capsys: pytest.Captur
     twin = cabinet_twin()
     twin.provenance["config"] = as_dict(made_with)
     save(twin, tmp_path / "twin")
-    assert told(capsys, str(tmp_path / "twin"))["settings"][7]["value"] == "inf"
+    assert told(capsys, str(tmp_path / "twin"))["settings"][1]["value"] == "inf"
     assert told(capsys, str(tmp_path))["changed"] == ["tracks.max_depth", "labels.every"]
 
 
@@ -81,7 +81,7 @@ def test_a_run_tells_what_it_was_made_with(tmp_path: Path, capsys: pytest.Captur
         ([".", "--set", "labels.every=2"], ". has its own settings"),
         (
             ["--set", "motion.max_parts=0"],
-            "--set: motion.max_parts = 0 must be at least 1; the default is 8",
+            "--set: motion.max_parts = 0 must be at least 1 part; the default is 8",
         ),
         (["--set", "labels.evry=2"], "--set: unknown key 'labels.evry'; did you mean 'labels.every'?"),
         (["--of", "lint"], "invalid choice: 'lint'"),
