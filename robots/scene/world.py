@@ -217,8 +217,8 @@ def _add_robot(
     for name in spec.arm_actuators:  # commands carry velocity and torque too; the force stays limited
         child.actuator(name).ctrllimited = 0
     with warnings.catch_warnings():
-        if skin is not None:  # its meshes have no files that could be missing
-            warnings.filterwarnings("ignore", "Attaching a child without asset dict")
+        # the scene is attached to nothing: files of the robot's meshes are read where they lie, those of a skin are in memory
+        warnings.filterwarnings("ignore", "Attaching a child without asset dict")
         scene.attach(child, prefix=PREFIX, frame=mount.add_frame())
 
 

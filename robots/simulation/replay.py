@@ -24,6 +24,7 @@ from robots.scene.world import PART, ROBOT, STATIC, World, build_world, complete
 from robots.simulation.impedance import EVERY, Impedance
 from robots.simulation.record import Contact, Record
 from robots.simulation.report import ReplayReport, measure
+from robots.simulation.scene_files import write_scene
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
 from twin.errors import InputError, PlanningError
@@ -54,15 +55,14 @@ def replay(
 
     Args:
         twin: the one that was planned for.
-        out: folder for trajectory.json, trajectory.npz, report.json and replay.mp4 (usually RUN/replay/<robot>/<part>),
-            which change at once; nothing is written without it.
+        out: folder for trajectory.json, trajectory.npz, report.json, replay.mp4 and scene.xml with assets/ (usually
+            RUN/replay/<robot>/<part>), which change at once; nothing is written without it.
         robot: name or robot file when it is not the trajectory's own name.
         video: write replay.mp4.
         demonstration: the recording's frames; the film then shows the person beside the robot, at the same state.
 
     Raises:
-        SceneError: the twin has no such part.
-        InputError: no such robot, another arm, or an unwritable folder.
+        SceneError: the twin has no such part. InputError: no such robot, another arm, or an unwritable folder.
         PlanningError: MuJoCo refuses the scene.
     """
     config = config or ReplayConfig()
@@ -87,6 +87,7 @@ def replay(
         with staging(out) as staged:
             (staged / "trajectory.json").write_bytes(native.json_bytes(trajectory, part))
             (staged / "trajectory.npz").write_bytes(native.npz_bytes(trajectory, part))
+            write_scene(staged, twin, spec, trajectory)
             film = staged / FILM if video else None
             if film is not None:
                 from robots.film.video import write_video

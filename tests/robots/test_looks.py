@@ -198,12 +198,15 @@ def test_of_a_replays_files_the_film_alone_shows_the_skin(opened, checkout, tmp_
     with caplog.at_level(logging.INFO):
         robots.replay(twin, trajectory, tmp_path / "dressed", config=CONFIG)
     assert f"visuals of franka from {file.parent}" in caplog.messages
-    names = sorted(p.name for p in (tmp_path / "bare").iterdir())
-    assert names == sorted(p.name for p in (tmp_path / "dressed").iterdir())
+    names, same = (
+        sorted(p.relative_to(tmp_path / folder) for p in (tmp_path / folder).rglob("*") if p.is_file())
+        for folder in ("bare", "dressed")
+    )
+    assert names == same
     equal = {
         n: (tmp_path / "bare" / n).read_bytes() == (tmp_path / "dressed" / n).read_bytes() for n in names
     }
-    assert [n for n, e in equal.items() if not e] == ["replay.mp4"]
+    assert [n.name for n, e in equal.items() if not e] == ["replay.mp4"]
 
 
 @pytest.mark.skipif(not can_draw(), reason="no OpenGL without a screen on this machine")

@@ -74,12 +74,12 @@ def test_a_replay_that_ends_early_leaves_the_earlier_one_whole(drawer, tmp_path:
     twin, trajectory = drawer
     robots.replay(twin, trajectory, tmp_path / "r", video=False)
     (tmp_path / "r/mine.csv").write_text("mine")
-    before = {p.name: p.read_bytes() for p in (tmp_path / "r").iterdir()}
+    before = {p: p.read_bytes() for p in (tmp_path / "r").rglob("*") if p.is_file()}
     for error, told in ((OSError(errno.ENOSPC, "No space left"), InputError), (KeyboardInterrupt(), None)):
         monkeypatch.setattr(video, "write_video", Mock(side_effect=error))
         with pytest.raises(told or KeyboardInterrupt):
             robots.replay(twin, replace(trajectory, grasp="another"), tmp_path / "r")
-        assert {p.name: p.read_bytes() for p in (tmp_path / "r").iterdir()} == before
+        assert {p: p.read_bytes() for p in (tmp_path / "r").rglob("*") if p.is_file()} == before
         assert [p.name for p in tmp_path.iterdir()] == ["r"]
 
 
