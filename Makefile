@@ -55,7 +55,7 @@ check-wheel: wheel ## install the wheel in fresh environments and use it in anot
 clean: ## remove what make and twin wrote here (not .venv)
 	rm -rf out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 
-$(VENV)/.installed: $(VENV)/.created pyproject.toml constraints.txt
+$(VENV)/.installed: $(VENV)/.created pyproject.toml setup.py constraints.txt
 	@echo "Installing the Python packages into $(VENV) (a few minutes, about 3 GB) ..."
 	$(VENV)/bin/python -m pip install -q --progress-bar off -c constraints.txt setuptools
 	$(VENV)/bin/python -m pip install -q --progress-bar off -c constraints.txt --no-build-isolation -e '.[$(EXTRAS)]'

@@ -10,10 +10,12 @@ if TYPE_CHECKING:
     from recon.inspection.finding import Inspection
     from recon.inspection.inspect import inspect
     from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
-    from recon.pipeline import reconstruct
+    from recon.labels.label_frames import label_frames
+    from recon.pipeline import read_stage, reconstruct
     from recon.readers import open_recording
     from recon.recording import Frame, Intrinsics, Recording
     from recon.recording.said import Said
+    from recon.tracking.tracks import Tracks, track_points
 
 __all__ = [
     "Frame",
@@ -23,11 +25,15 @@ __all__ = [
     "ReconConfig",
     "Recording",
     "Said",
+    "Tracks",
     "fit_motion",
     "fit_motion_poses",
     "inspect",
+    "label_frames",
     "open_recording",
+    "read_stage",
     "reconstruct",
+    "track_points",
 ]
 
 _LAZY = {
@@ -38,18 +44,24 @@ _LAZY = {
     "ReconConfig": "recon.config",
     "Recording": "recon.recording",
     "Said": "recon.recording.said",
+    "Tracks": "recon.tracking.tracks",
     "fit_motion": "recon.joints.fit_tracks",
     "fit_motion_poses": "recon.joints.fit_tracks",
     "inspect": "recon.inspection.inspect",
+    "label_frames": "recon.labels.label_frames",
     "open_recording": "recon.readers",
+    "read_stage": "recon.pipeline",
     "reconstruct": "recon.pipeline",
+    "track_points": "recon.tracking.tracks",
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        return getattr(import_module(_LAZY[name]), name)
-    raise AttributeError(f"module 'recon' has no attribute {name!r}")
+if not TYPE_CHECKING:  # a type checker that saw it would take every misspelled name for one that exists
+
+    def __getattr__(name: str) -> Any:
+        if name in _LAZY:
+            return getattr(import_module(_LAZY[name]), name)
+        raise AttributeError(f"module 'recon' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -36,8 +36,11 @@ from recon.texture.dress import TEXTURE, dress
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.tracking.tracks import TRACKS, track_points
 from recon.verdict.judge import VERDICT, judge
+from twin.errors import InputError, nearest_name
+from twin.files.paths import AnyPath
 from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
+from twin.runs.codec import TreeCodec
 from twin.runs.keys import Stage
 from twin.runs.manifest import versions
 from twin.runs.progress import Counted, default_progress
@@ -103,6 +106,25 @@ def reconstruct(
             keep_key_frames(twin, recording, out)
             say_where(recording, out)
     return twin
+
+
+def read_stage(run: AnyPath, name: str) -> Any:
+    """What a stage of a run found, as the run folder keeps it: `read_stage("RUN", "tracks")` the `Tracks`, "labels" the label
+    images (H, W) by frame, in which a part that was refused still has its id.
+
+    Raises InputError for a stage that there is not or that the run has not kept, and CodecError for a damaged one.
+    """
+    if name not in _SECONDS:
+        close = nearest_name(name, list(_SECONDS))
+        hint = f"did you mean {close!r}? " if close else ""
+        raise InputError(f"there is no stage {name!r}", f"{hint}stages: {', '.join(_SECONDS)}")
+    folder = next(iter(sorted(Path(run).glob(f"stages/[0-9][0-9]_{name}"))), None)
+    if folder is None:
+        raise InputError(
+            f"{Path(run) / 'stages'} holds no stage {name!r}",
+            "give the folder of a run that `twin reconstruct` made",
+        )
+    return TreeCodec().load(folder)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ class RejectedBase:
     reason: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RobotTrajectory:
     """Joint trajectory of an arm that moves one part; n samples, j arm joints.
 
@@ -97,6 +97,11 @@ class RobotTrajectory:
         if speed.max() > 1 + 1e-6:
             k = int(np.argmax(speed))
             raise PlanningError(f"joint {self.joint_names[k]} moves at {speed[k]:.2f} of its velocity limit")
+
+    def __repr__(self) -> str:
+        way = f"from state {self.start:.3g} to {self.goal:.3g} in {self.duration:.1f} s"
+        counted = f"{len(self.times)} samples of {len(self.joint_names)} joints"
+        return f"<RobotTrajectory: {self.robot} moves {self.part!r} {way}, {counted}; {self.grasp}>"
 
     @property
     def duration(self) -> float:

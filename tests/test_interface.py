@@ -17,13 +17,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+import recon
 import robots
 import twin
 from benchmarks.scenes.boards import cabinet_twin, opening_motion
 from robots import formats
 from robots.formats import native
+from robots.simulation.report import ReplayReport
+from tests.robots import planned_motions
+from twin.lint import lint
+from twin.physics import with_physics
 from twin.report import render
 from twin.scene import JointSigma, Part, Twin
+from twin.storage import save
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("twin", "robots", "recon")
@@ -53,7 +59,7 @@ def test_type_checkers_see_every_public_name(package: str) -> None:
 
 def test_a_misspelled_name_is_an_error_to_type_checkers() -> None:
     """A module-level __getattr__ that they see makes every name valid."""
-    for package in ("twin", "robots"):
+    for package in PACKAGES:
         tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
         assert "__getattr__" not in {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
 
@@ -62,13 +68,14 @@ def test_a_misspelled_name_is_an_error_to_type_checkers() -> None:
 def test_mypy_knows_the_names_and_refuses_misspelled_ones(tmp_path: Path) -> None:
     used = tmp_path / "used.py"
     used.write_text(
-        "import robots, twin\n"
+        "import recon, robots, twin\n"
         "made = twin.from_urdf('a.urdf')\n"
         "reveal_type(made)\n"
         "reveal_type(robots.plan(made, 'door'))\n"
         "twin.export(made, 'out')\n"
         "twin.lod('run')\n"
         "robots.pln(made)\n"
+        "recon.reconstrct(made)\n"
     )
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--config-file=", "--ignore-missing-imports", str(used)],
@@ -80,6 +87,7 @@ def test_mypy_knows_the_names_and_refuses_misspelled_ones(tmp_path: Path) -> Non
         'note: Revealed type is "robots.trajectory.RobotTrajectory"',
         'error: Module has no attribute "lod"; maybe "load"?  [attr-defined]',
         'error: Module has no attribute "pln"; maybe "plan"?  [attr-defined]',
+        'error: Module has no attribute "reconstrct"; maybe "reconstruct"?  [attr-defined]',
     ]
 
 
@@ -115,15 +123,28 @@ def test_every_path_argument_of_a_public_function_takes_a_text() -> None:
     assert seen >= 12
 
 
+def test_one_name_stands_for_a_list_of_one(tmp_path: Path) -> None:
+    """A text is a sequence of letters: `formats="csv"` was refused for "c"."""
+    source = planned_motions.door()
+    assert list(formats.export_trajectory(source, "csv", tmp_path / "csv")) == ["csv"]
+    save(cabinet_twin(), tmp_path / "twin")
+    with pytest.raises(twin.InputError, match="format 'mjfc' is not known"):
+        twin.export(cabinet_twin(), tmp_path, "mjfc")
+    with pytest.raises(twin.InputError, match="rule 'mass' is not known"):
+        lint(str(tmp_path), "mass")
+    with pytest.raises(twin.InputError, match="engine 'mujco' is not known"):
+        twin.check(with_physics(cabinet_twin()), {"mjcf": tmp_path / "twin/twin.json"}, "mujco")
+
+
 def test_paths_as_texts_do_what_paths_do(tmp_path: Path) -> None:
     made, run = cabinet_twin(), str(tmp_path / "run")
     twin.save(made, f"{run}/twin")
     assert twin.load(run).name == made.name
-    files = twin.export(made, f"{run}/export", formats=["mjcf"], cache_dir=f"{run}/stages/collision")
+    files = twin.export(made, f"{run}/export", formats="mjcf", cache_dir=f"{run}/stages/collision")
     assert files["mjcf"].is_file()
-    assert twin.check(made, {"mjcf": str(files["mjcf"])}, engines=("mujoco",)).rows
+    assert twin.check(made, {"mjcf": str(files["mjcf"])}, engines="mujoco").rows
     with pytest.warns(UserWarning, match="armature"):
-        assert twin.from_mjcf(str(files["mjcf"])).name == made.name
+        assert [p.name for p in twin.from_mjcf(str(files["mjcf"]), exclude="drawer").parts] == ["door"]
     assert render(run) == Path(run) / "report.html"
     with pytest.raises(twin.InputError, match="can't be read"):
         native.load(f"{run}/trajectory.json")
@@ -168,7 +189,17 @@ def scene_values() -> list[Any]:
     return [made, made.static, *inner, part.physics, made.cameras, made.recorded, *made.parts]
 
 
-@pytest.mark.parametrize("value", scene_values(), ids=lambda v: type(v).__name__)
+def results() -> list[Any]:
+    """What robots and fits return, each with arrays in it."""
+    told = {"robot": "franka", "part": "door", "ok": True, "faults": (), "reached": 1.0, "slip_mm": 0.3}
+    report = ReplayReport(**dict.fromkeys(ReplayReport.__dataclass_fields__) | told)  # type: ignore[arg-type]
+    seen = np.linspace(0, 1, 40)[:, None, None] * [0.3, 0, 0] + np.random.default_rng(0).uniform(
+        0, 1, (1, 30, 3)
+    )
+    return [planned_motions.door().trajectory, report, recon.fit_motion(seen)]
+
+
+@pytest.mark.parametrize("value", [*scene_values(), *results()], ids=lambda v: type(v).__name__)
 def test_every_scene_type_shows_itself_in_a_line(value: Any) -> None:
     text = repr(value)
     assert type(value).__name__ in text

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
+import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -46,6 +49,25 @@ def test_makefile_and_doctor_name_the_same_libraries() -> None:
     line = re.search(r"^LIBRARIES := (.*)$", make, re.MULTILINE)
     assert line is not None
     assert sorted(entry.split(":")[0] for entry in line[1].split()) == sorted(LIBRARIES)
+
+
+def test_an_editable_install_is_one_that_type_checkers_follow(tmp_path: Path) -> None:
+    """A .pth file that names the checkout; an import hook, which setuptools installs otherwise, is run by no type checker."""
+    for name in ("setup.py", "pyproject.toml", PYPROJECT["readme"], *PYPROJECT["license-files"]):
+        shutil.copy(ROOT / name, tmp_path / name)
+    for package in ("twin", "recon", "robots"):
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "__init__.py").touch()
+        shutil.copy(ROOT / package / "py.typed", tmp_path / package)
+    (tmp_path / "assets" / "robots").mkdir(parents=True)
+    (tmp_path / "assets" / "robots" / "arm.toml").touch()
+    code = "from setuptools import build_meta; build_meta.build_editable('dist')"
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True)
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        installed = {n: archive.read(n).decode() for n in archive.namelist() if ".dist-info/" not in n}
+    assert [text.strip() for text in installed.values()] == [str(tmp_path)]
+    assert [Path(name).suffix for name in installed] == [".pth"]
 
 
 def tracked_texts() -> list[Path]:

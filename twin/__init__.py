@@ -10,6 +10,7 @@ from twin.errors import FuntwinError, InputError, MissingDependencyError
 if TYPE_CHECKING:
     from twin.exporters import export
     from twin.importers import from_mjcf, from_urdf
+    from twin.limits import with_limits
     from twin.scene import (
         Box,
         ContactPath,
@@ -57,6 +58,7 @@ __all__ = [
     "from_urdf",
     "load",
     "save",
+    "with_limits",
 ]
 
 # Modules are imported on first use, so that `import twin` stays light and the command hears Ctrl-C from its first hundredth of a
@@ -69,6 +71,7 @@ _LAZY = {
     "from_urdf": "twin.importers",
     "load": "twin.storage",
     "save": "twin.storage",
+    "with_limits": "twin.limits",
     **dict.fromkeys(
         (
             "Box",

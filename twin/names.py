@@ -37,6 +37,11 @@ def legal_name(text: str, taken: Iterable[str] = ()) -> str:
     return name
 
 
+def several(names: str | Iterable[str]) -> list[str]:
+    """The names; a text is one of them, so that `formats="mjcf"` is what it seems to be."""
+    return [names] if isinstance(names, str) else list(names)
+
+
 def unused(name: str, taken: Iterable[str]) -> str:
     """The name, with underscores behind it until it is none of those taken, whatever their case."""
     others = {t.lower() for t in taken}

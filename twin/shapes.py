@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from twin.geometry import Array
 from twin.quantities import Described
 from twin.quantities import frozen_array as _frozen
 from twin.quantities import set_field as _set
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,6 +92,23 @@ class Mesh(Described):
             None if self.colors is None else self.colors[used],
             None if self.texture is None else self.texture.of(keep),
         )
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """A copy as a `trimesh.Trimesh`, with its photographs or else its vertex colours; no vertex is merged or left out.
+
+        A texture gives every face vertices of its own, as trimesh has one texture coordinate a vertex.
+        """
+        import trimesh
+
+        if self.texture is None:
+            vertices, faces, colors = self.vertices, self.faces, self.colors
+            return trimesh.Trimesh(vertices.copy(), faces.copy(), vertex_colors=colors, process=False)
+        import PIL.Image
+
+        uv = self.texture.uv.reshape(-1, 2)
+        visual = trimesh.visual.TextureVisuals(uv=uv, image=PIL.Image.fromarray(self.texture.image))
+        corners = self.vertices[self.faces].reshape(-1, 3)
+        return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
 
     @property
     def area(self) -> float:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recon.joints.type_selection import TypeEvidence
+from twin.describe import joint_text
 from twin.geometry import Array
 from twin.scene import Motion, Prismatic, Revolute
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MotionFit:
     """A joint with the motion that showed it.
 
@@ -35,6 +36,12 @@ class MotionFit:
     evidence: TypeEvidence
     type_source: str
     residual_rad: float | None = None
+
+    def __repr__(self) -> str:
+        seen = (
+            f"{len(self.frames)} frames, {int(self.track_inliers.sum())} of {len(self.track_inliers)} tracks"
+        )
+        return f"<MotionFit: {joint_text(self.joint)}; {seen}, residual {1000 * self.residual:.2g} mm>"
 
     def motion(self, times: ArrayLike, intervals: tuple[tuple[int, int], ...] = ()) -> Motion:
         """The motion as a twin stores it. times (T,): seconds of all recording frames."""

@@ -22,7 +22,7 @@ from twin.runs.threads import each
 TRACKS = Stage("tracks", 1, ("tracks",))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tracks:
     """T frames, K tracks: points_cam (T, K, 3) m in each frame's camera, pixels (T, K, 2), visible (T, K) bool,
     confidence (T, K) in 0..1. Points and pixels are NaN exactly where a track is not visible."""
@@ -41,6 +41,10 @@ class Tracks:
             finite = np.isfinite(getattr(self, name)).all(axis=-1)
             if not np.array_equal(finite, self.visible):
                 raise SceneError(f"tracks: {name} must be NaN exactly where a track is not visible")
+
+    def __repr__(self) -> str:
+        share = self.visible.mean() if self.visible.size else 0.0
+        return f"<Tracks: {len(self)} in {len(self.visible)} frames, visible in {share:.0%}>"
 
     def __len__(self) -> int:
         return self.visible.shape[1]

@@ -13,6 +13,7 @@ from twin.files.atomic import staging
 from twin.files.own_files import place_own
 from twin.files.paths import AnyPath
 from twin.files.text import write_json
+from twin.names import several
 from twin.verdict import verdict_document
 
 VERDICT = "verdict.json"  # beside the formats, most of which have no room for it
@@ -49,7 +50,7 @@ FORMATS: dict[str, Format] = {
 
 def export_trajectory(
     source: PlannedMotion,
-    formats: Sequence[str],
+    formats: str | Sequence[str],
     folder: AnyPath,
     overwrite: bool = False,
     *,
@@ -71,7 +72,7 @@ def export_trajectory(
             part that is not trusted.
         MissingDependencyError: a format needs an optional package; the message names the extra.
     """
-    chosen = [_known(name) for name in dict.fromkeys(formats)]
+    chosen = [_known(name) for name in dict.fromkeys(several(formats))]
     require_trust(source.part, accept_doubtful)
     rendered = {name: dict(FORMATS[name].render(source)) for name in chosen}
     folder = Path(folder)

@@ -56,7 +56,7 @@ class UnintendedContact:
     first: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ReplayReport:
     """Outcome of a replay. Openings are fractions of the demonstrated range (joint.upper).
 
@@ -101,6 +101,11 @@ class ReplayReport:
     video: str | None
     faults: tuple[Reason, ...]
     verdict: Verdict | None = None
+
+    def __repr__(self) -> str:
+        told = "ok" if self.ok else self.reason or "not ok"
+        way = f"{100 * self.reached:z.0f} % of the way, slip {self.slip_mm:.1f} mm"
+        return f"<ReplayReport: {self.robot} moved {self.part!r} by {way}; {told}>"
 
     @property
     def reason(self) -> str:

@@ -144,7 +144,7 @@ class TrialRow:
         return {**self.summary(), "trials": [t.to_json() for t in self.trials]}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TrialReport:
     """All rows of one part; the twin's own uncertainty first. floor: what the robot stands on. assumed: what the twin did not
     state."""
@@ -158,6 +158,10 @@ class TrialReport:
     spread: Spread
     rows: tuple[TrialRow, ...]
     floor: Floor | None = None
+
+    def __repr__(self) -> str:
+        told = "; ".join(f"{row.name}: {100 * row.success_90.value:.0f} %" for row in self.rows)
+        return f"<TrialReport: {self.robot} brought {self.part!r} to the goal, {told}>"
 
     @property
     def assumed(self) -> tuple[str, ...]:

@@ -19,19 +19,19 @@ def run_snippet(code: str) -> dict[str, Any]:
 
 
 def test_the_page_has_its_snippets() -> None:
-    assert len(SNIPPETS) == 2
+    assert len(SNIPPETS) == 3  # the first needs a run: tests/test_documents.py
 
 
 def test_a_recording_from_arrays_as_the_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
-    names = run_snippet(SNIPPETS[0])
+    names = run_snippet(SNIPPETS[1])
     told = capsys.readouterr().out.strip()
-    assert f"# {told}" in SNIPPETS[0]
+    assert f"# {told}" in SNIPPETS[1]
     assert len(names["middle"]) == 20
     assert names["last"].color.shape == (48, 64, 3)
 
 
 def test_a_joint_from_tracks_as_the_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
-    found = run_snippet(SNIPPETS[1])["found"]
+    found = run_snippet(SNIPPETS[2])["found"]
     assert found.joint.kind == "revolute"
     assert abs(found.joint.axis[2]) > 0.9999
     assert found.state[-1] == pytest.approx(1.2, abs=0.005)

@@ -158,3 +158,30 @@ def test_nothing_is_warned_of_when_all_is_todays() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert from_dict(Span, as_dict(Span())) == Span()
+
+
+def test_settings_are_changed_by_name_in_groups_too() -> None:
+    before = Span(high=2.0)
+    after = before.with_(low=1, gates=[2.0, 3.0], inner={"window": 7})
+    assert after == Span(1, 2.0, (2.0, 3.0), inner=Inner(7))
+    assert before == Span(high=2.0)
+    assert before.with_(inner=Inner(9)).inner == Inner(9)
+    assert before.with_(perhaps=3).with_(perhaps=None) == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"lwo": 1}, "unknown key 'lwo'; did you mean 'low'?"),
+        ({"inner": {"windw": 1}}, "unknown key 'inner.windw'; did you mean 'inner.window'?"),
+        ({"inner": {"zoom": 1}}, "unknown key 'inner.zoom'; known keys: window, scale, mode"),
+        ({"inner": {"window": 0}}, "inner.window = 0 must be at least 1 frame; the default is 5"),
+        ({"inner": 3}, "inner = 3 must be a table"),
+        ({"low": 3}, "low = 3 must not exceed high"),
+        ({"gates": []}, "gates must hold at least 1 value, got 0"),
+    ],
+)
+def test_a_change_that_is_not_taken_is_named(changes: dict[str, Any], told: str) -> None:
+    with pytest.raises(ConfigError) as e:
+        Span().with_(**changes)
+    assert str(e.value).startswith(told)

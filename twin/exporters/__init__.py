@@ -20,6 +20,7 @@ from twin.files.atomic import staging
 from twin.files.own_files import hashes, refuse_edited, replace_own
 from twin.files.paths import AnyPath
 from twin.level import level_evidence
+from twin.names import several
 from twin.runs.progress import shows_bar
 from twin.scene import Twin
 from twin.soundness import overlaps, require_sound
@@ -56,7 +57,7 @@ class Exported(Mapping[str, Path]):
 def export(
     twin: Twin,
     folder: AnyPath,
-    formats: Sequence[str] = FORMATS,
+    formats: str | Sequence[str] = FORMATS,
     package: str = "",
     cache_dir: AnyPath | None = None,
     asset: AssetInfo | None = None,
@@ -70,6 +71,7 @@ def export(
     are written before the first is changed; files of others stay. Mass, friction and collision shapes that the twin lacks are made first.
 
     Args:
+        formats: one or several of urdf, mjcf and usd.
         package: ROS package name: makes folder/urdf that package, with a second URDF whose mesh paths are package://.
         cache_dir: where collision shapes are kept between runs.
         asset: author, licence, kind and date that the files state.
@@ -84,7 +86,7 @@ def export(
         InputError: unknown format, illegal package name, an unwritable folder, or a file in it that was changed since its export.
         SceneError: a part that can't be simulated.
     """
-    folder = Path(folder)
+    folder, formats = Path(folder), several(formats)
     unknown = [f for f in formats if f not in FORMATS]
     if unknown:
         raise InputError(f"format {unknown[0]!r} is not known", f"choose from {', '.join(FORMATS)}")

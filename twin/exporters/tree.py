@@ -23,6 +23,7 @@ from twin.exporters.links import clear_of_each_other as clear_of_each_other
 from twin.exporters.links import numbers as numbers
 from twin.exporters.links import spawn as spawn
 from twin.geometry import Array
+from twin.limits import cut_off
 from twin.physics import armature, inertial_of, physics_of, static_friction
 from twin.physics.catches import lever_of, require_catch
 from twin.scene import Part, Revolute, Twin
@@ -107,6 +108,8 @@ def require_ranges(twin: Twin) -> None:
                 "state 0 that its mesh shows",
                 "count its limits from there in twin.json",
             )
+        if cut := cut_off(part):
+            raise SceneError(cut, "set limits in twin.json that hold it, or leave the motion out there")
         require_catch(part)
 
 

@@ -17,6 +17,7 @@ from twin.errors import InputError
 from twin.files.paths import AnyPath
 from twin.importers.source import Closed
 from twin.lint.xml import read_xml
+from twin.names import several
 from twin.scene import Twin
 
 __all__ = ["from_file", "from_mjcf", "from_urdf"]
@@ -27,7 +28,7 @@ def from_urdf(
     *,
     closed: Mapping[str, Closed] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
 ) -> Twin:
     """The twin that a URDF file describes.
 
@@ -55,7 +56,7 @@ def from_mjcf(
     *,
     closed: Mapping[str, Closed] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     visual_groups: Sequence[int] = (),
 ) -> Twin:
     """The twin that an MJCF file describes: as `from_urdf`, with bodies for links and qpos0 as rest pose.
@@ -71,7 +72,7 @@ def from_file(
     *,
     closed: Mapping[str, Closed] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     visual_groups: Sequence[int] = (),
 ) -> Twin:
     """`from_urdf` or `from_mjcf`, whichever the file's root element asks for."""
@@ -83,7 +84,7 @@ def _from(
     path: AnyPath,
     closed: Mapping[str, Closed] | None,
     limits: Mapping[str, tuple[float, float]] | None,
-    exclude: Sequence[str],
+    exclude: str | Sequence[str],
     visual_groups: Sequence[int] = (),
 ) -> Twin:
     file = Path(path)
@@ -104,7 +105,7 @@ def _from(
 
         source = mjcf.read(file, visual_groups)
     source = replace(source, notes=(*errors(file), *source.notes))
-    return build(source, closed or {}, limits or {}, exclude)
+    return build(source, closed or {}, limits or {}, several(exclude))
 
 
 def format_of(path: Path) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from twin.files.paths import AnyPath
 from twin.lint.model import Behaviour, LintModel, Severity
 from twin.lint.rules import RULES
 from twin.lint.rules.twins import TWIN_RULES
-from twin.names import scene_file
+from twin.names import scene_file, several
 from twin.storage import load, read_document
 
 SUFFIXES = {".urdf": "urdf", ".usd": "usd", ".usda": "usd", ".usdc": "usd", ".usdz": "usd", ".mjcf": "mjcf"}
@@ -58,7 +59,7 @@ class LintReport:
         }
 
 
-def lint(paths: Sequence[AnyPath], ignore: Sequence[str] = ()) -> LintReport:
+def lint(paths: AnyPath | Sequence[AnyPath], ignore: str | Sequence[str] = ()) -> LintReport:
     """Look at files, or at all that a run folder exported.
 
     Args:
@@ -72,6 +73,8 @@ def lint(paths: Sequence[AnyPath], ignore: Sequence[str] = ()) -> LintReport:
     Raises:
         InputError: a file can't be read or is none of the formats, a folder holds no export, a rule is not known.
     """
+    paths = [paths] if isinstance(paths, str | PathLike) else paths
+    ignore = several(ignore)
     for name in ignore:
         known = [*RULES, *TWIN_RULES]
         if name not in known:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import types
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Self, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from twin.errors import ConfigError
+from twin.errors import ConfigError, nearest_name
 
 T = TypeVar("T")
 _KEY = "setting"
+_KNOWN = 6  # names in a message, which stays one line
 _SHOWN = 30  # characters of a value in a message, which stays one line
 
 
@@ -97,6 +98,40 @@ class Settings:
         return SettingError(
             name, f"= {_text(getattr(self, name))} must {wanted}", owner=f"{type(self).__name__}."
         )
+
+    def with_(self, **changes: Any) -> Self:
+        """The settings with some of them changed, those of groups by name: `config.with_(labels={"every": 2})`.
+
+        Lists stand for tuples, as in a file. Raises ConfigError that names the setting.
+        """
+        return _changed(self, changes, "")
+
+
+def _changed(config: T, changes: Mapping[str, Any], path: str) -> T:
+    """`path`, with the dot at its end, opens the messages."""
+    known, values = types_of(type(config)), {}
+    for name, value in changes.items():
+        if name not in known:
+            raise unknown_key(name, list(known), path=path)
+        now = getattr(config, name)
+        grouped = isinstance(value, Mapping) and is_dataclass(now)
+        values[name] = _changed(now, value, f"{path}{name}.") if grouped else _with_tuples(value)
+    try:
+        return cast(T, replace(cast(Any, config), **values))
+    except SettingError as e:
+        raise e.under(path) from None
+
+
+def _with_tuples(value: Any) -> Any:
+    return tuple(map(_with_tuples, value)) if isinstance(value, list | tuple) else value
+
+
+def unknown_key(key: str, known: Sequence[str], where: str = "", path: str = "") -> ConfigError:
+    """The error for a setting that there is not; `where` and `path`, with the colon and the dot at their ends, open it."""
+    close = nearest_name(key, list(known))
+    names = ", ".join(known[:_KNOWN]) + (", ..." if len(known) > _KNOWN else "")
+    hint = f"did you mean {path + close!r}?" if close else f"known keys: {names or 'none'}"
+    return ConfigError(f"{where}unknown key {path + key!r}", hint)
 
 
 def setting(

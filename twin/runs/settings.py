@@ -14,11 +14,10 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin
 
-from twin.errors import ConfigError, nearest_name
-from twin.runs.setting import SettingError, check, fits, types_of
+from twin.errors import ConfigError
+from twin.runs.setting import SettingError, check, fits, types_of, unknown_key
 
 T = TypeVar("T")
-_KNOWN = 6  # names in a message, which stays one line
 
 
 def load_config(cls: type[T], path: Path | str) -> T:
@@ -144,10 +143,7 @@ def _build(cls: type[T], data: Mapping[str, Any], where: str, path: str = "") ->
     types_ = types_of(cls)
     for key in data:
         if key not in types_:
-            close = nearest_name(key, list(types_))
-            known = ", ".join(list(types_)[:_KNOWN]) + (", ..." if len(types_) > _KNOWN else "")
-            hint = f"did you mean {path + close!r}?" if close else f"known keys: {known or 'none'}"
-            raise ConfigError(f"{where}unknown key {path + key!r}", hint)
+            raise unknown_key(key, list(types_), where, path)
     values = {k: _converted(types_[k], v, where, f"{path}{k}") for k, v in data.items()}
     missing = [
         f.name

@@ -13,6 +13,7 @@ from typing import Any
 from twin.completion.asset import is_reconstructed, view_of
 from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath
+from twin.names import several
 from twin.physics import without_rests
 from twin.scene import Twin
 from twin.verification.compare import Truth, compare, far_away, loads
@@ -31,7 +32,7 @@ SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
 def check(
     source: Twin | AnyPath,
     exports: Mapping[str, AnyPath] | None = None,
-    engines: Sequence[str] = OURS,
+    engines: str | Sequence[str] = OURS,
     processes: int = CheckConfig().processes,
 ) -> CheckReport:
     """Load every exported file in every engine that reads its format and compare with the twin.
@@ -39,7 +40,7 @@ def check(
     Args:
         source: a twin with mass and friction, or a run folder (or its folder twin/).
         exports: format -> file. Left out for a run folder: RUN/export/<format>/.
-        engines: names, or "all"; those that come with this project by default.
+        engines: one or several names, or "all"; those that come with this project by default.
         processes: how many engines load files at the same time.
 
     Returns:
@@ -54,7 +55,7 @@ def check(
         MissingDependencyError: an engine's environment is not installed.
     """
     twin, files = _inputs(source, exports)
-    return check_many([(as_exported(twin, files), files)], engines, processes)[0]
+    return check_many([(as_exported(twin, files), files)], several(engines), processes)[0]
 
 
 def as_exported(twin: Twin, files: Mapping[str, Path]) -> Twin:
