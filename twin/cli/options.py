@@ -244,7 +244,11 @@ def _engines(parser: ArgumentParser) -> None:
 
 
 def _completion(parser: ArgumentParser) -> None:
-    parser.add_argument("shell", choices=("bash", "zsh"), help="the shell that reads the script")
+    parser.add_argument(
+        "shell",
+        choices=("bash", "zsh"),
+        help="bash: source the script; zsh: save it as _twin in a folder of $fpath",
+    )
 
 
 def _recording(parser: ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from twin import geometry as geo
-from twin.completion.frame import PartFrame, kind_by_joint, part_frame
+from twin.completion.frame import Kind, PartFrame, kind_by_joint, part_frame
 from twin.geometry import Array
 from twin.names import legal_name
 from twin.scene import Part
@@ -19,7 +19,12 @@ _UP = np.array([0.0, 0.0, 1.0])
 # Share of the smaller extent by which the middles of two parts are apart that lie in different rows; chosen by us: those of one
 # row differ by less than a tenth, those of stacked parts by all of it.
 _APART = 0.5
-_RAGGED = 0.02  # quantile of a mesh's points that is its edge; chosen by us: shreds of a scan are less
+# Upward share of a unit normal above which a face is level; chosen by us: halfway between upright and level.
+_LEVEL = 0.7
+# Quantile of a mesh's points that is its edge; chosen by us: shreds of a scan are less.
+_RAGGED = 0.02
+# Length of a level direction below which it points nowhere; chosen by us: a face within 15 degrees of level.
+_NOWHERE = 0.25
 
 
 def part_names(
@@ -37,7 +42,7 @@ def part_names(
         taken: names that no part may get.
     """
     frames = {p.id: part_frame(p, eye) for p in parts}
-    kinds = {p.id: f.kind if (f := frames[p.id]) is not None else kind_by_joint(p.joint) for p in parts}
+    kinds = {p.id: _kind(p, frames[p.id]) for p in parts}
     names = {k: name for k, name in (given or {}).items() if k in kinds}
     used = [*taken, *(given or {}).values()]
     for kind in dict.fromkeys(kinds.values()):
@@ -48,6 +53,13 @@ def part_names(
                 names[part.id] = legal_name("_".join([kind, *place]), used)
                 used.append(names[part.id])
     return names
+
+
+def _kind(part: Part, frame: PartFrame | None) -> Kind:
+    """What the part is called: what slides along a face that looks up is a low drawer, whose floor is larger than its front."""
+    if frame is None or (frame.kind == "sliding_door" and abs(frame.T_world_frame[2, 2]) > _LEVEL):
+        return kind_by_joint(part.joint)
+    return frame.kind
 
 
 def _places(parts: Sequence[Part], right: Array) -> list[list[str]]:
@@ -89,8 +101,8 @@ def _span(part: Part, direction: Array) -> Array:
 
 def _right(frames: Sequence[PartFrame | None], parts: Sequence[Part], eye: Array | None) -> Array:
     """Level unit direction (3,) to the right of who stands before the parts."""
-    out = np.sum([f.T_world_frame[:3, 2] for f in frames if f is not None], axis=0) * (1.0, 1.0, 0.0)
-    if np.linalg.norm(out) < 0.3 and eye is not None:  # lids, which face upwards
-        out = (eye - np.mean([p.mesh.area_centroid for p in parts], axis=0)) * (1.0, 1.0, 0.0)
-    side = np.cross(_UP, out)
-    return geo.unit(side) if np.linalg.norm(side) > 0.1 else np.array([1.0, 0.0, 0.0])
+    fronts = [np.zeros(3), *(f.T_world_frame[:3, 2] for f in frames if f is not None)]
+    side = np.cross(_UP, np.sum(fronts, axis=0) / max(1, len(fronts) - 1))
+    if np.linalg.norm(side) < _NOWHERE and eye is not None:  # lids, which face upwards, and what has no front
+        side = np.cross(_UP, eye - np.mean([p.mesh.area_centroid for p in parts], axis=0))
+    return geo.unit(side) if np.linalg.norm(side) > 1e-6 else np.array([1.0, 0.0, 0.0])

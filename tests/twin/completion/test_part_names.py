@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.scenes.boards import Board, make_part, world_from_cabinet
 from twin import geometry as geo
 from twin.completion.part_names import part_names
 from twin.geometry import Array
-from twin.scene import Part, Prismatic, Revolute
+from twin.scene import Mesh, Part, Prismatic, Revolute
 
 SIZE = np.array([0.4, 0.018, 0.2])  # of a front, whose outside faces -y
 OUT, SIDEWAYS = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
@@ -30,7 +33,7 @@ def hinge(x: float, z: float, axis: tuple[float, float, float]) -> Revolute:
     return Revolute(np.array(axis), 0.0, 1.4, pivot=np.array([x, 0.0, z]))
 
 
-def names(*parts: Part, eye: Array = EYE, **more: object) -> list[str]:
+def names(*parts: Part, eye: Array | None = EYE, **more: object) -> list[str]:
     found = part_names(parts, eye, **more)  # type: ignore[arg-type]
     return [found[p.id] for p in parts]
 
@@ -47,6 +50,12 @@ def names(*parts: Part, eye: Array = EYE, **more: object) -> list[str]:
 def test_a_part_is_called_by_its_kind(joint: Prismatic | Revolute, name: str) -> None:
     """A sliding door is no drawer, and what is alone of its kind has no number."""
     assert names(front(7, 0.0, 0.5, joint)) == [name]
+
+
+def test_a_low_drawer_is_no_sliding_door() -> None:
+    """Its floor is four times as large as its front, and it slides along its floor."""
+    boards = [Board((0.0, 0.0, 0.5), (0.6, 0.018, 0.56)), Board((0.0, 0.018, 0.5), (0.6, 0.5, 0.512))]
+    assert names(make_part(2, "part", boards, Prismatic(OUT, 0.0, 0.3), np.eye(4))) == ["drawer"]
 
 
 def test_a_lid_is_called_so() -> None:
@@ -72,6 +81,18 @@ def test_place_is_told_within_a_kind_alone() -> None:
     door = front(4, 0.0, 0.0, hinge(0.0, 0.0, (0, 0, -1)))
     assert names(above, below, door) == ["drawer_upper", "drawer_lower", "door"]
     assert names(above, door) == ["drawer", "door"]
+
+
+def test_parts_without_a_flat_front_are_named_by_joint_and_place() -> None:
+    """No face of a ball is its front."""
+    shape = trimesh.creation.icosphere(3, 0.1)
+    ball = Mesh(shape.vertices, shape.faces.astype(np.int32))
+    doors = [
+        replace(front(k, 0.0, 0.0, hinge(0.0, 0.0, (0, 0, -1))), mesh=ball.transformed(geo.make_pose(translation=[x, 0, 0])))
+        for k, x in ((2, 0.5), (3, 0.0))
+    ]  # fmt: skip
+    assert names(*doors) == ["door_right", "door_left"]
+    assert names(*doors, eye=None) == ["door_right", "door_left"]
 
 
 def test_a_namesake_gets_a_number() -> None:
