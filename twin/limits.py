@@ -13,10 +13,12 @@ from twin.scene import Part, Twin
 from twin.units import ANGLES, LENGTHS, number_and_unit
 
 Limit = float | str
-# Quantile of the recorded states that a range has to hold, and the share of it by which it may fall short; chosen by us: a
-# reconstruction's own limits are such quantiles of the smoothed states (docs/settings.md, limit_quantile).
+# Quantile of the recorded states that a range has to hold: as a reconstruction's own limits, docs/settings.md, limit_quantile.
 _OUTLIERS = 0.02
-_SHORT = 0.05
+# Share of the recorded range by which limits that a user states may fall short of it; chosen by us: rounding to a handy number.
+_STATED = 0.05
+# The same of limits in twin.json; chosen by us: noise and creep at rest bring those of a doubtful reconstruction this far off.
+_STORED = 0.25
 
 
 def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: Limit | None = None) -> Twin:
@@ -42,18 +44,18 @@ def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: 
             "give lower <= 0 < upper",
         )
     new = replace(old, joint=replace(old.joint, lower=low, upper=high), limits_source="stated")
-    if cut := cut_off(new):
+    if cut := cut_off(new, _STATED):
         raise SceneError(cut, "give limits that hold it")
     changed = replace(twin, parts=tuple(new if p.id == old.id else p for p in twin.parts))
     return without_shapes(changed) if is_reconstructed(changed) else changed
 
 
-def cut_off(part: Part) -> str:
-    """What of its recorded motion a part's limits cut off, in one line; empty where they hold it."""
+def cut_off(part: Part, short: float = _STORED) -> str:
+    """What of its recorded motion a part's limits cut off, in one line; empty where they hold it, or all but the share `short`."""
     if not len(part.motion.frames):
         return ""
     low, high = (float(v) for v in np.quantile(part.motion.state, [_OUTLIERS, 1.0 - _OUTLIERS]))
-    slack, joint = _SHORT * (high - low), part.joint
+    slack, joint = short * (high - low), part.joint
     if joint.lower <= low + slack and joint.upper >= high - slack:
         return ""
     unit = "rad" if joint.kind == "revolute" else "m"

@@ -99,6 +99,7 @@ def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> N
         ("convert REC -o OUT --layout r3d --format tum", {"layout": "r3d", "into": "tum"}),
         ("simulate SCENE.xml --joint lid -o OUT", {"joint": "lid"}),
         ("replay RUN --part door --goal 0.2 --from-state 15deg", {"parts": ["door"], "goal": "0.2", "from_state": "15deg"}),
+        ("replay RUN --goal -5deg --from-state -.1rad", {"goal": "-5deg", "from_state": "-.1rad"}),
         ("trajectory RUN --part door --format csv -o OUT", {"part": "door", "formats": ["csv"]}),
         ("export RUN --format urdf", {"formats": ["urdf"]}),
     ],

@@ -10,7 +10,7 @@ from pathlib import Path
 from twin.cli import export_options, recording_options
 from twin.cli.export_options import settings
 
-_MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval")
+_MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval", "--goal", "--from-state")
 
 
 def points_joined(words: Sequence[str]) -> list[str]:
