@@ -29,8 +29,9 @@ def with_completion(twin: Twin, collision: Mapping[str, Any] | None = None) -> T
     from twin.collision import collision_config
     from twin.completion.infer import infer  # SciPy and Open3D, which a wrong option needs not wait for
     from twin.completion.shapes import with_shapes
+    from twin.completion.worn import worn
 
-    return with_shapes(infer(twin), collision_config(collision))
+    return worn(with_shapes(infer(twin), collision_config(collision)))
 
 
 def has_completion(twin: Twin) -> bool:

@@ -20,7 +20,7 @@ _SKIRT = 0.030  # m that it hangs behind
 _BESIDE_SHARE = 0.2  # of a piece behind a drawer's front that may lie beside the opening
 _TOUCHES = 0.015  # m from a board within which a piece is not loose
 _HANGS = 0.12  # m that it hangs behind a front that moves
-_LOOKS = float(np.cos(np.radians(40.0)))  # of a noisy face, from its board's
+LOOKS = float(np.cos(np.radians(40.0)))  # of a noisy face, from its board's
 _SHRED = 0.002  # share of the surface, and m^2, below which a loose piece is a shred
 _SHRED_AREA = 0.0015
 
@@ -86,7 +86,7 @@ def _on_face(
     for k in range(3):
         if k != axis:
             near &= (local[:, k] > board.low[k] - ON_FACE) & (local[:, k] < board.high[k] + ON_FACE)
-    return np.asarray(near[faces].all(axis=1) & (sign * normals[:, axis] > _LOOKS))
+    return np.asarray(near[faces].all(axis=1) & (sign * normals[:, axis] > LOOKS))
 
 
 def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plane: float) -> None:

@@ -24,8 +24,8 @@ def visuals_of(owner: StaticPart | Part, T_link_world: Array | None) -> tuple[Vi
     found = [Visual(f"{owner.name}_visual", seen)] if len(seen.faces) else []
     for p in () if layer is None else layer.pieces:
         r, g, b = (round(float(c) / 255, 4) for c in p.color)
-        mesh = _carried(p.mesh, T_link_world)
-        found.append(Visual(f"{owner.name}_inferred_{p.name}", mesh, p.basis, p.role, p.reason, (r, g, b)))
+        mesh, plain = _carried(p.mesh, T_link_world), None if p.mesh.texture is not None else (r, g, b)
+        found.append(Visual(f"{owner.name}_inferred_{p.name}", mesh, p.basis, p.role, p.reason, plain))
     return tuple(found)
 
 

@@ -141,7 +141,12 @@ def _fill(body: ET.Element, link: Link, tree: Tree, asset: ET.Element, files: di
 
 def material_name(link: Link, shown: Visual) -> str:
     """What the material of something drawn is called."""
-    return f"{link.name if shown.basis == 'seen' else shown.name}_material"
+    return f"{_look_owner(link, shown)}_material"
+
+
+def _look_owner(link: Link, shown: Visual) -> str:
+    """Whose name a look bears: the link's for what was seen, else the piece's own."""
+    return link.name if shown.basis == "seen" else shown.name
 
 
 def _visual(
@@ -151,8 +156,9 @@ def _visual(
     files.update(drawn.files)
     material = {"name": material_name(link, shown), "specular": "0.2", "shininess": "0.2"}
     if drawn.png:
-        ET.SubElement(asset, "texture", name=f"{link.name}_texture", type="2d", file=drawn.png)
-        material["texture"] = f"{link.name}_texture"
+        name = f"{_look_owner(link, shown)}_texture"
+        ET.SubElement(asset, "texture", name=name, type="2d", file=drawn.png)
+        material["texture"] = name
     else:
         material["rgba"] = numbers([*drawn.color, 1.0])
     ET.SubElement(asset, "material", material)

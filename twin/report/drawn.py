@@ -18,7 +18,7 @@ from twin.inferred import Completion
 from twin.scene import Mesh, Part, Twin
 
 Pictures = dict[str, Any]
-_DRAWING = 2  # raised when the same twin gives other pictures
+_DRAWING = 3  # raised when the same twin gives other pictures
 _FILE = "pictures.json"
 
 
@@ -74,6 +74,8 @@ def _layer(completion: Completion | None) -> Iterator[object]:
 
 def _surface(mesh: Mesh) -> Iterator[object]:
     yield from (mesh.vertices, mesh.faces, mesh.colors)
+    if mesh.texture is not None:
+        yield from (mesh.texture.uv, mesh.texture.image)
 
 
 def _motion(part: Part) -> Iterator[object]:

@@ -26,7 +26,7 @@ from twin.files.atomic import contents, put, staging, tidy, write_file
 from twin.files.paths import AnyPath
 from twin.files.ply import ply_bytes
 from twin.scene import Mesh, Twin
-from twin.storage.completion import uv_files
+from twin.storage.completion import looks_files
 from twin.storage.document import (
     json_text,
     shape_files,
@@ -111,8 +111,8 @@ def update(old: Twin, new: Twin, folder: AnyPath) -> None:
     if absent:
         raise InputError(f"{here / absent[0]} does not exist", "save the whole twin with twin.save")
     fresh = {path: ply_bytes(m) for path, m in meshes.items() if not same_mesh(m, known.get(path))}
-    layered = dict(uv_files(before))
-    for role, path in uv_files(after):
+    layered = dict(looks_files(before))
+    for role, path in looks_files(after):
         if role not in layered or not same_texture(texture_of(old, role), texture_of(new, role)):
             fresh[path] = texture_bytes(texture_of(new, role), role[1])
     other = [path for (_, shape), path in shape_files(after) if shape is None and path in fresh]

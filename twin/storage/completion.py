@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from twin.inferred import Completion
-from twin.scene import Collision, Mesh
+from twin.scene import Collision, Mesh, Texture
 
 _LISTS = ("collision", "room_collision")
+_UV = ("shown_uv", "room_uv")
+_PIECES = ("pieces_image", "pieces_uv")
 
 
 def shapes_document(stem: str, shapes: Iterable[Collision], meshes: dict[str, Mesh]) -> list[Any]:
@@ -63,11 +68,13 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
         {"name": i.name, **box}
         for i, box in zip(completion.interiors, shapes_document("", boxes, meshes), strict=True)
     ]
-    uv = {
+    looks = {
         f"{key}_uv": f"textures/{stem}.{key}.uv.npy"
         for key, mesh in (("shown", completion.shown), ("room", completion.room))
         if mesh is not None and mesh.texture is not None
     }
+    if pieces_texture(completion) is not None:
+        looks |= {"pieces_image": f"textures/{stem}.png", "pieces_uv": f"textures/{stem}.uv.npy"}
     return {
         "completion": {
             "version": completion.version,
@@ -77,17 +84,38 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
             "pieces": pieces,
             "interiors": interiors,
             **shapes,
-            **uv,
+            **looks,
         }
     }
 
 
-def uv_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, str], str]]:
-    """Files of texture coordinates of the inferred layers, whose image is the body's: ((part id or None for the static scene,
-    "shown_uv" or "room_uv"), path)."""
+def pieces_texture(layer: Completion) -> Texture | None:
+    """The texture of all inferred pieces of a body, one after the other: they share its image. None where they have none."""
+    worn = [p.mesh.texture for p in layer.pieces if p.mesh.texture is not None]
+    if not worn or len(worn) < len(layer.pieces):
+        return None
+    return replace(worn[0], uv=np.concatenate([t.uv for t in worn]))
+
+
+def with_textured_pieces(layer: Completion, texture: Texture) -> Completion:
+    """The inverse of `pieces_texture`."""
+    ends = np.cumsum([len(p.mesh.faces) for p in layer.pieces])
+    parts = np.split(texture.uv, ends[:-1])
+    return replace(
+        layer,
+        pieces=tuple(
+            replace(p, mesh=replace(p.mesh, texture=replace(texture, uv=uv)))
+            for p, uv in zip(layer.pieces, parts, strict=True)
+        ),
+    )
+
+
+def looks_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, str], str]]:
+    """Files of the looks of the inferred layers: ((part id or None for the static scene, key), path). "shown_uv" and "room_uv"
+    are coordinates in the body's image, "pieces_image" and "pieces_uv" the picture of its pieces and theirs in it."""
     for owner in (document["static"], *document["parts"]):
         layer = owner.get("completion") or {}
-        for key in ("shown_uv", "room_uv"):
+        for key in (*_UV, *_PIECES):
             if layer.get(key) is not None:
                 yield (owner.get("id"), key), layer[key]
 
@@ -121,5 +149,5 @@ def with_completion_named(completion: Mapping[str, Any], name: Callable[[str], s
     ]
     room = None if completion["room"] is None else name(completion["room"])
     lists: dict[str, Any] = {key: named(completion[key]) for key in _LISTS}
-    lists |= {k: name(completion[k]) for k in ("shown_uv", "room_uv") if completion.get(k) is not None}
+    lists |= {k: name(completion[k]) for k in (*_UV, *_PIECES) if completion.get(k) is not None}
     return {**completion, "shown": name(completion["shown"]), "room": room, "pieces": pieces, **lists}

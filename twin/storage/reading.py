@@ -31,6 +31,7 @@ from twin.scene import (
     Twin,
 )
 from twin.storage import read_document
+from twin.storage.completion import with_textured_pieces
 from twin.storage.document import FORMAT, extra_of, part_document, twin_document
 from twin.storage.labels import LabelFolder
 from twin.storage.node import Node
@@ -213,7 +214,7 @@ def _completion(n: Node, folder: Path, seen: Mesh) -> Completion:
 
     interiors = tuple(Interior(i.text("name"), _box(i)) for i in n.children("interiors"))
     with n.building():
-        return Completion(
+        layer = Completion(
             shown=mesh("shown"),
             pieces=tuple(_piece(p, folder) for p in n.children("pieces")),
             collision=_collision(n, folder),
@@ -223,6 +224,10 @@ def _completion(n: Node, folder: Path, seen: Mesh) -> Completion:
             version=n.integer("version"),
             kind=n.text("kind") if n.value.get("kind") else "",
         )
+    if n.value.get("pieces_image") is None or not layer.pieces:
+        return layer
+    image, uv = (_inside(n, key, n.text(key), folder) for key in ("pieces_image", "pieces_uv"))
+    return with_textured_pieces(layer, read_texture(image, uv, sum(len(p.mesh.faces) for p in layer.pieces)))
 
 
 def _piece(n: Node, folder: Path) -> Inferred:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, SceneError
 from twin.files.png import png_bytes, read_png
 from twin.scene import Mesh, Texture, Twin
-from twin.storage.completion import uv_files
+from twin.storage.completion import looks_files, pieces_texture
 
 _FILES = ("image", "uv")
 Owner = int | None
@@ -28,12 +28,12 @@ def texture_document(owner: str, texture: Texture | None) -> dict[str, Any]:
 
 
 def texture_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[Owner, str], str]]:
-    """Files of the textures of a document: ((part id or None for the static scene, "image" or "uv"), path), and of the coordinates
-    that its inferred layers have in the same images: "shown_uv", "room_uv"."""
+    """Files of the textures of a document: ((part id or None for the static scene, "image" or "uv"), path), and of the looks of its
+    inferred layers."""
     for owner in (document["static"], *document["parts"]):
         for key in _FILES if owner.get("texture") is not None else ():
             yield (owner.get("id"), key), owner["texture"][key]
-    yield from uv_files(document)
+    yield from looks_files(document)
 
 
 def with_texture_named(owner: Mapping[str, Any], name: Callable[[str], str]) -> dict[str, Any]:
@@ -52,6 +52,10 @@ def texture_of(twin: Twin, role: tuple[Owner, str]) -> Texture:
     owner, key = role
     body = twin.static if owner is None else twin.part(owner)
     layer = body.completion
+    if layer is not None and key.startswith("pieces"):
+        texture = pieces_texture(layer)
+        assert texture is not None
+        return texture
     of_layer = {"shown_uv": layer.shown, "room_uv": layer.room} if layer is not None else {}
     mesh = of_layer.get(key, body.mesh)
     assert mesh is not None
@@ -73,8 +77,8 @@ def same_texture(a: Texture | None, b: Texture | None) -> bool:
 
 
 def texture_bytes(texture: Texture, key: str) -> bytes:
-    """Content of its file: "image", or one of coordinates."""
-    if key == "image":
+    """Content of its file: an image, or one of coordinates."""
+    if key.endswith("image"):
         return png_bytes(texture.image, texture.seen)
     buffer = io.BytesIO()
     np.lib.format.write_array(buffer, np.ascontiguousarray(texture.uv), version=(1, 0), allow_pickle=False)

@@ -46,7 +46,7 @@ def _look(stage: Usd.Stage, path: str, link: Link, shown: Visual, payload: Path,
     if image is None:
         return
     textures.mkdir(exist_ok=True)
-    file = textures / f"{link.name}.png"
+    file = textures / f"{_look_name(link, shown).removesuffix('_look')}.png"
     file.write_bytes(encoded(image))
     reader = UsdShade.Shader.Define(stage, f"{path}/coordinates")
     reader.CreateIdAttr("UsdPrimvarReader_float2")
