@@ -65,13 +65,12 @@ def export(
     view: AssetView | None = None,
     collision: Mapping[str, Any] | None = None,
 ) -> Exported:
-    """Write folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
+    """Write `formats`: folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
 
     Each format's folder is complete in itself, with notes on importing it (README.md) and a list of what was exported (files.json). All
     are written before the first is changed; files of others stay. Mass, friction and collision shapes that the twin lacks are made first.
 
     Args:
-        formats: one or several of urdf, mjcf and usd.
         package: ROS package name: makes folder/urdf that package, with a second URDF whose mesh paths are package://.
         cache_dir: where collision shapes are kept between runs.
         asset: author, licence, kind and date that the files state.

@@ -15,7 +15,6 @@ from twin.atlas import MOST_TEXELS, joined_textures
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
 from twin.importers.closed_end import travel_of
-from twin.importers.filtered import filtered_pairs
 from twin.importers.helpers import without_helpers
 from twin.importers.interpenetration import deeper
 from twin.importers.joints import at_rest, joint_of, range_of
@@ -27,6 +26,7 @@ from twin.importers.source import (
     surface_of,
 )
 from twin.importers.stated import stated_inertial, with_stated
+from twin.importers.twin_pairs import filtered_pairs
 from twin.mesh import joined
 from twin.names import legal_name
 from twin.physics import with_physics
@@ -72,9 +72,7 @@ def build(
     taken: list[str] = []
     static = _static(groups[0], taken, notes)
     parts = _parts(source, groups, closed, limits, taken, notes)
-    names = [static.name, *(p.name for p in parts)]
-    pairs = filtered_pairs(source, names, [g.bodies for g in groups])
-    twin = Twin(legal_name(source.name), static, parts, filtered_pairs=pairs)
+    twin = Twin(legal_name(source.name), static, parts)
     try:
         twin = with_physics(twin)
     except SceneError as e:
@@ -84,7 +82,8 @@ def build(
     )
     for note in notes:
         warnings.warn(f"{source.path.name}: {note}", UserWarning, stacklevel=4)
-    return replace(twin, parts=stated)
+    pairs = filtered_pairs(source, [o.name for o in twin.owners], [g.bodies for g in groups])
+    return replace(twin, parts=stated, filtered_pairs=pairs)
 
 
 def _kept(source: Source, exclude: Sequence[str], notes: list[str]) -> list[SourceBody]:
