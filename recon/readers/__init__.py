@@ -32,7 +32,14 @@ from recon.readers.scannet import ScanNetReader
 from recon.readers.stray_scanner import StrayScannerReader
 from recon.readers.streams import Streams, recording_of
 from recon.readers.tum import TumReader
-from recon.readers.unread import LOOKED_AT, UNREAD, refuse_named, refuse_unread, refuse_unread_inside
+from recon.readers.unread import (
+    LOOKED_AT,
+    UNREAD,
+    refuse_colour_alone,
+    refuse_named,
+    refuse_unread,
+    refuse_unread_inside,
+)
 from recon.readers.video_folder import VideoFolderReader
 from recon.recording import Recording
 from twin.errors import InputError, nearest_name
@@ -170,6 +177,7 @@ def _reader(path: Path, layout: str | None) -> Reader:
             return reader
     _say_inside(path)
     refuse_unread_inside(path)
+    refuse_colour_alone(path)
     there = f"it holds {listing(path)}" if path.is_dir() else f"a file of {path.stat().st_size} bytes"
     raise InputError(
         f"{path} is no recording known here ({there})", f"known layouts, for --layout: {', '.join(READERS)}"

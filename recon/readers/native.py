@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from recon.readers import files
 from recon.readers.fingerprint import fingerprint
 from recon.readers.streams import Streams
+from recon.readers.unread import COLOUR_ALONE
 from recon.recording import MIN_FRAMES, Intrinsics, ReadColor, ReadDepth
 from recon.recording.rig import Lens, Rig
 from twin.errors import InputError
@@ -80,10 +81,7 @@ def _color_files(path: Path) -> list[Path]:
 def _depth_files(path: Path) -> list[Path]:
     folder = path / "depth"
     if not folder.is_dir():
-        raise InputError(
-            f"{path} has no folder depth/; it holds {files.listing(path)}",
-            "put 16-bit PNG depth images in millimetres there",
-        )
+        raise InputError(f"{path} has no folder depth/; it holds {files.listing(path)}", COLOUR_ALONE)
     found = sorted((p for p in folder.iterdir() if p.suffix.lower() == ".png"), key=files.natural_key)
     if found:
         return found

@@ -14,9 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from recon.readers.files import COLOR_SUFFIXES, FLOAT_DEPTH_SUFFIXES
 from twin.errors import InputError
 
-__all__ = ["LOOKED_AT", "READ", "UNREAD", "Unread", "refuse_named", "refuse_unread", "refuse_unread_inside"]
+__all__ = [
+    "COLOUR_ALONE", "LOOKED_AT", "READ", "UNREAD", "Unread",
+    "refuse_colour_alone", "refuse_named", "refuse_unread", "refuse_unread_inside",
+]  # fmt: skip
 
 Test = Callable[[Path], bool]
 
@@ -31,6 +35,13 @@ _ARCHIVES = (
     b"\x28\xb5\x2f\xfd",
 )
 _WITH_DEPTH = "record with a depth camera, or on a phone with Record3D"
+_COLOUR_SUFFIXES = (*COLOR_SUFFIXES, ".webp", ".heic")
+_GREY_16_BITS = b"\x10\x00"  # of a PNG's header at byte 24: bits of a value and the kind of pixels
+# What colour alone lacks, and what helps: of a folder of pictures as of one without depth/.
+COLOUR_ALONE = (
+    f"colour alone is not enough, it tells no distances: {_WITH_DEPTH}; if depth was saved beside it, put it into depth/ "
+    "(16-bit PNG in mm, one for each picture of color/), with intrinsic.json"
+)
 
 
 @dataclass(frozen=True)
@@ -186,6 +197,19 @@ def refuse_unread_inside(folder: Path) -> None:
         kind = _kind(path)
         if kind is not None:
             raise _refusal(path, f"{folder} is no recording, but holds {path.name}, {kind.what}", kind)
+
+
+def refuse_colour_alone(folder: Path) -> None:
+    """Raise InputError when most files of a folder and of the folders in it are pictures, and none is depth by its name or kind."""
+    if not folder.is_dir():
+        return
+    inside = sorted(folder.iterdir())[:LOOKED_AT]
+    inside += [f for place in inside if place.is_dir() for f in sorted(place.iterdir())[:LOOKED_AT]]
+    found = [f for f in inside if f.suffix.lower() in _COLOUR_SUFFIXES]
+    depth = any("depth" in f.name.lower() or f.suffix.lower() in FLOAT_DEPTH_SUFFIXES for f in inside)
+    depth = depth or any(_edge(f, 24, 2) == _GREY_16_BITS for f in found)
+    if 2 * len(found) > sum(f.is_file() for f in inside) and not depth:
+        raise InputError(f"{folder} holds pictures without depth", COLOUR_ALONE)
 
 
 def _refusal(path: Path, problem: str, kind: Unread) -> InputError:

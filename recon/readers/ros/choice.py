@@ -21,11 +21,15 @@ _TRANSPORT = re.compile(r"/(compressed|compressedDepth|zstd)$")
 REALSENSE = re.compile(r"^/device_\d+/sensor_\d+/\w+_\d+(?=/)")  # what names a stream of RealSense's recorder
 _FEW = 0.5  # chosen by us: a camera with fewer pictures than this part of the most is a preview
 _NAME_THEM = "name the ones to use with --color-topic and --depth-topic"
+_DEPTH_AS = "raw (16UC1, 32FC1) or as its topic compressedDepth (PNG)"
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """An image topic: what its pictures are ("colour", "grey", "depth", or "" for what can't be used), and the first one."""
+    """An image topic: what its pictures are, and the first one.
+
+    kind: "colour", "grey", "depth", "jpeg depth" for depth whose distances JPEG lost, or "" for what can't be used.
+    """
 
     topic: Topic
     kind: str
@@ -70,6 +74,12 @@ def chosen(bag: Bag, color_topic: str | None, depth_topic: str | None) -> tuple[
         _named(bag, cameras, color_topic, "colour") if color_topic else _of_kind(cameras, "colour", "grey")
     )
     depth = _named(bag, cameras, depth_topic, "depth") if depth_topic else _of_kind(cameras, "depth")
+    lossy = [c for c in (depth if depth_topic else cameras) if c.kind == "jpeg depth"]
+    if lossy and (depth_topic or not depth):
+        raise InputError(
+            f"{bag.shown}: {lossy[0].name} is depth in JPEG ({lossy[0].first.encoding!r}): 8 bits, which hold no distances",
+            f"record depth {_DEPTH_AS}",
+        )
     for name, option, found in (("colour", "--color-topic", color), ("depth", "--depth-topic", depth)):
         if not found:
             there = ", ".join(c.says() for c in cameras)
@@ -82,7 +92,7 @@ def chosen(bag: Bag, color_topic: str | None, depth_topic: str | None) -> tuple[
             raise InputError(
                 f"{bag.shown} has no {name} topic that can be read; {there}"
                 + (f"; video packets aren't read: {listed(video)}" if video else ""),
-                f"record raw, JPEG or PNG images of {name}, or name the topic with {option}",
+                f"record {name} {_DEPTH_AS if name == 'depth' else 'raw, as JPEG or as PNG'}, or name the topic with {option}",
             )
     pairs = [(_score(c, d), c, d) for c in color for d in depth if c.name != d.name]
     best = [(c, d) for score, c, d in pairs if score == max(s for s, _, _ in pairs)]
@@ -113,6 +123,8 @@ def look(bag: Bag, topic: Topic) -> Camera:
     elif encoding in ros_images.DEPTH or ros_images.PACKED_DEPTH.match(encoding) or _is_16_bit_png(first):
         vague = encoding == "mono16" or not (encoding in ros_images.DEPTH or ";" in encoding)
         kind = "" if _NO_DEPTH.search(lower) or (vague and "depth" not in lower) else "depth"
+    elif ros_images.JPEG_DEPTH.match(encoding) and ("depth" in lower or not encoding.startswith("mono16")):
+        kind = "" if _NO_DEPTH.search(lower) else "jpeg depth"
     elif topic.type == COMPRESSED and "depth" not in encoding:
         kind = "grey" if encoding.startswith(("mono", "8uc1")) else "colour"
     return Camera(topic, kind, first, size)

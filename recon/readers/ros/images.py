@@ -44,6 +44,8 @@ GREY = {"mono8": 1, "8uc1": 1}
 DEPTH = {"16uc1": 2, "mono16": 2, "z16": 2, "32fc1": 4}
 # What the data of compressed depth are: behind a 12-byte header, or PNG alone, of whole numbers or of floats
 PACKED_DEPTH = re.compile(r"^(16uc1|mono16|32fc1)\s*;.*\b(compresseddepth|png)\b")
+# JPEG has 8 bits a value: of depth it keeps no distances
+JPEG_DEPTH = re.compile(r"^(16uc1|mono16|32fc1)\s*;.*\bjpe?g\b")
 _ZSTD = re.compile(r"^(\w+); zstd; (\d+)x(\d+) step=(\d+)$")  # RealSense's, for what PNG can't hold
 _HEADER = struct.Struct("<iff")  # kind of compressed depth, and how floats were quantised
 METRES_PER_COUNT = 0.001  # REP 118: whole numbers are millimetres, floats metres
