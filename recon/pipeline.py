@@ -7,7 +7,7 @@ of typed inputs and its own settings, which the folder that holds it declares to
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -35,6 +35,7 @@ from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.texture.dress import TEXTURE, dress
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.tracking.tracks import TRACKS, track_points
+from recon.up.decide import UP, Upright, World, find_up, turned
 from recon.verdict.judge import VERDICT, judge
 from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath
@@ -128,7 +129,7 @@ def read_stage(run: AnyPath, name: str) -> Any:
 
 
 @dataclass(frozen=True)
-class _Chain:
+class Chain:
     """Computes the declared stages of one run with its settings. also: what a result depends on besides."""
 
     run: Run
@@ -143,6 +144,21 @@ class _Chain:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Surveyed:
+    """What the stages up to the surfaces leave: the world, turned upright, and what it was read from.
+
+    reads: the results that the world comes from. doubts: texts about its up.
+    """
+
+    world: World
+    upright: Upright
+    noise: StageResult[DepthNoise]
+    labels: StageResult[dict[int, NDArray[np.uint8]]]
+    reads: tuple[StageResult[Any], ...]
+    doubts: tuple[str, ...]
+
+
 def _run(
     run: Run,
     recording: Recording,
@@ -152,7 +168,17 @@ def _run(
     earlier: Twin | None = None,
 ) -> Twin:
     """earlier: the twin of the run folder, whose parts keep their names."""
-    stage, loop = _Chain(run, c), run.loop
+    stage = Chain(run, c)
+    surveyed = survey(stage, recording, hints)
+    made = _provenance(c, hints, surveyed.doubts)
+    given = given_names(earlier, recording, surveyed.labels.value) if earlier is not None else {}
+    twin = _judged_twin(stage, recording, surveyed, made, given)
+    return with_physics(twin, table=materials)
+
+
+def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -> Surveyed:
+    """The stages from the recording to the surfaces of the static scene and of each part, in a world whose z is up."""
+    c, loop = stage.config, stage.run.loop
     # Sparse 3D tracks, without weights; the paper's tracker is learned.
     tracks = stage(TRACKS, [], lambda: track_points(recording, c.tracks, loop("tracks")))
     # Camera poses in spite of hands and moving parts (FunREC, supplement 1.2).
@@ -160,7 +186,7 @@ def _run(
         CAMERAS, [tracks], lambda: camera_poses(recording, tracks.value, c.cameras, loop("cameras"))
     )
     said, of_parts = c.said, c.said.of_parts  # they join the keys only where something is said
-    up = stage(
+    guessed = stage(
         GRAVITY,
         [cameras],
         lambda: upright(recording, cameras.value, c.gravity, said.up),
@@ -169,8 +195,8 @@ def _run(
     # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
     found = stage(
         MOTION,
-        [tracks, up],
-        lambda: find_parts(recording, tracks.value, up.value, c.motion, c.joints, hints, said),
+        [tracks, guessed],
+        lambda: find_parts(recording, tracks.value, guessed.value, c.motion, c.joints, hints, said),
         *([hints] if hints else []),
         *([of_parts] if of_parts is not None else []),
     )
@@ -179,57 +205,87 @@ def _run(
     sigma = noise.value
     refined = stage(
         REFINE,
-        [up, found, noise],
-        lambda: refine_found(recording, up.value, found.value, c.labels, sigma, loop("refine")),
+        [guessed, found, noise],
+        lambda: refine_found(recording, guessed.value, found.value, c.labels, sigma, loop("refine")),
     )
     # Pixel-aligned part segmentation (supplement 1.3).
     labels = stage(
         LABELS,
-        [up, refined, noise],
-        lambda: label_frames(recording, up.value, refined.value, c.labels, sigma, progress=loop("labels")),
+        [guessed, refined, noise],
+        lambda: label_frames(
+            recording, guessed.value, refined.value, c.labels, sigma, progress=loop("labels")
+        ),
     )
     polished = stage(
         POLISH,
-        [up, found, refined, labels, noise],
-        lambda: polish_parts(recording, up.value, labels.value, found.value, refined.value, sigma),
+        [guessed, found, refined, labels, noise],
+        lambda: polish_parts(recording, guessed.value, labels.value, found.value, refined.value, sigma),
     )
-    made = _provenance(c, hints, up.warnings)
-    given = given_names(earlier, recording, labels.value) if earlier is not None else {}
-    twin = _judged_twin(stage, recording, c, up, noise, found, labels, polished, made, given)
-    return with_physics(twin, table=materials)
+    return _upright(stage, recording, guessed, found, noise, labels, polished)
+
+
+def _upright(
+    stage: Chain,
+    recording: Recording,
+    guessed: StageResult[Trajectory],
+    found: StageResult[FoundParts],
+    noise: StageResult[DepthNoise],
+    labels: StageResult[dict[int, NDArray[np.uint8]]],
+    polished: StageResult[tuple[MovingPart, ...]],
+) -> Surveyed:
+    """The surfaces, and up by all that is known of the world."""
+    c, loop, cameras, images, parts = (
+        stage.config,
+        stage.run.loop,
+        guessed.value,
+        labels.value,
+        polished.value,
+    )
+    # Truncated signed distances of the static scene and of each part.
+    fused = stage(
+        FUSION,
+        [guessed, polished, labels, noise],
+        lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=loop("fusion")),
+    )
+    world = World(cameras, found.value, parts, fused.value)
+    up = stage(
+        UP,
+        [guessed, found, labels, polished, fused],
+        lambda: find_up(recording, world, images, c.said, c.gravity),
+    )
+    doubt = up.value.doubt
+    doubts = guessed.warnings if doubt is None else (f"{doubt.text}; {doubt.help}",)
+    reads = (guessed, found, polished, fused, up)
+    return Surveyed(turned(world, up.value.up), up.value, noise, labels, reads, doubts)
 
 
 def _judged_twin(
-    stage: _Chain,
+    stage: Chain,
     recording: Recording,
-    c: ReconConfig,
-    up: StageResult[Trajectory],
-    noise: StageResult[DepthNoise],
-    found: StageResult[FoundParts],
-    labels: StageResult[dict[int, NDArray[np.uint8]]],
-    polished: StageResult[tuple[MovingPart, ...]],
+    surveyed: Surveyed,
     made: Mapping[str, Any],
     given: Mapping[int, str],
 ) -> Twin:
     """The last stages, and the twin of what they leave."""
-    cameras, images, parts, loop = up.value, labels.value, polished.value, stage.run.loop
-    # Truncated signed distances of the static scene and of each part.
-    fused = stage(
-        FUSION,
-        [up, polished, labels, noise],
-        lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=loop("fusion")),
+    c, loop, world, noise, labels = (
+        stage.config,
+        stage.run.loop,
+        surveyed.world,
+        surveyed.noise,
+        surveyed.labels,
     )
-    scene, static, sigma = fused.value, fused.value.static, noise.value
+    cameras, found, parts, scene, images = world.cameras, world.found, world.parts, world.fused, labels.value
+    static, sigma = scene.static, noise.value
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,
-        [up, found, polished, labels, fused],
-        lambda: finish_parts(recording, cameras, images, found.value, parts, scene, c.closed_end, c.contact),
+        [*surveyed.reads, labels],
+        lambda: finish_parts(recording, cameras, images, found, parts, scene, c.closed_end, c.contact),
     )
     # Photographs on the meshes.
     dressed = stage(
         TEXTURE,
-        [up, labels, noise, fused, finished],
+        [*surveyed.reads, labels, noise, finished],
         lambda: dress(
             recording, cameras, images, static, finished.value, c.texture, sigma, progress=loop("texture")
         ),
@@ -237,14 +293,17 @@ def _judged_twin(
     # What each part is worth, by numbers that need no truth.
     judged = stage(
         VERDICT,
-        [up, found, polished, labels, fused, finished],
-        lambda: judge(recording, cameras, images, found.value, parts, scene, finished.value),
+        [*surveyed.reads, labels, finished],
+        lambda: judge(recording, cameras, images, found, parts, scene, finished.value),
     )
+    doubt = surveyed.upright.doubt
+    verdict = judged.value if doubt is None else replace(judged.value, scene=(doubt, *judged.value.scene))
     twin = assemble(
-        recording, cameras, static, finished.value, images, made, judged.value, parts, dressed.value, given
+        recording, cameras, static, finished.value, images, made, verdict, parts, dressed.value, given
     )
     # How thick handles are, by their outline in photographs.
-    sections = stage(HANDLE, [up, labels, fused, finished, judged], lambda: handle_sections(twin, recording))
+    reads = [*surveyed.reads, labels, finished, judged]
+    sections = stage(HANDLE, reads, lambda: handle_sections(twin, recording))
     return with_handles(twin, sections.value)
 
 

@@ -64,6 +64,15 @@ class Witness:
 
 
 @dataclass(frozen=True, eq=False)
+class Plane:
+    """A large flat piece of a surface: unit normal (3,), whose sign means nothing, centre (3,) m, and area m^2."""
+
+    normal: Array
+    centre: Array
+    area: float
+
+
+@dataclass(frozen=True, eq=False)
 class LevelEvidence:
     """What the witnesses say of a twin's up.
 
@@ -118,7 +127,7 @@ def doubts_about_up(twin: Twin) -> tuple[str, ...]:
 
 def witnesses(twin: Twin) -> tuple[Witness, ...]:
     """The large planes of the static mesh, largest first, then the joint of every part that is mounted on it."""
-    found = _planes(twin.static.mesh)
+    found = [Witness(_named(p), p.normal) for p in large_planes(twin.static.mesh)]
     for part in twin.parts:
         if part.parent is None:  # one that is carried is as level as what carries it stands
             slides = part.joint.kind == "prismatic"
@@ -180,7 +189,7 @@ def _refined(those: Sequence[Witness], up: Array) -> Array:
     return np.asarray(least if least @ up > 0 else -least)
 
 
-def _planes(mesh: Mesh) -> list[Witness]:
+def large_planes(mesh: Mesh) -> list[Plane]:
     """Large planes of a mesh, largest first, those that are parallel and beside each other once.
 
     Each is the best of some guesses (RANSAC, Fischler and Bolles 1981), which are planes of least squares of a point's neighbours that
@@ -189,10 +198,8 @@ def _planes(mesh: Mesh) -> list[Witness]:
     """
     rng = np.random.default_rng(0)
     points, normals = sample_surface(mesh, _SAMPLES, rng)
-    least, kept = (
-        max(50, round(_SAMPLES * _AREA / mesh.area)) if len(points) else 1,
-        list[tuple[Array, Array, int]](),
-    )
+    least = max(50, round(_SAMPLES * _AREA / mesh.area)) if len(points) else 1
+    kept: list[Plane] = []
     while len(points) >= least:
         guesses = (_fitted(near) for near in _neighbours(points, normals, rng))
         best = max(guesses, key=lambda g: int(_on(points, normals, g, _OFF).sum()), default=None)
@@ -205,13 +212,14 @@ def _planes(mesh: Mesh) -> list[Witness]:
             break
         normal, centre = best
         wide = np.sqrt(np.linalg.eigvalsh(np.cov(points[own].T))[1] * 12) >= _EDGE
-        beside = (abs(normal @ n) > _PARALLEL and abs(n @ (centre - c)) < _SAME for n, c, _ in kept)
+        beside = (
+            abs(normal @ p.normal) > _PARALLEL and abs(p.normal @ (centre - p.centre)) < _SAME for p in kept
+        )
         if wide and not any(beside):
-            kept.append((normal, centre, int(own.sum())))
+            kept.append(Plane(normal, centre, int(own.sum()) * mesh.area / _SAMPLES))
         rest = ~_on(points, normals, best, 2 * _OFF)
         points, normals = points[rest], normals[rest]
-    kept.sort(key=lambda k: -k[2])
-    return [Witness(_named(n, c, count * mesh.area / _SAMPLES), n) for n, c, count in kept]
+    return sorted(kept, key=lambda p: -p.area)
 
 
 def _neighbours(points: Array, normals: Array, rng: np.random.Generator) -> Iterator[Array]:
@@ -236,7 +244,7 @@ def _on(points: Array, normals: Array, plane: tuple[Array, Array], off: float) -
     return np.asarray(front if front.sum() >= back.sum() else back)
 
 
-def _named(normal: Array, centre: Array, area: float) -> str:
-    kind = "level" if abs(normal[2]) > math.sqrt(0.5) else "upright"
-    at = " ".join(f"{x:.2f}" for x in centre)
-    return f"the {kind} plane of {area:.1f} m2 at ({at}) m"
+def _named(plane: Plane) -> str:
+    kind = "level" if abs(plane.normal[2]) > math.sqrt(0.5) else "upright"
+    at = " ".join(f"{x:.2f}" for x in plane.centre)
+    return f"the {kind} plane of {plane.area:.1f} m2 at ({at}) m"

@@ -1,4 +1,7 @@
-"""Which way is up: as the user says, from the device when it knew, else from the walls, floors and counters in view."""
+"""Which way is up: as the user says, from the device when it knew, else from walls, floors and counters, and how the camera is held.
+
+The last is a first guess, which `recon.up` decides anew once surfaces and parts are known.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recon.dense.depth import depth_normals, mean_depth
 from recon.recording import Recording
@@ -16,7 +20,7 @@ from twin.runs.keys import Stage
 from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
-GRAVITY = Stage("gravity", 1, ("gravity",))
+GRAVITY = Stage("gravity", 2, ("gravity",))
 # Planes so near to what the user says of up refine it: a direction is meant as it is said, give or take what a person sees; of the
 # camera's axes the nearest one is at most 54.7 degrees off, and 45 where the head is level. Chosen by us.
 _NEAR_DIRECTION, _NEAR_AXIS = float(np.radians(10.0)), float(np.radians(45.0))
@@ -66,49 +70,46 @@ def find_gravity(
 ) -> Gravity:
     """Gravity as the user says, from the recording's metadata, else from a Manhattan fit to normals of evenly spread frames."""
     if said is not None:
-        return _as_said(said, _normals(recording, cameras, config), cameras, config)
+        return _as_said(said, surface_normals(recording, cameras, config), cameras, config)
     if recording.gravity_camera0 is not None and cameras.pose(0) is not None:
         up = -geo.rotate(cameras.T_world_cam[0], recording.gravity_camera0)
         return Gravity(geo.rotation_between(up, [0, 0, 1]), "metadata")
-    normals = _normals(recording, cameras, config)
+    normals = surface_normals(recording, cameras, config)
     camera_up = geo.unit(-cameras.T_world_cam[:, :3, 1].mean(axis=0))
     camera_right = geo.unit(cameras.T_world_cam[:, :3, 0].mean(axis=0))
     if len(normals) < _FEWEST_NORMALS:
         message = "too little depth to see floors or walls: the mean camera-up direction is taken as up"
         return Gravity(geo.rotation_between(camera_up, [0, 0, 1]), "camera", (message,))
-    axes = manhattan_axes(normals, config)
-    up, ambiguous = _pick_up(axes, camera_up, camera_right)
-    notes = (
-        (
-            "the camera is pitched by about 45 degrees: wall and floor may be exchanged; say which way is up with --up",
-        )
-        if ambiguous
-        else ()
-    )
-    return Gravity(geo.rotation_between(up, [0, 0, 1]), "planes", notes)
+    up = _pick_up(manhattan_axes(normals, config), camera_up, camera_right)
+    return Gravity(geo.rotation_between(up, [0, 0, 1]), "planes")
 
 
 def _as_said(said: Up, normals: Array, cameras: Trajectory, config: GravityConfig) -> Gravity:
     """Up as it is said, turned onto the planes' axis next to it where that is near and normals (n, 3) tell it."""
     up = geo.rotate(cameras.T_world_cam[0], up_direction(said))
-    if len(normals) >= _FEWEST_NORMALS:
-        axes = manhattan_axes(normals, config)
-        column = int(np.argmax(np.abs(axes.T @ up)))
-        nearest = axes[:, column] * np.sign(axes[:, column] @ up)
-        known = (np.abs(normals @ axes) > np.cos(3 * config.normal_sigma)).sum(axis=0) >= _FEWEST_NORMALS
-        told = known[column] or known.sum() == 2  # two walls tell the third direction
-        limit = _NEAR_AXIS if isinstance(said, str) else _NEAR_DIRECTION
-        if told and geo.angle_between(nearest, up) <= limit:
-            return Gravity(geo.rotation_between(nearest, [0, 0, 1]), "said, refined by planes")
+    axes, known = axes_told(normals, config)
+    column = int(np.argmax(np.abs(axes.T @ up)))
+    nearest = axes[:, column] * np.sign(axes[:, column] @ up)
+    told = known[column] or known.sum() == 2  # two walls tell the third direction
+    limit = _NEAR_AXIS if isinstance(said, str) else _NEAR_DIRECTION
+    if told and geo.angle_between(nearest, up) <= limit:
+        return Gravity(geo.rotation_between(nearest, [0, 0, 1]), "said, refined by planes")
     return Gravity(geo.rotation_between(up, [0, 0, 1]), "said")
 
 
-def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> tuple[Array, bool]:
+def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> Array:
     """Up axis among +-columns of `axes`: people keep their heads level, so it is square to the camera's right."""
     candidates = np.concatenate([axes.T, -axes.T])
     score = candidates @ camera_up - np.abs(candidates @ camera_right)
-    order = np.argsort(-score)
-    return candidates[order[0]], bool(score[order[0]] - score[order[1]] < 0.15)
+    return np.asarray(candidates[np.argsort(-score)[0]])
+
+
+def axes_told(normals: Array, config: GravityConfig = GravityConfig()) -> tuple[Array, NDArray[np.bool_]]:
+    """The Manhattan axes (3, 3) of normals (n, 3), and which of its columns enough of them show; of too few normals none."""
+    if len(normals) < _FEWEST_NORMALS:
+        return np.eye(3), np.zeros(3, dtype=bool)
+    axes = manhattan_axes(normals, config)
+    return axes, (np.abs(normals @ axes) > np.cos(3 * config.normal_sigma)).sum(axis=0) >= _FEWEST_NORMALS
 
 
 def manhattan_axes(normals: Array, config: GravityConfig = GravityConfig()) -> Array:
@@ -137,7 +138,7 @@ def manhattan_axes(normals: Array, config: GravityConfig = GravityConfig()) -> A
     return np.asarray(best)
 
 
-def _normals(recording: Recording, cameras: Trajectory, config: GravityConfig) -> Array:
+def surface_normals(recording: Recording, cameras: Trajectory, config: GravityConfig) -> Array:
     """Surface normals (n, 3) in the start world, from depth smoothed to the working width."""
     scale = config.width / recording.intrinsics.width
     size = (config.width, max(1, round(recording.intrinsics.height * scale)))

@@ -23,7 +23,7 @@ from twin.verdict.reason import Level as Level
 from twin.verdict.reason import Reason as Reason
 from twin.verdict.reason import StatedReason as StatedReason
 from twin.verdict.reason import worst as worst
-from twin.verdict.reasons import REASONS, ManyDoubts, MovesWithDoubted, NothingArticulated, OfPart
+from twin.verdict.reasons import REASONS, ManyDoubts, MovesWithDoubted, NothingArticulated, OfPart, UpUnsure
 from twin.verdict.surface import (
     AlongItself,
     BareBorder,
@@ -80,6 +80,7 @@ __all__ = [
     "TooShort",
     "TracksDisagree",
     "Unexplained",
+    "UpUnsure",
     "Verdict",
     "WithinDrift",
     "of_twin",

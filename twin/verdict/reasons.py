@@ -60,6 +60,32 @@ class NothingArticulated(Reason):
 
 
 @dataclass(frozen=True)
+class UpUnsure(Reason):
+    """Which way is up: the odds of the direction that was taken against the second one, less than `limit`; 1 where there is no second.
+    taken, other: directions in the first camera's axes, as --up takes them."""
+
+    odds: float
+    limit: float
+    taken: str
+    other: str
+
+    @property
+    def text(self) -> str:
+        if not self.other:
+            return f"{self.kind}: too little is seen of floors and walls, and it is taken from how the camera is held"
+        return f"{self.kind}: {self.taken} has odds of {self.odds:.1f} against {self.other} (at least {self.limit:g})"
+
+    @property
+    def kind(self) -> str:
+        return "up is unsure"
+
+    @property
+    def help(self) -> str:
+        says = f"--up {self.taken} or --up {self.other}" if self.other else "--up X,Y,Z"
+        return f"say which way is up in the first picture with {says} (x right, y down, z forward)"
+
+
+@dataclass(frozen=True)
 class MovesWithDoubted(Reason):
     """A part that is not trusted moves when this one does: in `share` of the frames in which either moves, more than `limit`."""
 
@@ -171,6 +197,7 @@ REASONS: dict[str, type[Reason]] = {
         ManyDoubts,
         MovesWithDoubted,
         NothingArticulated,
+        UpUnsure,
         OfPart,
     )
 }

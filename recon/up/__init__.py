@@ -1,0 +1,1 @@
+"""Which way is up, once the surfaces and the parts are known."""
