@@ -6,7 +6,7 @@ of typed inputs and its own settings, which the folder that holds it declares to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -41,8 +41,8 @@ from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath
 from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
+from twin.runs.chain import Chain
 from twin.runs.codec import TreeCodec
-from twin.runs.keys import Stage
 from twin.runs.manifest import versions
 from twin.runs.progress import Counted, default_progress
 from twin.runs.settings import as_dict
@@ -56,7 +56,7 @@ T = TypeVar("T")
 # their ratios count.
 _SECONDS = {
     "tracks": 5.0, "cameras": 1.7, "gravity": 0.2, "motion": 6.0, "noise": 0.2, "refine": 4.0, "labels": 3.5, "polish": 1.6,
-    "fusion": 1.8, "contact": 0.6, "texture": 13.0, "verdict": 2.0, "handle": 0.3,
+    "fusion": 1.8, "up": 0.5, "contact": 0.6, "texture": 13.0, "verdict": 2.0, "handle": 0.3,
 }  # fmt: skip
 
 
@@ -126,22 +126,6 @@ def read_stage(run: AnyPath, name: str) -> Any:
             "give the folder of a run that `twin reconstruct` made",
         )
     return TreeCodec().load(folder)
-
-
-@dataclass(frozen=True)
-class Chain:
-    """Computes the declared stages of one run with its settings. also: what a result depends on besides."""
-
-    run: Run
-    config: ReconConfig
-
-    def __call__(
-        self, what: Stage, reads: Sequence[StageResult[Any]], compute: Callable[[], T], *also: object
-    ) -> StageResult[T]:
-        settings = what.settings_of(self.config)
-        return self.run.stage(
-            what.name, what.version, (settings, *also) if also else settings, reads, compute
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,31 @@
+"""The declared stages of one run, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from twin.runs.keys import Stage
+from twin.runs.stages import Run, StageResult
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Computes the declared stages of one run with its settings, a dataclass with a section for each stage.
+
+    also: what a result depends on besides.
+    """
+
+    run: Run
+    config: Any
+
+    def __call__(
+        self, what: Stage, reads: Sequence[StageResult[Any]], compute: Callable[[], T], *also: object
+    ) -> StageResult[T]:
+        settings = what.settings_of(self.config)
+        return self.run.stage(
+            what.name, what.version, (settings, *also) if also else settings, reads, compute
+        )
