@@ -19,6 +19,7 @@ from recon.cameras.gravity import GRAVITY, upright
 from recon.cameras.poses import CAMERAS, camera_poses
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
+from recon.contact.up.decide import UP, Upright, World, find_up, turned
 from recon.dense.noise import NOISE, DepthNoise, measure_noise
 from recon.fusion.fuse import FUSION, fuse
 from recon.joints.clustering.clusters import require_hdbscan
@@ -35,7 +36,6 @@ from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.texture.dress import TEXTURE, dress
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.tracking.tracks import TRACKS, track_points
-from recon.up.decide import UP, Upright, World, find_up, turned
 from recon.verdict.judge import VERDICT, judge
 from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath

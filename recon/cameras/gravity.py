@@ -1,6 +1,6 @@
 """Which way is up: as the user says, from the device when it knew, else from walls, floors and counters, and how the camera is held.
 
-The last is a first guess, which `recon.up` decides anew once surfaces and parts are known.
+The last is a first guess, which `recon.contact.up` decides anew once surfaces and parts are known.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from recon.up.evidence import PartShown, UpEvidence
+from recon.contact.up.evidence import PartShown, UpEvidence
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.level import Plane

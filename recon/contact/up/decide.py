@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.cameras.gravity import GravityConfig, axes_told, surface_normals
+from recon.contact.up.evidence import up_evidence
+from recon.contact.up.terms import log_likelihood
 from recon.fusion.fuse import FusedScene
 from recon.parts.found import FoundParts
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.recording.said import Said
-from recon.up.evidence import up_evidence
-from recon.up.terms import log_likelihood
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.keys import Stage

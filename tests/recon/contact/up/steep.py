@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from recon.cameras.gravity import GravityConfig, find_gravity
+from recon.contact.up.decide import World
 from recon.fusion.fuse import FusedScene
 from recon.motion.movers import Movers
 from recon.parts.found import FoundParts, PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
-from recon.up.decide import World
 from tests.recon.cabinets import CAMERA, cast, furniture
 from twin import geometry as geo
 from twin.geometry import Array
