@@ -329,6 +329,7 @@ def test_export_keeps_the_collision_shapes_with_the_twin(
         asset: Any,
         overwrite: bool,
         view: Any,
+        collision: Any,
     ) -> Files:
         assert (list(formats), package, asset.author) == (["urdf"], "bare_kitchen", "Me")
         return Files(urdf=folder / "x.urdf")
@@ -350,7 +351,8 @@ def test_check_shows_the_worst_of_each_quantity_and_what_fails(
     def row(program: str, field: str, difference: float) -> CheckRow:
         return CheckRow("urdf", program, field, "door", "1", "2", difference, 1e-3)
 
-    def check(twin: Any, files: dict[str, Path], engines: Sequence[str]) -> CheckReport:
+    def check(twin: Any, files: dict[str, Path], engines: Sequence[str], processes: int) -> CheckReport:
+        assert processes == 2
         assert engines == ("mujoco", "pinocchio", "yourdfpy")
         assert files == {"urdf": run / "export" / "urdf" / "cabinet.urdf"}
         rows = (

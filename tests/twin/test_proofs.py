@@ -31,7 +31,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """All three questions are answered at once and well; who was asked is noted."""
     names: list[str] = []
 
-    def check(twin: Twin, files: dict[str, Path], engines: tuple[str, ...]) -> CheckReport:
+    def check(twin: Twin, files: dict[str, Path], engines: tuple[str, ...], processes: int) -> CheckReport:
         names.extend(engines)
         return CheckReport((CheckRow("urdf", engines[0], "mass", "door", "1", "1", 0.0, 1e-5),), ())
 

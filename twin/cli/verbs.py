@@ -133,7 +133,17 @@ def export_step(
     asset_twin = view.of(complete)
     progress("collision", 1.0, f"{sum(len(shapes_of(p)) for p in asset_twin.parts)} pieces on moving parts")
     progress("export", 0.0, "")
-    files = exporters.export(complete, folder, formats, package, cache, asset, overwrite, view, collision)
+    files = exporters.export(
+        complete,
+        folder,
+        formats,
+        package,
+        cache,
+        asset=asset,
+        overwrite=overwrite,
+        view=view,
+        collision=collision,
+    )
     progress("export", 1.0, ", ".join(files))
     rows = [[name, str(path)] for name, path in files.items()]
     reports = collision_reports(asset_twin, cache, collision_config(collision))
