@@ -30,8 +30,9 @@ _SPECK = 1e-3  # m^2: less surface is a shred of a scan
 _EXACT = 1e-3  # m
 
 
-def with_shapes(twin: Twin, config: CollisionConfig) -> Twin:
+def with_shapes(twin: Twin, config: CollisionConfig | None = None) -> Twin:
     """The twin with collision shapes in its inferred layers: parts keep clear of the rest over their whole range, which gives way."""
+    config = CollisionConfig() if config is None else config
     most = min(PART_SHAPES, config.part_pieces)
     layers = [twin.static.completion, *(p.completion for p in twin.parts)]
     static = layers[0]
