@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -92,6 +92,7 @@ def open_recording(
     calibration: Path | str | None = None,
     color_topic: str | None = None,
     depth_topic: str | None = None,
+    depth_delay: int | str | None = None,
     start: float | None = None,
     end: float | None = None,
 ) -> Recording:
@@ -103,6 +104,7 @@ def open_recording(
         calibration: file of `twin calibrate`, whose cameras go before the recording's own.
         color_topic: of a ROS bag that holds several.
         depth_topic: likewise.
+        depth_delay: by how much depth lags behind colour, frames or a time such as "66ms"; see `Recording.without_depth_delay`.
         start: s from the first frame; frames before are left out.
         end: s from the first frame; frames after are left out.
 
@@ -130,9 +132,13 @@ def open_recording(
         raise InputError(f"{path} is a {kind} and not {reader.layout}", "leave --layout out") from None
     if cameras is not None:
         streams = calibrated(streams, cameras)
-    recording = _between(recording_of(streams), start, end)
+    recording = recording_of(streams)
+    if depth_delay is not None:
+        recording = recording.without_depth_delay(depth_delay)
+    recording = _between(recording, start, end)
     recording.frame(0)  # decodes once now, so that a wrong type or size is told before anything is computed
-    options = {"layout": layout, "calibration": calibration, **topics, "start": start, "end": end}
+    options: dict[str, Any] = {"layout": layout, "calibration": calibration, **topics}
+    options |= {"depth_delay": depth_delay, "start": start, "end": end}
     said = {k: os.fspath(v) if isinstance(v, Path) else v for k, v in options.items() if v is not None}
     return replace(recording, path=path, opened_with=said)
 

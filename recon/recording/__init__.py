@@ -193,6 +193,19 @@ class Recording:
         k = operator.index(index)
         return self.frame(k + len(self) if -len(self) <= k < 0 else k)
 
+    def without_depth_delay(self, delay: int | str) -> Recording:
+        """The same recording, for depth that lags `delay` behind colour (is ahead of it: negative).
+
+        Args:
+            delay: whole frames, or a time such as "66ms"; `recon.inspect` tells it. Each frame gets the depth of the frame
+                that is so much later, and frames without one are left out.
+
+        Raises InputError for another delay, and where too few frames are left.
+        """
+        from recon.recording.delay import without_delay
+
+        return without_delay(self, delay)
+
     def __repr__(self) -> str:
         from recon.recording.view import facts
 

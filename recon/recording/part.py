@@ -28,6 +28,11 @@ def part_of(recording: Recording, index: slice) -> Recording:
     said = ":".join("" if v is None else str(v) for v in (index.start, index.stop, index.step)).removesuffix(
         ":"
     )
+    return of_frames(recording, kept, f"{recording.source}[{said}]")
+
+
+def of_frames(recording: Recording, kept: NDArray[np.int64], source: str) -> Recording:
+    """A recording of frames of another one, by their rising numbers (n,). source: what messages call it."""
     poses = None if recording.poses is None else _poses_of(recording.poses, kept, recording.times)
     gravity, notes = recording.gravity_camera0, recording.warnings
     if gravity is not None and len(kept) and kept[0] != 0:
@@ -43,7 +48,7 @@ def part_of(recording: Recording, index: slice) -> Recording:
     digest = hashlib.sha256(recording.fingerprint.encode() + kept.astype("<i8").tobytes())
     return replace(
         recording,
-        source=f"{recording.source}[{said}]",
+        source=source,
         times=recording.times[kept],
         read_color=lambda k: recording.color(int(kept[k])),
         read_depth=lambda k: recording.depth(int(kept[k])),

@@ -58,6 +58,16 @@ def write_frame(
     _image(out / "truth" / "labels" / f"{index:06d}.png", labels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
+def late_depth(out: Path, lag: int) -> None:
+    """Give every frame the depth of the one `lag` frames before (after: negative), and those without one the first, or the last."""
+    if lag == 0:
+        return
+    files = sorted((out / "depth").iterdir())
+    taken = [f.read_bytes() for f in files]
+    for k, file in enumerate(files):
+        file.write_bytes(taken[min(max(k - lag, 0), len(taken) - 1)])
+
+
 def _image(path: Path, image: NDArray[Any], options: list[int]) -> None:
     good, data = cv2.imencode(path.suffix, np.ascontiguousarray(image), options)
     if not good:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -12,7 +13,7 @@ from recon.simulate.config import SimulateConfig
 from recon.simulate.joints import load_model, scene_path
 from recon.simulate.mjcf import OPENING_SHARE, travel
 from recon.simulate.picture import Picture
-from recon.simulate.record import new_recording, write_frame, write_intrinsics
+from recon.simulate.record import late_depth, new_recording, write_frame, write_intrinsics
 from recon.simulate.render import View
 from recon.simulate.script import Script
 from recon.simulate.sensors.colour import colour_image, exposure
@@ -21,10 +22,13 @@ from recon.simulate.sensors.frame import Frame
 from recon.simulate.stage import Stage
 from recon.simulate.timeline import opening_episode
 from recon.simulate.truth import write_truth
-from twin.errors import ConfigError
+from twin.errors import ConfigError, InputError
 from twin.runs.threads import each
 
 Progress = Callable[[int, int], None]
+DepthLag = int | Literal["drawn"]
+LAGGING = 10  # the stream of random numbers that a drawn lag is from
+MOST_LAG = 3  # frames of a drawn lag: what recorders and tools that cut videos leave
 
 
 def simulate(
@@ -33,6 +37,7 @@ def simulate(
     out: Path | str,
     config: SimulateConfig | None = None,
     progress: Progress | None = None,
+    depth_lag: DepthLag = 0,
 ) -> Path:
     """Render a person opening one part of an MJCF scene.
 
@@ -42,6 +47,7 @@ def simulate(
         out: folder of the recording; it must be new or empty.
         config: see `SimulateConfig`.
         progress: called with (frames done, frames) after each frame.
+        depth_lag: frames by which depth lags behind colour (early: negative), or "drawn".
 
     Returns:
         `out`. The layout is the native one (color/, depth/, intrinsic.json, timestamps.txt) with truth/ beside it.
@@ -52,7 +58,7 @@ def simulate(
         MissingDependencyError: the Franka Kitchen is asked for but not installed.
     """
     config = config or SimulateConfig()
-    return record(opening(scene_path(scene), joint, config), Path(out), progress)
+    return record(opening(scene_path(scene), joint, config), Path(out), progress, depth_lag)
 
 
 def opening(scene: Path, joint: str, config: SimulateConfig) -> Stage:
@@ -62,11 +68,16 @@ def opening(scene: Path, joint: str, config: SimulateConfig) -> Stage:
     return Stage(Script(model, str(scene), (episode,), config.rest_after_s), config)
 
 
-def record(stage: Stage, folder: Path, progress: Progress | None = None) -> Path:
+def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_lag: DepthLag = 0) -> Path:
     """Render and write all frames of a stage with their truth, in threads; each frame is made by itself, so that their number changes
     no byte. Raises InputError when the folder can't be used.
     """
     config, faults = stage.config, stage.config.picture
+    lag = drawn_lag(config.seed) if depth_lag == "drawn" else depth_lag
+    if abs(lag) >= stage.frames:
+        raise InputError(
+            f"a depth lag of {lag} frames is longer than the recording", f"it has {stage.frames} frames"
+        )
     picture = Picture(config, stage.camera, stage.frames)
     sensor = DepthCamera(config.sensor, stage.camera, config.depth_noise, config.seed)
     with new_recording(folder) as staged:
@@ -92,9 +103,15 @@ def record(stage: Stage, folder: Path, progress: Progress | None = None) -> Path
         for i, _ in enumerate(each(take, shots())):
             if progress is not None:
                 progress(i + 1, stage.frames)
-        write_truth(staged, stage.truth(), stage.camera)
+        late_depth(staged, lag)
+        write_truth(staged, stage.truth(), stage.camera, lag)
         write_intrinsics(staged, stage.camera, faults.focal_error, faults.centre_error_px)
     return folder
+
+
+def drawn_lag(seed: int) -> int:
+    """1 to `MOST_LAG` frames, by a random stream of its own, from which nothing else of a recording is drawn."""
+    return int(np.random.default_rng([seed, LAGGING]).integers(1, MOST_LAG + 1))
 
 
 def _opening(model: mujoco.MjModel, joint: str, config: SimulateConfig) -> float:

@@ -48,8 +48,8 @@ class Truth:
     side: str
 
 
-def write_truth(out: Path, truth: Truth, camera: Camera) -> None:
-    """Write time stamps and the truth/ folder (labels are written with the frames)."""
+def write_truth(out: Path, truth: Truth, camera: Camera, depth_lag: int = 0) -> None:
+    """Write time stamps and the truth/ folder (labels are written with the frames). depth_lag: frames, told where it is not 0."""
     (out / "timestamps.txt").write_text("".join(f"{t:.6f}\n" for t in truth.times))
     folder = out / "truth"
     lines = ["# timestamp tx ty tz qx qy qz qw   (camera to world, OpenCV camera axes, metres)"]
@@ -68,7 +68,8 @@ def write_truth(out: Path, truth: Truth, camera: Camera) -> None:
     merged_mesh(list(truth.still)).export(folder / "static.ply")
     keypoints: dict[str, Any] = hand_arrays(truth, camera)
     np.savez_compressed(folder / "hand_keypoints.npz", **keypoints)
-    (folder / "truth.json").write_text(json.dumps(truth_json(truth), indent=1) + "\n")
+    told = truth_json(truth) | ({"depth_lag": depth_lag} if depth_lag else {})
+    (folder / "truth.json").write_text(json.dumps(told, indent=1) + "\n")
 
 
 def hand_arrays(truth: Truth, camera: Camera) -> dict[str, NDArray[Any]]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from twin.cli import given
 from twin.cli.console import Console, Outcome
@@ -14,12 +14,15 @@ from twin.errors import InputError
 from twin.files.paths import require_writable
 from twin.files.text import read_json
 from twin.report.sections import Table
-from twin.runs.manifest import MANIFEST
+from twin.runs.manifest import MANIFEST, opened_with
 from twin.runs.settings import from_dict
 from twin.runs.stages import Progress
 from twin.runs.threads import import_ahead
 from twin.storage import load
 from twin.verdict import verdict_line
+
+# Of what a recording was opened with, what says which frames a twin was made from
+_WHICH_FRAMES = ("depth_delay", "start", "end")
 
 
 def simulate(
@@ -30,6 +33,7 @@ def simulate(
     out: Path,
     config: Path | None,
     set: Sequence[str],
+    depth_lag: int | Literal["drawn"] = 0,
 ) -> Outcome:
     """Render a recording with truth: of one part of a scene, or all of it drawn from a seed."""
     require_writable(out)
@@ -43,34 +47,24 @@ def simulate(
                 raise InputError("--random draws a scene of its own", "leave the scene and --joint out")
             from recon.simulate import simulate_random
 
-            folder = simulate_random(random, out, settings=given.told(config, set)[0], progress=tell)
+            told = given.told(config, set)[0]
+            folder = simulate_random(random, out, settings=told, progress=tell, depth_lag=depth_lag)
         elif scene is None or joint is None:
             raise InputError(
                 "twin simulate needs a scene and --joint, or --random",
                 "for example: twin simulate scene.xml --joint door -o OUT, or twin simulate --random 7 -o OUT",
             )
         else:
-            folder = _simulate_scene(scene, joint, out, config, set, tell)
+            from recon.simulate.config import SimulateConfig
+
+            settings = given.settings(SimulateConfig, config, set)
+            from recon.simulate.joints import require_joint
+
+            require_joint(scene, joint)
+            from recon.simulate import simulate as render
+
+            folder = render(scene, joint, out, settings, progress=tell, depth_lag=depth_lag)
     return Outcome({"recording": str(folder)}, notes=[f"recording: {folder}", f"truth: {folder / 'truth'}"])
-
-
-def _simulate_scene(
-    scene: Path,
-    joint: str,
-    out: Path,
-    config: Path | None,
-    set: Sequence[str],
-    tell: Callable[[int, int], None],
-) -> Path:
-    from recon.simulate.config import SimulateConfig
-
-    settings = given.settings(SimulateConfig, config, set)
-    from recon.simulate.joints import require_joint
-
-    require_joint(scene, joint)
-    from recon.simulate import simulate as render
-
-    return render(scene, joint, out, settings, progress=tell)
 
 
 def reconstruct(
@@ -143,10 +137,14 @@ def evaluate_step(progress: Progress, run: Path, truth: Path) -> Step:
     from recon.evaluation.truth import load_truth
 
     twin, true = load(run), load_truth(truth)  # before what takes seconds to import
+    told = {k: v for k, v in opened_with(run_folder(run)).items() if k in _WHICH_FRAMES}
     from recon.evaluation import evaluate as evaluation_of
+    from recon.readers import open_recording
+
+    recording = open_recording(true.folder.parent, **told) if told and true.knows("labels") else None
 
     progress("evaluate", 0.0, "")
-    evaluation = evaluation_of.evaluate(twin, true)
+    evaluation = evaluation_of.evaluate(twin, true, recording)
     progress("evaluate", 1.0, "")
     goals = [r for r in evaluation.rows if r.ok is not None]
     met = sum(bool(r.ok) for r in goals)

@@ -10,7 +10,7 @@ from pathlib import Path
 from twin.cli import export_options, recording_options
 from twin.cli.export_options import settings
 
-_MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval", "--goal", "--from-state")
+_MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval", "--goal", "--from-state", "--depth-delay")
 
 
 def points_joined(words: Sequence[str]) -> list[str]:
@@ -61,11 +61,25 @@ def _seed(text: str) -> int:
     return int(text)
 
 
+def _lag(text: str) -> int | str:
+    try:
+        return text if text == "drawn" else int(text)
+    except ValueError:
+        raise ArgumentTypeError(f"{text!r} is no lag: give whole frames, such as 2, or drawn") from None
+
+
 def _simulate(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("scene", metavar="SCENE.xml", type=Path, nargs="?", help="MJCF file with a hinge or slide joint")
     add("--joint", help="name of the joint that the hand moves")
     add("--random", metavar="SEED", type=_seed, help="no scene: all of it is drawn from a seed")
+    add(
+        "--depth-lag",
+        metavar="N|drawn",
+        type=_lag,
+        default=0,
+        help="frames that depth lags behind colour [0]",
+    )
     add("-o", "--out", metavar="RECORDING", type=Path, required=True, help="folder to write")
     settings(parser)
 

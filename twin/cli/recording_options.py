@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from argparse import ArgumentParser, ArgumentTypeError
 from pathlib import Path
 
@@ -19,8 +20,19 @@ def add_options(parser: ArgumentParser) -> None:
     )
     add("--color-topic", metavar="TOPIC", help="colour topic of a ROS bag [the only one]")
     add("--depth-topic", metavar="TOPIC", help="depth topic of a ROS bag [the only one]")
+    add("--depth-delay", type=_delay, metavar="N|MSms", help="depth lags so many frames, or such as 66ms [0]")
     add("--start", type=_seconds, metavar="S", help="leave out what is before, s from the first frame")
     add("--end", type=_seconds, metavar="S", help="leave out what is after, s from the first frame")
+
+
+def _delay(text: str) -> int | str:
+    if re.fullmatch(r"[+-]?\d+", text, re.ASCII):
+        return int(text)
+    if re.fullmatch(r"[+-]?\d+(\.\d+)?ms", text, re.ASCII):
+        return text
+    raise ArgumentTypeError(
+        f"{text!r} is no delay: write whole frames, such as 2, or a time, such as 66ms; negative where depth is ahead"
+    )
 
 
 def _seconds(text: str) -> float:

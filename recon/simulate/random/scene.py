@@ -18,7 +18,7 @@ from recon.simulate.random.strata import Stratum
 from recon.simulate.random.witness import unfit
 from recon.simulate.record import require_new
 from recon.simulate.script import NOTHING_ELSE, Happening, Script
-from recon.simulate.simulator import record
+from recon.simulate.simulator import DepthLag, record
 from recon.simulate.stage import Stage
 from recon.simulate.timeline import Episode, Leg
 from twin.errors import InputError
@@ -65,6 +65,7 @@ def simulate_random(
     stratum: Stratum | None = None,
     settings: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
+    depth_lag: DepthLag = 0,
 ) -> Path:
     """Render a random recording with its truth; truth/random.json tells what was drawn.
 
@@ -74,13 +75,14 @@ def simulate_random(
         stratum: what is wanted on purpose, None: drawn as well.
         settings: fields of `SimulateConfig` that replace what was drawn, as plain data.
         progress: called with (frames done, frames) after each frame.
+        depth_lag: see `simulate`.
 
     Returns `out`, as `simulate`. Raises InputError, ConfigError.
     """
     folder = Path(out)
     require_new(folder)
     drawn = random_recording(seed, stratum, settings)
-    record(drawn.stage, folder, progress)
+    record(drawn.stage, folder, progress, depth_lag)
     write_json(folder / "truth" / "random.json", drawn.told(seed))
     return folder
 
