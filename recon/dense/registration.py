@@ -47,6 +47,14 @@ def rays(lens: Lens) -> Array:
     return np.asarray(found.reshape(k.height, k.width, 2), dtype=np.float64)
 
 
+def moved_lens(image: NDArray[np.uint8], own: Intrinsics, camera: Intrinsics) -> NDArray[np.uint8]:
+    """A picture (H, W, 3) that was taken with its own focal lengths and centre, as `camera` in the same place takes it; black where
+    it shows nothing."""
+    x, y = camera.fx / own.fx, camera.fy / own.fy
+    place = np.array([[x, 0.0, camera.cx - x * own.cx], [0.0, y, camera.cy - y * own.cy]])
+    return np.asarray(cv2.warpAffine(image, place, (camera.width, camera.height)), dtype=np.uint8)
+
+
 class ColorGrid:
     """Brings colour pictures (H, W, 3) of a lens to the pixel grid of a pinhole camera in the same place."""
 

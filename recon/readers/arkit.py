@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.readers import files
+from recon.readers import files, streams
 from recon.readers.pictures import PngHeader, color_of, depth_of
 from recon.recording import Intrinsics, ReadColor, ReadDepth
 from recon.recording.rig import Lens, Rig
@@ -24,7 +24,10 @@ FLIP_YZ = np.diag([1.0, -1.0, -1.0, 1.0])  # T_arkitcam_opencvcam
 Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 # chosen by us: 0 is ARKit's "low", mostly edges and glass; apps write low, medium, high as 0, 1, 2 or 0, 127, 255
 MIN_CONFIDENCE = 1
-MAX_LENS_CHANGE = 0.01  # chosen by us: one camera model describes all frames when its focus moves less
+# px of a recording's picture, by which one camera for all frames may put a pixel beside its place; half of one, chosen by us
+STEADY = 0.5
+# Of the focal length, chosen by us: what changes by more is told
+MAX_LENS_CHANGE = 0.01
 # of the picture's size, chosen by us: phones have 0.02; more means numbers of another resolution
 MAX_OFF_CENTRE = 0.15
 MAX_ASPECT_CHANGE = 0.02  # chosen by us: 256x192 and 1920x1440 agree to 0.001
@@ -33,17 +36,23 @@ KEY_FRAMES_ONLY = "key frames only: a static scene; a motion isn't seen"
 _AGAIN = "export the recording again"
 
 
+class OwnCameras(NamedTuple):
+    """The camera of a recording, the frames' own fx, fy, cx, cy (n, 4) where a lens moves, and what is to be told of it."""
+
+    camera: Intrinsics
+    own: Array | None
+    warnings: tuple[str, ...]
+
+
 def opencv_z_up(T_arkit: Array) -> Array:
     """T_world_cam (n, 4, 4) with OpenCV's camera axes in a z-up world, of poses camera to world with ARKit's axes."""
     return np.asarray(Y_UP_TO_Z_UP @ T_arkit @ FLIP_YZ)
 
 
-def camera_of(
-    coefficients: Array, width: int, height: int, source: str
-) -> tuple[Intrinsics, tuple[str, ...]]:
-    """One camera for the frames' own fx, fy, cx, cy (n, 4), their median, and a warning where they change."""
-    if not np.isfinite(coefficients).all():
-        raise InputError(f"{source}: a camera has numbers that are not finite", _AGAIN)
+def camera_of(coefficients: Array, width: int, height: int, source: str) -> OwnCameras:
+    """One camera for the frames' own fx, fy, cx, cy (n, 4), their median, and their own where they differ from it."""
+    if not np.isfinite(coefficients).all() or not (coefficients[:, :2] > 0).all():
+        raise InputError(f"{source}: a camera has numbers that are not finite, or no focal length", _AGAIN)
     fx, fy, cx, cy = (float(v) for v in np.median(coefficients, axis=0))
     try:
         camera = Intrinsics(width, height, fx, fy, cx, cy)
@@ -55,12 +64,16 @@ def camera_of(
             f"{source}: the principal point ({cx:.1f}, {cy:.1f}) is far from the middle of {width}x{height} pictures",
             "give the camera's numbers at the pictures' own size, neither scaled nor cropped",
         )
+    zoom = np.abs(coefficients[:, :2] / [fx, fy] - 1.0)
+    shift = np.abs(coefficients[:, 2:] - [cx, cy])
+    if (shift + zoom * [width / 2, height / 2]).max() <= STEADY * max(width, height) / streams.MAX_SIDE:
+        return OwnCameras(camera, None, ())
     change = float((np.ptp(coefficients, axis=0) / np.array([fx, fy, fx, fy])).max())
-    if change <= MAX_LENS_CHANGE:
-        return camera, ()
-    return camera, (
-        f"{source}: the camera's numbers change by {change:.1%} of the focal length; using their median",
-    )
+    told = f"the camera's numbers change by {change:.1%} of the focal length"
+    if shift.max() > zoom.max() * max(width, height) / 2:
+        told = f"a stabilised lens moves the principal point by ± {shift.max():.1f} px: {told}"
+    said = (f"{source}: {told}; each frame is taken by its own",) if change > MAX_LENS_CHANGE else ()
+    return OwnCameras(camera, coefficients, said)
 
 
 def rig_of(color: Intrinsics, depth_size: tuple[int, int], source: str) -> Rig:

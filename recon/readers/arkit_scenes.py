@@ -17,7 +17,6 @@ import numpy as np
 from recon.readers import arkit, files
 from recon.readers.fingerprint import fingerprint
 from recon.readers.streams import Streams
-from recon.recording import Intrinsics
 from twin.errors import InputError
 from twin.geometry import Array, exp_so3, invert_pose
 
@@ -43,8 +42,10 @@ class ArkitScenesReader:
         color, depth = _stamped(folder / COLOR, ".png"), _stamped(folder / DEPTH, ".png")
         cameras = _stamped(folder / CAMERAS, ".pincam")
         sure = {p.name: p for p in _stamped(folder / CONFIDENCE, ".png", needed=False).values()}
-        camera, warnings = _camera(list(cameras.values()), files.shown(folder / CAMERAS))
+        camera, own, warnings = _camera([cameras[t] for t in sorted(cameras)], files.shown(folder / CAMERAS))
         in_color, in_depth = sorted(color), sorted(depth)
+        if own is not None:
+            own = own[files.nearest_frames(np.array(in_color), np.array(sorted(cameras)), np.inf)]
         found = arkit.png_size(color[in_color[0]])
         if found != (camera.width, camera.height):
             raise InputError(
@@ -64,6 +65,7 @@ class ArkitScenesReader:
             read_color=arkit.color_reader([color[t] for t in in_color]),
             read_depth=arkit.depth_reader([depth[t] for t in in_depth], confidence, size),
             rig=arkit.rig_of(camera, size, str(path)),
+            own_cameras=own,
             fingerprint=fingerprint(folder, [*used, *(p for p in confidence if p is not None)]),
             poses=poses,
             upright=True,
@@ -100,7 +102,7 @@ def _stamped(folder: Path, suffix: str, needed: bool = True) -> dict[float, Path
     return found
 
 
-def _camera(cameras: Sequence[Path], source: str) -> tuple[Intrinsics, tuple[str, ...]]:
+def _camera(cameras: Sequence[Path], source: str) -> arkit.OwnCameras:
     tables = []
     for path in cameras:
         table, _ = files.read_numbers(path, 6, "w h fx fy cx cy")

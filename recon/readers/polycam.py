@@ -58,7 +58,9 @@ class PolycamReader:
         depth_times = sorted(depth)
         values = np.array([_camera(cameras[t]) for t in color_times])
         width, height = (int(v) for v in values[0, 4:6])
-        color, warnings = arkit.camera_of(values[:, :4], width, height, f"{files.shown(folder)}/{chosen[1]}")
+        color, own, warnings = arkit.camera_of(
+            values[:, :4], width, height, f"{files.shown(folder)}/{chosen[1]}"
+        )
         size = arkit.png_size(depth[depth_times[0]])
         sure = arkit.numbered(folder / "confidence", (".png",))
         confidence = [sure.get(t) for t in depth_times]
@@ -72,6 +74,7 @@ class PolycamReader:
             read_color=arkit.color_reader([images[t] for t in color_times]),
             read_depth=arkit.depth_reader([depth[t] for t in depth_times], confidence, size),
             rig=arkit.rig_of(color, size, str(path)),
+            own_cameras=own,
             fingerprint=fingerprint(folder, [*used, *(p for p in confidence if p is not None)]),
             poses=(stamps, _poses(values, f"{files.shown(folder)}/{chosen[1]}", color_times)),
             upright=True,

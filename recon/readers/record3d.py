@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 import zipfile
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -18,17 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.readers.arkit import MIN_CONFIDENCE, opencv_z_up
+from recon.readers.arkit import MIN_CONFIDENCE, OwnCameras, camera_of, opencv_z_up
 from recon.readers.fingerprint import fingerprint_of
-from recon.readers.streams import Streams
+from recon.readers.streams import Streams, recording_of
 from recon.recording import Intrinsics, ReadColor, ReadDepth
 from recon.recording.rig import Lens, Rig
 from twin.errors import InputError, MissingDependencyError
-from twin.geometry import Array
+from twin.geometry import Array, exp_so3, make_pose
 from twin.packages import to_install
 
 MAX_MEMBER_BYTES = 64 * 2**20  # chosen by us: no frame is larger; guards against hostile archives
-MAX_FOCAL_CHANGE = 0.01  # chosen by us: one camera model describes all frames when its focus moves less
 
 
 @dataclass(frozen=True)
@@ -45,23 +45,49 @@ class Record3DReader:
         meta = Metadata.read(archive)
         count = archive.frame_count()
         first = files.decode_color(archive.shown("rgbd/0.jpg"), archive.read("rgbd/0.jpg"))
-        color, warnings = meta.intrinsics(first.shape[1], first.shape[0])
+        color, own, warnings = meta.cameras(first.shape[1], first.shape[0], range(count))
         read_depth = _depth_reader(archive, meta)
         height, width = read_depth(0).shape
         times = meta.times(count)
-        return Streams(
-            name=path.stem,
-            source=str(path),
-            color_times=times,
-            depth_times=times,
-            read_color=_color_reader(archive, color),
-            read_depth=read_depth,
-            rig=Rig(Lens(color), Lens(color.scaled(width, height))),
-            fingerprint=fingerprint_of(path),
-            poses=meta.poses(count, times),
-            upright=True,
-            warnings=warnings,
+        return with_turned_poses(
+            Streams(
+                name=path.stem,
+                source=str(path),
+                color_times=times,
+                depth_times=times,
+                read_color=_color_reader(archive, color),
+                read_depth=read_depth,
+                rig=Rig(Lens(color), Lens(color.scaled(width, height))),
+                own_cameras=own,
+                fingerprint=fingerprint_of(path),
+                poses=meta.poses(count, times),
+                upright=True,
+                warnings=warnings,
+            )
         )
+
+
+def with_turned_poses(streams: Streams) -> Streams:
+    """The same with poses of the pictures as they are stored: landscape ones of Record3D 1.10.1 and newer may have those of portrait."""
+    camera = streams.rig.color.camera
+    if streams.poses is None or camera.width <= camera.height:
+        return streams
+    from recon.readers.turned import quarter_turn  # here: OpenCV
+
+    made = recording_of(streams)
+    if made.poses is None:
+        return streams
+    turns = quarter_turn(made.times, made.poses.T_world_cam, made.intrinsics, made.frame)
+    name = "its landscape pictures have poses turned by"
+    if turns is None:
+        said = f"{streams.name}: whether {name} 90° can't be told, the camera moves too little; they are taken as they are"
+        return replace(streams, warnings=(*streams.warnings, said))
+    if turns == 0:
+        return streams
+    times, poses = streams.poses
+    said = f"{streams.name}: {name} {90 * turns if turns < 3 else -90}°, as Record3D 1.10.1 stores them; turned back"
+    poses = poses @ make_pose(exp_so3([0.0, 0.0, turns * np.pi / 2]))
+    return replace(streams, poses=(times, poses), warnings=(*streams.warnings, said))
 
 
 def is_record3d(path: Path) -> bool:
@@ -163,27 +189,25 @@ class Metadata:
                 f"{self.name}: {key} is no table of {columns} numbers a row", "export the recording again"
             ) from None
 
-    def intrinsics(self, width: int, height: int) -> tuple[Intrinsics, tuple[str, ...]]:
-        """Camera of the colour images as they are stored, width x height, and warnings."""
+    def cameras(self, width: int, height: int, numbers: Sequence[int]) -> OwnCameras:
+        """Camera of the colour images as they are stored, width x height, and the frames' own by their numbers."""
         k = self.table("K", 1)
         if k is None or k.size != 9:
             raise InputError(f"{self.name}: K is {self.values['K']}", "export the recording again")
         k = k[:, 0]
-        coeffs = np.array([k[0], k[4], k[6], k[7]])
-        warnings: tuple[str, ...] = ()
+        coeffs = np.array([[k[0], k[4], k[6], k[7]]])
         own = self.table("perFrameIntrinsicCoeffs", 4)
-        if own is not None and np.all(np.isfinite(own)) and np.all(own > 0):
-            coeffs = np.median(own, axis=0)
-            change = float(np.ptp(own[:, 0]) / coeffs[0])
-            if change > MAX_FOCAL_CHANGE:
-                warnings = (f"{self.name}: the focal length changes by {change:.1%}; using its median",)
+        if own is not None and np.all(np.isfinite(own)) and np.all(own > 0) and max(numbers) < len(own):
+            coeffs = own[list(numbers)]
         size = int(self.values["w"]), int(self.values["h"])
         if abs(size[0] / size[1] - width / height) > 0.01 * width / height:
             raise InputError(
                 f"{self.name} says {size[0]}x{size[1]}, but the images are {width}x{height}",
                 "export the recording again without turning or cropping it",
             )
-        return Intrinsics(*size, *(float(c) for c in coeffs)).scaled(width, height), warnings
+        scale = np.array([width / size[0], height / size[1]])
+        centre = (coeffs[:, 2:] + 0.5) * scale - 0.5
+        return camera_of(np.hstack([coeffs[:, :2] * scale, centre]), width, height, self.name)
 
     def times(self, count: int) -> Array:
         """Times (count,) s: the frames' own time stamps, else from the frame rate."""

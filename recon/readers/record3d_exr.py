@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from recon.readers import arkit, files
 from recon.readers.fingerprint import fingerprint
-from recon.readers.record3d import Metadata
+from recon.readers.record3d import Metadata, with_turned_poses
 from recon.readers.streams import Streams
 from recon.recording import ReadDepth
 from twin.errors import InputError, MissingDependencyError
@@ -50,8 +50,8 @@ class Record3DExrReader:
         depth = _numbered(folder / "depth", (".exr",))
         first = next(iter(color.values()))
         height, width = files.decode_color(files.shown(first), files.read_bytes(first)).shape[:2]
-        camera, warnings = meta.intrinsics(width, height)
         in_color, in_depth = list(color), list(depth)
+        camera, own, warnings = meta.cameras(width, height, in_color)
         size = exr_size(depth[in_depth[0]])
         table = meta.table("poses", 7)
         poses = None
@@ -59,19 +59,22 @@ class Record3DExrReader:
             every = range(len(table))
             arkit_poses = files.poses_from_xyzw(table[:, 4:], table[:, :4], meta.name, every)
             poses = _times(meta, every), arkit.opencv_z_up(arkit_poses)
-        return Streams(
-            name=(path if path.name != FOLDER else path.resolve().parent).resolve().name,
-            source=str(path),
-            color_times=_times(meta, in_color),
-            depth_times=_times(meta, in_depth),
-            read_color=arkit.color_reader(list(color.values())),
-            read_depth=_depth_reader(list(depth.values()), size),
-            rig=arkit.rig_of(camera, size, str(path)),
-            fingerprint=fingerprint(folder, [folder / "metadata.json", *color.values(), *depth.values()]),
-            poses=poses,
-            upright=True,
-            tolerance=0.0,  # the images of one number are of one frame
-            warnings=warnings,
+        return with_turned_poses(
+            Streams(
+                name=(path if path.name != FOLDER else path.resolve().parent).resolve().name,
+                source=str(path),
+                color_times=_times(meta, in_color),
+                depth_times=_times(meta, in_depth),
+                read_color=arkit.color_reader(list(color.values())),
+                read_depth=_depth_reader(list(depth.values()), size),
+                rig=arkit.rig_of(camera, size, str(path)),
+                own_cameras=own,
+                fingerprint=fingerprint(folder, [folder / "metadata.json", *color.values(), *depth.values()]),
+                poses=poses,
+                upright=True,
+                tolerance=0.0,  # the images of one number are of one frame
+                warnings=warnings,
+            )
         )
 
 

@@ -53,7 +53,9 @@ class ScannerAppReader:
         first = color[in_color[0]]
         height, width = files.decode_color(files.shown(first), files.read_bytes(first)).shape[:2]
         coefficients = np.array([read[k].coefficients for k in in_color])
-        camera, warnings = arkit.camera_of(coefficients, width, height, f"{files.shown(path)}/frame_*.json")
+        camera, own, warnings = arkit.camera_of(
+            coefficients, width, height, f"{files.shown(path)}/frame_*.json"
+        )
         size = arkit.png_size(depth[in_depth[0]])
         sure = arkit.numbered(path, (".png",), "conf_")
         confidence = [sure.get(k) for k in in_depth]
@@ -68,6 +70,7 @@ class ScannerAppReader:
             read_color=arkit.color_reader([color[k] for k in in_color]),
             read_depth=arkit.depth_reader([depth[k] for k in in_depth], confidence, size),
             rig=arkit.rig_of(camera, size, str(path)),
+            own_cameras=own,
             fingerprint=fingerprint(path, [*used, *(p for p in confidence if p is not None)]),
             poses=(stamps, poses),
             upright=True,

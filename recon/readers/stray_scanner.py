@@ -18,7 +18,6 @@ from recon.readers.fingerprint import fingerprint
 from recon.readers.native import COLOR_FOLDERS
 from recon.readers.streams import Streams
 from recon.readers.video import Video
-from recon.recording import Intrinsics
 from twin.errors import InputError
 from twin.geometry import Array
 
@@ -59,7 +58,7 @@ class StrayScannerReader:
         depth = [in_depth[odometry.frames[k]] for k in with_depth]
         sure = arkit.numbered(path / "confidence", (".png",))
         confidence = [sure.get(odometry.frames[k]) for k in with_depth]
-        color, said = _camera(path, odometry, video)
+        color, own, said = _camera(path, odometry, video)
         size = arkit.png_size(depth[0])
         used = [path / n for n in ("rgb.mp4", "odometry.csv", "camera_matrix.csv") if (path / n).is_file()]
         return Streams(
@@ -70,6 +69,7 @@ class StrayScannerReader:
             read_color=video.read,
             read_depth=arkit.depth_reader(depth, confidence, size),
             rig=arkit.rig_of(color, size, str(path)),
+            own_cameras=None if own is None else own[:count],
             fingerprint=fingerprint(path, [*used, *depth, *(p for p in confidence if p is not None)]),
             poses=(odometry.times, odometry.T_world_cam),
             upright=True,
@@ -149,7 +149,7 @@ def _common(path: Path, video: int, rows: int) -> tuple[int, tuple[str, ...]]:
     )
 
 
-def _camera(path: Path, odometry: _Odometry, video: Video) -> tuple[Intrinsics, tuple[str, ...]]:
+def _camera(path: Path, odometry: _Odometry, video: Video) -> arkit.OwnCameras:
     """The colour camera: the frames' own where odometry.csv has them, else camera_matrix.csv, which is the last frame's."""
     file = path / "camera_matrix.csv"
     if odometry.coefficients is not None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
 from recon.recording import MIN_FRAMES, Intrinsics, ReadColor, ReadDepth, Recording
-from recon.recording.rig import Rig
+from recon.recording.rig import Lens, Rig
 from twin.errors import InputError
 from twin.geometry import Array, unit
 
@@ -35,6 +35,8 @@ class Streams:
         gravity: unit vector (3,) that points down in the first colour picture's axes.
         tolerance: s between a colour and a depth picture of one frame; None: half a frame.
         longest: px, the longer side that pictures are scaled down to; None: as they are.
+        own_cameras: fx, fy, cx, cy (n, 4) of each colour picture, where a lens that moves makes them others than those of `rig`;
+            depth is then seen through the same lens.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Streams:
     gravity: Array | None = None
     tolerance: float | None = None
     longest: int | None = MAX_SIDE
+    own_cameras: Array | None = None
     warnings: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
 
@@ -180,12 +183,21 @@ def _on_one_grid(streams: Streams) -> tuple[ReadColor, ReadDepth, Intrinsics]:
         _require_size(streams, "depth", index, metres.shape, seen)
         return metres
 
-    if rig.is_registered and grid == native:
+    if rig.is_registered and grid == native and streams.own_cameras is None:
         return color, depth, grid
-    from recon.dense.registration import ColorGrid, DepthGrid  # here: OpenCV and compiled kernels
+    from recon.dense.registration import ColorGrid, DepthGrid, moved_lens  # here: OpenCV and compiled kernels
 
     to_color, to_depth = ColorGrid(rig.color, grid), DepthGrid(rig, grid)
-    return lambda k: to_color(color(k)), lambda k: to_color.where_seen(to_depth(depth(k))), grid
+    if streams.own_cameras is None:
+        return lambda k: to_color(color(k)), lambda k: to_color.where_seen(to_depth(depth(k))), grid
+    own = [replace(native, fx=k[0], fy=k[1], cx=k[2], cy=k[3]) for k in streams.own_cameras.tolist()]
+    of_depth = files.nearest_frames(streams.depth_times, streams.color_times, np.inf)
+
+    def own_depth(index: int) -> NDArray[np.float32]:
+        lens = Lens(own[of_depth[index]].scaled(seen.width, seen.height))
+        return DepthGrid(Rig(rig.color, lens), grid)(depth(index))
+
+    return lambda k: to_color(moved_lens(color(k), own[k], native)), own_depth, grid
 
 
 def _require_size(

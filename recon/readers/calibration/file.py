@@ -144,7 +144,12 @@ def calibrated(streams: Streams, calibration: Calibration) -> Streams:
 
         read_depth = scaled
     both = hashlib.sha256((streams.fingerprint + calibration.digest).encode()).hexdigest()
-    return replace(streams, rig=rig, read_depth=read_depth, fingerprint=both, warnings=warnings)
+    own = (
+        streams.own_cameras if calibration.color is None else None
+    )  # a calibration goes before what the file tells
+    return replace(
+        streams, rig=rig, own_cameras=own, read_depth=read_depth, fingerprint=both, warnings=warnings
+    )
 
 
 def _at_size(source: str, name: str, known: Lens | None, stored: Lens) -> Lens:

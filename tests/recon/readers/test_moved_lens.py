@@ -1,0 +1,108 @@
+"""A lens that moves while it records: each frame is taken by its own numbers, and the movement is told by name."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from recon.readers import open_recording
+from recon.readers.arkit import camera_of
+from recon.readers.calibration.file import FORMAT
+from twin.geometry import Array
+
+SIZE, DEPTH = (192, 256), (48, 64)
+FX, CX, CY = 200.0, 95.5, 127.5
+COUNT = 12
+
+
+def moves(reach: float) -> Array:
+    """(COUNT, 2) px by which the principal point is off its median, up to `reach`."""
+    angle = np.linspace(0.0, 2.0 * np.pi, COUNT, endpoint=False)
+    return reach * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+
+
+def scene(size: tuple[int, int], shift: Array, scale: float = 1.0) -> tuple[NDArray[np.uint8], Array]:
+    """Colour and depth of a still scene seen at `size` with the principal point moved by `shift` px of SIZE: a bright box before a wall."""
+    f = size[0] / SIZE[0]
+    x, y = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+    u = ((x + 0.5) / f - 0.5 - CX - shift[0]) / (FX * scale)
+    v = ((y + 0.5) / f - 0.5 - CY - shift[1]) / (FX * scale)
+    box = (np.abs(u) < 0.2) & (np.abs(v) < 0.3)
+    wall = 90 + 30 * np.sin(40 * u) * np.sin(35 * v)
+    color = np.repeat(np.where(box, 200, wall)[..., None], 3, axis=2)
+    return color.astype(np.uint8), np.where(box, 1.0, 2.0)
+
+
+def write(path: Path, shifts: Array, own: bool = True) -> Path:
+    meta = {
+        "w": SIZE[0], "h": SIZE[1], "dw": DEPTH[0], "dh": DEPTH[1], "fps": 60,
+        "K": [FX, 0, 0, 0, FX, 0, CX, CY, 1],
+        "perFrameIntrinsicCoeffs": [[FX, FX, CX + x, CY + y] for x, y in shifts.tolist()] if own else None,
+    }  # fmt: skip
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("metadata", json.dumps({k: v for k, v in meta.items() if v is not None}))
+        for k, shift in enumerate(shifts):
+            color, _ = scene(SIZE, shift)
+            archive.writestr(
+                f"rgbd/{k}.jpg", cv2.imencode(".jpg", color, [cv2.IMWRITE_JPEG_QUALITY, 99])[1].tobytes()
+            )
+            archive.writestr(f"rgbd/{k}.depth", scene(DEPTH, shift)[1].astype("<f4").tobytes())
+    return path
+
+
+def test_pictures_of_a_stabilised_lens_are_brought_to_one_camera(tmp_path: Path) -> None:
+    recording = open_recording(write(tmp_path / "a.r3d", moves(12.0)))
+    assert (recording.intrinsics.cx, recording.intrinsics.cy) == pytest.approx((CX, CY), abs=0.01)
+    inner = np.s_[16:-16, 16:-16]
+    color, depth = scene(SIZE, np.zeros(2))
+    for k in range(COUNT):
+        frame = recording.frame(k)
+        off = np.abs(frame.color[inner].astype(int) - color[inner])
+        assert off.mean() < 3.0  # up to 12 px beside their place, they are off by 15 and more
+        # depth has a pixel where colour has 4 x 4: its edges are within half of that
+        assert (np.abs(frame.depth[inner] - depth[inner]) > 0.1).mean() < 0.04
+    (said,) = recording.warnings
+    assert "a stabilised lens moves the principal point by ± 12.0 px" in said
+    assert "each frame is taken by its own" in said
+
+
+def test_a_lens_that_hardly_moves_is_one_camera(tmp_path: Path) -> None:
+    recording = open_recording(write(tmp_path / "a.r3d", moves(0.1)))
+    stored = open_recording(write(tmp_path / "b.r3d", moves(0.1), own=False))
+    assert recording.warnings == ()
+    np.testing.assert_array_equal(recording.color(3), stored.color(3))
+    np.testing.assert_array_equal(recording.depth(3), stored.depth(3))
+
+
+def test_a_calibration_goes_before_the_frames_own_numbers(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.r3d", moves(12.0))
+    color = {
+        "width": 192,
+        "height": 256,
+        "intrinsic_matrix": [FX, 0, 0, 0, FX, 0, CX, CY, 1],
+        "distortion": [],
+    }
+    file = tmp_path / "calibration.json"
+    file.write_text(json.dumps({"format": FORMAT, "color": color}))
+    kept = open_recording(path, calibration=file).color(3)
+    np.testing.assert_array_equal(
+        kept, open_recording(write(tmp_path / "b.r3d", moves(12.0), own=False)).color(3)
+    )
+
+
+def test_focus_and_stabiliser_are_told_apart() -> None:
+    still = np.tile([FX, FX, CX, CY], (COUNT, 1))
+    zoomed, moved = still.copy(), still.copy()
+    zoomed[:4, :2] *= 1.03
+    moved[:, 2:] += moves(3.0)
+    assert camera_of(still, *SIZE, "clip").own is None
+    (zoom,), (shift,) = (camera_of(k, *SIZE, "clip").warnings for k in (zoomed, moved))
+    assert "change by 3.0% of the focal length" in zoom
+    assert "stabilised" not in zoom
+    assert "moves the principal point by ± 3.0 px" in shift
