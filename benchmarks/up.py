@@ -24,11 +24,11 @@ from recon.config import ReconConfig
 from recon.evaluation.outcome import LOST_MM, UP_DEG
 from recon.evaluation.scores import camera_errors
 from recon.evaluation.truth import load_truth
-from recon.pipeline import survey
 from recon.readers import open_recording
 from recon.recording.kept import kept
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import Stratum, sealed_set
+from recon.survey import survey
 from twin.files.text import read_json, write_json, write_text
 from twin.runs.chain import Chain
 from twin.runs.stages import Run

@@ -7,35 +7,25 @@ of typed inputs and its own settings, which the folder that holds it declares to
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from recon.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
-from recon.cameras.gravity import GRAVITY, upright
-from recon.cameras.poses import CAMERAS, camera_poses
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
-from recon.contact.up.decide import UP, Upright, World, find_up, turned
-from recon.dense.noise import NOISE, DepthNoise, measure_noise
-from recon.fusion.fuse import FUSION, fuse
+from recon.inspection.finding import Finding
+from recon.inspection.inspect import INSPECTION, quick_findings
 from recon.joints.clustering.clusters import require_hdbscan
 from recon.joints.type_selection import TypeHint
-from recon.labels.label_frames import LABELS, label_frames
 from recon.models.joint_hint import JointHint
-from recon.parts.find_parts import MOTION, FoundParts, find_parts
-from recon.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.recording.kept import kept
 from recon.recording.said import require_said
-from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
+from recon.survey import Surveyed, survey
 from recon.texture.dress import TEXTURE, dress
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
-from recon.tracking.tracks import TRACKS, track_points
+from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
 from recon.verdict.judge import VERDICT, judge
 from twin.errors import InputError, nearest_name
 from twin.files.paths import AnyPath
@@ -46,8 +36,8 @@ from twin.runs.codec import TreeCodec
 from twin.runs.manifest import versions
 from twin.runs.progress import Counted, default_progress
 from twin.runs.settings import as_dict
-from twin.runs.stages import Progress, Run, StageResult
-from twin.scene import Trajectory, Twin
+from twin.runs.stages import Progress, Run
+from twin.scene import Twin
 from twin.storage import require_place
 
 T = TypeVar("T")
@@ -55,7 +45,7 @@ T = TypeVar("T")
 # Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third of the whole. Only
 # their ratios count.
 _SECONDS = {
-    "tracks": 5.0, "cameras": 1.7, "gravity": 0.2, "motion": 6.0, "noise": 0.2, "refine": 4.0, "labels": 3.5, "polish": 1.6,
+    "inspection": 2.0, "tracks": 5.0, "cameras": 1.7, "gravity": 0.2, "motion": 6.0, "noise": 0.2, "refine": 4.0, "labels": 3.5, "polish": 1.6,
     "fusion": 1.8, "up": 0.5, "contact": 0.6, "texture": 13.0, "verdict": 2.0, "handle": 0.3,
 }  # fmt: skip
 
@@ -128,21 +118,6 @@ def read_stage(run: AnyPath, name: str) -> Any:
     return TreeCodec().load(folder)
 
 
-@dataclass(frozen=True, eq=False)
-class Surveyed:
-    """What the stages up to the surfaces leave: the world, turned upright, and what it was read from.
-
-    reads: the results that the world comes from. doubts: texts about its up.
-    """
-
-    world: World
-    upright: Upright
-    noise: StageResult[DepthNoise]
-    labels: StageResult[dict[int, NDArray[np.uint8]]]
-    reads: tuple[StageResult[Any], ...]
-    doubts: tuple[str, ...]
-
-
 def _run(
     run: Run,
     recording: Recording,
@@ -153,100 +128,20 @@ def _run(
 ) -> Twin:
     """earlier: the twin of the run folder, whose parts keep their names."""
     stage = Chain(run, c)
+    # What is wrong with the recording, by the checks of `twin inspect` that take seconds.
+    wrong = stage(INSPECTION, [], lambda: quick_findings(recording))
     surveyed = survey(stage, recording, hints)
     made = _provenance(c, hints, surveyed.doubts)
     given = given_names(earlier, recording, surveyed.labels.value) if earlier is not None else {}
-    twin = _judged_twin(stage, recording, surveyed, made, given)
+    twin = _judged_twin(stage, recording, surveyed, wrong.value, made, given)
     return with_physics(twin, table=materials)
-
-
-def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -> Surveyed:
-    """The stages from the recording to the surfaces of the static scene and of each part, in a world whose z is up."""
-    c, loop = stage.config, stage.run.loop
-    # Sparse 3D tracks, without weights; the paper's tracker is learned.
-    tracks = stage(TRACKS, [], lambda: track_points(recording, c.tracks, loop("tracks")))
-    # Camera poses in spite of hands and moving parts (FunREC, supplement 1.2).
-    cameras = stage(
-        CAMERAS, [tracks], lambda: camera_poses(recording, tracks.value, c.cameras, loop("cameras"))
-    )
-    said, of_parts = c.said, c.said.of_parts  # they join the keys only where something is said
-    guessed = stage(
-        GRAVITY,
-        [cameras],
-        lambda: upright(recording, cameras.value, c.gravity, said.up),
-        *([said.up] if said.up is not None else []),
-    )
-    # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
-    found = stage(
-        MOTION,
-        [tracks, guessed],
-        lambda: find_parts(recording, tracks.value, guessed.value, c.motion, c.joints, hints, said),
-        *([hints] if hints else []),
-        *([of_parts] if of_parts is not None else []),
-    )
-    # How far depth scatters in this recording: refinement, labels and fusion assume no sensor.
-    noise = stage(NOISE, [cameras], lambda: measure_noise(recording, cameras.value))
-    sigma = noise.value
-    refined = stage(
-        REFINE,
-        [guessed, found, noise],
-        lambda: refine_found(recording, guessed.value, found.value, c.labels, sigma, loop("refine")),
-    )
-    # Pixel-aligned part segmentation (supplement 1.3).
-    labels = stage(
-        LABELS,
-        [guessed, refined, noise],
-        lambda: label_frames(
-            recording, guessed.value, refined.value, c.labels, sigma, progress=loop("labels")
-        ),
-    )
-    polished = stage(
-        POLISH,
-        [guessed, found, refined, labels, noise],
-        lambda: polish_parts(recording, guessed.value, labels.value, found.value, refined.value, sigma),
-    )
-    return _upright(stage, recording, guessed, found, noise, labels, polished)
-
-
-def _upright(
-    stage: Chain,
-    recording: Recording,
-    guessed: StageResult[Trajectory],
-    found: StageResult[FoundParts],
-    noise: StageResult[DepthNoise],
-    labels: StageResult[dict[int, NDArray[np.uint8]]],
-    polished: StageResult[tuple[MovingPart, ...]],
-) -> Surveyed:
-    """The surfaces, and up by all that is known of the world."""
-    c, loop, cameras, images, parts = (
-        stage.config,
-        stage.run.loop,
-        guessed.value,
-        labels.value,
-        polished.value,
-    )
-    # Truncated signed distances of the static scene and of each part.
-    fused = stage(
-        FUSION,
-        [guessed, polished, labels, noise],
-        lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=loop("fusion")),
-    )
-    world = World(cameras, found.value, parts, fused.value)
-    up = stage(
-        UP,
-        [guessed, found, labels, polished, fused],
-        lambda: find_up(recording, world, images, c.said, c.gravity),
-    )
-    doubt = up.value.doubt
-    doubts = guessed.warnings if doubt is None else (f"{doubt.text}; {doubt.help}",)
-    reads = (guessed, found, polished, fused, up)
-    return Surveyed(turned(world, up.value.up), up.value, noise, labels, reads, doubts)
 
 
 def _judged_twin(
     stage: Chain,
     recording: Recording,
     surveyed: Surveyed,
+    wrong: tuple[Finding, ...],
     made: Mapping[str, Any],
     given: Mapping[int, str],
 ) -> Twin:
@@ -260,6 +155,7 @@ def _judged_twin(
     )
     cameras, found, parts, scene, images = world.cameras, world.found, world.parts, world.fused, labels.value
     static, sigma = scene.static, noise.value
+    faults = tuple(f.reason for f in wrong if f.doubts)  # they join the key only if there are some
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,
@@ -278,7 +174,8 @@ def _judged_twin(
     judged = stage(
         VERDICT,
         [*surveyed.reads, labels, finished],
-        lambda: judge(recording, cameras, images, found, parts, scene, finished.value),
+        lambda: judge(recording, cameras, images, found, parts, scene, finished.value, faults),
+        *([faults] if faults else []),
     )
     doubt = surveyed.upright.doubt
     verdict = judged.value if doubt is None else replace(judged.value, scene=(doubt, *judged.value.scene))

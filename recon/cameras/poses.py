@@ -55,7 +55,7 @@ _KEYFRAME_EVERY = 15
 # Share of inliers below which a new keyframe is taken. Chosen by us.
 _KEYFRAME_MIN_INLIERS = 0.5
 # A frame that shares fewer tracks with its keyframe is lost. Chosen by us.
-_MIN_CORRESPONDENCES = 12
+MIN_CORRESPONDENCES = 12
 # Poses tried for a frame. Chosen by us.
 _TRIES = 300
 # Standard deviations within which a track agrees with a pose. Chosen by us.
@@ -176,7 +176,7 @@ def _start_poses(
     key, last = -1, -1
     for i in progress(range(n_frames), "cameras"):
         if key < 0:
-            posed[i] = tracks.visible[i].sum() >= _MIN_CORRESPONDENCES
+            posed[i] = tracks.visible[i].sum() >= MIN_CORRESPONDENCES
             key = last = i if posed[i] else -1
             continue
         found = _align(tracks, key, i, tries, focal, rng)
@@ -195,7 +195,7 @@ def _align(
 ) -> tuple[Array, float] | None:
     """T_key_frame and its inlier share, None when they share too few tracks."""
     both = tracks.visible[key] & tracks.visible[frame]
-    if both.sum() < _MIN_CORRESPONDENCES:
+    if both.sum() < MIN_CORRESPONDENCES:
         return None
     a, b = tracks.points_cam[frame, both], tracks.points_cam[key, both]
     lateral_a, axial_a = point_sigmas(a, PIXEL_SIGMA / focal)
@@ -204,7 +204,7 @@ def _align(
     gate = INLIER_SIGMA
     pose = ransac_pose(a, b, sigma, rng, tries=tries, gate=gate)
     inlier = np.linalg.norm(geo.transform(pose, a) - b, axis=-1) < gate * sigma
-    return (pose, float(inlier.mean())) if inlier.sum() >= _MIN_CORRESPONDENCES else None
+    return (pose, float(inlier.mean())) if inlier.sum() >= MIN_CORRESPONDENCES else None
 
 
 def _bundle(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recon.evaluation.cut_truth import truth_of
 from recon.evaluation.goals import goal_of
 from recon.evaluation.known import measurable, unknown_measures
 from recon.evaluation.metrics import Surface
@@ -45,8 +46,6 @@ ALL_PARTS = "all parts"
 CHARGE_AXIS_DEG = 90.0
 CHARGE_DIRECTION_DEG = 180.0
 CHARGE_LENGTH_MM = 1000.0
-# s: times are written with six digits
-_SAME_TIME = 1e-5
 
 
 def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None = None) -> Evaluation:
@@ -64,7 +63,7 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
     if recording is None and true.knows("labels"):
         recording = open_recording(true.folder.parent)
     if recording is not None:
-        true = _of_its_frames(true, recording)
+        true = truth_of(true, recording)
     if twin.cameras is None and true.knows("cameras"):
         raise InputError(f"twin {twin.name} has no cameras to align the worlds by", "reconstruct it again")
     _require_frames(twin, true, recording)
@@ -93,17 +92,6 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
         rows += _mean_rows(per_part)
     name = true.name or (recording.name if recording else true.folder.resolve().name)
     return Evaluation(name, tuple(rows), unknown_measures(true.known), true.notes)
-
-
-def _of_its_frames(true: Truth, recording: Recording) -> Truth:
-    """The truth of the frames of a recording, where they are some of those that the truth knows, by their times."""
-    count = len(recording)
-    if true.cameras is None or count >= true.frames:
-        return true
-    first = int(np.argmin(np.abs(true.cameras.times - recording.times[0])))
-    times = true.cameras.times[first : first + count]
-    alike = len(times) == count and np.allclose(times, recording.times, rtol=0.0, atol=_SAME_TIME)
-    return true.of_frames(first, count) if alike else true
 
 
 def _allowed(rows: Iterable[Row], true: Truth) -> list[Row]:

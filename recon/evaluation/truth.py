@@ -7,7 +7,7 @@ rest.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -83,22 +83,6 @@ class TruthPart:
         """First and last moving frame of all motions; None when the part never moves."""
         return metrics.span_hull(self.spans)
 
-    def of_frames(self, first: int, count: int) -> TruthPart:
-        """The part in `count` frames from `first` on, with the motions that they show."""
-
-        def shown(spans: tuple[Span, ...]) -> tuple[Span, ...]:
-            held = ((max(a - first, 0), min(b - first, count - 1)) for a, b in spans)
-            return tuple((a, b) for a, b in held if a < b)
-
-        rows = slice(first, first + count)
-        return replace(
-            self,
-            states=self.states[rows],
-            T_world_part=self.T_world_part[rows],
-            segments=shown(self.segments),
-            told_spans=None if self.told_spans is None else shown(self.told_spans),
-        )
-
     @property
     def moving_frames(self) -> NDArray[np.int64]:
         """Frames inside `span`."""
@@ -159,20 +143,6 @@ class Truth:
     def knows(self, *names: str) -> bool:
         """Whether all these facts are known."""
         return self.known.issuperset(names)
-
-    def of_frames(self, first: int, count: int) -> Truth:
-        """The truth of a recording of `count` frames from `first` on."""
-        cameras, labels = self.cameras, self.labels
-        if cameras is not None:
-            rows = (cameras.frames >= first) & (cameras.frames < first + count)
-            cameras = Trajectory(cameras.frames[rows] - first, cameras.times[rows], cameras.T_world_cam[rows])
-        return replace(
-            self,
-            frames=count,
-            cameras=cameras,
-            parts=tuple(p.of_frames(first, count) for p in self.parts),
-            labels={k - first: labels[k] for k in labels if first <= k < first + count},
-        )
 
     def part(self, key: int) -> TruthPart:
         """The part with this id. Raises InputError that lists the ids."""

@@ -6,13 +6,20 @@ from abc import abstractmethod
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from recon.inspection.outlook import Outlook
 from twin.cause import Cause
 from twin.report.sections import Table
+from twin.verdict import OfRecording
 
 
 @dataclass(frozen=True)
 class Finding(Cause):
     """One fault of a recording; its fields are the measured values."""
+
+    @property
+    def doubts(self) -> bool:
+        """Whether a twin that is made of such a recording may be wrong while all else speaks for it."""
+        return False
 
     @property
     @abstractmethod
@@ -28,6 +35,11 @@ class Finding(Cause):
     def text(self) -> str:
         """What is wrong, and by how much."""
         return f"{self.kind}: {self.value}"
+
+    @property
+    def reason(self) -> OfRecording:
+        """The same as a reason against a twin that is made of the recording."""
+        return OfRecording("doubtful", type(self).__name__, self.text, self.kind, self.help)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON types."""
@@ -54,12 +66,14 @@ class Inspection:
     unknown: tuple[Unknown, ...]
     frames: int
     of: int
+    outlook: Outlook
 
     def as_dict(self) -> dict[str, Any]:
         """JSON types."""
         return {
             "recording": self.name,
             "frames": {"looked_at": self.frames, "of": self.of},
+            "outlook": self.outlook.as_dict(),
             "findings": [f.as_dict() for f in self.findings],
             "checked": list(self.checked),
             "unknown": [asdict(u) for u in self.unknown],

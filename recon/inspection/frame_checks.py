@@ -1,14 +1,18 @@
-"""What the numbers of single frames say: clock, copies, blur, exposure, missing depth."""
+"""What the numbers of single frames say: clock, copies, cuts, blur, exposure, missing depth."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from recon.inspection.cuts import Shown, cuts, largest_change, thumbnail
 from recon.inspection.finding import Finding, Unknown
 from recon.inspection.frame_findings import (
     Blurred,
     ClockDoubled,
     ClockGap,
+    Cut,
     MissingDepth,
     OutOfReach,
     OverExposed,
@@ -27,6 +31,7 @@ from twin.robust import mad_sigma
 Found = list[Finding | Unknown]
 
 _JITTER = 5.0  # standard deviations of a clock's own jitter that a step exceeds or falls below by chance in no recording
+_LONG = 1.5  # usual steps: more than half a frame over, so that one is missing
 _LEAST_FPS = (
     10.0  # 1/s; a door that takes a second turns 9 degrees from frame to frame, and is then lost edge-on
 )
@@ -52,9 +57,7 @@ def clock(times: Array) -> Found:
     usual = float(np.median(step))
     jitter = mad_sigma(step - usual)
     found: Found = []
-    long = np.flatnonzero(
-        step > 1.5 * usual + _JITTER * jitter
-    )  # more than half a frame over: one is missing
+    long = np.flatnonzero(step > _LONG * usual + _JITTER * jitter)
     if len(long):
         k = int(long[np.argmax(step[long])])
         found.append(ClockGap(k, float(step[k]), usual, len(long)))
@@ -82,6 +85,23 @@ def copies(stretches: list[Stretch]) -> Found:
         if s.facts[k].mark == s.facts[k - 1].mark
     ]
     return [Stuck(len(same), same[0], sum(len(s.frames) for s in stretches))] if same else []
+
+
+def cut(shown: Sequence[Shown], recording: Recording) -> Found:
+    """Frames between which the video is cut, where the clock does not tell that some are missing."""
+    found = [place for s in shown for place in _cuts(s, recording)]
+    return [Cut(found[0], len(found))] if found else []
+
+
+def _cuts(shown: Shown, recording: Recording) -> list[int]:
+    """Frames of the recording that are the last ones before a cut."""
+    step = np.diff(recording.times[shown.frames])
+    out = []
+    for k in cuts(shown.thumbnails).tolist():
+        if step[k] < _LONG * np.median(step):
+            between = range(int(shown.frames[k]), int(shown.frames[k + 1]) + 1)
+            out.append(between[largest_change([thumbnail(recording.frame(i)) for i in between])])
+    return out
 
 
 def blur(stretches: list[Stretch]) -> Found:

@@ -96,6 +96,31 @@ class Stuck(Finding):
 
 
 @dataclass(frozen=True)
+class Cut(Finding):
+    """Most of the picture changes at once after `frame`, as it does nowhere beside. count: such places in all; this is the first."""
+
+    frame: int
+    count: int
+
+    @property
+    def doubts(self) -> bool:
+        return True
+
+    @property
+    def kind(self) -> str:
+        return "the video is cut"
+
+    @property
+    def value(self) -> str:
+        more = f", and at {self.count - 1} more place{'s' * (self.count > 2)}" if self.count > 1 else ""
+        return f"between frames {self.frame} and {self.frame + 1}{more}"
+
+    @property
+    def help(self) -> str:
+        return "take the piece that shows the motion, with --start and --end, or record in one go"
+
+
+@dataclass(frozen=True)
 class Blurred(Finding):
     """`share` of the frames are blurred, most of all `frame`, by `sigma` px (standard deviation, of a picture 640 wide); direction of
     the motion that blurs it, "" for a lens out of focus."""

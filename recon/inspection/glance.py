@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.cameras.poses import estimate_cameras
+from recon.inspection.cuts import Shown
 from recon.inspection.pictures import PictureFacts, facts_of
 from recon.recording import Recording
 from recon.tracking.tracks import Seeding, Tracks, track_points
@@ -41,6 +42,11 @@ class Stretch:
     facts: tuple[PictureFacts, ...]
 
     @property
+    def shown(self) -> Shown:
+        """Its frames as thumbnails."""
+        return Shown(self.frames, [f.thumbnail for f in self.facts])
+
+    @property
     def seconds(self) -> float:
         """Usual time between two of its frames."""
         return float(np.median(np.diff(self.small.times)))
@@ -59,10 +65,15 @@ class Stretch:
             return None
 
 
+def thinned(times: Array) -> NDArray[np.int64]:
+    """Numbers of the frames that are left of a recording denser than `_FPS`."""
+    step = max(1, int(1.0 / (_FPS * float(np.median(np.diff(times)))) + 0.01))
+    return np.arange(0, len(times), step)
+
+
 def chosen_frames(times: Array) -> list[NDArray[np.int64]]:
     """Numbers of the frames that are looked at, in stretches that follow each other."""
-    step = max(1, int(1.0 / (_FPS * float(np.median(np.diff(times)))) + 0.01))
-    kept = np.arange(0, len(times), step)
+    kept = thinned(times)
     if len(kept) <= _ALL:
         return [kept]
     middle = (len(kept) - _SPAN) // 2

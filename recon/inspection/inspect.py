@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from recon.inspection import frame_checks, motion_checks
+from recon.inspection.cuts import Shown, thumbnail
 from recon.inspection.finding import Finding, Inspection, Unknown
-from recon.inspection.glance import glance
+from recon.inspection.glance import Stretch, glance, thinned
+from recon.inspection.motion_findings import DepthDelayed
+from recon.inspection.outlook import outlook
 from recon.readers import open_recording
 from recon.recording import Recording
+from twin.runs.keys import Stage
 from twin.runs.progress import shows_bar
+from twin.runs.threads import each
+
+INSPECTION = Stage("inspect", 1, ())
+
+Check = Callable[[], list[Finding | Unknown]]
 
 
 @shows_bar("inspect")
@@ -25,18 +35,10 @@ def inspect(recording: Recording | Path | str) -> Inspection:
         recording = open_recording(recording)
     opened = recording
     stretches = glance(opened)
-    checks: dict[str, Callable[[], list[Finding | Unknown]]] = {
-        "clock": lambda: frame_checks.clock(opened.times),
-        "size": lambda: frame_checks.size(opened),
-        "copies": lambda: frame_checks.copies(stretches),
-        "registration": lambda: motion_checks.registration(stretches, opened),
-        "focal length": lambda: motion_checks.focal(stretches, opened),
-        "blur": lambda: frame_checks.blur(stretches),
-        "exposure": lambda: frame_checks.exposure(stretches),
-        "depth": lambda: frame_checks.depth(stretches),
-        "rest and hand": lambda: motion_checks.rest_and_hand(stretches),
-    }
-    told = [said for check in checks.values() for said in check()]
+    checks = _quick(stretches, [s.shown for s in stretches], opened)
+    checks["focal length"] = lambda: motion_checks.focal(stretches, opened)
+    checks["rest and hand"] = lambda: motion_checks.rest_and_hand(stretches)
+    told = _told(checks)
     return Inspection(
         name=opened.name,
         findings=tuple(t for t in told if isinstance(t, Finding)),
@@ -44,4 +46,45 @@ def inspect(recording: Recording | Path | str) -> Inspection:
         unknown=tuple(t for t in told if isinstance(t, Unknown)),
         frames=sum(len(s.frames) for s in stretches),
         of=len(opened),
+        outlook=outlook(opened),
     )
+
+
+def quick_findings(recording: Recording) -> tuple[Finding, ...]:
+    """What the checks find that need no tracks, before a reconstruction: each is a warning too. Cuts are looked for in all frames."""
+    stretches = glance(recording)
+    shown = [s.shown for s in stretches]
+    if len(stretches) > 1:
+        frames = thinned(recording.times)
+        shown = [Shown(frames, list(each(lambda i: thumbnail(recording.frame(i)), frames.tolist())))]
+    found = tuple(t for t in _told(_quick(stretches, shown, recording)) if isinstance(t, Finding))
+    for finding in found:
+        warnings.warn(f"{finding.text}; {finding.help}", stacklevel=2)
+    return found
+
+
+def _quick(stretches: list[Stretch], shown: Sequence[Shown], opened: Recording) -> dict[str, Check]:
+    """The checks that need no tracks."""
+    return {
+        "clock": lambda: frame_checks.clock(opened.times),
+        "size": lambda: frame_checks.size(opened),
+        "copies": lambda: frame_checks.copies(stretches),
+        "cuts": lambda: frame_checks.cut(shown, opened),
+        "lag of depth": lambda: motion_checks.lag(stretches, opened),
+        "registration": lambda: motion_checks.registration(stretches, opened),
+        "blur": lambda: frame_checks.blur(stretches),
+        "exposure": lambda: frame_checks.exposure(stretches),
+        "depth": lambda: frame_checks.depth(stretches),
+    }
+
+
+def _told(checks: dict[str, Check]) -> list[Finding | Unknown]:
+    """What the checks say; those that a lag of depth would spoil wait until it is mended."""
+    out: list[Finding | Unknown] = []
+    for name, check in checks.items():
+        late = next((f for f in out if isinstance(f, DepthDelayed) and f.frames), None)
+        if late is not None and name in ("registration", "focal length"):
+            out.append(Unknown(name, f"depth lags; inspect again with --depth-delay {late.frames}"))
+        else:
+            out += check()
+    return out

@@ -1,4 +1,4 @@
-"""What the frames say together: focal length, registration of depth, rest, and the hand."""
+"""What the frames say together: lag and registration of depth, focal length, rest, and the hand."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from recon.inspection.changes import Depths, arm_in_view, depths_of, moving_shar
 from recon.inspection.finding import Finding, Unknown
 from recon.inspection.focal import fit_focal
 from recon.inspection.glance import Stretch
+from recon.inspection.lag import fit_lag
 from recon.inspection.motion_findings import (
     DepthDelayed,
     HandAlwaysThere,
@@ -17,7 +18,7 @@ from recon.inspection.motion_findings import (
     NothingMoves,
     WrongFocal,
 )
-from recon.inspection.registration import REACH, EdgeTable, delay, edge_table, offset
+from recon.inspection.registration import REACH, EdgeTable, edge_table, offset
 from recon.motion.intervals import REST_SECONDS
 from recon.recording import Recording
 
@@ -27,7 +28,7 @@ _FOCAL = 0.02  # a door half a metre wide becomes 1 cm too wide or too narrow
 _SURE = 3.0  # standard deviations
 _SHIFT = 1.5  # px of 640: tracks leave out a pixel beside edges of depth; beyond it they take the background's depth
 _BORDER = 3.0  # px of 640, at the left and right border: told by thirds of the picture, and so half as well as a shift
-_DELAY = 0.025  # s: a part that is opened at 0.4 m/s moves 1 cm, which counts as movement
+_LAG = 0.025  # s: a part that is opened at 0.4 m/s moves 1 cm, which counts as movement
 _LEAST_EDGES = 500  # pixels on edges of depth in a frame that would meet edges of colour if they could
 _KNOWN = 0.65  # share of the picture with depth, as `frame_checks` asks for: the rims of holes are edges of nothing
 _MOVES = 0.003  # share of the picture: a metre away 6 cm x 6 cm, less than a fist
@@ -48,12 +49,22 @@ def focal(stretches: list[Stretch], recording: Recording) -> Found:
     return [WrongFocal(stated, stated * fit.ratio, fit.sigma)]
 
 
+def lag(stretches: list[Stretch], recording: Recording) -> Found:
+    """By how much depth lags behind colour."""
+    fit = fit_lag(stretches)
+    if fit is None:
+        return [Unknown("lag of depth", "nothing moves by which it would show")]
+    late, sigma = fit.frames * stretches[0].seconds, fit.sigma * stretches[0].seconds
+    if abs(late) <= max(_LAG, _SURE * sigma):
+        return []
+    usual = float(np.median(np.diff(recording.times)))
+    return [DepthDelayed(round(late / usual), late, sigma)]
+
+
 def registration(stretches: list[Stretch], recording: Recording) -> Found:
-    """Shift, scale and delay between depth and colour."""
+    """Shift and scale between depth and colour."""
     tables = [edge_table(s) for s in stretches]
-    table = EdgeTable(
-        *(np.concatenate([getattr(t, name) for t in tables]) for name in ("score", "count", "speed"))
-    )
+    table = EdgeTable(*(np.concatenate([getattr(t, name) for t in tables]) for name in ("score", "count")))
     found: Found = []
     where = offset(table)
     small = stretches[0].small.intrinsics
@@ -75,11 +86,6 @@ def registration(stretches: list[Stretch], recording: Recording) -> Found:
     for axis, interval in zip("xy", where.shift, strict=True):
         if not np.isfinite(interval).all():
             found.append(Unknown(f"registration along {axis}", "too few edges of depth are edges of colour"))
-    late, sigma = delay(table)
-    if not _SURE * sigma <= 2 * _DELAY:
-        found.append(Unknown("delay of depth", "the camera moves too little"))
-    elif abs(late) > max(_DELAY, _SURE * sigma):
-        found.append(DepthDelayed(late, sigma))
     return found
 
 

@@ -17,6 +17,10 @@ class Misregistered(Finding):
     border: float | None
 
     @property
+    def doubts(self) -> bool:
+        return True
+
+    @property
     def kind(self) -> str:
         return "depth does not lie on colour"
 
@@ -46,6 +50,10 @@ class NoCommonEdges(Finding):
     reach: float
 
     @property
+    def doubts(self) -> bool:
+        return True
+
+    @property
     def kind(self) -> str:
         return "depth does not lie on colour"
 
@@ -60,10 +68,15 @@ class NoCommonEdges(Finding):
 
 @dataclass(frozen=True)
 class DepthDelayed(Finding):
-    """Depth was taken `delay` s after colour (before it: negative), +- sigma."""
+    """Depth lags `lag` s behind colour (is ahead of it: negative), +- sigma; frames: the nearest whole number of the recording's."""
 
-    delay: float
+    frames: int
+    lag: float
     sigma: float
+
+    @property
+    def doubts(self) -> bool:
+        return self.frames != 0
 
     @property
     def kind(self) -> str:
@@ -71,10 +84,15 @@ class DepthDelayed(Finding):
 
     @property
     def value(self) -> str:
-        return f"depth is {1000 * abs(self.delay):.0f} ± {1000 * self.sigma:.0f} ms {'late' if self.delay > 0 else 'early'}"
+        ms = f"{1000 * abs(self.lag):.0f} ± {1000 * self.sigma:.0f} ms"
+        n = abs(self.frames)
+        told = f"{n} frame{'s' * (n != 1)} ({ms})" if n else f"{ms}, less than half a frame,"
+        return f"depth {'lags' if self.lag > 0 else 'is'} {told} {'behind' if self.lag > 0 else 'ahead of'} colour"
 
     @property
     def help(self) -> str:
+        if self.frames:
+            return f"open it with --depth-delay {self.frames}, or pair pictures by the times they were taken"
         return "pair pictures by the times they were taken, or let the device synchronise them"
 
 

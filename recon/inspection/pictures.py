@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.inspection.cuts import Thumbnail, thumbnail
+from recon.recording import Frame
 from twin.geometry import Array
 
 F32 = NDArray[np.float32]
@@ -31,7 +33,7 @@ class PictureFacts:
     """Of one frame. saturated, black: shares of pixels. blur (4,): standard deviation of the blur along each of DIRECTIONS, px
     of a picture 640 wide, NaN without edges. known, known_centre: shares of pixels with depth, in the whole picture and in its
     middle half by width and height. near, far: m, depths that 5 % of the known pixels are nearer, farther than. mark: a number
-    that only equal pictures share."""
+    that only equal pictures share. thumbnail: see `cuts`."""
 
     saturated: float
     black: float
@@ -41,6 +43,7 @@ class PictureFacts:
     near: float
     far: float
     mark: int
+    thumbnail: Thumbnail
 
 
 def facts_of(color: NDArray[np.uint8], depth: F32) -> PictureFacts:
@@ -63,6 +66,7 @@ def facts_of(color: NDArray[np.uint8], depth: F32) -> PictureFacts:
         near=float(near),
         far=float(far),
         mark=hash(color[::4, ::4].tobytes()),
+        thumbnail=thumbnail(Frame(color, depth)),
     )
 
 

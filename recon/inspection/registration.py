@@ -1,7 +1,7 @@
-"""Whether depth lies on colour: the shift, scale and delay under which edges of depth fall onto edges of colour.
+"""Whether depth lies on colour: the shift and scale under which edges of depth fall onto edges of colour.
 
-Shift, scale and delay are all read from one table: how strong colour's gradient is, on average, some pixels beside the
-edges of depth, for each frame, each side of objects and each third of the picture.
+Both are read from one table: how strong colour's gradient is, on average, some pixels beside the edges of depth, for each
+frame, each side of objects and each third of the picture.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recon.inspection.glance import Stretch
 from twin.geometry import Array
-from twin.robust import geman_mcclure, mad_sigma
+from twin.robust import mad_sigma
 
 F32 = NDArray[np.float32]
 
@@ -31,12 +31,10 @@ _MIN_PEAK = 6.0  # noise of the profile by which its peak stands out; one of 33 
 class EdgeTable:
     """score (n, 2, 2, 2, 3, 2 REACH + 1): sum of colour's gradient beside the edges of depth, by frame, fill of holes (with what is
     behind, with what is before), axis (x, y), side of the object (where it begins along the axis, where it ends), third of the
-    picture along the axis, and distance in px; count: the same without the last. speed (n, 2): px per second at which the picture
-    moves, NaN where tracks don't tell."""
+    picture along the axis, and distance in px; count: the same without the last."""
 
     score: Array
     count: Array
-    speed: Array
 
 
 def edge_table(stretch: Stretch) -> EdgeTable:
@@ -45,17 +43,7 @@ def edge_table(stretch: Stretch) -> EdgeTable:
     frames = np.unique(np.linspace(1, n - 2, min(n - 2, _FRAMES)).astype(int)).tolist()
     tables = [_of_frame(*stretch.small.frame(k)) for k in frames]
     score, count = (np.array(t) for t in zip(*tables, strict=True))
-    return EdgeTable(score, count, np.array([_speed(stretch, k) for k in frames]))
-
-
-def _speed(stretch: Stretch, k: int) -> Array:
-    """Median speed (2,) px/s of the tracks from the frame before to the frame after."""
-    tracks, times = stretch.tracks, stretch.small.times
-    both = tracks.visible[k - 1] & tracks.visible[k + 1]
-    if both.sum() < 12:
-        return np.full(2, np.nan)
-    moved = tracks.pixels[k + 1, both] - tracks.pixels[k - 1, both]
-    return np.asarray(np.median(moved, axis=0) / (times[k + 1] - times[k - 1]))
+    return EdgeTable(score, count)
 
 
 def _of_frame(color: NDArray[np.uint8], depth: F32) -> tuple[Array, Array]:
@@ -65,8 +53,8 @@ def _of_frame(color: NDArray[np.uint8], depth: F32) -> tuple[Array, Array]:
     for axis in range(2):
         image, z = (grey, depth) if axis == 0 else (grey.T, depth.T)
         strength = _gradient(np.ascontiguousarray(image))
-        for fill, filled in enumerate(_filled(np.ascontiguousarray(z))):
-            for side, (y, x) in enumerate(_outlines(filled)):
+        for fill, whole in enumerate(filled(np.ascontiguousarray(z))):
+            for side, (y, x) in enumerate(_outlines(whole)):
                 third = x * 3 // z.shape[1]
                 for part in range(3):
                     here = np.flatnonzero(third == part)
@@ -85,7 +73,7 @@ def _gradient(image: F32) -> F32:
     return np.asarray(np.minimum(size / (around + 1.0), 8.0), dtype=np.float32)
 
 
-def _filled(depth: F32) -> tuple[F32, F32]:
+def filled(depth: F32) -> tuple[F32, F32]:
     """Holes filled in each row with the farther and with the nearer of the depths at their ends.
 
     Beside an object depth is missing: of the background where one of a sensor's two eyes does not see it, and of the object where its
@@ -140,7 +128,7 @@ def offset(table: EdgeTable) -> Offset:
     blocks = np.array_split(np.arange(len(table.score)), _BLOCKS)
     parts = []
     for b in blocks:
-        rest = EdgeTable(*(np.delete(x, b, axis=0) for x in (table.score, table.count, table.speed)))
+        rest = EdgeTable(*(np.delete(x, b, axis=0) for x in (table.score, table.count)))
         parts.append([_middle(rest, 0, a, slice(None)) for a in range(2)])
     sigma = jackknife(np.array(parts))
     edges = int(table.count[:, 0].sum())
@@ -164,40 +152,6 @@ def _middle(table: EdgeTable, fill: int, axis: int, part: slice) -> float:
             return float("nan")
         places.append(place)
     return float(np.mean(places))
-
-
-def delay(table: EdgeTable) -> tuple[float, float]:
-    """Time (s) by which depth was taken later than colour, and its standard deviation; NaN where the camera moves too little.
-
-    Depth that is late by t lies where the picture will be: its edges are t times the picture's speed ahead of those of colour. So
-    the line through places of peaks over speeds falls by t.
-    """
-    places, speeds, frames = [], [], []
-    for axis in range(2):
-        for side in range(2):
-            counts = table.count[:, 0, axis, side].sum(axis=1)
-            peaks = np.array([peak(row) for row in table.score[:, 0, axis, side].sum(axis=1)])
-            good = np.isfinite(table.speed[:, axis]) & (counts > _MIN_EDGES) & (peaks[:, 1] > _MIN_PEAK)
-            if good.sum() >= _BLOCKS:
-                places.append(peaks[good, 0] - np.median(peaks[good, 0]))
-                speeds.append(table.speed[good, axis] - np.median(table.speed[good, axis]))
-                frames.append(np.flatnonzero(good))
-    if not places:
-        return float("nan"), float("nan")
-    d, v, frame = np.concatenate(places), np.concatenate(speeds), np.concatenate(frames)
-    blocks = np.array_split(np.arange(len(table.score)), _BLOCKS)
-    parts = [_slope(d[~np.isin(frame, b)], v[~np.isin(frame, b)]) for b in blocks]
-    return -_slope(d, v), float(jackknife(np.array(parts)))
-
-
-def _slope(d: Array, v: Array) -> float:
-    """Robust slope of d over v, both about zero."""
-    slope, weight = 0.0, np.ones(len(d))
-    for _ in range(10):
-        slope = float((weight * v * d).sum() / max(float((weight * v * v).sum()), 1e-9))
-        rest = d - slope * v
-        weight = geman_mcclure(rest**2, (3.0 * max(mad_sigma(rest), 0.1)) ** 2)
-    return slope
 
 
 def peak(profile: Array) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from recon.readers import files
 from recon.readers.arkit import MIN_CONFIDENCE, OwnCameras, camera_of, opencv_z_up
 from recon.readers.fingerprint import fingerprint_of
-from recon.readers.streams import Streams, recording_of
+from recon.readers.streams import Streams
+from recon.readers.turned import with_turned_poses
 from recon.recording import Intrinsics, ReadColor, ReadDepth
 from recon.recording.rig import Lens, Rig
 from twin.errors import InputError, MissingDependencyError
-from twin.geometry import Array, exp_so3, make_pose
+from twin.geometry import Array
 from twin.packages import to_install
 
 MAX_MEMBER_BYTES = 64 * 2**20  # chosen by us: no frame is larger; guards against hostile archives
@@ -65,29 +66,6 @@ class Record3DReader:
                 warnings=warnings,
             )
         )
-
-
-def with_turned_poses(streams: Streams) -> Streams:
-    """The same with poses of the pictures as they are stored: landscape ones of Record3D 1.10.1 and newer may have those of portrait."""
-    camera = streams.rig.color.camera
-    if streams.poses is None or camera.width <= camera.height:
-        return streams
-    from recon.readers.turned import quarter_turn  # here: OpenCV
-
-    made = recording_of(streams)
-    if made.poses is None:
-        return streams
-    turns = quarter_turn(made.times, made.poses.T_world_cam, made.intrinsics, made.frame)
-    name = "its landscape pictures have poses turned by"
-    if turns is None:
-        said = f"{streams.name}: whether {name} 90° can't be told, the camera moves too little; they are taken as they are"
-        return replace(streams, warnings=(*streams.warnings, said))
-    if turns == 0:
-        return streams
-    times, poses = streams.poses
-    said = f"{streams.name}: {name} {90 * turns if turns < 3 else -90}°, as Record3D 1.10.1 stores them; turned back"
-    poses = poses @ make_pose(exp_so3([0.0, 0.0, turns * np.pi / 2]))
-    return replace(streams, poses=(times, poses), warnings=(*streams.warnings, said))
 
 
 def is_record3d(path: Path) -> bool:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from recon.readers import arkit, files
 from recon.readers.fingerprint import fingerprint
-from recon.readers.record3d import Metadata, with_turned_poses
+from recon.readers.record3d import Metadata
 from recon.readers.streams import Streams
+from recon.readers.turned import with_turned_poses
 from recon.recording import ReadDepth
 from twin.errors import InputError, MissingDependencyError
 from twin.geometry import Array

@@ -7,10 +7,11 @@ picture. No version is written into the file, so the pictures decide.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
-import cv2
 import numpy as np
 
+from recon.readers.streams import Streams, recording_of
 from recon.recording import Frame, Intrinsics
 from twin.errors import InputError
 from twin.geometry import Array, exp_so3, invert_pose, make_pose, rotation_angle, transform
@@ -28,6 +29,27 @@ _CORNERS, _APART, _BACK = (
 _FEWEST = 30  # corners in all
 # Of the error of the second best turn, chosen by us: the right one leaves noise, the others all of the motion
 _CLEAR = 0.5
+
+
+def with_turned_poses(streams: Streams) -> Streams:
+    """The same with poses of the pictures as they are stored: landscape ones of Record3D 1.10.1 and newer may have those of portrait."""
+    camera = streams.rig.color.camera
+    if streams.poses is None or camera.width <= camera.height:
+        return streams
+    made = recording_of(streams)
+    if made.poses is None:
+        return streams
+    turns = quarter_turn(made.times, made.poses.T_world_cam, made.intrinsics, made.frame)
+    name = "its landscape pictures have poses turned by"
+    if turns is None:
+        said = f"{streams.name}: whether {name} 90° can't be told, the camera moves too little; they are taken as they are"
+        return replace(streams, warnings=(*streams.warnings, said))
+    if turns == 0:
+        return streams
+    times, poses = streams.poses
+    said = f"{streams.name}: {name} {90 * turns if turns < 3 else -90}°, as Record3D 1.10.1 stores them; turned back"
+    poses = poses @ make_pose(exp_so3([0.0, 0.0, turns * np.pi / 2]))
+    return replace(streams, poses=(times, poses), warnings=(*streams.warnings, said))
 
 
 def quarter_turn(
@@ -72,6 +94,8 @@ def _pairs(times: Array, poses: Array) -> list[tuple[int, int]]:
 
 def _followed(before: Frame, after: Frame) -> tuple[Array, Array]:
     """Corners (n, 2) px of one picture, and where they are in the other."""
+    import cv2  # here: what is wrong with a recording is told without it
+
     one, other = (cv2.cvtColor(f.color, cv2.COLOR_RGB2GRAY) for f in (before, after))
     corners = cv2.goodFeaturesToTrack(one, _CORNERS, 0.01, _APART)
     if corners is None:

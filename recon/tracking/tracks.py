@@ -126,6 +126,22 @@ def track_points(
     return tracker.tracks(camera, len(recording), 1.0 / scale)
 
 
+def followed(
+    before: NDArray[np.uint8], after: NDArray[np.uint8], start: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where corners (n, 2) px of one grey picture are in another, and which (n,) of them come back to their start from there."""
+    lk = {
+        "winSize": (_WINDOW, _WINDOW),
+        "maxLevel": _LEVELS,
+        "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01),
+    }
+    corners = start[:, None]
+    there, ok1, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, None, **lk)  # type: ignore[call-overload]
+    back, ok2, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **lk)  # type: ignore[call-overload]
+    error = np.linalg.norm((back - corners)[:, 0], axis=1)
+    return there[:, 0], (ok1[:, 0] == 1) & (ok2[:, 0] == 1) & (error < _MAX_FORWARD_BACKWARD)
+
+
 class _Tracker:
     """State of the tracker between frames: the previous image and the live corners."""
 
@@ -153,20 +169,11 @@ class _Tracker:
         self._previous = grey
 
     def _follow(self, grey: NDArray[np.uint8]) -> None:
-        lk = {
-            "winSize": (_WINDOW, _WINDOW),
-            "maxLevel": _LEVELS,
-            "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01),
-        }
         assert self._previous is not None
-        start = self._live_xy[:, None]
-        there, ok1, _ = cv2.calcOpticalFlowPyrLK(self._previous, grey, start, None, **lk)  # type: ignore[call-overload]
-        back, ok2, _ = cv2.calcOpticalFlowPyrLK(grey, self._previous, there, None, **lk)  # type: ignore[call-overload]
-        error = np.linalg.norm((back - start)[:, 0], axis=1)
-        xy = there[:, 0]
+        xy, found = followed(self._previous, grey, self._live_xy)
         w, h = self._size
         inside = (xy[:, 0] >= 1) & (xy[:, 0] <= w - 2) & (xy[:, 1] >= 1) & (xy[:, 1] <= h - 2)
-        keep = inside & (ok1[:, 0] == 1) & (ok2[:, 0] == 1) & (error < _MAX_FORWARD_BACKWARD)
+        keep = inside & found
         # Two tracks that have run into each other follow the same point: the older one stays.
         cells = np.rint(xy / 2.0).astype(np.int64)
         _, first = np.unique(

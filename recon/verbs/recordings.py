@@ -30,6 +30,7 @@ def inspect(console: Console, recording: Path, **opening: Any) -> Outcome:
     count = len(found.findings)
     said = f"{count} finding{'s' * (count != 1)}" if count else "nothing found"
     notes = [
+        found.outlook.text,
         f"{said} in {found.frames} of {found.of} frames; checked: {', '.join(found.checked)}",
         *(f"not known: {u.check} ({u.why})" for u in found.unknown),
     ]

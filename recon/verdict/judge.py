@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,10 +66,12 @@ def judge(
     parts: Sequence[MovingPart],
     fused: FusedScene,
     finished: Sequence[FinishedPart],
+    faults: Sequence[Reason] = (),
 ) -> Judged:
     """Judge each part as it would be written, and the scene.
 
-    parts: those of `found`, refined. finished: those of them that have a surface, counted from their closed end.
+    parts: those of `found`, refined. finished: those of them that have a surface, counted from their closed end. faults: what the
+    recording's inspection says against everything that is made of it.
     """
     written = {f.moving.id: (f.moving, f.mesh) for f in finished}
     closed = {f.moving.id: (f.closed_margin, f.closed_probability) for f in finished}
@@ -79,9 +81,12 @@ def judge(
         part.id: verdict_on(PartEvidence(scene, part, mesh, tracks, *closed.get(part.id, ())))
         for (part, mesh), tracks in zip(told, found.of(parts), strict=True)
     }
-    verdicts = _beside_doubted(parts, alone)
-    none = all(v.level == "refused" for v in verdicts.values())
-    return Judged(verdicts, (nothing_articulated(found.movers),) if none else ())
+    # What is wrong with the recording comes first: it may be the cause of all else.
+    verdicts = {k: Verdict((*faults, *v.reasons)) for k, v in _beside_doubted(parts, alone).items()}
+    if any(v.level != "refused" for v in verdicts.values()):
+        return Judged(verdicts, tuple(faults))
+    refusing = (replace(f, level="refused") for f in faults)
+    return Judged(verdicts, (*refusing, nothing_articulated(found.movers)))
 
 
 def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.scenes.boards import cabinet_twin
-from recon.assemble import given_names
+from recon.verdict.assemble import given_names
 from twin.scene import Recorded, Twin
 
 FINGERPRINT = "a" * 64

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks.layouts.ros import write_ros1
-from recon.assemble import say_where
 from recon.readers import open_recording
 from recon.readers.fingerprint import BLOCKS, fingerprint, fingerprint_of
+from recon.verdict.assemble import say_where
 from tests.recon.tiny import HEIGHT, WIDTH, write_recording
 from twin.cli.main import run
 from twin.errors import InputError

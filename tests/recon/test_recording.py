@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 import recon
 import recon.simulate
 from recon import Frame, Intrinsics, Recording, open_recording, pipeline
-from recon.assemble import say_where
 from recon.models.joint_hint import PrecomputedJointHint
 from recon.recording.kept import kept
+from recon.verdict.assemble import say_where
 from tests.recon.in_memory import T, made
 from tests.recon.tiny import FRAMES, cameras, write_poses, write_recording
 from twin import geometry as geo

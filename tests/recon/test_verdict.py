@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recon.assemble import assemble
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.motion.movers import Movers
 from recon.refine.refine_parts import polish_parts, refine_found
 from recon.verdict import of_parts, of_video
+from recon.verdict.assemble import assemble
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.explained import other_depth
 from recon.verdict.judge import judge

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
-from recon.assemble import keep_twin
+from recon.verdict.assemble import keep_twin
 from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.exporters.texture import photo_atlas

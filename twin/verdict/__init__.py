@@ -23,7 +23,15 @@ from twin.verdict.reason import Level as Level
 from twin.verdict.reason import Reason as Reason
 from twin.verdict.reason import StatedReason as StatedReason
 from twin.verdict.reason import worst as worst
-from twin.verdict.reasons import REASONS, ManyDoubts, MovesWithDoubted, NothingArticulated, OfPart, UpUnsure
+from twin.verdict.reasons import (
+    REASONS,
+    ManyDoubts,
+    MovesWithDoubted,
+    NothingArticulated,
+    OfPart,
+    OfRecording,
+    UpUnsure,
+)
 from twin.verdict.surface import (
     AlongItself,
     BareBorder,
@@ -68,6 +76,7 @@ __all__ = [
     "NoUncertainty",
     "NothingArticulated",
     "OfPart",
+    "OfRecording",
     "PivotUnsure",
     "RangeUnsure",
     "Reason",

@@ -163,6 +163,28 @@ class OfPart(Reason):
         return self.cure
 
 
+@dataclass(frozen=True)
+class OfRecording(Reason):
+    """A fault of the recording itself. finding: its type in the recording's inspection; said, sort, cure: its text, kind and help."""
+
+    finding: str
+    said: str
+    sort: str
+    cure: str
+
+    @property
+    def text(self) -> str:
+        return self.said
+
+    @property
+    def kind(self) -> str:
+        return self.sort
+
+    @property
+    def help(self) -> str:
+        return f"{self.cure}, or {CUT}"
+
+
 # By the names under which twin.json has them: a name that was given stays.
 REASONS: dict[str, type[Reason]] = {
     c.__name__: c
@@ -199,5 +221,6 @@ REASONS: dict[str, type[Reason]] = {
         NothingArticulated,
         UpUnsure,
         OfPart,
+        OfRecording,
     )
 }

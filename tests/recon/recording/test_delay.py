@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recon.evaluation.cut_truth import of_frames
 from recon.evaluation.evaluate import evaluate
 from recon.evaluation.truth import load_truth
 from recon.readers import open_recording
@@ -103,7 +104,7 @@ def test_it_is_an_option_of_the_verbs(clip: Path, tmp_path: Path, capsys: pytest
 def test_a_twin_of_some_frames_is_judged_by_their_truth(clip: Path) -> None:
     """Of a recording that was cut, or whose depth lagged."""
     truth = load_truth(clip / "truth")
-    some = truth.of_frames(3, 25)
+    some = of_frames(truth, 3, 25)
     assert some.cameras is not None
     assert truth.cameras is not None
     assert some.parts[0].states.tolist() == truth.parts[0].states[3:28].tolist()

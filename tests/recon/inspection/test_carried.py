@@ -1,0 +1,68 @@
+"""What is wrong with a recording is carried into the verdict on what is made of it, before all that follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from recon.contact.finish_parts import FinishedPart
+from recon.fusion.fuse import FusedScene
+from recon.inspection.frame_findings import Blurred, Cut
+from recon.inspection.motion_findings import DepthDelayed
+from recon.verdict.judge import Judged, judge
+from tests.recon.cabinets import Clip, make_clip
+from tests.recon.judged import perfect
+from twin.verdict import NothingArticulated, OfRecording, Reason, of_twin, verdict_document, verdict_from
+
+LATE = DepthDelayed(2, 0.133, 0.002)
+CUT = Cut(108, 1)
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return make_clip("door")
+
+
+def judged(clip: Clip, faults: tuple[Reason, ...], surface: bool = True) -> Judged:
+    """A door about which nothing else is doubtful; without a surface it is refused."""
+    e = perfect(clip)
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),) if surface else ()
+    fused = FusedScene(clip.static, {e.part.id: clip.mesh})
+    found = replace(e.scene.found, parts=(e.tracks,))
+    return judge(clip.recording, clip.cameras, clip.labels, found, (e.part,), fused, finished, faults)
+
+
+def test_late_depth_doubts_every_part_and_is_the_first_reason(clip: Clip) -> None:
+    found = judged(clip, (LATE.reason,))
+    verdict = found.parts[clip.part.id]
+    assert (verdict.level, verdict.main) == ("doubtful", LATE.reason)
+    whole = of_twin({"door": verdict}, own=found.scene)
+    assert whole.text.startswith(
+        "doubtful: depth and colour of different times: depth lags 2 frames (133 ± 2 ms) behind colour; "
+        "open it with --depth-delay 2"
+    )
+    assert verdict_from(verdict_document(whole) or {}) == whole
+    assert judged(clip, ()).parts[clip.part.id].level == "trusted"
+
+
+def test_where_nothing_was_found_late_depth_is_why(clip: Clip) -> None:
+    found = judged(clip, (LATE.reason,), surface=False)
+    late, nothing = found.scene
+    assert isinstance(late, OfRecording)
+    assert isinstance(nothing, NothingArticulated)
+    assert of_twin({}, {"door": found.parts[clip.part.id]}, found.scene).text.startswith(
+        "refused: depth and colour of different times: depth lags 2 frames"
+    )
+
+
+def test_a_cut_is_named_before_what_follows_from_it(clip: Clip) -> None:
+    verdict = of_twin({"door": judged(clip, (CUT.reason,)).parts[clip.part.id]}, own=(CUT.reason,))
+    assert verdict.text.startswith("doubtful: the video is cut: between frames 108 and 109; take the piece")
+
+
+def test_what_only_makes_a_recording_worse_doubts_nothing() -> None:
+    assert LATE.doubts
+    assert CUT.doubts
+    assert not replace(LATE, frames=0, lag=0.03).doubts
+    assert not Blurred(0.5, 3, 2.0, "horizontal").doubts
