@@ -6,13 +6,12 @@ import ast
 import re
 import subprocess
 import sys
+from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-
-import recon.pipeline
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -36,11 +35,22 @@ def module_of(file: Path) -> ModuleType:
 
 
 def stages_of_the_pipeline() -> list[str]:
-    """Names of the stages that `recon.pipeline` computes, in order."""
-    tree = ast.parse((ROOT / "recon/pipeline.py").read_text(encoding="utf-8"))
-    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and ast.unparse(n.func) == "stage"]
-    ordered = sorted(calls, key=lambda c: c.lineno)
-    return [getattr(recon.pipeline, ast.unparse(c.args[0])).name for c in ordered]
+    """Names of the stages of a reconstruction, in order: those before `survey`, those of it, and those after it."""
+
+    def calls(module: str, function: str) -> list[str]:
+        tree = ast.parse((ROOT / module.replace(".", "/")).with_suffix(".py").read_text(encoding="utf-8"))
+        (body,) = (n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
+        found = [n for n in ast.walk(body) if isinstance(n, ast.Call) and ast.unparse(n.func) == "stage"]
+        ordered = sorted(found, key=lambda c: c.lineno)
+        return [getattr(import_module(module), ast.unparse(c.args[0])).name for c in ordered]
+
+    places = (
+        ("pipeline", "_run"),
+        ("survey", "survey"),
+        ("survey", "_upright"),
+        ("pipeline", "_judged_twin"),
+    )
+    return [name for module, function in places for name in calls(f"recon.{module}", function)]
 
 
 def files_named(text: str) -> list[str]:

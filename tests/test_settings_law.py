@@ -320,8 +320,9 @@ def test_the_config_of_a_run_repeats_it(tmp_path: Path, monkeypatch: pytest.Monk
         def stage(self: Run, name: str, version: int, config: Any, upstream: Any, compute: Any) -> Any:
             parts = {"version": version, "config": as_dict(config), "upstream": [u.key for u in upstream]}
             keys[name] = stage_key(name, parts)
+            found: Any = types.SimpleNamespace(static=None, doubt=None, up=(0.0, 0.0, 1.0))
             return types.SimpleNamespace(
-                key=keys[name], value=types.SimpleNamespace(static=None), warnings=()
+                key=keys[name], value=() if name == "inspect" else found, warnings=()
             )
 
         def stop(*_: Any) -> None:
