@@ -20,8 +20,8 @@ from twin.verdict import Verdict
 
 RECORDING = asset("recordings/cabinet_drawer")
 STAGES = [
-    "tracks", "cameras", "gravity", "motion", "noise", "refine", "labels", "polish", "fusion", "contact", "texture",
-    "verdict", "handle",
+    "inspect", "tracks", "cameras", "gravity", "motion", "noise", "refine", "labels", "polish", "fusion", "up", "contact",
+    "texture", "verdict", "handle",
 ]  # fmt: skip
 
 
@@ -92,24 +92,24 @@ def test_an_interrupted_run_ends_with_the_same_bytes(
     """What a killed process leaves: the first stages, and half of another in a temporary folder. The number of threads is another."""
     monkeypatch.setenv("OMP_NUM_THREADS", "2" if threads() == 1 else "1")
     resumed = tmp_path / "run"
-    for stage in sorted((finished / "stages").glob("[0-9]*"))[:6]:
+    for stage in sorted((finished / "stages").glob("[0-9]*"))[:7]:
         shutil.copytree(stage, resumed / "stages" / stage.name)
-    half = resumed / "stages" / ".07_labels.tmp"
+    half = resumed / "stages" / ".08_labels.tmp"
     half.mkdir()
     (half / "arrays.npz").write_bytes(b"PK")
     assert reconstruct(resumed) == 0
-    assert list(computed(resumed)) == STAGES[6:]
+    assert list(computed(resumed)) == STAGES[7:]
     assert twin_bytes(resumed) == twin_bytes(finished)
 
 
 def test_a_changed_setting_recomputes_what_depends_on_it(run: Path) -> None:
     from recon.config import ReconConfig
 
-    near = ReconConfig().contact.near
-    assert reconstruct(run, "--set", f"contact.near={near * 1.01}") == 0
+    gap = ReconConfig().closed_end.gap
+    assert reconstruct(run, "--set", f"closed_end.gap={gap * 1.01}") == 0
     reasons = computed(run)
     assert list(reasons) == ["contact", "texture", "verdict", "handle"]
-    assert f"near changed from {near}" in reasons["contact"]
+    assert f"gap changed from {gap}" in reasons["contact"]
 
 
 def test_exports_agree_with_the_twin_in_every_program(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

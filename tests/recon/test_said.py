@@ -266,8 +266,8 @@ def test_the_word_changes_the_keys_of_the_stages_that_it_is_about() -> None:
                 seen[name] = settings
                 if name == "verdict":
                     raise KeyboardInterrupt
-                world = types.SimpleNamespace(static=None, up=(0.0, 0.0, 1.0), doubt=None)
-                return types.SimpleNamespace(value=world, warnings=())
+                world: Any = types.SimpleNamespace(static=None, up=(0.0, 0.0, 1.0), doubt=None)
+                return types.SimpleNamespace(value=() if name == "inspect" else world, warnings=())
 
         with pytest.raises(KeyboardInterrupt):
             _run(Recorder(), None, ReconConfig(said=said), (), None)  # type: ignore[arg-type]
