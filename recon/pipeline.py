@@ -28,7 +28,6 @@ from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
 from recon.verdict.judge import VERDICT, judge
 from twin.errors import InputError, nearest_name
-from twin.files.paths import AnyPath
 from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
 from twin.runs.chain import Chain
@@ -99,7 +98,7 @@ def reconstruct(
     return twin
 
 
-def read_stage(run: AnyPath, name: str) -> Any:
+def read_stage(run: Path | str, name: str) -> Any:
     """What a stage of a run found, as the run folder keeps it: `read_stage("RUN", "tracks")` the `Tracks`, "labels" the label
     images (H, W) by frame, in which a part that was refused still has its id.
 
