@@ -55,6 +55,7 @@ ONLY_PARSED = {
     "make demo": ITSELF,
     "make test": ITSELF,
     "make wheel": ITSELF,
+    "pip install -e .": ITSELF,
     "pip install ./dist/funtwin-*.whl": ITSELF,
     "python .ci/constants.py": "prints counts of the source",
     "twin demo": ITSELF,
