@@ -39,7 +39,7 @@ def twin_with(doubt: UpUnsure | None) -> Twin:
     world = turned(seen.world, up.up)
     surveyed = pipeline.Surveyed(world, up, nothing, nothing, (), doubts)  # type: ignore[arg-type]
     made = pipeline._provenance(ReconConfig(), (), surveyed.doubts)
-    return pipeline._judged_twin(Told(), seen.recording, surveyed, made)  # type: ignore[arg-type]
+    return pipeline._judged_twin(Told(), seen.recording, surveyed, (), made, {})  # type: ignore[arg-type]
 
 
 def test_a_doubt_about_up_stands_before_all_others_of_a_twin() -> None:
