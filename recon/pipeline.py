@@ -176,7 +176,7 @@ def _judged_twin(
         lambda: judge(recording, cameras, images, found, parts, scene, finished.value, faults),
         *([faults] if faults else []),
     )
-    doubt = surveyed.upright.doubt if parts else None  # a scene without parts is refused for that already
+    doubt = surveyed.upright.doubt
     verdict = judged.value if doubt is None else replace(judged.value, scene=(doubt, *judged.value.scene))
     twin = assemble(
         recording, cameras, static, finished.value, images, made, verdict, parts, dressed.value, given

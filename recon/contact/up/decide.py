@@ -66,6 +66,8 @@ def find_up(
         return Upright(z)
     axes, told = axes_told(surface_normals(recording, world.cameras, config), config)
     if told.sum() < 2:
+        if not world.parts:  # refused for that already
+            return Upright(z)
         return Upright(z, UpUnsure("doubtful", 1.0, ODDS, _in_camera(z, world.cameras), ""))
     at_z = int(np.argmax(np.abs(axes[2])))
     level = [axes[:, k] for k in range(3) if k != at_z]
