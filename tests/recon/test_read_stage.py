@@ -43,7 +43,7 @@ def test_tracks_of_a_recording_are_made_without_a_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("track", "there is no stage 'track'; did you mean 'tracks'? stages: tracks, cameras"),
+        ("track", "there is no stage 'track'; did you mean 'tracks'? stages: inspect, tracks, cameras"),
         ("verdict", "holds no stage 'verdict'; give the folder of a run"),
     ],
 )

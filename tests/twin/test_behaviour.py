@@ -115,11 +115,13 @@ def test_an_obstacle_is_met_also_where_a_format_keeps_the_pair_apart(
     into_door = Board((-0.15, -0.034, 0.05), (0.05, -0.018, 0.2)).box(world_from_cabinet())  # 3 mm deep
     spoilt = replace(twin, static=replace(twin.static, collision=(*twin.static.collision, stop)))
     spoilt = with_part(spoilt, "flap", lambda p: replace(p, collision=(into_door,)))
-    parts = red(behave(twin, export(spoilt, tmp_path)))
+    exported = export(spoilt, tmp_path)
+    parts = red(behave(twin, exported))
     met = {("drawer", "sweep_m"), ("flap", "sweep_m")}
     assert parts["mjcf"] == parts["usd"] == met
-    blocked = {("drawer", "open"), ("drawer", "demonstration_m")}
-    assert met | blocked <= parts["urdf"] <= met | blocked | {("drawer", "close")}
+    # URDF can't keep the pair apart, so that the shapes of one give way, and export says whose
+    assert parts["urdf"] == {("flap", "sweep_m")}
+    assert any("'carcass' give way to 'drawer'" in w for w in exported.warnings if w.startswith("urdf: "))
 
 
 def test_a_leaning_door_without_friction_does_not_rest(tmp_path: Path) -> None:

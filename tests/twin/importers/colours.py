@@ -102,11 +102,16 @@ def collada(up: str, picture: str = "picture.png") -> str:
     )
 
 
+_MASS = (
+    '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
 def hinged(visual: str, before: str = "", collision: str = "") -> str:
     """A URDF whose door is one visual (and collision), on a hinge; `before`: what stands before its links."""
     return (
         f'<robot name="r">{before}<link name="frame"><visual><geometry><box size="1 0.02 0.02"/></geometry></visual>'
-        f'</link><link name="door">{visual}{collision}</link>'
+        f'</link><link name="door">{visual}{collision}{_MASS}</link>'
         '<joint name="j" type="revolute"><parent link="frame"/><child link="door"/><axis xyz="0 0 1"/>'
         '<limit lower="0" upper="1.5" effort="1" velocity="1"/></joint></robot>'
     )

@@ -142,4 +142,5 @@ def test_a_file_that_does_not_say_that_y_is_up_is_left_as_its_numbers_are(file: 
     (tmp_path / "door.urdf").write_text(hinged(meshed(file), collision=LYING))
     made, lines = told(lambda: twin.from_urdf(tmp_path / "door.urdf"))
     assert height(made) == pytest.approx(0.6)
-    assert not lines
+    # nothing is turned; that it lies across its collider is lint's word
+    assert [x for x in lines.splitlines() if "lint, collider-elsewhere" not in x] == []
