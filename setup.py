@@ -1,7 +1,8 @@
 """What pyproject.toml can't say: assets/ is installed as twin/_assets. Everything else stands there.
 
-An editable install (`pip install -e .`) names the checkout in a .pth file, which type checkers read; assets/ are found there as they
-lie. With a package from another folder setuptools would install an import hook instead, which type checkers don't run.
+An editable install (`pip install -e .`) names the checkout in a .pth file, which type checkers read; assets/
+are found there as they lie. With a package from another folder setuptools would install an import hook
+instead, which type checkers don't run.
 """
 
 import sys

@@ -1,7 +1,8 @@
 """Counts settings and named constants of each room: python .ci/constants.py
 
-A setting is what `twin config` lists. The settings of the paper's own ways (PAPER) are counted apart. A named constant is a
-module-level name in capitals that holds numbers; `numbers` counts the number literals in their values.
+A setting is what `twin config` lists. The settings of the paper's own ways (PAPER) are counted apart. A named
+constant is a module-level name in capitals that holds numbers; `numbers` counts the number literals in their
+values.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ def room(module: str) -> str:
 
 
 def classes(cls: Any) -> Iterator[Any]:
-    """A class of settings and all that are nested in it; boards that are nested three times are three tables."""
+    """A class of settings and all that are nested in it; boards that are nested three times are three
+    tables."""
     yield cls
     for _, inner in nested(cls):
         yield from classes(inner)

@@ -1,4 +1,5 @@
-"""Writes docs/settings.md, the tables of all settings, from the classes that hold them: python .ci/settings_page.py
+"""Writes docs/settings.md, the tables of all settings, from the classes that hold them: python
+.ci/settings_page.py
 
 tests/test_settings_law.py says when the page is out of date.
 """

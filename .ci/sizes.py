@@ -1,5 +1,5 @@
-"""What `make lint` says of size and repetition: functions of at most 60 lines, files of at most 300, and no ten equal lines in two
-places. Imports, comments, docstrings and blank lines do not count as equal ones.
+"""What `make lint` says of size and repetition: functions of at most 60 lines, files of at most 300, and no
+ten equal lines in two places. Imports, comments, docstrings and blank lines do not count as equal ones.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""How the parts of exported twins behave in MuJoCo: the worst of the three formats, for run folders that were exported.
+"""How the parts of exported twins behave in MuJoCo: the worst of the three formats, for run folders that were
+exported.
 
 python benchmarks/behaviour.py RUN... [-o benchmarks/behaviour.md]
 """

@@ -1,11 +1,14 @@
 """Measure collision shapes against true parts and print one table of each kind.
 
-    python benchmarks/collision.py --truth RECORDING/truth ... [--twin TWIN RECORDING/truth] ... [--table FILE]
+    python benchmarks/collision.py --truth RECORDING/truth ... [--twin TWIN RECORDING/truth] ... [--table
+    FILE]
 
-"true mesh": shapes made from the true part mesh, measured against it. "reconstructed": shapes made from a twin's part,
-measured against the true part after the worlds are aligned by the cameras. --coacd adds CoACD against our own splitter. The solid of a true part is the union of what
-its closed pieces enclose (twin.collision.solid). Contacts are those that MuJoCo finds in 61 states of each part's range, exclusions
-and its own filter between parent and child removed, one file a format. Seconds are of one core: processor, and on the clock.
+"true mesh": shapes made from the true part mesh, measured against it. "reconstructed": shapes made from a
+twin's part, measured against the true part after the worlds are aligned by the cameras. --coacd adds CoACD
+against our own splitter. The solid of a true part is the union of what its closed pieces enclose
+(twin.collision.solid). Contacts are those that MuJoCo finds in 61 states of each part's range, exclusions and
+its own filter between parent and child removed, one file a format. Seconds are of one core: processor, and on
+the clock.
 """
 
 from __future__ import annotations
@@ -62,7 +65,8 @@ def moved(shape: Collision, T: np.ndarray) -> Collision:
 
 
 def timed(make: Callable[[], list[Collision]]) -> tuple[list[Collision], float, float]:
-    """What `make` gives, seconds of processor time, those of its processes included, and seconds on the clock."""
+    """What `make` gives, seconds of processor time, those of its processes included, and seconds on the
+    clock."""
     cpu, wall = os.times(), time.perf_counter()
     shapes = make()
     return shapes, sum(os.times()[:4]) - sum(cpu[:4]), time.perf_counter() - wall
@@ -172,7 +176,8 @@ def as_scan(mesh: Mesh) -> list[Collision]:
 
 
 def compared_leftovers(twin: Twin, truth: Truth) -> list[Measured]:
-    """What boards leave of a reconstructed part, an open surface: our splitter, and CoACD after it closed the surface."""
+    """What boards leave of a reconstructed part, an open surface: our splitter, and CoACD after it closed the
+    surface."""
     T = camera_errors(twin.cameras, truth).T_truth_recon if twin.cameras else np.eye(4)
     pairs = match_parts([(p.joint, p.motion) for p in twin.parts], T, truth)
     out = []

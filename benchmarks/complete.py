@@ -1,11 +1,12 @@
 """Judge completed assets by the simulator's truth: `complete.md`.
 
-    python -m benchmarks.complete RUN RECORDING/truth [RUN RECORDING/truth ...]   # a table of these, which have exports
-    python -m benchmarks.complete RUN RECORDING/truth ... --page TITLE            # and a section of the page
-    python -m benchmarks.complete sealed                                          # 40 clips of this commit; only counters are kept
+    python -m benchmarks.complete RUN RECORDING/truth [RUN RECORDING/truth ...]   # a table of these, which
+    have exports python -m benchmarks.complete RUN RECORDING/truth ... --page TITLE            # and a section
+    of the page python -m benchmarks.complete sealed                                          # 40 clips of
+    this commit; only counters are kept
 
-A sealed clip's seed follows from the commit, as benchmarks/unseen.py has it; its recording, run, export and logs are deleted before
-the next one. A stopped run goes on with the next clip.
+A sealed clip's seed follows from the commit, as benchmarks/unseen.py has it; its recording, run, export and
+logs are deleted before the next one. A stopped run goes on with the next clip.
 """
 
 from __future__ import annotations
@@ -28,12 +29,14 @@ from twin.files.text import read_json
 
 PAGE = ROOT / "benchmarks" / "complete.md"
 STATE = ROOT / "out" / "complete"
-# One of every three that have parts, each time another: 20 ordinary and 20 hard ones, of all sensors, views and lengths
+# One of every three that have parts, each time another: 20 ordinary and 20 hard ones, of all sensors, views
+# and lengths
 CLIPS = tuple(3 * k + k % 3 for k in range(40))
 
 
 def sealed() -> int:
-    """Measure all clips of this commit that are not counted yet, and add a section when all are. Raises InputError on a dirty tree."""
+    """Measure all clips of this commit that are not counted yet, and add a section when all are. Raises
+    InputError on a dirty tree."""
     commit = sealing.commit()
     path, strata = STATE / f"{commit}.json", sealed_set()
     state = read_json(path) or {"done": [], "counts": {}}

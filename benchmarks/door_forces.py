@@ -2,21 +2,30 @@
 
     python benchmarks/door_forces.py $FUNTWIN_DATA/door_forces [-o benchmarks/door_forces.md]
 
-The robot hooked the handle and pulled by moving an equilibrium point. Each log has the hand's position and two forces on it: `f`
-from the arm's joint torques and `f_ati` from a sensor in the wrist. Method:
+The robot hooked the handle and pulled by moving an equilibrium point. Each log has the hand's position and
+two forces on it: `f` from the arm's joint torques and `f_ati` from a sensor in the wrist. Method:
 
-1. A circle through the hand's path gives hinge and radius, and with them angle and the force along the path (positive: the
+1. A circle through the hand's path gives hinge and radius, and with them angle and the force along the path
+(positive: the
    robot pulls the door open).
-2. While the door has not moved (2 mm), both forces show the same pull, so their difference is friction of the arm's own joints,
+2. While the door has not moved (2 mm), both forces show the same pull, so their difference is friction of the
+arm's own joints,
    which f holds and f_ati doesn't.
-3. Beyond `BEYOND` the catch and a hinge's closing spring have let go. What is left there is friction (the pull is slow and even, so
+3. Beyond `BEYOND` the catch and a hinge's closing spring have let go. What is left there is friction (the
+pull is slow and even, so
    mass counts for nothing, and what damping adds can't be told from friction without times).
-4. Its torque: the wrist's reading times the radius is the estimate; the joint torques less the arm's own friction, at their 95th
-   percentile, are the upper end; the lower end is 0 when the wrist's own zero, which no log shows, could explain the whole reading.
-5. As a share of weight x lever, which assets/materials.toml asks for: nobody weighed the doors, so they are taken for furniture board
-   `BOARD`, `HEIGHT` high and `BESIDE` wider than the handle's radius; the lever is the radius of gyration about the hinge.
-6. The catch, with the closing spring that can't be told from it, is what `twin physics catch --log` finds: the peak less the level of the
-   wide open half, which friction and a sensor's offset are part of, and where it has fallen halfway (twin/physics/force_log.py).
+4. Its torque: the wrist's reading times the radius is the estimate; the joint torques less the arm's own
+friction, at their 95th
+   percentile, are the upper end; the lower end is 0 when the wrist's own zero, which no log shows, could
+   explain the whole reading.
+5. As a share of weight x lever, which assets/materials.toml asks for: nobody weighed the doors, so they are
+taken for furniture board
+   `BOARD`, `HEIGHT` high and `BESIDE` wider than the handle's radius; the lever is the radius of gyration
+   about the hinge.
+6. The catch, with the closing spring that can't be told from it, is what `twin physics catch --log` finds:
+the peak less the level of the
+   wide open half, which friction and a sensor's offset are part of, and where it has fallen halfway
+   (twin/physics/force_log.py).
 """
 
 from __future__ import annotations
@@ -31,7 +40,9 @@ from numpy.typing import NDArray
 
 from twin.physics.force_log import CatchFit, fit_catch
 
-BEYOND = 0.7  # rad; chosen by us: the wrist's reading falls steeply up to there in both runs of the IKEA door, and is even after
+# rad; chosen by us: the wrist's reading falls steeply up to there in both runs of the IKEA door, and is even
+# after
+BEYOND = 0.7
 STILL = 2e-3  # m
 BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 HEIGHT, BESIDE = 0.6, 0.03  # m; chosen by us: a usual cabinet door, its handle that far from the free edge
@@ -42,7 +53,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DoorLog:
-    """One opening. angle (n,) rad from the start, joints and wrist (n,) N along the path, step (n,) m per sample."""
+    """One opening. angle (n,) rad from the start, joints and wrist (n,) N along the path, step (n,) m per
+    sample."""
 
     name: str
     radius: float
@@ -93,7 +105,8 @@ class DoorLog:
 
     @property
     def speed_slope(self) -> tuple[float, float]:
-        """N per mm of path a sample, and its standard error, of the wrist's reading beyond catch and spring."""
+        """N per mm of path a sample, and its standard error, of the wrist's reading beyond catch and
+        spring."""
         x, y = 1e3 * self.step[self.free], self.wrist[self.free]
         design = np.stack([x, np.ones_like(x)], axis=1)
         solution, *_ = np.linalg.lstsq(design, y, rcond=None)
@@ -127,14 +140,16 @@ def read(path: Path) -> DoorLog:
 
 
 def interval(logs: list[DoorLog]) -> tuple[float, float, float]:
-    """Friction torque (N m) of a cabinet door: low, value, high. Value: the median over the logs; see the module's points."""
+    """Friction torque (N m) of a cabinet door: low, value, high. Value: the median over the logs; see the
+    module's points."""
     value = float(np.median([max(0.0, log.friction[0]) for log in logs]))
     return 0.0, value, max(log.ceiling for log in logs)
 
 
 def catch(logs: list[DoorLog]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Force (N m) and width (rad) of a cabinet door's catch: value, low, high. Medians of the wrist; of the force from its least to the
-    most that the joint torques tell, which an arm's friction under load is part of, of the width all that any log tells."""
+    """Force (N m) and width (rad) of a cabinet door's catch: value, low, high. Medians of the wrist; of the
+    force from its least to the most that the joint torques tell, which an arm's friction under load is part
+    of, of the width all that any log tells."""
     wrist, joints = [log.catches[1] for log in logs], [log.catches[0] for log in logs]
     force = float(np.median([c.force[0] for c in wrist]))
     width = float(np.median([c.width[0] for c in wrist]))

@@ -2,8 +2,8 @@
 
 usage: python benchmarks/engines.py [RUN ...] [--count 200] [--engines all] [--processes 2] [--out FILE.md]
 
-Random twins (benchmarks/scenes/random_twins.py) and the twins of the RUN folders are exported by this code and probed, each engine in
-processes of its own. `make engines` sets the engines up.
+Random twins (benchmarks/scenes/random_twins.py) and the twins of the RUN folders are exported by this code
+and probed, each engine in processes of its own. `make engines` sets the engines up.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
-"""Write recordings with truth in other layouts, reconstruct from these, and compare with the twin of the original.
+"""Write recordings with truth in other layouts, reconstruct from these, and compare with the twin of the
+original.
 
     python benchmarks/formats.py WORK RECORDING [RECORDING ...] [--only tum mkv] [--long] [--page FILE]
 
-Layouts that hold every pixel (tum, ROS 1, MCAP, .mkv) should give the original's joint; those of phones, whose depth has 256x192
-pixels, are judged by the truth. --long also writes each layout once more with 2700 frames (the first recording played forth and back)
-and measures what opening it and decoding the first frame takes, in a process of its own.
+Layouts that hold every pixel (tum, ROS 1, MCAP, .mkv) should give the original's joint; those of phones,
+whose depth has 256x192 pixels, are judged by the truth. --long also writes each layout once more with 2700
+frames (the first recording played forth and back) and measures what opening it and decoding the first frame
+takes, in a process of its own.
 """
 
 from __future__ import annotations
@@ -79,7 +81,8 @@ def reconstructed(recording: Path, run: Path) -> tuple[Twin, float]:
 
 
 def against(original: Twin, found: Twin) -> dict[str, Any]:
-    """How far the first part's joint is from the original's: axis (degrees) and states (degrees or mm, mean)."""
+    """How far the first part's joint is from the original's: axis (degrees) and states (degrees or mm,
+    mean)."""
     if len(original.parts) != len(found.parts) or not found.parts or found.cameras is None:
         return {"axis": np.nan, "state": np.nan, "unit": f"{len(found.parts)} parts"}
     assert original.cameras is not None

@@ -1,17 +1,19 @@
 """Other people's articulated files through the verbs, every result judged by hand: `imports.md`.
 
     python -m benchmarks.imports [FOLDER ...]               # the files that have no row yet, then the page
-    python -m benchmarks.imports --only TEXT [FOLDER ...]   # of these the files whose name holds TEXT, no page
-    python -m benchmarks.imports --sheets [FOLDER ...]      # also pictures of source and export to judge by
+    python -m benchmarks.imports --only TEXT [FOLDER ...]   # of these the files whose name holds TEXT, no
+    page python -m benchmarks.imports --sheets [FOLDER ...]      # also pictures of source and export to judge
+    by
 
-benchmarks/imports.toml names the collections: Python packages, whose files belong to third parties and are not
-in this repository. FOLDER holds them, unpacked by `pip install --no-deps --target FOLDER NAME==VERSION ...`;
-without one, installed packages are taken. A file is taken when it lies where its collection keeps objects and
-has a hinge or a slide, includes read. Robots are left out.
+benchmarks/imports.toml names the collections: Python packages, whose files belong to third parties and are
+not in this repository. FOLDER holds them, unpacked by `pip install --no-deps --target FOLDER NAME==VERSION
+...`; without one, installed packages are taken. A file is taken when it lies where its collection keeps
+objects and has a hinge or a slide, includes read. Robots are left out.
 
-Each file goes through import, lint, export, lint of the export, check and replay with default options, as a user
-types them. Rows are kept in out/imports, one file a commit, so that a stopped run goes on. imports.toml holds the
-judgement on each result; a result that differs from the one that was judged is "to be judged" on the page.
+Each file goes through import, lint, export, lint of the export, check and replay with default options, as a
+user types them. Rows are kept in out/imports, one file a commit, so that a stopped run goes on. imports.toml
+holds the judgement on each result; a result that differs from the one that was judged is "to be judged" on
+the page.
 """
 
 from __future__ import annotations
@@ -114,7 +116,8 @@ def measured(file: Path, run: Path) -> dict[str, str]:
 
 
 def said(step: str, code: int, out: str, err: str, run: Path) -> str:
-    """What a verb says, in one line: exit code, then what a judge must know; two digits of measured numbers."""
+    """What a verb says, in one line: exit code, then what a judge must know; two digits of measured
+    numbers."""
     try:
         data = json.loads(out)
     except ValueError:

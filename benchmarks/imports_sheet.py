@@ -1,4 +1,5 @@
-"""Pictures to judge an imported file by: source above export, each at rest, at all lower and at all upper ends."""
+"""Pictures to judge an imported file by: source above export, each at rest, at all lower and at all upper
+ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Run folders with files of a user's strewn everywhere, the command's verbs on them, and what must hold whatever ended a verb."""
+"""Run folders with files of a user's strewn everywhere, the command's verbs on them, and what must hold
+whatever ended a verb."""
 
 from __future__ import annotations
 
@@ -38,8 +39,9 @@ TELLTALES = (
 
 @dataclass(frozen=True)
 class Case:
-    """A verb: its arguments in a place, how the place is made ready (returns the share of the verb's full work that is left),
-    how often it is ended, which files say its result, whether it writes, and the words with which it refuses to be done twice."""
+    """A verb: its arguments in a place, how the place is made ready (returns the share of the verb's full
+    work that is left), how often it is ended, which files say its result, whether it writes, and the words
+    with which it refuses to be done twice."""
 
     verb: str
     arguments: tuple[str, ...]
@@ -51,7 +53,8 @@ class Case:
 
 
 def stages_left(place: Path, rng: Random) -> float:
-    """Leave the first k stages of the run, k any of 0..9; the twin goes where stages do. Returns the share of time that is left."""
+    """Leave the first k stages of the run, k any of 0..9; the twin goes where stages do. Returns the share of
+    time that is left."""
     run = place / "run"
     keep = rng.randrange(STAGES + 1)
     seconds = [s["seconds"] for s in json.loads((run / "manifest.json").read_text())["stages"]]
@@ -186,8 +189,8 @@ def result(case: Case, place: Path) -> dict[str, str]:
 
 
 def harm(place: Path, before: Mapping[str, str], mine: Mapping[str, str]) -> list[str]:
-    """What was lost or is torn: files of the user that changed, keys that are gone, files of ours that are neither as they were
-    nor whole."""
+    """What was lost or is torn: files of the user that changed, keys that are gone, files of ours that are
+    neither as they were nor whole."""
     now, found = state(place), []
     for path, value in mine.items():
         if now.get(path) != value and not _kept_aside(path, value, now):

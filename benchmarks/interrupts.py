@@ -2,12 +2,13 @@
 
     python benchmarks/interrupts.py WORK [--seed 0] [--verbs reconstruct export] [--trials 4]
 
-Each trial works on a fresh copy of a finished run of the shipped recording with files and keys of a user's strewn over it. The
-moment is uniform between 0.05 s after the start and the time that the verb took undisturbed; every other signal is SIGINT to the
-process group, as a terminal sends it, the others SIGKILL to the process. Afterwards the user's files and every file of ours are
-looked at, then the same command runs again, undisturbed: its exit code and its result must be those of a run that was never
-disturbed. WORK/trials.jsonl keeps what was tried: the same call goes on. Writes
-benchmarks/interrupts.md. Nothing else must write to WORK; an idle machine is not needed.
+Each trial works on a fresh copy of a finished run of the shipped recording with files and keys of a user's
+strewn over it. The moment is uniform between 0.05 s after the start and the time that the verb took
+undisturbed; every other signal is SIGINT to the process group, as a terminal sends it, the others SIGKILL to
+the process. Afterwards the user's files and every file of ours are looked at, then the same command runs
+again, undisturbed: its exit code and its result must be those of a run that was never disturbed.
+WORK/trials.jsonl keeps what was tried: the same call goes on. Writes benchmarks/interrupts.md. Nothing else
+must write to WORK; an idle machine is not needed.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class Reference:
 
 @dataclass(frozen=True)
 class Trial:
-    """One ended call: the signal, the moment (s) and the share of the expected time, exit code, and what was found wrong."""
+    """One ended call: the signal, the moment (s) and the share of the expected time, exit code, and what was
+    found wrong."""
 
     verb: str
     sent: str
@@ -119,7 +121,8 @@ def trial(base: Path, work: Path, case: cases.Case, told: Reference, number: int
 
 
 def _end(process: subprocess.Popen[str], sent: signal.Signals | None) -> tuple[str, list[str]]:
-    """Wait for the end of the process; returns what it said, and a fault when it, or what it started, does not end."""
+    """Wait for the end of the process; returns what it said, and a fault when it, or what it started, does
+    not end."""
     try:
         _, err = process.communicate(timeout=600 if sent is None else 60)
     except subprocess.TimeoutExpired:

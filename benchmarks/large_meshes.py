@@ -1,8 +1,10 @@
-"""Times `twin export` on twins with very fine meshes, each in a process of its own, and writes large_meshes.md.
+"""Times `twin export` on twins with very fine meshes, each in a process of its own, and writes
+large_meshes.md.
 
     python benchmarks/large_meshes.py WORK [FACES ...]
 
-WORK is a folder for the runs. The meshes are noisy boards cut finely, as a scanner leaves them (benchmarks/scenes/large_meshes.py).
+WORK is a folder for the runs. The meshes are noisy boards cut finely, as a scanner leaves them
+(benchmarks/scenes/large_meshes.py).
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ LIMIT = 600  # s on the clock
 
 
 def finest(make: Callable[[int], Mesh], faces: int) -> Mesh:
-    """The mesh of this kind with at least `faces` triangles: the generators stop below what they are asked for."""
+    """The mesh of this kind with at least `faces` triangles: the generators stop below what they are asked
+    for."""
     asked = faces
     while True:
         mesh: Mesh = make(asked)

@@ -2,10 +2,11 @@
 
     python benchmarks/lint.py > benchmarks/lint.md
 
-Plants every fault of benchmarks/lint_faults/ into an export of the closed-form cabinet and asks: yourdfpy, Pinocchio and MuJoCo about
-URDF, MuJoCo about MJCF; OpenUSD's validators, NVIDIA's rules, SimReady's profile and MuJoCo about USD (twin.validators). A program
-notices a fault when it refuses the file or says what it does not say about the file without the fault. Needs the environment
-`validators` (twin engines --install validators); takes some ten minutes on two cores.
+Plants every fault of benchmarks/lint_faults/ into an export of the closed-form cabinet and asks: yourdfpy,
+Pinocchio and MuJoCo about URDF, MuJoCo about MJCF; OpenUSD's validators, NVIDIA's rules, SimReady's profile
+and MuJoCo about USD (twin.validators). A program notices a fault when it refuses the file or says what it
+does not say about the file without the fault. Needs the environment `validators` (twin engines --install
+validators); takes some ten minutes on two cores.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ def load(judge: str, path: str) -> None:
 
 
 def load_all(judge: str, *paths: str) -> None:
-    """Load every file in a process of its own (a fork: imports take longer than loading); prints JSON path -> what it said."""
+    """Load every file in a process of its own (a fork: imports take longer than loading); prints JSON path ->
+    what it said."""
     import_module("mujoco._usd" if paths[0].endswith(".usda") else judge)
     said: dict[str, list[str]] = {}
     for path in paths:
@@ -124,7 +126,8 @@ def profile(assets: Sequence[Path]) -> dict[Path, set[str]]:
 
 
 def judged(fmt: str, paths: Sequence[Path]) -> dict[str, dict[Path, set[str]]]:
-    """Program -> file -> what it says about it, and about the asset that a stage shows; messages without the file's folder."""
+    """Program -> file -> what it says about it, and about the asset that a stage shows; messages without the
+    file's folder."""
     said: dict[str, dict[Path, set[str]]] = {}
     assets = {p: asset(p) for p in paths}
     if fmt == "usd":

@@ -1,11 +1,13 @@
-"""Render twins from their recordings' own cameras and compare with the frames: vertex colours, and photo textures.
+"""Render twins from their recordings' own cameras and compare with the frames: vertex colours, and photo
+textures.
 
     python benchmarks/look.py RECORDING ... [--runs FOLDER] [--sheets FOLDER] [--table FILE]
 
-Every 12th frame is rendered, and textures are made without them (`texture.skip_every=12`); vertex colours do use them. Coverage: share of the
-pixels of known depth up to 3 m, without the true hand, that the twin covers within 3 cm. Over these, after one gain per channel:
-PSNR in dB, and sharpness, the gradient energy of the rendered picture over that of the frame. Textures are sampled by Keys' cubic kernel.
-Recordings need truth/labels, which tell the hand apart.
+Every 12th frame is rendered, and textures are made without them (`texture.skip_every=12`); vertex colours do
+use them. Coverage: share of the pixels of known depth up to 3 m, without the true hand, that the twin covers
+within 3 cm. Over these, after one gain per channel: PSNR in dB, and sharpness, the gradient energy of the
+rendered picture over that of the frame. Textures are sampled by Keys' cubic kernel. Recordings need
+truth/labels, which tell the hand apart.
 """
 
 from __future__ import annotations

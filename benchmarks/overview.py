@@ -1,4 +1,5 @@
-"""Draw docs/overview.png and docs/film.gif, which the README and docs/first_twin.md show, from a finished run.
+"""Draw docs/overview.png and docs/film.gif, which the README and docs/first_twin.md show, from a finished
+run.
 
 usage: python benchmarks/overview.py RUN [FOLDER]
 """
@@ -24,7 +25,8 @@ _FROM = (62.0, -24.0, 1.9)  # azimuth and elevation (deg) and distance (m) of th
 
 
 def panels(run: Path) -> list[tuple[str, Image]]:
-    """Captions and pictures: what was recorded, what was found, the exported twin closed and open, the robot."""
+    """Captions and pictures: what was recorded, what was found, the exported twin closed and open, the
+    robot."""
     twin = load(run)
     drawn = drawn_key_frames(run, twin)
     first, last = twin.parts[0].motion.intervals[0]

@@ -1,11 +1,12 @@
 """How often robots open and close what the twins show, and what it takes: writes benchmarks/replay.md.
 
-usage: python benchmarks/replay.py [RUN ...] [--recordings FOLDER ...] [--seeds 2] [--trials 20] [--robots franka spot]
+usage: python benchmarks/replay.py [RUN ...] [--recordings FOLDER ...] [--seeds 2] [--trials 20] [--robots
+franka spot]
 
-Random cabinets of benchmarks/scenes/random_furniture.py, the true geometry of recordings that have truth, and the twins of RUN
-folders. Each part is planned and replayed open and shut; the plan for opening is also replayed on parts whose axis is 5 degrees,
-pivot 2 cm and contact 1 cm off. Limits are judged by benchmarks/replay_judge.py. Finished rows are kept in --rows and not
-measured again.
+Random cabinets of benchmarks/scenes/random_furniture.py, the true geometry of recordings that have truth, and
+the twins of RUN folders. Each part is planned and replayed open and shut; the plan for opening is also
+replayed on parts whose axis is 5 degrees, pivot 2 cm and contact 1 cm off. Limits are judged by
+benchmarks/replay_judge.py. Finished rows are kept in --rows and not measured again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The parts that replays are measured on: random cabinets, true geometry of recordings, reconstructed runs."""
+"""The parts that replays are measured on: random cabinets, true geometry of recordings, reconstructed
+runs."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ RANDOM, TRUE, RECONSTRUCTED = "random cabinet", "true geometry", "reconstructed"
 
 @dataclass(frozen=True)
 class Case:
-    """One part. origin: where its twin comes from; source: folder of a recording or run, seed of a random cabinet."""
+    """One part. origin: where its twin comes from; source: folder of a recording or run, seed of a random
+    cabinet."""
 
     name: str
     origin: str
@@ -42,7 +44,8 @@ class Case:
 
 
 def cases(seeds: int, recordings: Sequence[Path], runs: Sequence[Path]) -> Iterator[Case]:
-    """Each reconstructed run, the true twin of each recording, `seeds` random cabinets of each kind and handle."""
+    """Each reconstructed run, the true twin of each recording, `seeds` random cabinets of each kind and
+    handle."""
     for run in runs:
         yield Case(run.name, RECONSTRUCTED, str(run))
     for folder in recordings:
@@ -83,7 +86,8 @@ def truth_twin(folder: Path) -> Twin:
 
 
 def _mesh(path: Path) -> tuple[Mesh, tuple[Mesh, ...]]:
-    """Mesh and the convex hull of each of its connected pieces (the true meshes are made of convex pieces)."""
+    """Mesh and the convex hull of each of its connected pieces (the true meshes are made of convex
+    pieces)."""
     m = trimesh.load(path, process=False)
     hulls = []
     for piece in m.split(only_watertight=False):

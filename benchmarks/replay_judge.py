@@ -1,4 +1,5 @@
-"""Were the robot's limits kept? Asked of Pinocchio and of the contacts that MuJoCo reports, not of the planner's own code."""
+"""Were the robot's limits kept? Asked of Pinocchio and of the contacts that MuJoCo reports, not of the
+planner's own code."""
 
 from __future__ import annotations
 
@@ -18,8 +19,9 @@ _EVERY = 2
 
 @dataclass
 class Judgement:
-    """Largest values over a replay, each joint's as a share of its limit. beyond: rad or m by which a joint left its
-    range. depth: m of overlap of robot and static scene. disagreement: N m between Pinocchio's torque and MuJoCo's."""
+    """Largest values over a replay, each joint's as a share of its limit. beyond: rad or m by which a joint
+    left its range. depth: m of overlap of robot and static scene. disagreement: N m between Pinocchio's
+    torque and MuJoCo's."""
 
     torque: float = 0.0
     velocity: float = 0.0
@@ -45,8 +47,8 @@ class Judgement:
 class Judge:
     """Looks at every second step (4 ms) of a simulation: `simulate(world, trajectory, config, judge)`.
 
-    The motor torques are those that Pinocchio's recursive Newton-Euler needs for the accelerations that MuJoCo found,
-    under the contact wrenches that MuJoCo reports on each link, plus the joints' own damping.
+    The motor torques are those that Pinocchio's recursive Newton-Euler needs for the accelerations that
+    MuJoCo found, under the contact wrenches that MuJoCo reports on each link, plus the joints' own damping.
     """
 
     def __init__(self, world: World, T_world_base: Array, spec: RobotSpec) -> None:
@@ -72,7 +74,8 @@ class Judge:
         return int(self._pin.frames[self._pin.getFrameId(name.removeprefix(PREFIX))].parentJoint)
 
     def _check_same_robot(self) -> None:
-        """Both programs must mean the same joint by the same number: the tool is in the same place for both."""
+        """Both programs must mean the same joint by the same number: the tool is in the same place for
+        both."""
         q = np.random.default_rng(0).uniform(self._pin.lowerPositionLimit, self._pin.upperPositionLimit)
         self._d.qpos[self._qpos] = q
         mujoco.mj_kinematics(self._m, self._d)

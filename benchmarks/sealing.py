@@ -1,4 +1,5 @@
-"""Random recordings that nobody has looked at: seeds that follow from the commit, clips measured alone, counters and nothing else kept."""
+"""Random recordings that nobody has looked at: seeds that follow from the commit, clips measured alone,
+counters and nothing else kept."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ Rows = list[dict[str, int]]
 
 
 def sealed_seed(commit: str, index: int) -> int:
-    """The seed of clip `index`: nobody can know it before the commit is made, and it is none of the open ones."""
+    """The seed of clip `index`: nobody can know it before the commit is made, and it is none of the open
+    ones."""
     digest = hashlib.sha256(f"{commit}:{index}".encode()).digest()
     return OPEN_SEEDS + int.from_bytes(digest[:6], "big")
 
@@ -51,7 +53,8 @@ def counted(found: Mapping[str, Any], stratum: Stratum) -> Counter[str]:
 
 
 def clip_alone(module: str, words: Sequence[object], codes: Sequence[Path]) -> Rows:
-    """Counters of one clip by each code, made and measured in a process of its own, of which nothing else is left.
+    """Counters of one clip by each code, made and measured in a process of its own, of which nothing else is
+    left.
 
     Args:
         module: whose verb `clip` is called.
@@ -80,7 +83,8 @@ def clip_alone(module: str, words: Sequence[object], codes: Sequence[Path]) -> R
 
 
 def _error_kind(stderr: str, code: int) -> str:
-    """The name of the error that ended a clip's process, which tells nothing of the clip; its exit code where it names none."""
+    """The name of the error that ended a clip's process, which tells nothing of the clip; its exit code where
+    it names none."""
     last = stderr.strip().splitlines()[-1:]
     named = re.match(r"([A-Za-z_.]+(?:Error|Exception|Interrupt))\b", last[0]) if last else None
     return named.group(1).rpartition(".")[2] if named else f"exit {code}"
@@ -93,7 +97,8 @@ def go_on(
     names: Sequence[str],
     measured: Callable[[int], Rows],
 ) -> None:
-    """Measure the clips that `state` doesn't list as done, as many at a time as there are cores, and keep it in a file after each.
+    """Measure the clips that `state` doesn't list as done, as many at a time as there are cores, and keep it
+    in a file after each.
 
     Args:
         path: of the file.

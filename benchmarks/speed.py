@@ -2,8 +2,9 @@
 
     python benchmarks/speed.py RECORDING [RECORDING ...] [--times N] [--page FILE]
 
-Each run is `twin reconstruct` with its report in a process of its own. The first run of each recording fills the caches of compiled
-kernels and of the disk and is not counted; of the others, medians are told. Only an idle machine gives figures that mean something.
+Each run is `twin reconstruct` with its report in a process of its own. The first run of each recording fills
+the caches of compiled kernels and of the disk and is not counted; of the others, medians are told. Only an
+idle machine gives figures that mean something.
 """
 
 from __future__ import annotations

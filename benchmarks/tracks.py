@@ -2,11 +2,12 @@
 
     python -m benchmarks.tracks [--seeds 20] [--case NAME ...]
 
-The recipe (`benchmarks.scenes.tracks.track_scene`): 40 frames, 200 tracks, 5 mm noise, minimum-jerk motion, 20 % outliers of the named
-kind. Axis and state errors follow their usual definitions; a wrong type or a failed fit is charged 90 degrees, 1 m and the
-whole range. `sigma` is the median of the fits' own axis sigma; `err/sigma` is the RMS of the normalised axis and pivot
-errors, 1 when the uncertainty is honest. Seconds are CPU seconds of one process. With $FUNTWIN_DATA set, the real kitchen
-logs follow: RMS and median residual of the poses that agree.
+The recipe (`benchmarks.scenes.tracks.track_scene`): 40 frames, 200 tracks, 5 mm noise, minimum-jerk motion,
+20 % outliers of the named kind. Axis and state errors follow their usual definitions; a wrong type or a
+failed fit is charged 90 degrees, 1 m and the whole range. `sigma` is the median of the fits' own axis sigma;
+`err/sigma` is the RMS of the normalised axis and pivot errors, 1 when the uncertainty is honest. Seconds are
+CPU seconds of one process. With $FUNTWIN_DATA set, the real kitchen logs follow: RMS and median residual of
+the poses that agree.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ def cases() -> dict[str, dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Row:
-    """One fit: right type, axis deg, pivot m (NaN for slides), state in percent of the range, normalised axis and pivot
-    errors, own axis sigma deg, share of part tracks found, share of found tracks that are the part's, CPU s."""
+    """One fit: right type, axis deg, pivot m (NaN for slides), state in percent of the range, normalised axis
+    and pivot errors, own axis sigma deg, share of part tracks found, share of found tracks that are the
+    part's, CPU s."""
 
     right: bool
     axis: float

@@ -1,13 +1,14 @@
 """Rates on recordings that nobody has looked at: `unseen.md`.
 
     python -m benchmarks.unseen sealed                  # 160 clips of this commit; only counters are kept
-    python -m benchmarks.unseen sealed --baseline REV   # and an earlier commit's code on every fourth of them, its row beside
-    python -m benchmarks.unseen open FIRST LAST OUT     # clips of the open seeds 0 to 9999, kept and told one by one
+    python -m benchmarks.unseen sealed --baseline REV   # and an earlier commit's code on every fourth of
+    them, its row beside python -m benchmarks.unseen open FIRST LAST OUT     # clips of the open seeds 0 to
+    9999, kept and told one by one
 
-A sealed clip's seed follows from the commit, so nobody can have seen it; its recording, run and logs are deleted before the next one,
-and what is kept says only how many of which kind succeeded. As many clips as there are cores are measured at a time, which changes no
-result. A stopped run goes on with the next clip. Every finished run is a row of
-the page; none is taken off.
+A sealed clip's seed follows from the commit, so nobody can have seen it; its recording, run and logs are
+deleted before the next one, and what is kept says only how many of which kind succeeded. As many clips as
+there are cores are measured at a time, which changes no result. A stopped run goes on with the next clip.
+Every finished run is a row of the page; none is taken off.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ BASELINE = 40  # clips that an earlier commit is measured on: every fourth
 
 
 def sealed(baseline: str | None) -> int:
-    """Measure all clips of this commit that are not counted yet, and add the rows when all are. Raises InputError on a dirty tree."""
+    """Measure all clips of this commit that are not counted yet, and add the rows when all are. Raises
+    InputError on a dirty tree."""
     commit = sealing.commit()
     path, strata = STATE / f"{commit}.json", sealed_set()
     state = read_json(path) or {"done": [], "counts": {}, "baseline": {}, "of": baseline}

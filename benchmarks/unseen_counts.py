@@ -1,6 +1,8 @@
-"""Counters of one reconstruction against its truth: what became of each part, how exact it is, whether its sigmas hold.
+"""Counters of one reconstruction against its truth: what became of each part, how exact it is, whether its
+sigmas hold.
 
-Rates and medians of many recordings follow from sums of these: a median is below a limit where half of the parts are.
+Rates and medians of many recordings follow from sums of these: a median is below a limit where half of the
+parts are.
 """
 
 from __future__ import annotations
@@ -85,8 +87,8 @@ def _exactness(part: Part, true: TruthPart, truth: Truth, T: Array) -> Counter[s
 
 
 def coverage(part: Part, true: TruthPart, T: Array) -> Counter[str]:
-    """Components of the axis' tilt and of the hinge's shift within one and two stated sigmas, and of how many; states as one mean share of
-    frames, in ppm."""
+    """Components of the axis' tilt and of the hinge's shift within one and two stated sigmas, and of how
+    many; states as one mean share of frames, in ppm."""
     joint, sigma = part.joint.transformed(T), part.joint.sigma
     if sigma is None:
         return Counter()

@@ -94,7 +94,8 @@ def _hands(counts: Mapping[str, int]) -> list[str]:
 
 
 def _reasons(counts: Mapping[str, int]) -> list[str]:
-    """A line each on what was wrong in spite of trust, right in spite of doubt, and refused where a part was missed."""
+    """A line each on what was wrong in spite of trust, right in spite of doubt, and refused where a part was
+    missed."""
 
     def told(word: str) -> str:
         total = Counter[str]()

@@ -1,4 +1,5 @@
-"""Cut or reverse a recording together with its truth: backwards, every second frame, or trimmed to a visible hand.
+"""Cut or reverse a recording together with its truth: backwards, every second frame, or trimmed to a visible
+hand.
 
     python benchmarks/variants.py RECORDING OUT --kind reversed half hand-first hand-last
 
@@ -76,7 +77,8 @@ def write_variant(source: Path, target: Path, kind: str) -> Path:
 def write_frames(
     source: Path, target: Path, recording: Recording, truth: Truth, frames: Sequence[int]
 ) -> Path:
-    """Write the recording that shows `frames` (each next one later, or each next one earlier) of another one."""
+    """Write the recording that shows `frames` (each next one later, or each next one earlier) of another
+    one."""
     steps = np.sign(np.diff(frames))
     if len(frames) < 2 or np.any(steps != steps[0]) or steps[0] == 0:
         raise InputError(f"frames {list(frames)[:5]} do not run one way", "give rising or falling numbers")
@@ -109,7 +111,8 @@ def _copy_images(source: Path, target: Path, frames: Sequence[int]) -> None:
 
 
 def _times(times: Array, frames: Sequence[int]) -> Array:
-    """Times of the new frames: the same pauses between them, starting with the old recording's first time or later."""
+    """Times of the new frames: the same pauses between them, starting with the old recording's first time or
+    later."""
     chosen = times[list(frames)]
     return np.asarray(chosen if chosen[-1] > chosen[0] else times[0] + (chosen[0] - chosen))
 
@@ -166,7 +169,8 @@ def _part(part: Mapping[str, Any], frames: Sequence[int]) -> dict[str, Any]:
 
 
 def _segment(last_rest: int, next_rest: int, frames: Sequence[int]) -> list[int]:
-    """New index of the last frame at rest before a motion and of the first one after it, or the clip's ends."""
+    """New index of the last frame at rest before a motion and of the first one after it, or the clip's
+    ends."""
     order = np.asarray(frames)
     before, after = (order <= last_rest, order >= next_rest)
     if order[0] > order[-1]:

@@ -1,7 +1,8 @@
-"""The docs site: pages of the repository as they lie, and a reference from the docstrings. `make docs` runs it, with the extra `docs`.
+"""The docs site: pages of the repository as they lie, and a reference from the docstrings. `make docs` runs
+it, with the extra `docs`.
 
-Sources are read, not imported (griffe). A link or an anchor that leads nowhere, a page that is missing, a docstring that names
-a parameter which the function has not: each fails the build.
+Sources are read, not imported (griffe). A link or an anchor that leads nowhere, a page that is missing, a
+docstring that names a parameter which the function has not: each fails the build.
 
     python docs/build.py [FOLDER]          # out/docs by default
 """
@@ -88,7 +89,8 @@ def linked_files(names: Sequence[str]) -> set[str]:
 
 
 def stage(source: Path) -> Nav:
-    """Copy the pages and what they show into `source`, laid out as in the repository; return the navigation."""
+    """Copy the pages and what they show into `source`, laid out as in the repository; return the
+    navigation."""
     nav: Nav = [{"Home": HOME}]
     for section, names in pages().items():
         nav.append({section: [{title(ROOT / n): n} for n in names]})
@@ -101,7 +103,8 @@ def stage(source: Path) -> Nav:
 
 
 def rooms(package: griffe.Module) -> Iterator[tuple[str, list[griffe.Module]]]:
-    """(path, modules) of a package's folders, a folder's folders with it; first the modules that lie in none."""
+    """(path, modules) of a package's folders, a folder's folders with it; first the modules that lie in
+    none."""
 
     def below(module: griffe.Module) -> Iterator[griffe.Module]:
         yield module
@@ -162,7 +165,8 @@ class _Complaints(logging.Handler):
 
 
 def complaints(loaded: griffe.GriffeLoader) -> list[str]:
-    """What is wrong with the docstrings: sections that can't be read, parameters that are not there, names that lead nowhere."""
+    """What is wrong with the docstrings: sections that can't be read, parameters that are not there, names
+    that lead nowhere."""
     heard = _Complaints()
     logging.getLogger("griffe").addHandler(heard)
 

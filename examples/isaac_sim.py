@@ -12,8 +12,8 @@ from isaacsim.core.utils.stage import add_reference_to_stage
 
 world = World(stage_units_in_meters=1.0)
 world.scene.add_default_ground_plane()
-# The line that matters: NAME_physx.usda turns on the asset's variant PhysX, in which joints are passive. The importer for
-# URDF makes each joint a position servo instead, which holds a door shut.
+# The line that matters: NAME_physx.usda turns on the asset's variant PhysX, in which joints are passive. The
+# importer for URDF makes each joint a position servo instead, which holds a door shut.
 add_reference_to_stage(sys.argv[1], "/World/twin")
 twin = world.scene.add(SingleArticulation("/World/twin", name="twin"))
 world.reset()

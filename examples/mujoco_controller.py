@@ -1,7 +1,9 @@
-"""A controller of your own in the scene of a replay: python examples/mujoco_controller.py RUN/replay/franka/drawer
+"""A controller of your own in the scene of a replay: python examples/mujoco_controller.py
+RUN/replay/franka/drawer
 
-`twin replay RUN` writes that folder. Its scene.xml holds robot, twin, keyframes and one actuator for each joint, and needs
-nothing but MuJoCo. Here the arm follows the planned joints with a feed-forward of your own making; replace `command`.
+`twin replay RUN` writes that folder. Its scene.xml holds robot, twin, keyframes and one actuator for each
+joint, and needs nothing but MuJoCo. Here the arm follows the planned joints with a feed-forward of your own
+making; replace `command`.
 """
 
 import json
@@ -26,7 +28,8 @@ opened, closed = (model.key(name).ctrl[gripper] for name in ("start", "grasp"))
 
 
 def command(t: float) -> None:
-    """Set the controls for time t (s): joint positions, with the velocity and the effort of the plan fed forward."""
+    """Set the controls for time t (s): joint positions, with the velocity and the effort of the plan fed
+    forward."""
     q, qd, effort = (
         np.array([np.interp(t, plan["times"], row) for row in plan[name].T]) for name in ("q", "qd", "effort")
     )

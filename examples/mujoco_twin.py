@@ -1,4 +1,5 @@
-"""A twin alone in MuJoCo, opened by a force at its handle: python examples/mujoco_twin.py RUN/export/mjcf/scene.xml drawer 15"""
+"""A twin alone in MuJoCo, opened by a force at its handle: python examples/mujoco_twin.py
+RUN/export/mjcf/scene.xml drawer 15"""
 
 import sys
 

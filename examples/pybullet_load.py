@@ -13,7 +13,8 @@ for j in range(p.getNumJoints(twin)):
     info = p.getJointInfo(twin, j)
     if info[2] != p.JOINT_FIXED:
         joints[info[1].decode()] = j
-        # Bullet holds every joint with a motor of its own; as strong as the joint's friction it is that friction.
+        # Bullet holds every joint with a motor of its own; as strong as the joint's friction it is that
+        # friction.
         p.setJointMotorControl2(twin, j, p.VELOCITY_CONTROL, force=info[7])
 for j in joints.values():
     p.resetJointState(twin, j, p.getJointInfo(twin, j)[9])  # open; 0 is closed

@@ -1,4 +1,5 @@
-"""A twin in SAPIEN (or ManiSkill, whose scenes are SAPIEN's): python examples/sapien_load.py RUN/export/urdf/NAME.urdf"""
+"""A twin in SAPIEN (or ManiSkill, whose scenes are SAPIEN's): python examples/sapien_load.py
+RUN/export/urdf/NAME.urdf"""
 
 import sys
 from xml.etree import ElementTree

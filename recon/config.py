@@ -1,4 +1,5 @@
-"""All settings of a reconstruction: one frozen dataclass per stage, read from TOML by `twin.runs.settings.load_config`."""
+"""All settings of a reconstruction: one frozen dataclass per stage, read from TOML by
+`twin.runs.settings.load_config`."""
 
 from __future__ import annotations
 

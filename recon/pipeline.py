@@ -1,7 +1,8 @@
 """The chain: one recording in, a twin out, stage by stage.
 
-The stages follow FunREC (CVPR 2026); docs/method.md says what each takes from the paper and where it leaves it. Each is a function
-of typed inputs and its own settings, which the folder that holds it declares together with its name and version.
+The stages follow FunREC (CVPR 2026); docs/method.md says what each takes from the paper and where it leaves
+it. Each is a function of typed inputs and its own settings, which the folder that holds it declares together
+with its name and version.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ from twin.storage import require_place
 
 T = TypeVar("T")
 
-# Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third of the whole. Only
-# their ratios count.
+# Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third
+# of the whole. Only their ratios count.
 _SECONDS = {
     "inspect": 2.0, "tracks": 5.0, "cameras": 1.7, "gravity": 0.2, "motion": 6.0, "noise": 0.2, "refine": 4.0, "labels": 3.5, "polish": 1.6,
     "fusion": 1.8, "up": 0.5, "contact": 0.6, "texture": 13.0, "verdict": 2.0, "handle": 0.3,
@@ -61,15 +62,16 @@ def reconstruct(
 
     Args:
         recording: a recording, or the path of one, which is opened with `open_recording`.
-        config: settings by stage, and what the user says of the recording (`config.said`); None takes the defaults.
-        out: run folder; stages found there are reused when nothing they depend on has changed, and the twin is saved
-            there. None keeps everything in memory.
-        progress: told about every stage, with its number and the time left; True shows it on standard error, terminal or not,
-            False nothing. Left out, bars appear on a terminal.
+        config: settings by stage, and what the user says of the recording (`config.said`); None takes the
+            defaults.
+        out: run folder; stages found there are reused when nothing they depend on has changed, and the twin
+            is saved there. None keeps everything in memory.
+        progress: told about every stage, with its number and the time left; True shows it on standard error,
+            terminal or not, False nothing. Left out, bars appear on a terminal.
         hint: says which joint types to expect; asked once, before anything else. Clear motion overrules it.
 
-    Raises InputError, ConfigError, ReconstructionError, MissingDependencyError: in one line what is wrong and what to try. Stages that
-    were done stay in `out`.
+    Raises InputError, ConfigError, ReconstructionError, MissingDependencyError: in one line what is wrong and
+    what to try. Stages that were done stay in `out`.
     """
     config = config or ReconConfig()
     materials = read_materials()  # this and what follows before anything that takes minutes
@@ -99,10 +101,11 @@ def reconstruct(
 
 
 def read_stage(run: Path | str, name: str) -> Any:
-    """What a stage of a run found, as the run folder keeps it: `read_stage("RUN", "tracks")` the `Tracks`, "labels" the label
-    images (H, W) by frame, in which a part that was refused still has its id.
+    """What a stage of a run found, as the run folder keeps it: `read_stage("RUN", "tracks")` the `Tracks`,
+    "labels" the label images (H, W) by frame, in which a part that was refused still has its id.
 
-    Raises InputError for a stage that there is not or that the run has not kept, and CodecError for a damaged one.
+    Raises InputError for a stage that there is not or that the run has not kept, and CodecError for a damaged
+    one.
     """
     if name not in _SECONDS:
         close = nearest_name(name, list(_SECONDS))

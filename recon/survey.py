@@ -27,8 +27,8 @@ from twin.scene import Trajectory
 
 T = TypeVar("T")
 
-# Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third of the whole. Only
-# their ratios count.
+# Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third
+# of the whole. Only their ratios count.
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,8 @@ class Surveyed:
 
 
 def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -> Surveyed:
-    """The stages from the recording to the surfaces of the static scene and of each part, in a world whose z is up."""
+    """The stages from the recording to the surfaces of the static scene and of each part, in a world whose z
+    is up."""
     c, loop = stage.config, stage.run.loop
     # Sparse 3D tracks, without weights; the paper's tracker is learned.
     tracks = stage(TRACKS, [], lambda: track_points(recording, c.tracks, loop("tracks")))

@@ -26,8 +26,8 @@ _OWN_WAY = 0.8
 class Demonstration:
     """The colour frames of the recording that a twin was made from.
 
-    frames: how many there are. image: frame index, as `Motion.frames` counts them, to (H, W, 3) uint8 RGB; called for the
-    frames that are shown. name: what the film calls them.
+    frames: how many there are. image: frame index, as `Motion.frames` counts them, to (H, W, 3) uint8 RGB;
+    called for the frames that are shown. name: what the film calls them.
     """
 
     frames: int
@@ -53,11 +53,12 @@ class Demonstration:
 def matching_samples(motion: Motion, start: float, goal: float, states: Array) -> Indices:
     """Indices (f,) into `motion` of the samples whose frames show the part at the robot's `states` (f,).
 
-    One movement of the recording is shown: the first that covers the way from `start` to `goal` in the robot's direction
-    as far as any does; when the recording has none worth it, the first in the other direction, then seen backwards.
-    Of its samples the longest subsequence counts in which the state only grows (or only falls), so that pauses and
-    reversals of the hand are left out. Each state gets the nearest of these: a function of the state alone, monotone, so the
-    frame stays while the part rests and goes back when the part does.
+    One movement of the recording is shown: the first that covers the way from `start` to `goal` in the
+    robot's direction as far as any does; when the recording has none worth it, the first in the other
+    direction, then seen backwards. Of its samples the longest subsequence counts in which the state only
+    grows (or only falls), so that pauses and reversals of the hand are left out. Each state gets the nearest
+    of these: a function of the state alone, monotone, so the frame stays while the part rests and goes back
+    when the part does.
 
     Raises InputError when the recorded states don't move between `start` and `goal`.
     """
@@ -84,7 +85,8 @@ def _rise(values: Array, window: tuple[int, int]) -> float:
 
 
 def _first_movement(values: Array) -> tuple[int, int]:
-    """First and last sample of the first climb that is as high as the highest one, without the rests at its ends."""
+    """First and last sample of the first climb that is as high as the highest one, without the rests at its
+    ends."""
     if not len(values):
         return 0, 0
     climb = values - np.minimum.accumulate(values)

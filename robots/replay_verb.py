@@ -1,4 +1,4 @@
-"""The verb `twin replay`: plan and replay what the person in the recording did. The command line names it in its table."""
+"""The verb `twin replay`: plan and replay what the person in the recording did."""
 
 from __future__ import annotations
 
@@ -87,10 +87,9 @@ def replay_step(
     contact: tuple[float, ...] | None = None,
     floor: float | None = None,
 ) -> Step:
-    """Plan and replay; then, with `trials` (arguments of `robots.run_trials`), on parts that differ from the twin.
+    """Plan and replay; then `trials` (arguments of `robots.run_trials`) on parts that differ from the twin.
 
-    contact: point (3,) in m where a part is held, twin's world at state 0. floor:
-    height (m) in the twin's world.
+    contact: point (3,) in m where a part is held, twin's world at state 0. floor: its height (m) there.
     """
     import robots
     from robots.task import task_of
@@ -171,7 +170,8 @@ def _completed(
     robot: str,
     contact: tuple[float, ...] | None,
 ) -> Twin:
-    """The twin with all that a simulation needs, for every plan, replay and trial; shapes are those that `twin export` keeps.
+    """The twin with all that a simulation needs, for every plan, replay and trial; shapes are those that
+    `twin export` keeps.
 
     A robot that can't be read and a contact off its part are told before shapes are made.
     """
@@ -195,8 +195,8 @@ def _completed(
 def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, list[str], list[str]]:
     """Frames of the recording for the film, notes and warnings; without any the film shows the robot alone.
 
-    Without `recording` it is looked for where the run's manifest says that it was. Raises InputError when `recording`
-    can't be read.
+    Without `recording` it is looked for where the run's manifest says that it was. Raises InputError when
+    `recording` can't be read.
     """
     from robots.demonstration import Demonstration
 
@@ -230,7 +230,7 @@ def _replay_part(
     demonstration: Any,
     missed: tuple[type[FuntwinError], ...],
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
-    """Table row, report, notes and trajectory of one part; no way to move it is a missed goal, not a wrong input."""
+    """Table row, report, notes and trajectory of one part; no way to move it is a missed goal."""
     import robots
 
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
@@ -294,7 +294,7 @@ def _trials(
 
 
 def replay_folder(run: Path, robot: str, part: Part, task: Any) -> Path:
-    """Where the replay of a part is kept that goes from task.start to task.goal: opening, closing, and between."""
+    """Where the replay of a part from task.start to task.goal is kept: opening, closing, and between."""
     ends = tuple(round(100 * s / part.joint.upper) for s in (task.start, task.goal))
     suffix = {(0, 100): "", (100, 0): "_close"}.get(ends, f"_{ends[0]}_to_{ends[1]}")
     return run / "replay" / Path(robot).stem / f"{part.name}{suffix}"

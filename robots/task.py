@@ -39,8 +39,8 @@ def task_of(part: Part, goal: Goal | None = None, from_state: Goal | None = None
     """The task that a user asks for.
 
     Args:
-        goal: "open", "close", a share of the demonstrated range (0.5, "0.5" or "50%"), or a state with its unit ("15deg",
-            "0.3rad", "0.2m", "40mm"). Default: open.
+        goal: "open", "close", a share of the demonstrated range (0.5, "0.5" or "50%"), or a state with its
+            unit ("15deg", "0.3rad", "0.2m", "40mm"). Default: open.
         from_state: the same. Default: the closed end, or the open end if the goal is closed.
 
     Raises:

@@ -28,14 +28,15 @@ class RejectedBase:
 class RobotTrajectory:
     """Joint trajectory of an arm that moves one part; n samples, j arm joints.
 
-    times: (n,) s from 0. q, qd: (n, j) rad and rad/s, m and m/s of the slides of a planar base. gripper: (n,) commanded opening in m, 0 = closed with full force.
-    phases: (n,) names out of PHASES. part_state: (n,) commanded state, m or rad. T_world_tool: (n, 4, 4).
-    position_error: (n,) m between the wanted and the reachable tool position. T_world_base: (4, 4).
-    pedestal: m, height of the base above the floor. limits: (2, j), velocity_limits: (j,) in the units of q and qd.
-    effort: (n, j) N m (N for a slide) that the motion and the part ask of the joints beside gravity compensation, by the
-    twin's physics; zeros when left out.
-    start, goal: states from which and to which the part is brought. grasp: how the hand holds the part. score, clearance (m): of the chosen base.
-    floor: what it was planned to stand on; None in files of earlier versions, which don't say.
+    times: (n,) s from 0. q, qd: (n, j) rad and rad/s, m and m/s of the slides of a planar base. gripper: (n,)
+    commanded opening in m, 0 = closed with full force. phases: (n,) names out of PHASES. part_state: (n,)
+    commanded state, m or rad. T_world_tool: (n, 4, 4). position_error: (n,) m between the wanted and the
+    reachable tool position. T_world_base: (4, 4). pedestal: m, height of the base above the floor. limits:
+    (2, j), velocity_limits: (j,) in the units of q and qd. effort: (n, j) N m (N for a slide) that the motion
+    and the part ask of the joints beside gravity compensation, by the twin's physics; zeros when left out.
+    start, goal: states from which and to which the part is brought. grasp: how the hand holds the part.
+    score, clearance (m): of the chosen base. floor: what it was planned to stand on; None in files of earlier
+    versions, which don't say.
     """
 
     robot: str
@@ -113,7 +114,8 @@ class RobotTrajectory:
         return np.stack([np.interp(times, self.times, e) for e in self.effort.T], axis=1)
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Joint positions (m, j), velocities (m, j) and gripper command (m,) at any times, held beyond the ends.
+        """Joint positions (m, j), velocities (m, j) and gripper command (m,) at any times, held beyond the
+        ends.
 
         Cubic Hermite between samples, so positions and velocities agree.
         """

@@ -1,4 +1,5 @@
-"""The verb `twin trajectory`: what a replay planned, in robots' own formats. The command line names it in its table."""
+"""The verb `twin trajectory`: what a replay planned, in robots' own formats. The command line names it in its
+table."""
 
 from __future__ import annotations
 

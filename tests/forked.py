@@ -1,7 +1,8 @@
 """Own programs forked from one process that has their imports, in place of a start each.
 
-`twin check` and `twin lint` ask every engine in a process of its own, and most of that time is imports. A fork has a memory,
-folder, environment and end of its own, as a process that was started. Tests with the mark `started` start them.
+`twin check` and `twin lint` ask every engine in a process of its own, and most of that time is imports. A
+fork has a memory, folder, environment and end of its own, as a process that was started. Tests with the mark
+`started` start them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ ENGINES = ("numpy", "scipy.interpolate", "mujoco", "pinocchio", "yourdfpy", "twi
 
 
 def serve(imports: Sequence[str]) -> None:
-    """For every job {argv, cwd, env, said} on standard input fork and answer the child's id; for [id] answer its exit code."""
+    """For every job {argv, cwd, env, said} on standard input fork and answer the child's id; for [id] answer
+    its exit code."""
     for name in imports:
         import_module(name)
     gc.freeze()
@@ -132,7 +134,8 @@ class Forked:
 
 
 def in_place_of_subprocess(server: Server) -> SimpleNamespace:
-    """The module `subprocess` for code that starts own programs by `Popen` to a file, or by `run` for what they wrote."""
+    """The module `subprocess` for code that starts own programs by `Popen` to a file, or by `run` for what
+    they wrote."""
 
     def popen(args: list[str], **options: Any) -> Any:
         own = args[0] == sys.executable

@@ -17,7 +17,8 @@ EXACT_DEG = float(np.degrees(EXACT))
 
 
 def assert_for_all(law: Callable[..., None], cases: Iterable[Any]) -> None:
-    """One law over many cases (a tuple of arguments, or the only one): the failure names each case that breaks it."""
+    """One law over many cases (a tuple of arguments, or the only one): the failure names each case that
+    breaks it."""
     tried = [case if isinstance(case, tuple) else (case,) for case in cases]
     broken = []
     for arguments in tried:

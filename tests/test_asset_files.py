@@ -1,4 +1,5 @@
-"""What ships with Funtwin is found from a checkout and from a wheel in any folder, and its absence is told at once."""
+"""What ships with Funtwin is found from a checkout and from a wheel in any folder, and its absence is told at
+once."""
 
 from __future__ import annotations
 

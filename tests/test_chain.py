@@ -1,4 +1,5 @@
-"""The whole chain on the shipped recording, as a user runs it: one reconstruction, then everything made from it."""
+"""The whole chain on the shipped recording, as a user runs it: one reconstruction, then everything made from
+it."""
 
 from __future__ import annotations
 
@@ -89,7 +90,8 @@ def test_the_config_that_a_run_wrote_repeats_it(run: Path, tmp_path: Path) -> No
 def test_an_interrupted_run_ends_with_the_same_bytes(
     finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a killed process leaves: the first stages, and half of another in a temporary folder. The number of threads is another."""
+    """What a killed process leaves: the first stages, and half of another in a temporary folder. The number
+    of threads is another."""
     monkeypatch.setenv("OMP_NUM_THREADS", "2" if threads() == 1 else "1")
     resumed = tmp_path / "run"
     for stage in sorted((finished / "stages").glob("[0-9]*"))[:7]:

@@ -1,4 +1,5 @@
-"""Docstrings are read by a program that makes the API reference: what it would show as running text is found here."""
+"""Docstrings are read by a program that makes the API reference: what it would show as running text is found
+here."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Every command and every Python snippet of README and docs/: it is read by the verb's own parser, its settings exist, and
-it runs as it stands, in a folder that holds what its capital letters mean. What only parses stands in a table with the reason."""
+"""Every command and every Python snippet of README and docs/: it is read by the verb's own parser, its
+settings exist, and it runs as it stands, in a folder that holds what its capital letters mean. What only
+parses stands in a table with the reason."""
 
 from __future__ import annotations
 
@@ -98,7 +99,8 @@ def blocks(page: str) -> list[tuple[str, str]]:
 
 
 def commands(page: str) -> Iterator[str]:
-    """Commands in blocks and in running text, comments cut off, `a|b` told apart. A verb's bare name is no command."""
+    """Commands in blocks and in running text, comments cut off, `a|b` told apart. A verb's bare name is no
+    command."""
     text = (ROOT / page).read_text(encoding="utf-8")
     lines = [line for _, block in blocks(page) for line in block.splitlines() if COMMAND.match(line)]
     named = [" ".join(c.split()) for c in re.findall(r"`([^`]+)`", FENCED.sub("", text)) if COMMAND.match(c)]
@@ -239,7 +241,8 @@ def write_calibration(folder: Path, clip: Recording) -> None:
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with RUN, an exported cabinet whose parts are called NAME and door, and SCENE.xml with a joint NAME."""
+    """A folder with RUN, an exported cabinet whose parts are called NAME and door, and SCENE.xml with a joint
+    NAME."""
     place = tmp_path_factory.mktemp("documents")
     twin = cabinet_twin()
     named = [replace(p, name="NAME") if p.name == "drawer" else p for p in twin.parts]
@@ -321,7 +324,8 @@ def test_calibrations_run_as_they_stand(
 def test_reconstructions_run_as_they_stand(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """On the shipped recording, with the camera poses of its truth as known ones; then everything said about measures."""
+    """On the shipped recording, with the camera poses of its truth as known ones; then everything said about
+    measures."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(asset("recordings/cabinet_drawer"), "RECORDING")
     shutil.copy("RECORDING/truth/trajectory.txt", "RECORDING")

@@ -1,4 +1,5 @@
-"""What can be told without a heavy import is told before one: a wrong name costs a moment, a wrong folder no reconstruction."""
+"""What can be told without a heavy import is told before one: a wrong name costs a moment, a wrong folder no
+reconstruction."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ from twin.files.paths import require_writable
 ROOT = Path(__file__).resolve().parents[1]
 RECORDING = str(ROOT / "assets" / "recordings" / "cabinet_drawer")
 CHEST = str(ROOT / "assets" / "scenes" / "chest.xml")
-# Importing any of these takes longer than reading a twin; NumPy, which the scene types need, is not among them.
+# Importing any of these takes longer than reading a twin; NumPy, which the scene types need, is not among
+# them.
 HEAVY = ("mujoco", "open3d", "scipy", "cv2", "mink", "pinocchio", "matplotlib", "numba", "av", "trimesh", "pxr", "sklearn")  # fmt: skip
 CODE = (
     "import json, sys; from pathlib import Path; from twin.cli import main as cli; code = cli.run(json.loads(sys.argv[1])); "
@@ -66,7 +68,8 @@ def command_line() -> Iterator[Server]:
 
 @pytest.fixture
 def told_early(command_line: Server, tmp_path_factory: pytest.TempPathFactory) -> Told:
-    """Gives the line on standard error; the command must end with code 1 and nothing heavy imported but what is `needed`."""
+    """Gives the line on standard error; the command must end with code 1 and nothing heavy imported but what
+    is `needed`."""
 
     def told(argv: Sequence[str], needed: Sequence[str] = ()) -> str:
         folder = tmp_path_factory.mktemp("told")

@@ -45,7 +45,8 @@ def test_a_package_shows_the_names_that_it_loads_when_they_are_used(package: str
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_type_checkers_see_every_public_name(package: str) -> None:
-    """Each is imported by name in the package's own text; none is left to a function that a type checker can't run."""
+    """Each is imported by name in the package's own text; none is left to a function that a type checker
+    can't run."""
     tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
     bound = {
         alias.asname or alias.name

@@ -1,5 +1,6 @@
-"""Every verb, ended at random moments or on a disk that is full or may not be written: nothing of the user's is lost, no file is
-torn, and the same command works again. benchmarks/interrupts.py ends them a hundred times."""
+"""Every verb, ended at random moments or on a disk that is full or may not be written: nothing of the user's
+is lost, no file is torn, and the same command works again. benchmarks/interrupts.py ends them a hundred
+times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What the pages say about the code's layout is so: modules exist, stages are the pipeline's, and what they name is run."""
+"""What the pages say about the code's layout is so: modules exist, stages are the pipeline's, and what they
+name is run."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def module_of(file: Path) -> ModuleType:
 
 
 def stages_of_the_pipeline() -> list[str]:
-    """Names of the stages of a reconstruction, in order: those before `survey`, those of it, and those after it."""
+    """Names of the stages of a reconstruction, in order: those before `survey`, those of it, and those after
+    it."""
 
     def calls(module: str, function: str) -> list[str]:
         tree = ast.parse((ROOT / module.replace(".", "/")).with_suffix(".py").read_text(encoding="utf-8"))
@@ -54,7 +56,8 @@ def stages_of_the_pipeline() -> list[str]:
 
 
 def files_named(text: str) -> list[str]:
-    """Files and folders that a text names in backticks; a file without a folder lies beside the one before it."""
+    """Files and folders that a text names in backticks; a file without a folder lies beside the one before
+    it."""
     named = [""]
     for found in MODULE.finditer(text):
         folder, _, _ = named[-1].rpartition("/")

@@ -25,7 +25,8 @@ class Terminal(io.StringIO):
 
 
 def on_terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    """Standard error is a terminal; to be called in the test itself, whose own capture comes after its fixtures."""
+    """Standard error is a terminal; to be called in the test itself, whose own capture comes after its
+    fixtures."""
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)
     monkeypatch.setenv("TERM", "xterm")

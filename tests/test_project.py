@@ -52,7 +52,8 @@ def test_makefile_and_doctor_name_the_same_libraries() -> None:
 
 
 def test_an_editable_install_is_one_that_type_checkers_follow(tmp_path: Path) -> None:
-    """A .pth file that names the checkout; an import hook, which setuptools installs otherwise, is run by no type checker."""
+    """A .pth file that names the checkout; an import hook, which setuptools installs otherwise, is run by no
+    type checker."""
     for name in ("setup.py", "pyproject.toml", PYPROJECT["readme"], *PYPROJECT["license-files"]):
         shutil.copy(ROOT / name, tmp_path / name)
     for package in ("twin", "recon", "robots"):

@@ -1,5 +1,6 @@
-"""Laws of the settings: each says its meaning, unit and range; what lies outside of the range is refused in one line; every
-settings object, written as TOML and read back, is equal; docs/settings.md tells them as they are."""
+"""Laws of the settings: each says its meaning, unit and range; what lies outside of the range is refused in
+one line; every settings object, written as TOML and read back, is equal; docs/settings.md tells them as they
+are."""
 
 from __future__ import annotations
 
@@ -199,7 +200,8 @@ def configs(draw: st.DrawFn, cls: type) -> Any:
     for name, hint in types_of(cls).items():
         value = draw(values(hint))
         try:
-            # In Python's numbers too, as a file holds them: numpy rounds -1e-308 to float32's -0 before it compares.
+            # In Python's numbers too, as a file holds them: numpy rounds -1e-308 to float32's -0 before it
+            # compares.
             changed, changed_in_python = (
                 replace(config, **{name: value}),
                 replace(in_python, **{name: plain(value)}),
@@ -211,7 +213,8 @@ def configs(draw: st.DrawFn, cls: type) -> Any:
 
 
 def test_bounds_are_compared_in_pythons_numbers() -> None:
-    """numpy's 0 in 32 bits equals 1e-308, Python's doesn't: else such an object could be made, and its file not be read."""
+    """numpy's 0 in 32 bits equals 1e-308, Python's doesn't: else such an object could be made, and its file
+    not be read."""
     bounds = (1.1125369292536007e-308, np.float32(0))
     for one in (bounds, plain(bounds)):
         with pytest.raises(ConfigError, match="pedestal"):

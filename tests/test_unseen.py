@@ -1,4 +1,5 @@
-"""Sealed rates: seeds nobody can know, nothing kept but counters, every run on the page, a stopped run goes on."""
+"""Sealed rates: seeds nobody can know, nothing kept but counters, every run on the page, a stopped run goes
+on."""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@ from typing import NoReturn
 
 from twin import interrupt
 
-# OpenBLAS would start threads of its own, which wait by spinning and take the cores from ours; our systems are small. It reads
-# this once, when NumPy is imported.
+# OpenBLAS would start threads of its own, which wait by spinning and take the cores from ours; our systems
+# are small. It reads this once, when NumPy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -20,7 +20,8 @@ def main() -> NoReturn:
 
         cli.main()
     except BaseException as e:
-        # before the command line caught errors, or after: some imports turn an interruption into an error of their own
+        # before the command line caught errors, or after: some imports turn an interruption into an error of
+        # their own
         if interrupt.happened() and not isinstance(e, SystemExit):
             interrupt.leave(tell=True)
         raise

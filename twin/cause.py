@@ -1,4 +1,5 @@
-"""Why something is doubted, refused, failed or found wrong: one type for each cause, which alone writes its text."""
+"""Why something is doubted, refused, failed or found wrong: one type for each cause, which alone writes its
+text."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Cause(ABC):
-    """One cause. Its fields are its numbers; who wants to know what happened asks for the type, who counts causes counts `kind`."""
+    """One cause. Its fields are its numbers; who wants to know what happened asks for the type, who counts
+    causes counts `kind`."""
 
     @property
     @abstractmethod

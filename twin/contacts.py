@@ -1,4 +1,5 @@
-"""Does a stated contact lie on its part? A twin whose contact is off can be read, so that it can be mended."""
+"""Does a stated contact lie on its part? A twin whose contact is off can be read, so that it can be
+mended."""
 
 from __future__ import annotations
 
@@ -9,8 +10,9 @@ import numpy as np
 from twin.geometry import Array
 from twin.scene import ContactPath, Mesh, Part, Twin
 
-# m from the surface at which a contact still speaks of the part, beside half the width of what is held there (a point may be its
-# middle). Chosen by us: what a hand's lifted points err by, 3 cm, and a fist between its surface and what it grips, 4 cm.
+# m from the surface at which a contact still speaks of the part, beside half the width of what is held there
+# (a point may be its middle). Chosen by us: what a hand's lifted points err by, 3 cm, and a fist between its
+# surface and what it grips, 4 cm.
 _HAND = 0.07
 
 
@@ -49,12 +51,14 @@ def distance_to(mesh: Mesh, point: Array) -> float:
 
 
 def allowed(contact: ContactPath) -> float:
-    """How far (m) a contact may be from the surface: 7 cm of hand (chosen by us), and half its stated width."""
+    """How far (m) a contact may be from the surface: 7 cm of hand (chosen by us), and half its stated
+    width."""
     return _HAND + contact.width / 2
 
 
 def contact_off(part: Part) -> ContactOff | None:
-    """What is wrong with a part's contact; None where it is on the part, or there is none. The mesh must not be empty."""
+    """What is wrong with a part's contact; None where it is on the part, or there is none. The mesh must not
+    be empty."""
     if part.contact is None or not len(part.mesh.faces):
         return None
     distance, most = distance_to(part.mesh, part.contact.point), allowed(part.contact)

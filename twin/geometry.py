@@ -92,7 +92,7 @@ def log_se3(pose: ArrayLike) -> Array:
 
 
 def is_rotation(r: Array, tolerance: float = 1e-6) -> bool:
-    """Whether matrices (..., 3, 3) are right-handed and orthonormal, each product of columns to within a tolerance."""
+    """Whether matrices (..., 3, 3) are right-handed and orthonormal (tolerance: of a product)."""
     return bool(
         np.allclose(np.swapaxes(r, -1, -2) @ r, np.eye(3), atol=tolerance) and np.all(np.linalg.det(r) > 0)
     )
@@ -165,7 +165,8 @@ def matrix_from_quat_wxyz(quat_wxyz: ArrayLike) -> Array:
 
 
 def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Least-squares pose T_target_source (..., 4, 4) with target ~ T source (Kabsch 1976, Umeyama 1991, scale 1).
+    """Least-squares pose T_target_source (..., 4, 4) with target ~ T source (Kabsch 1976, Umeyama 1991, scale
+    1).
 
     Args:
         source: points (..., n, 3).
@@ -255,7 +256,7 @@ def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:
 
 
 def vector_areas(corners: Array) -> Array:
-    """Vector areas (..., 3) m^2 of triangles (..., 3, 3): normal to them, right-handed, and as long as their area."""
+    """Vector areas (..., 3) m^2 of triangles (..., 3, 3): right-handed normals as long as the area."""
     return np.asarray(
         0.5 * np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
     )
@@ -274,9 +275,11 @@ def triangle_normals(corners: Array) -> tuple[Array, Array]:
 
 
 def unique_rows(rows: NDArray[np.integer[Any]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Index of the first of each set of equal rows (m,) of whole numbers, these in rising order, and the set of each row (n,).
+    """Index of the first of each set of equal rows (m,) of whole numbers, these in rising order, and the set
+    of each row (n,).
 
-    What np.unique(axis=0) gives, but it sorts one number a row where that can hold all columns: many times as fast.
+    What np.unique(axis=0) gives, but it sorts one number a row where that can hold all columns: many times as
+    fast.
     """
     if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

@@ -1,8 +1,9 @@
-"""What stands off a flat face, as a bar or a knob does: the finder of handles that reconstruction, robots and simulation share.
+"""What stands off a flat face, as a bar or a knob does: the finder of handles that reconstruction, robots and
+simulation share.
 
-A face is the outermost layer along a direction that is filled with surface; what stands off it, is connected and not so
-tall that it is the part itself may be held. Whom it is near to (a hand, a contact, nobody) is for the caller to say.
-Lengths were chosen by us and measured on the recordings of benchmarks/reconstruct.md.
+A face is the outermost layer along a direction that is filled with surface; what stands off it, is connected
+and not so tall that it is the part itself may be held. Whom it is near to (a hand, a contact, nobody) is for
+the caller to say. Lengths were chosen by us and measured on the recordings of benchmarks/reconstruct.md.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ _FILLED = 0.3  # share of the fullest layer that makes the outermost one a face:
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A flat face: unit normal (3,) out of the part, normal @ x == offset on it, its points (n, 3), noise: robust spread in m."""
+    """A flat face: unit normal (3,) out of the part, normal @ x == offset on it, its points (n, 3), noise:
+    robust spread in m."""
 
     normal: Array
     offset: float
@@ -49,12 +51,13 @@ class Face:
         return np.asarray(self.height(points) > self.skin)
 
     def low_enough(self, piece: Array) -> bool:
-        """Whether a piece (n, 3) can be a handle: what rises farther is the part itself, seen from a narrow face such as a
-        door's edge, or a wall of it."""
+        """Whether a piece (n, 3) can be a handle: what rises farther is the part itself, seen from a narrow
+        face such as a door's edge, or a wall of it."""
         return bool(self.height(piece).max() < TALLEST)
 
     def outer_half(self, piece: Array) -> tuple[Array, float]:
-        """The outer half (m, 3) of a piece, which leaves the posts of a bar out, and how far (m) the piece stands off."""
+        """The outer half (m, 3) of a piece, which leaves the posts of a bar out, and how far (m) the piece
+        stands off."""
         height = self.height(piece)
         top = float(np.quantile(height, 0.97))
         return piece[height > 0.5 * top], top
@@ -64,8 +67,9 @@ def outermost_face(flat: Array, normal: Array, one_sided: bool = False) -> Face:
     """The outermost well-filled layer of points (n, 3) along a normal, its plane fitted.
 
     Args:
-        one_sided: all points are of surface that faces the normal. Then the fullest layer within four is the face and its noise
-            is seen out to four layers, as 5 mm of it ask for; otherwise the back of a thin panel may lie there.
+        one_sided: all points are of surface that faces the normal. Then the fullest layer within four is the
+            face and its noise is seen out to four layers, as 5 mm of it ask for; otherwise the back of a thin
+            panel may lie there.
     """
     behind, wide = (4, 4) if one_sided else (1, 2)
     height = flat @ normal
@@ -88,8 +92,8 @@ def outermost_face(flat: Array, normal: Array, one_sided: bool = False) -> Face:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Points in voxels of CELL. cell: (n,) the voxel of each point. middle: (c, 3) mean point of each voxel. piece: (c,) which
-    connected piece the voxel is in."""
+    """Points in voxels of CELL. cell: (n,) the voxel of each point. middle: (c, 3) mean point of each voxel.
+    piece: (c,) which connected piece the voxel is in."""
 
     cell: NDArray[np.intp]
     middle: Array
@@ -118,7 +122,8 @@ def split(points: Array) -> list[Array]:
 
 
 def long_side(points: Array, normal: Array, outliers: float = 0.02) -> tuple[Array, float, float]:
-    """Direction (3,) across the normal in which points (n, 3) reach farthest, their length in it and their width (m).
+    """Direction (3,) across the normal in which points (n, 3) reach farthest, their length in it and their
+    width (m).
 
     Of both ends of either the share `outliers` is left out.
     """
@@ -138,7 +143,8 @@ def is_bar(length: float, width: float) -> bool:
 
 
 def upright(normal: Array, hinge: Array | None = None) -> Array:
-    """Direction (3,) across a normal along which a hand would hold a knob: the hinge's axis, else nearest to vertical."""
+    """Direction (3,) across a normal along which a hand would hold a knob: the hinge's axis, else nearest to
+    vertical."""
     options = [] if hinge is None else [hinge]
     for option in (*options, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])):
         flat = option - (option @ normal) * normal

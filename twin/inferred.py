@@ -1,6 +1,8 @@
-"""What no camera saw of a body, kept apart from what one did: closed pieces, each with its reason and with what bounds it.
+"""What no camera saw of a body, kept apart from what one did: closed pieces, each with its reason and with
+what bounds it.
 
-Numpy only; every type checks its own laws when it is built. `twin.completion` infers, `twin.exporters` writes one layer or both.
+Numpy only; every type checks its own laws when it is built. `twin.completion` infers, `twin.exporters` writes
+one layer or both.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from twin.shapes import Box, Collision, Mesh
 
 Basis = Literal["evidence", "assumed"]
 BASES: tuple[Basis, ...] = get_args(Basis)
-VERSION = 8  # of what infers: raised whenever the same twin may get other pieces, so that a twin on disk gets them anew
+# of what infers: raised whenever the same twin may get other pieces, so that a twin on disk gets them anew
+VERSION = 8
 PLAIN = (180, 180, 180)  # sRGB of what nobody saw the colour of
 
 
@@ -27,9 +30,9 @@ PLAIN = (180, 180, 180)  # sRGB of what nobody saw the colour of
 class Inferred(Described):
     """A piece of a body that no camera saw whole, in the world at state 0.
 
-    name: unique on its body. role: what it is, in one word: front, floor, side, back, handle. mesh: closed. basis: "evidence" where
-    what was seen bounds it on every side that matters, "assumed" where nothing does. reason: one line for people. color (3,) sRGB: plain.
-    shapes: its collision shapes.
+    name: unique on its body. role: what it is, in one word: front, floor, side, back, handle. mesh: closed.
+    basis: "evidence" where what was seen bounds it on every side that matters, "assumed" where nothing does.
+    reason: one line for people. color (3,) sRGB: plain. shapes: its collision shapes.
     """
 
     name: str
@@ -53,7 +56,8 @@ class Inferred(Described):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Interior(Described):
-    """Free space inside furniture, where things are kept: a box in the world at state 0, of the body that it moves with."""
+    """Free space inside furniture, where things are kept: a box in the world at state 0, of the body that it
+    moves with."""
 
     name: str
     box: Box
@@ -66,10 +70,11 @@ class Interior(Described):
 class Completion(Described):
     """The inferred layer of one body, beside its seen mesh, which stays as it is.
 
-    shown: the seen triangles that are drawn beside the pieces: all but shreds and what a piece stands in for, as a blurred handle.
-    pieces: what is inferred. collision: shapes of what is seen and lies in no piece. interiors: free space inside.
-    version: of what inferred it. kind: what a moving part is, in one word as drawer, sliding_door, door, flap, lid; empty where nobody knows.
-    room: of the static scene, the seen triangles that belong to no furniture of the parts; room_collision: their shapes.
+    shown: the seen triangles that are drawn beside the pieces: all but shreds and what a piece stands in for,
+    as a blurred handle. pieces: what is inferred. collision: shapes of what is seen and lies in no piece.
+    interiors: free space inside. version: of what inferred it. kind: what a moving part is, in one word as
+    drawer, sliding_door, door, flap, lid; empty where nobody knows. room: of the static scene, the seen
+    triangles that belong to no furniture of the parts; room_collision: their shapes.
     """
 
     shown: Mesh
@@ -101,7 +106,8 @@ class Completion(Described):
 
 
 def box_mesh(T_world_box: Array, size: Array, color: NDArray[np.uint8] | None = None) -> Mesh:
-    """A box (4, 4), full size (3,) m, as a closed mesh of twelve triangles that face outwards; plain colour (3,) at every vertex."""
+    """A box (4, 4), full size (3,) m, as a closed mesh of twelve triangles that face outwards; plain colour
+    (3,) at every vertex."""
     box = Box(T_world_box, size)
     faces = [
         (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),

@@ -1,4 +1,5 @@
-"""Ends the command in one line when the user interrupts it, wherever it is: in compiled code, in threads, with children at work."""
+"""Ends the command in one line when the user interrupts it, wherever it is: in compiled code, in threads,
+with children at work."""
 
 from __future__ import annotations
 
@@ -23,13 +24,15 @@ _deadline: list[float] = []
 
 
 def handle() -> None:
-    """Take SIGINT and SIGTERM from now on. The first one unwinds the program; a second one, or a program that does not end in
-    three seconds, ends it at once. Nothing is lost either way: every file is replaced as a whole."""
+    """Take SIGINT and SIGTERM from now on. The first one unwinds the program; a second one, or a program that
+    does not end in three seconds, ends it at once. Nothing is lost either way: every file is replaced as a
+    whole."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupted)
     signal.signal(signal.SIGALRM, _late)
     sys.unraisablehook = _unraisable
-    # Runs after all other exit functions: from there on Python takes its handlers away and unloads modules for a while.
+    # Runs after all other exit functions: from there on Python takes its handlers away and unloads modules
+    # for a while.
     atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 
@@ -58,7 +61,8 @@ def leave(tell: bool = False) -> NoReturn:
 
 
 def finish(code: int) -> NoReturn:
-    """End the program, whose work is done and told, with its exit code; an interruption from here on only hastens it.
+    """End the program, whose work is done and told, with its exit code; an interruption from here on only
+    hastens it.
 
     One that a library dropped on the way is told now: the user's shell shall stop, and know why."""
     if happened():
@@ -70,7 +74,8 @@ def finish(code: int) -> NoReturn:
 
 @contextmanager
 def spared() -> Iterator[None]:
-    """Processes that are started in here don't hear Ctrl-C, which a terminal sends to all: they end with this one, silently."""
+    """Processes that are started in here don't hear Ctrl-C, which a terminal sends to all: they end with this
+    one, silently."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -105,7 +110,8 @@ def _late(_number: int, frame: FrameType | None) -> None:
 
 
 def _unraisable(told: Any) -> None:
-    """An interruption that fell into a callback or finalizer, where Python can only drop it, is raised again soon."""
+    """An interruption that fell into a callback or finalizer, where Python can only drop it, is raised again
+    soon."""
     if not happened():
         sys.__unraisablehook__(told)
     elif (

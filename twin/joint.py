@@ -1,7 +1,9 @@
-"""Joints of one degree of freedom and their algebra: small moves of the axis, uncertainty carried along, other frames.
+"""Joints of one degree of freedom and their algebra: small moves of the axis, uncertainty carried along,
+other frames.
 
-The tangent of a joint: tilts (rad) of the axis about the two columns of `Joint.basis`, then, for a hinge, shifts (m) of the axis
-along them at the pivot. All that moves, compares or samples joints does it in these coordinates.
+The tangent of a joint: tilts (rad) of the axis about the two columns of `Joint.basis`, then, for a hinge,
+shifts (m) of the axis along them at the pivot. All that moves, compares or samples joints does it in these
+coordinates.
 
 FunREC, supplement 1.1, eq. 1 and 2: another point on the same axis.
 """
@@ -24,7 +26,8 @@ from twin.quantities import set_field as _set
 
 
 def moved_axis(axis: Array, pivot: Array, delta: ArrayLike) -> tuple[Array, Array]:
-    """Axis (3,) and pivot (3,) m moved by a tangent (2,) or (4,): first the tilts, then the shifts along the old basis."""
+    """Axis (3,) and pivot (3,) m moved by a tangent (2,) or (4,): first the tilts, then the shifts along the
+    old basis."""
     delta = geo.as_float(delta)
     basis = geo.orthogonal_basis(axis)[:, :2]
     tilted = geo.unit(geo.exp_so3(basis @ delta[:2]) @ axis)
@@ -32,7 +35,8 @@ def moved_axis(axis: Array, pivot: Array, delta: ArrayLike) -> tuple[Array, Arra
 
 
 def turned_covariance(covariance: Array, old: Array, new: Array) -> Array:
-    """The covariance (2, 2) or (4, 4) of a tangent in basis `old` (3, 2), told in basis `new` (3, 2) of the same plane."""
+    """The covariance (2, 2) or (4, 4) of a tangent in basis `old` (3, 2), told in basis `new` (3, 2) of the
+    same plane."""
     turn = np.kron(np.eye(len(covariance) // 2), new.T @ old)
     turned = turn @ covariance @ turn.T
     return np.asarray(0.5 * (turned + turned.T))
@@ -40,8 +44,8 @@ def turned_covariance(covariance: Array, old: Array, new: Array) -> Array:
 
 @dataclass(frozen=True)
 class JointSigma:
-    """One standard deviation of a joint per direction: of the axis' tilt (rad) about any one axis normal to it, of its
-    position (m, None if prismatic) along any one direction normal to it, of a state (m or rad)."""
+    """One standard deviation of a joint per direction: of the axis' tilt (rad) about any one axis normal to
+    it, of its position (m, None if prismatic) along any one direction normal to it, of a state (m or rad)."""
 
     axis: float
     pivot: float | None
@@ -49,7 +53,8 @@ class JointSigma:
 
     @classmethod
     def of(cls, covariance: Array, state: float) -> JointSigma:
-        """From a joint's covariance (2, 2) or (4, 4): the root of the mean variance over the two directions."""
+        """From a joint's covariance (2, 2) or (4, 4): the root of the mean variance over the two
+        directions."""
         tilt, *shift = (
             float(np.sqrt(max(np.trace(covariance[k : k + 2, k : k + 2]) / 2, 0.0)))
             for k in range(0, len(covariance), 2)
@@ -61,9 +66,9 @@ class JointSigma:
 class Joint(Described, ABC):
     """One-degree-of-freedom joint. `lower` <= 0 <= `upper` hold the limits in metres or radians.
 
-    `pose(a) @ pose(b) == pose(a + b)` and `pose(0)` is the identity. `covariance` is over the tangent of the joint
-    in `basis`: the axis tilts (rad) about its columns, then, for a revolute joint, the shifts (m) of the axis along those
-    columns at the pivot.
+    `pose(a) @ pose(b) == pose(a + b)` and `pose(0)` is the identity. `covariance` is over the tangent of the
+    joint in `basis`: the axis tilts (rad) about its columns, then, for a revolute joint, the shifts (m) of
+    the axis along those columns at the pivot.
     """
 
     axis: Array
@@ -114,10 +119,11 @@ class Joint(Described, ABC):
         return geo.orthogonal_basis(self.axis)[:, :2]
 
     def plus(self, delta: ArrayLike) -> Self:
-        """The joint moved by a tangent (2,) or (4,) in `basis`; limits and sigma stay, the covariance is carried along.
+        """The joint moved by a tangent (2,) or (4,) in `basis`; limits and sigma stay, the covariance is
+        carried along.
 
-        A hinge's pivot is shifted, not turned: `joint.plus(d).minus(joint)` is d again, up to half a turn of tilt. The
-        shifts of a slide, which has no place, are nothing.
+        A hinge's pivot is shifted, not turned: `joint.plus(d).minus(joint)` is d again, up to half a turn of
+        tilt. The shifts of a slide, which has no place, are nothing.
         """
         delta = geo.as_float(delta)
         if not np.any(delta):
@@ -127,11 +133,11 @@ class Joint(Described, ABC):
         return self._at(axis, pivot, carried)
 
     def minus(self, other: Joint) -> Array:
-        """The tangent (2,) or (4,) in the other's basis by which that one becomes this one, as a line: `other.plus(delta)`
-        has this axis, and a pivot on this line.
+        """The tangent (2,) or (4,) in the other's basis by which that one becomes this one, as a line:
+        `other.plus(delta)` has this axis, and a pivot on this line.
 
-        Raises SceneError for another kind, and for hinges whose axes cross at a right angle, of which none passes the other's
-        plane.
+        Raises SceneError for another kind, and for hinges whose axes cross at a right angle, of which none
+        passes the other's plane.
         """
         if other.kind != self.kind:
             raise SceneError(f"a {self.kind} joint minus a {other.kind} one is not defined")
@@ -153,7 +159,8 @@ class Joint(Described, ABC):
         return replace(self._at(-self.axis, self._place(), self.basis), lower=-self.upper, upper=-self.lower)
 
     def with_pivot(self, point: ArrayLike) -> Self:  # noqa: ARG002  (a hinge has a pivot)
-        """The same joint with its pivot at the point of the axis nearest to `point` (3,) m; a slide stays as it is."""
+        """The same joint with its pivot at the point of the axis nearest to `point` (3,) m; a slide stays as
+        it is."""
         return self
 
     def transformed(self, T_new_old: Array) -> Self:
@@ -192,7 +199,8 @@ class Prismatic(Joint):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Revolute(Joint):
-    """Hinge (door, lid) about the line through `pivot` (3,) m along `axis`; states in radians, right-handed."""
+    """Hinge (door, lid) about the line through `pivot` (3,) m along `axis`; states in radians,
+    right-handed."""
 
     pivot: Array = field(kw_only=True)
     kind: Literal["prismatic", "revolute"] = field(init=False, default="revolute")
@@ -211,7 +219,8 @@ class Revolute(Joint):
         return np.cross(self.axis, moved - self.pivot)
 
     def with_pivot(self, point: ArrayLike) -> Revolute:
-        """The same hinge with its pivot at the point of the axis nearest to `point` (3,) m, uncertainty included.
+        """The same hinge with its pivot at the point of the axis nearest to `point` (3,) m, uncertainty
+        included.
 
         A tilt (t1, t2) in the basis shifts the axis, d metres along it, by d (t2, -t1).
         """

@@ -1,8 +1,10 @@
-"""Is up really up? Floors, worktops and walls, the travel of drawers and the lines of hinges say which way plumb is; nothing is turned here.
+"""Is up really up? Floors, worktops and walls, the travel of drawers and the lines of hinges say which way
+plumb is; nothing is turned here.
 
-A witness is a direction: of a large plane its normal and of a hinge its line, which are plumb or level in furniture that stands, and of a
-slide its travel, which is level. The up that most of them agree with is looked for among the normals, the cross products of pairs and
-the twin's own, and is then that of least squares over those that agree. Witnesses that only repeat the twin's up say nothing against it.
+A witness is a direction: of a large plane its normal and of a hinge its line, which are plumb or level in
+furniture that stands, and of a slide its travel, which is level. The up that most of them agree with is
+looked for among the normals, the cross products of pairs and the twin's own, and is then that of least
+squares over those that agree. Witnesses that only repeat the twin's up say nothing against it.
 """
 
 from __future__ import annotations
@@ -21,8 +23,10 @@ from twin.mesh import sample_surface
 from twin.scene import Mesh, Twin
 
 DOUBTED = "up_doubted"  # of a twin's provenance: what the reconstruction said against its up, texts
-TILT_DEG = 2.0  # chosen by us, as `twin check` calls a hinge upright: more than a carpenter's error and a reconstructed axis'
-AGREE_DEG = 1.0  # of a witness and an up; chosen by us: planes fitted to a clean scan are within .2 deg, axes within 1
+# chosen by us, as `twin check` calls a hinge upright: more than a carpenter's error and a reconstructed axis'
+TILT_DEG = 2.0
+# of a witness and an up; chosen by us: planes fitted to a clean scan are within .2 deg, axes within 1
+AGREE_DEG = 1.0
 FEWEST = 2  # witnesses against the twin's up; chosen by us: one may be a sloping board
 _SAMPLES = 8_000  # points on the static mesh
 _GUESSES, _FEW = 48, 10  # planes that are tried for the next largest, and points by which one is
@@ -44,7 +48,8 @@ UP = np.array([0.0, 0.0, 1.0])  # of every twin
 
 @dataclass(frozen=True, eq=False)
 class Witness:
-    """Something that is level or plumb where furniture stands: what it is, and its unit direction (3,) in the twin's world.
+    """Something that is level or plumb where furniture stands: what it is, and its unit direction (3,) in the
+    twin's world.
 
     level_only: its direction is level (a slide's); else it is level or plumb.
     """
@@ -65,7 +70,8 @@ class Witness:
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A large flat piece of a surface: unit normal (3,), whose sign means nothing, centre (3,) m, and area m^2."""
+    """A large flat piece of a surface: unit normal (3,), whose sign means nothing, centre (3,) m, and area
+    m^2."""
 
     normal: Array
     centre: Array
@@ -82,8 +88,8 @@ class LevelEvidence:
         tilt_deg: between that and the twin's.
         agree: how many are within 1 deg of it.
         against: names of those among these that are more than 2 deg off the twin's own.
-        spare: how many more conditions these set than it takes to find an up that meets them; two that share no condition always
-            agree, on what is square to both.
+        spare: how many more conditions these set than it takes to find an up that meets them; two that share
+            no condition always agree, on what is square to both.
     """
 
     witnesses: tuple[Witness, ...]
@@ -95,7 +101,8 @@ class LevelEvidence:
 
     @property
     def contradicted(self) -> bool:
-        """At least two witnesses agree, and not by chance, on an up that is more than 2 deg from the twin's."""
+        """At least two witnesses agree, and not by chance, on an up that is more than 2 deg from the
+        twin's."""
         return self.tilt_deg > TILT_DEG and len(self.against) >= FEWEST and self.spare > 0
 
     @property
@@ -113,12 +120,14 @@ class LevelEvidence:
 
 
 def level_evidence(twin: Twin) -> LevelEvidence:
-    """Compare the twin's up with its large static planes, the travel of its slides and the lines of its hinges, all closed."""
+    """Compare the twin's up with its large static planes, the travel of its slides and the lines of its
+    hinges, all closed."""
     return judged(witnesses(twin))
 
 
 def doubts_about_up(twin: Twin) -> tuple[str, ...]:
-    """What speaks against the twin's up, each in one line: what its reconstruction said, and the planes and joints that contradict it."""
+    """What speaks against the twin's up, each in one line: what its reconstruction said, and the planes and
+    joints that contradict it."""
     said = twin.provenance.get(DOUBTED, ())
     told = tuple(map(str, said)) if isinstance(said, list | tuple) else ()
     evidence = level_evidence(twin)
@@ -126,7 +135,8 @@ def doubts_about_up(twin: Twin) -> tuple[str, ...]:
 
 
 def witnesses(twin: Twin) -> tuple[Witness, ...]:
-    """The large planes of the static mesh, largest first, then the joint of every part that is mounted on it."""
+    """The large planes of the static mesh, largest first, then the joint of every part that is mounted on
+    it."""
     found = [Witness(_named(p), p.normal) for p in large_planes(twin.static.mesh)]
     for part in twin.parts:
         if part.parent is None:  # one that is carried is as level as what carries it stands
@@ -137,8 +147,8 @@ def witnesses(twin: Twin) -> tuple[Witness, ...]:
 
 
 def judged(found: Sequence[Witness]) -> LevelEvidence:
-    """The up that most witnesses agree with, of several the one nearest to the twin's own; and the twin's own, give or take 2 deg, where
-    fewer than two of them speak against that."""
+    """The up that most witnesses agree with, of several the one nearest to the twin's own; and the twin's
+    own, give or take 2 deg, where fewer than two of them speak against that."""
     best = max(_candidates(found), key=lambda up: (len(_within(found, up, AGREE_DEG)), float(up @ UP)))
     other = _told(found, _refined(_within(found, best, AGREE_DEG), best))
     return other if other.contradicted else _told(found, _refined(_within(found, UP, TILT_DEG), UP))
@@ -153,7 +163,8 @@ def _told(found: Sequence[Witness], up: Array) -> LevelEvidence:
 
 
 def _spare(those: Sequence[Witness], up: Array) -> int:
-    """Conditions on `up` that witnesses set, one by what is level and two by what is plumb, less the directions in which they hold it."""
+    """Conditions on `up` that witnesses set, one by what is level and two by what is plumb, less the
+    directions in which they hold it."""
     form, count = np.zeros((3, 3)), 0
     for w in those:
         level = w.is_level(up)
@@ -180,7 +191,8 @@ def _candidates(found: Sequence[Witness]) -> list[Array]:
 
 
 def _refined(those: Sequence[Witness], up: Array) -> Array:
-    """The up of least squares over witnesses that agree with `up` (3,), which decides where they leave it open."""
+    """The up of least squares over witnesses that agree with `up` (3,), which decides where they leave it
+    open."""
     form = 1e-6 * (np.eye(3) - np.outer(up, up))
     for w in those:
         square = np.outer(w.direction, w.direction)
@@ -192,9 +204,10 @@ def _refined(those: Sequence[Witness], up: Array) -> Array:
 def large_planes(mesh: Mesh) -> list[Plane]:
     """Large planes of a mesh, largest first, those that are parallel and beside each other once.
 
-    Each is the best of some guesses (RANSAC, Fischler and Bolles 1981), which are planes of least squares of a point's neighbours that
-    look the same way, among the points that no plane has yet; then that of least squares of its own points. Open3D's search for patches
-    (0.20) finds none in a cabinet of boards, whose faces are two centimetres apart.
+    Each is the best of some guesses (RANSAC, Fischler and Bolles 1981), which are planes of least squares of
+    a point's neighbours that look the same way, among the points that no plane has yet; then that of least
+    squares of its own points. Open3D's search for patches (0.20) finds none in a cabinet of boards, whose
+    faces are two centimetres apart.
     """
     rng = np.random.default_rng(0)
     points, normals = sample_surface(mesh, _SAMPLES, rng)
@@ -237,7 +250,8 @@ def _fitted(points: Array) -> tuple[Array, Array]:
 
 
 def _on(points: Array, normals: Array, plane: tuple[Array, Array], off: float) -> NDArray[np.bool_]:
-    """Which points (n,) are within `off` m of a plane (normal, centre) and look to one side of it, that to which most do."""
+    """Which points (n,) are within `off` m of a plane (normal, centre) and look to one side of it, that to
+    which most do."""
     normal, centre = plane
     near, facing = np.abs((points - centre) @ normal) < off, normals @ normal
     front, back = near & (facing > _TURNED), near & (facing < -_TURNED)

@@ -13,18 +13,23 @@ from twin.scene import Part, Twin
 from twin.units import ANGLES, LENGTHS, number_and_unit
 
 Limit = float | str
-# Quantile of the recorded states that a range has to hold: as a reconstruction's own limits, docs/settings.md, limit_quantile.
+# Quantile of the recorded states that a range has to hold: as a reconstruction's own limits,
+# docs/settings.md, limit_quantile.
 _OUTLIERS = 0.02
-# Share of the recorded range by which limits that a user states may fall short of it; chosen by us: rounding to a handy number.
+# Share of the recorded range by which limits that a user states may fall short of it; chosen by us: rounding
+# to a handy number.
 _STATED = 0.05
-# The same of limits in twin.json; chosen by us: noise and creep at rest bring those of a doubtful reconstruction this far off.
+# The same of limits in twin.json; chosen by us: noise and creep at rest bring those of a doubtful
+# reconstruction this far off.
 _STORED = 0.25
 
 
 def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: Limit | None = None) -> Twin:
-    """The twin with other limits of one part's joint, counted from the closed state 0 in which its meshes are.
+    """The twin with other limits of one part's joint, counted from the closed state 0 in which its meshes
+    are.
 
-    Collision shapes and the inferred layer that a reconstruction got depend on the range; the next export makes them anew.
+    Collision shapes and the inferred layer that a reconstruction got depend on the range; the next export
+    makes them anew.
 
     Args:
         part: id or name.
@@ -32,7 +37,8 @@ def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: 
         upper: the same.
 
     Raises:
-        SceneError: no such part, limits that do not hold state 0, or limits that cut off the part's recorded motion.
+        SceneError: no such part, limits that do not hold state 0, or limits that cut off the part's recorded
+            motion.
         InputError: a text that is no state of the joint.
     """
     old = twin.part(part)
@@ -51,7 +57,8 @@ def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: 
 
 
 def cut_off(part: Part, short: float = _STORED) -> str:
-    """What of its recorded motion a part's limits cut off, in one line; empty where they hold it, or all but the share `short`."""
+    """What of its recorded motion a part's limits cut off, in one line; empty where they hold it, or all but
+    the share `short`."""
     if not len(part.motion.frames):
         return ""
     low, high = (float(v) for v in np.quantile(part.motion.state, [_OUTLIERS, 1.0 - _OUTLIERS]))

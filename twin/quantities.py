@@ -1,4 +1,5 @@
-"""Numbers that say where they come from: a quantity with source and interval, and what a part's mass and friction are.
+"""Numbers that say where they come from: a quantity with source and interval, and what a part's mass and
+friction are.
 
 Numpy only; every type checks its own laws when it is built.
 """
@@ -18,7 +19,8 @@ from twin.geometry import Array
 
 Origin = Literal["measured", "geometry", "vlm", "recording", "user", "typical", "default", "other"]
 ORIGINS: tuple[Origin, ...] = get_args(Origin)
-# Chosen by us: beyond it a double can't tell tenths of a millimetre, and what is computed from it soon overflows.
+# Chosen by us: beyond it a double can't tell tenths of a millimetre, and what is computed from it soon
+# overflows.
 LARGEST = 1e12
 
 
@@ -32,7 +34,8 @@ class Described:
 def frozen_array(
     values: Any, shape: tuple[int | None, ...], what: str, dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """Read-only copy with a checked shape (None = any length) and finite values; an array that is frozen already is its own copy."""
+    """Read-only copy with a checked shape (None = any length) and finite values; an array that is frozen
+    already is its own copy."""
     a = values if _is_frozen(values, dtype) else np.array(values, dtype=dtype)
     if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
         raise SceneError(f"{what} must have shape {shape}, got {a.shape}")
@@ -59,9 +62,10 @@ def set_field(instance: object, name: str, value: Any) -> None:
 
 
 def origin_of(source: str) -> Origin:
-    """The leading word of a source text, "word: detail": measured (weighed, timed), geometry (surface x table), vlm (a
-    vision-language model's answer), recording (what the recording shows asks for it), user (stated by the user), typical (measured on
-    other furniture and asked for by the user), default (from a table); other for any other text."""
+    """The leading word of a source text, "word: detail": measured (weighed, timed), geometry (surface x
+    table), vlm (a vision-language model's answer), recording (what the recording shows asks for it), user
+    (stated by the user), typical (measured on other furniture and asked for by the user), default (from a
+    table); other for any other text."""
     word = source.partition(":")[0].strip()
     return next((known for known in ORIGINS if known == word), "other")
 
@@ -95,12 +99,13 @@ class Quantity:
 class Inertial(Described):
     """Mass (kg) with interval and source, centre of mass (3,) m and inertia tensor (3, 3) kg m^2 about it.
 
-    World axes at state 0. The tensor is positive definite and its principal moments obey the triangle inequality.
+    World axes at state 0. The tensor is positive definite and its principal moments obey the triangle
+    inequality.
 
-    inertia_source: where centre and tensor come from; the mass' source when left out. inertia_interval: (low, high)
-    factors: the true tensor's moment about any axis through its centre lies between low and high times this one's, the
-    uncertainty of the mass included. com_interval: (2, 3) m, lower and upper corner of the box the true centre lies in. Both
-    are None where nobody stated them.
+    inertia_source: where centre and tensor come from; the mass' source when left out. inertia_interval: (low,
+    high) factors: the true tensor's moment about any axis through its centre lies between low and high times
+    this one's, the uncertainty of the mass included. com_interval: (2, 3) m, lower and upper corner of the
+    box the true centre lies in. Both are None where nobody stated them.
     """
 
     mass: Quantity
@@ -146,7 +151,8 @@ class Inertial(Described):
     def with_mass(self, mass: Quantity) -> Inertial:
         """The same distribution of another mass: the tensor grows with it, and so does its interval.
 
-        How the mass is spread stays as uncertain as it was: the interval's factors keep their ratio to those of the mass.
+        How the mass is spread stays as uncertain as it was: the interval's factors keep their ratio to those
+        of the mass.
         """
         was, interval = self.mass, self.inertia_interval
         if interval is not None:
@@ -160,8 +166,8 @@ class Inertial(Described):
 
 @dataclass(frozen=True)
 class Catch:
-    """What holds a closed part beside friction: a magnet, a roller, a seal. It pulls a part shut with the same force all over its
-    width, and not at all beyond.
+    """What holds a closed part beside friction: a magnet, a roller, a seal. It pulls a part shut with the
+    same force all over its width, and not at all beyond.
 
     Attributes:
         force: along the joint, N or N m, without friction.
@@ -185,7 +191,8 @@ class Catch:
 @dataclass(frozen=True, repr=False)
 class PartPhysics(Described):
     """Contact and joint physics: sliding friction (-), joint damping (N s/m or N m s/rad), joint frictionloss
-    (N or N m), material density (kg/m^3), and the catch of the closed part, None where nobody asked for one."""
+    (N or N m), material density (kg/m^3), and the catch of the closed part, None where nobody asked for
+    one."""
 
     friction: Quantity
     damping: Quantity
@@ -209,7 +216,8 @@ class PartPhysics(Described):
         return PartPhysics(**replaced)
 
     def caught(self, state: float) -> float:
-        """Force (N or N m) with which a catch holds the part at a state (m or rad) against being opened; 0 without one."""
+        """Force (N or N m) with which a catch holds the part at a state (m or rad) against being opened; 0
+        without one."""
         return 0.0 if self.catch is None else self.catch.pull(state)
 
 

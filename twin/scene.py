@@ -1,7 +1,7 @@
 """The types of a functional digital twin. Numpy only; every type checks its own laws when it is built.
 
-World frame: z up, gravity-aligned, metres. Meshes, hulls, axes, pivots, contacts and inertias are stored in the
-world frame with every joint at state 0, the most closed state; opening is positive.
+World frame: z up, gravity-aligned, metres. Meshes, hulls, axes, pivots, contacts and inertias are stored in
+the world frame with every joint at state 0, the most closed state; opening is positive.
 """
 
 from __future__ import annotations
@@ -75,9 +75,10 @@ class Motion(Described):
 class ContactPath(Described):
     """Where the hand held the part.
 
-    point: (3,) m on the part's surface, world frame at state 0. rotation: (3, 3), columns = direction in which the hand
-    closes, direction along the handle, direction out of the part (right-handed). width: m, thickness of what is held
-    along the closing direction. frames: recording frames in which the hand holds the part.
+    point: (3,) m on the part's surface, world frame at state 0. rotation: (3, 3), columns = direction in
+    which the hand closes, direction along the handle, direction out of the part (right-handed). width: m,
+    thickness of what is held along the closing direction. frames: recording frames in which the hand holds
+    the part.
     """
 
     point: Array
@@ -99,7 +100,8 @@ class ContactPath(Described):
 class HandleSection(Described):
     """How thick a part's handle is, by its outline in photographs.
 
-    middle: (3,) m of its outer face, world frame at state 0. width: m across its length. photographs: how many tell.
+    middle: (3,) m of its outer face, world frame at state 0. width: m across its length. photographs: how
+    many tell.
     """
 
     middle: Array
@@ -131,9 +133,10 @@ class StaticPart(Described):
 class Part(Described):
     """A moving part. `parent` is the id of the part it is mounted on, None for the static scene.
 
-    extra: what others wrote about it into twin.json, by key; JSON types. verdict: what it is worth; None of a part that was stated,
-    or made before there were verdicts. collision: shapes of what was seen. completion: the inferred layer, None where nobody inferred one.
-    handle: None where no photograph tells how thick it is.
+    extra: what others wrote about it into twin.json, by key; JSON types. verdict: what it is worth; None of a
+    part that was stated, or made before there were verdicts. collision: shapes of what was seen. completion:
+    the inferred layer, None where nobody inferred one. handle: None where no photograph tells how thick it
+    is.
     """
 
     id: int
@@ -210,10 +213,11 @@ class Recorded(Described):
 class Twin(Described):
     """Static scene, moving parts (a tree), cameras and where it all comes from.
 
-    labels: recording frame -> (H, W) uint8 label image (0 unknown, 1 static, part ids from 2, 255 hand); may be lazy.
-    provenance: versions and configuration, JSON types only. extra: what others wrote into twin.json beside the format's
-    own keys, JSON types; that of a part is with the part. verdict: what the whole is worth, None as of a part.
-    filtered_pairs: pairs of names of parts, or of one and the static scene, that don't collide with each other in a simulation.
+    labels: recording frame -> (H, W) uint8 label image (0 unknown, 1 static, part ids from 2, 255 hand); may
+    be lazy. provenance: versions and configuration, JSON types only. extra: what others wrote into twin.json
+    beside the format's own keys, JSON types; that of a part is with the part. verdict: what the whole is
+    worth, None as of a part. filtered_pairs: pairs of names of parts, or of one and the static scene, that
+    don't collide with each other in a simulation.
     """
 
     name: str
@@ -281,7 +285,8 @@ class Twin(Described):
         raise SceneError(f"the twin has no part {key!r}", f"{hint}its parts are: {known}")
 
     def part_pose(self, key: int | str, states: Mapping[int, float]) -> Array:
-        """T_world_part (4, 4), the motion from state 0, of a part when every part id in `states` is at that state.
+        """T_world_part (4, 4), the motion from state 0, of a part when every part id in `states` is at that
+        state.
 
         The joint of a nested part is carried along by its parents.
         """

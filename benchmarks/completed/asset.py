@@ -84,7 +84,8 @@ class Asset:
         return float(self.model.jnt_range[self.joint(part), 1])
 
     def moved(self, part: str, state: float) -> Array:
-        """Pose (4, 4) in the truth's world that takes the meshes of a part from state 0 to `state`, all else at 0."""
+        """Pose (4, 4) in the truth's world that takes the meshes of a part from state 0 to `state`, all else
+        at 0."""
         data, body = mujoco.MjData(self.model), self.model.body(part).id
         data.qpos[self.model.jnt_qposadr[self.joint(part)]] = state
         mujoco.mj_kinematics(self.model, data)
@@ -107,7 +108,8 @@ class Asset:
 def load_asset(run: Path, twin: Twin, T_truth_twin: Array) -> Asset:
     """The exported MJCF of a run in the truth's world.
 
-    Raises InputError when there is none, MuJoCo refuses it, it lacks a body of the twin's, or lies where no known origin puts it.
+    Raises InputError when there is none, MuJoCo refuses it, it lacks a body of the twin's, or lies where no
+    known origin puts it.
     """
     path = run / "export" / "mjcf" / f"{twin.name}.xml"
     if not path.is_file():
@@ -175,7 +177,8 @@ def _lineage(model: mujoco.MjModel, body: int) -> list[str]:
 
 
 def _twin_from_asset(twin: Twin, geoms: list[Geom], path: Path) -> Array:
-    """T_twin_asset (4, 4): of the origins that an export may have, the one that puts what was seen of the parts where the twin has it."""
+    """T_twin_asset (4, 4): of the origins that an export may have, the one that puts what was seen of the
+    parts where the twin has it."""
     candidates = [np.eye(4)]
     candidates.append(geo.invert_pose(asset_pose(twin)))
     named = {STATIC: twin.static.mesh, **{p.name: p.mesh for p in twin.parts}}
@@ -187,7 +190,8 @@ def _twin_from_asset(twin: Twin, geoms: list[Geom], path: Path) -> Array:
         )
 
     def off(T: Array) -> float:
-        """Middle distance (m) of what is shown from where the twin has it: whatever was left out, the rest lies there."""
+        """Middle distance (m) of what is shown from where the twin has it: whatever was left out, the rest
+        lies there."""
         apart = [surfaces[g.owner].distance(geo.transform(T, _some(g.mesh))) for g in seen]
         return float(np.median(np.concatenate(apart)))
 

@@ -22,7 +22,8 @@ LEAST = (0.15, 0.20)  # m that an opened inside measures at least
 _CELL = 0.002  # m of the grid that finds a drawer's inside
 _FLAT = 0.004  # m, chosen by us: cells of one floor
 _LEVEL = 0.2  # chosen by us: a drawer runs level, its axis that far from it at most
-_LOCK = 1e6  # kg or kg m^2 added to every joint: under the weight of the balls it moves by under a millionth of a metre
+# kg or kg m^2 added to every joint: under the weight of the balls it moves by under a millionth of a metre
+_LOCK = 1e6
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,15 @@ class Inside:
     front: float
 
     def opened(self, state: float) -> tuple[Array, Array]:
-        """Corners (2,) and (2,) of the part of the floor that has come out past where the front's inner face was, opened by `state` m."""
+        """Corners (2,) and (2,) of the part of the floor that has come out past where the front's inner face
+        was, opened by `state` m."""
         low = np.array([self.low[0], max(self.low[1] + state, self.front)])
         return low, self.high + [0.0, state]
 
 
 def inside_of(part: TruthPart) -> Inside | None:
-    """The inside of a true drawer; None of what is none: it turns, doesn't run level, or has no floor behind a front."""
+    """The inside of a true drawer; None of what is none: it turns, doesn't run level, or has no floor behind
+    a front."""
     axis = part.joint.axis
     if part.joint.kind != "prismatic" or abs(axis[2]) > _LEVEL:
         return None
@@ -76,7 +79,8 @@ def inside_of(part: TruthPart) -> Inside | None:
 
 
 def _heights(mesh: Mesh) -> tuple[Array, Array]:
-    """Height of the topmost surface over a grid (across, along), NaN where there is none, and the middle (2,) of its first cell."""
+    """Height of the topmost surface over a grid (across, along), NaN where there is none, and the middle (2,)
+    of its first cell."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     count = np.maximum(np.ceil((high - low)[:2] / _CELL).astype(int), 1)
     start = low[:2] + 0.5 * _CELL
@@ -92,7 +96,8 @@ def _heights(mesh: Mesh) -> tuple[Array, Array]:
 
 
 def _floor_cells(heights: Array) -> tuple[Array, float] | None:
-    """The largest connected level area (cells) below the highest surface, and its height; None where it is too small for a drawer."""
+    """The largest connected level area (cells) below the highest surface, and its height; None where it is
+    too small for a drawer."""
     levels = np.round(heights / _FLAT)
     told = np.isfinite(levels)
     values, counts = np.unique(levels[told], return_counts=True)
@@ -110,7 +115,8 @@ def _floor_cells(heights: Array) -> tuple[Array, float] | None:
 
 
 def opens_far(part: TruthPart) -> Inside | None:
-    """The inside of a true drawer that comes out by `LEAST` where the recording shows it open furthest; None of all else."""
+    """The inside of a true drawer that comes out by `LEAST` where the recording shows it open furthest; None
+    of all else."""
     inside = inside_of(part)
     if inside is None:
         return None
@@ -119,7 +125,8 @@ def opens_far(part: TruthPart) -> Inside | None:
 
 
 def balls_kept(asset: Asset, name: str, part: TruthPart) -> int | None:
-    """How many of the balls lie in the asset's drawer after `SECONDS`; None where the true part is no drawer that opens far enough."""
+    """How many of the balls lie in the asset's drawer after `SECONDS`; None where the true part is no drawer
+    that opens far enough."""
     inside = opens_far(part)
     if inside is None:
         return None
@@ -141,7 +148,8 @@ def balls_kept(asset: Asset, name: str, part: TruthPart) -> int | None:
 
 
 def dropped(path: Path, joint: int, state: float, start: Array) -> Array:
-    """Middles (n, 3) of balls that were let go at `start` (n, 3), in the model's world; the joint is held at `state`, all others at 0."""
+    """Middles (n, 3) of balls that were let go at `start` (n, 3), in the model's world; the joint is held at
+    `state`, all others at 0."""
     spec = mujoco.MjSpec.from_file(str(path))
     for key in list(spec.keys):  # states of fewer joints than there will be
         spec.delete(key)

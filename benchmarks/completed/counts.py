@@ -1,4 +1,5 @@
-"""Counters of judged assets: rates and medians of many follow from their sums, and nothing of a single clip is left."""
+"""Counters of judged assets: rates and medians of many follow from their sums, and nothing of a single clip
+is left."""
 
 from __future__ import annotations
 

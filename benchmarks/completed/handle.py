@@ -48,8 +48,9 @@ class Bar:
 
 @dataclass(frozen=True)
 class Section:
-    """Largest extents (m) across the bar's direction, 0 of what isn't there: the true one, what is drawn, what collides. gap: share of
-    the free space behind the bar that the colliders leave free, None where there truly is none."""
+    """Largest extents (m) across the bar's direction, 0 of what isn't there: the true one, what is drawn,
+    what collides. gap: share of the free space behind the bar that the colliders leave free, None where there
+    truly is none."""
 
     true: float
     visual: float
@@ -58,7 +59,8 @@ class Section:
 
 
 def true_bar(part: TruthPart, grip: Mapping[str, Any]) -> Bar | None:
-    """The slim closed piece of a true part that the hand holds; None where it holds a board's edge, or nothing lies behind.
+    """The slim closed piece of a true part that the hand holds; None where it holds a board's edge, or
+    nothing lies behind.
 
     grip: as truth.json tells it, in the world at state 0.
     """
@@ -100,8 +102,8 @@ def section(bar: Bar, part: TruthPart, visuals: Iterable[Geom], colliders: Itera
 
 
 def thickness(bar: Bar, mesh: Mesh) -> float:
-    """Larger of the extents (m) across the bar and out of the part of what a mesh has around the middle of the bar, the
-    further half of the way to the front left out."""
+    """Larger of the extents (m) across the bar and out of the part of what a mesh has around the middle of
+    the bar, the further half of the way to the front left out."""
     middle, half = 0.5 * (bar.low + bar.high), 0.5 * (bar.high - bar.low)
     reach = np.array([MIDDLE * half[0], ASIDE, ASIDE])
     low, high = middle - reach, middle + reach
@@ -116,7 +118,8 @@ def thickness(bar: Bar, mesh: Mesh) -> float:
 
 
 def called_assumed(bar: Bar, visuals: Iterable[Geom], completion: Completion | None) -> bool:
-    """Whether all inferred pieces of a part that stand where `thickness` measures are assumed; posts and necks stand elsewhere."""
+    """Whether all inferred pieces of a part that stand where `thickness` measures are assumed; posts and
+    necks stand elsewhere."""
     basis = {} if completion is None else {p.name: p.basis for p in completion.pieces}
     there = [basis.get(g.inferred) for g in visuals if g.inferred is not None and thickness(bar, g.mesh) > 0]
     return bool(there) and all(b == "assumed" for b in there)

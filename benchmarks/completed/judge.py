@@ -39,14 +39,17 @@ from twin.storage import load
 
 
 def judge(run: Path, truth_folder: Path) -> dict[str, Any]:
-    """Measure the exported MJCF of a run against the simulator's truth; definitions: docs/metrics.md, "Completed assets".
+    """Measure the exported MJCF of a run against the simulator's truth; definitions: docs/metrics.md,
+    "Completed assets".
 
     Args:
         run: run folder with twin/ and export/mjcf/.
-        truth_folder: truth/ of a simulated recording; what the recording shows is asked where it lies around it.
+        truth_folder: truth/ of a simulated recording; what the recording shows is asked where it lies around
+            it.
 
     Returns:
-        {"recording", "parts": [a dictionary for each true part], "static": of the furniture}, JSON types; None: doesn't apply.
+        {"recording", "parts": [a dictionary for each true part], "static": of the furniture}, JSON types;
+        None: doesn't apply.
 
     Raises:
         InputError: no export, no truth, or one of another recording.
@@ -66,7 +69,8 @@ def judge(run: Path, truth_folder: Path) -> dict[str, Any]:
 
 
 def missed(truth_folder: Path) -> dict[str, Any]:
-    """What `judge` says where there is no asset at all: no part is found, no carcass covered. Raises InputError without a truth."""
+    """What `judge` says where there is no asset at all: no part is found, no carcass covered. Raises
+    InputError without a truth."""
     truth = _simulated(truth_folder)
     parts = [
         known.told() | {"found": False, "carcass": None if known.carcass is None else 0.0}
@@ -93,7 +97,8 @@ def _simulated(folder: Path) -> Truth:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A true part with its furniture and handle, what stands still, the way its front looks, and what the recording shows of both."""
+    """A true part with its furniture and handle, what stands still, the way its front looks, and what the
+    recording shows of both."""
 
     true: TruthPart
     carcass: Mesh | None

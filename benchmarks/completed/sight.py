@@ -48,7 +48,8 @@ class Sight:
 def see_through(
     asset: Asset, name: str, true: TruthPart, carcass: Mesh | None, static: Mesh, outward: Array
 ) -> Sight | None:
-    """Look at a part of the asset and at the true one, both opened as far at once; None where no ray meets the true one.
+    """Look at a part of the asset and at the true one, both opened as far at once; None where no ray meets
+    the true one.
 
     Args:
         name: of the part in the asset.
@@ -77,7 +78,8 @@ def see_through(
 
 
 def front_of(part: Mesh, cameras: Array) -> Array:
-    """Level unit direction (3,) in which the front of a true part looks: of its upright faces, that towards the cameras (n, 4, 4)."""
+    """Level unit direction (3,) in which the front of a true part looks: of its upright faces, that towards
+    the cameras (n, 4, 4)."""
     normals, areas = geo.triangle_normals(part.vertices[part.faces])
     towards = cameras[:, :3, 3].mean(axis=0) - part.area_centroid
     upright = np.abs(normals[:, 2]) < _LEVEL
@@ -123,7 +125,8 @@ class _Casters:
         )
 
     def look(self, rays: Array, true_moves: Sequence[Array], moves: Sequence[Array]) -> Array:
-        """Over all states, how many rays (4,) meet the true furniture, pass the asset, pass it away from the true outline, go deeper."""
+        """Over all states, how many rays (4,) meet the true furniture, pass the asset, pass it away from the
+        true outline, go deeper."""
         carcass, static, rest = self._carcass(rays), self._static(rays), self._rest(rays)
         counts = np.zeros(4)
         for T_true, T in zip(true_moves, moves, strict=True):
@@ -138,7 +141,8 @@ class _Casters:
         return counts
 
     def _surrounded(self, rays: Array, hits: Array, T_true: Array) -> NDArray[np.bool_]:
-        """Whether the true furniture, met `hits` (n,) m along rays (n, 6), is also there `RIM` to all sides of them."""
+        """Whether the true furniture, met `hits` (n,) m along rays (n, 6), is also there `RIM` to all sides
+        of them."""
         out = np.ones(len(rays), bool)
         if not len(rays):
             return out

@@ -1,4 +1,5 @@
-"""Whether the whole surface is there, whether what was inferred lies on it, and which of it the recording shows."""
+"""Whether the whole surface is there, whether what was inferred lies on it, and which of it the recording
+shows."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def covered(true: Mesh, shown: Iterable[Geom]) -> float:
 
 @dataclass(frozen=True)
 class InferredArea:
-    """Area (m^2) that was inferred on one basis, and the share of it further than `OFF` from the true surface."""
+    """Area (m^2) that was inferred on one basis, and the share of it further than `OFF` from the true
+    surface."""
 
     area: float
     off: float
@@ -46,7 +48,8 @@ class InferredArea:
 def inferred_areas(
     shown: Iterable[Geom], completion: Completion | None, true: Mesh
 ) -> dict[str, InferredArea]:
-    """Inferred area by basis: evidence, assumed, or "unnamed" for what the twin's inferred layer doesn't list."""
+    """Inferred area by basis: evidence, assumed, or "unnamed" for what the twin's inferred layer doesn't
+    list."""
     basis: Mapping[str, str] = {} if completion is None else {p.name: str(p.basis) for p in completion.pieces}
     groups: dict[str, list[Mesh]] = {}
     for g in shown:
@@ -76,7 +79,8 @@ def is_closed(mesh: Mesh) -> bool:
 
 
 def rear_share(part: TruthPart, seen: Array) -> float | None:
-    """Share of a sliding part's depth pixels (n, 3) that lie on the last `REAR` metres against its way; None for a hinged one."""
+    """Share of a sliding part's depth pixels (n, 3) that lie on the last `REAR` metres against its way; None
+    for a hinged one."""
     if part.joint.kind != "prismatic":
         return None
     if not len(seen):
@@ -108,7 +112,8 @@ def both_faces_seen(true: Mesh, seen: Array) -> bool:
 
 
 def side_share(carcass: Mesh, outward: Array, seen: Array) -> float:
-    """Share of a carcass' outside that doesn't face the way its front does (3,) with a depth pixel (n, 3) within `WITHIN`."""
+    """Share of a carcass' outside that doesn't face the way its front does (3,) with a depth pixel (n, 3)
+    within `WITHIN`."""
     pieces = pieces_of(carcass)
     every = [spread(m.vertices[m.faces], _count(m, carcass)) for m, _ in pieces]
     points, normals = (np.concatenate(rows) for rows in zip(*every, strict=True))

@@ -1,7 +1,9 @@
-"""Write a recording as an Azure Kinect's recorder does: a .mkv with tracks COLOR and DEPTH, its calibration and its tags.
+"""Write a recording as an Azure Kinect's recorder does: a .mkv with tracks COLOR and DEPTH, its calibration
+and its tags.
 
-The pieces of the file (elements, tracks, tags, captures) are functions of their own, so that tests can put files together that
-no recorder writes. FFmpeg can't write the depth track's FourCC, so the elements are written here.
+The pieces of the file (elements, tracks, tags, captures) are functions of their own, so that tests can put
+files together that no recorder writes. FFmpeg can't write the depth track's FourCC, so the elements are
+written here.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ def write_azure_kinect(
         delay: s by which depth is stamped later than colour, as with a depth delay.
         live: as a file whose recorder still runs: nothing has a size before it ends.
 
-    Depth lies in the middle of a 640x576 picture, in whole mm; both cameras stand in one place and have no distortion.
+    Depth lies in the middle of a 640x576 picture, in whole mm; both cameras stand in one place and have no
+    distortion.
     """
     k = recording.intrinsics
     if k.width > DEPTH_SIZE[0] or k.height > DEPTH_SIZE[1]:
@@ -149,7 +152,8 @@ def tag(name: str, value: str, track_uid: int = 0, attachment: int = 0) -> bytes
 def cluster(
     tick: int, pictures: Sequence[tuple[int, int, bytes]], live: bool = False, flags: int = 0x80
 ) -> bytes:
-    """Pictures (track, ticks after `tick`, bytes) that are written together; live: without sizes, each in a group."""
+    """Pictures (track, ticks after `tick`, bytes) that are written together; live: without sizes, each in a
+    group."""
     blocks = []
     for index, after, data in pictures:
         block = bytes([0x80 | index]) + after.to_bytes(2, signed=True) + bytes([flags]) + data
@@ -200,7 +204,8 @@ def pack_depth(depth: NDArray[np.float32]) -> bytes:
 
 
 def calibration_of(k: Intrinsics) -> dict[str, Any]:
-    """The device's calibration when colour has this camera, and depth the same one with unknown pixels around it."""
+    """The device's calibration when colour has this camera, and depth the same one with unknown pixels around
+    it."""
     if k.width * 3 != k.height * 4 and k.width * 9 != k.height * 16:
         raise InputError(f"colour of {k.width}x{k.height} is neither 4:3 nor 16:9", "crop it")
     rows = k.width * 3 / 4

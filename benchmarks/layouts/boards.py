@@ -1,7 +1,8 @@
 """Pictures of a calibration board as two cameras on one device would take them, with exact truth.
 
-Every pixel is the mean of `FINE` x `FINE` rays that meet the plane of a finely drawn board. The board's pattern is OpenCV's drawing; the lens
-is solved here by Newton's method from the published formula, and nothing is shared with the code that calibrates.
+Every pixel is the mean of `FINE` x `FINE` rays that meet the plane of a finely drawn board. The board's
+pattern is OpenCV's drawing; the lens is solved here by Newton's method from the published formula, and
+nothing is shared with the code that calibrates.
 """
 
 from __future__ import annotations
@@ -157,7 +158,8 @@ def write_boards(
     noise: float = 1.0,
     cameras: tuple[Camera, Camera] = (COLOR, DEPTH),
 ) -> Path:
-    """Write color/, infrared/ and depth/ (16-bit PNG, mm; measured = true / depth_scale) of a board held `count` times."""
+    """Write color/, infrared/ and depth/ (16-bit PNG, mm; measured = true / depth_scale) of a board held
+    `count` times."""
     for name in ("color", "infrared", "depth"):
         (out / name).mkdir(parents=True)
     color, depth = (c.rays() for c in cameras)

@@ -1,4 +1,5 @@
-"""Recordings written in the layouts of data sets: ScanNet, HOI4D, Arti4D, iTACO, BundleSDF, with their annotations."""
+"""Recordings written in the layouts of data sets: ScanNet, HOI4D, Arti4D, iTACO, BundleSDF, with their
+annotations."""
 
 from __future__ import annotations
 
@@ -71,7 +72,8 @@ def write_scannet(
     lost: Sequence[int] = (),
     per_metre: float = 1000.0,
 ) -> Path:
-    """A .sens; depth_step: every so manieth pixel of depth is kept, as of a coarser camera in the same place."""
+    """A .sens; depth_step: every so manieth pixel of depth is kept, as of a coarser camera in the same
+    place."""
     E = np.eye(4) if depth_to_color is None else depth_to_color
     K = recording.intrinsics
     K_depth = matrix4(K)
@@ -123,7 +125,8 @@ def write_hoi4d_annotations(
     events: Sequence[tuple[str, float, float]] | None = None,
     duration: float | None = None,
 ) -> Path:
-    """parts: label, T_world_part (n, 4, 4) of the middle of its box, and the box's size; events: name, first and last s."""
+    """parts: label, T_world_part (n, 4, 4) of the middle of its box, and the box's size; events: name, first
+    and last s."""
     for name in ("objpose", "3Dseg", "action"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     for k, T in enumerate(T_world_cam):
@@ -178,7 +181,8 @@ def write_arti4d(
     slam: bool = False,
     D: Sequence[float] = (0.0,) * 8,
 ) -> Path:
-    """A scene with odometry, or with DROID-SLAM's trajectory; axes: type, direction, point by name; the scene's folder."""
+    """A scene with odometry, or with DROID-SLAM's trajectory; axes: type, direction, point by name; the
+    scene's folder."""
     folder = out / "raw" / ROOM / SCENE
     for name in ("rgb", "depth", "odom"):
         (folder / name).mkdir(parents=True)

@@ -1,7 +1,7 @@
 """Write a recording in the layouts of phone apps, as the apps do.
 
-Poses must be known; without them the camera stands still and level. Depth is sampled at the app's own resolution; where it is
-unknown it becomes a guess of low confidence, as on a phone.
+Poses must be known; without them the camera stands still and level. Depth is sampled at the app's own
+resolution; where it is unknown it becomes a guess of low confidence, as on a phone.
 """
 
 from __future__ import annotations
@@ -34,10 +34,11 @@ def write_stray(
     without_depth: Collection[int] = (),
     **video: Any,
 ) -> Path:
-    """Stray Scanner. per_frame: the newer app's columns. first: number of the first frame. video: options of `write_video`.
+    """Stray Scanner. per_frame: the newer app's columns. first: number of the first frame. video: options of
+    `write_video`.
 
-    The app stamps its video by a counter from -1 on at 60 a second, whatever the frames' times, and its first frame is cut off
-    by the file's edit list.
+    The app stamps its video by a counter from -1 on at 60 a second, whatever the frames' times, and its first
+    frame is cut off by the file's edit list.
     """
     (out / "depth").mkdir(parents=True)
     (out / "confidence").mkdir()
@@ -67,7 +68,8 @@ def write_record3d_exr(
     stamps: bool = True,
     suffix: str = ".jpg",
 ) -> Path:
-    """Record3D's EXR and RGB. missing: numbers whose pictures were dropped. stamps: False leaves the rate alone."""
+    """Record3D's EXR and RGB. missing: numbers whose pictures were dropped. stamps: False leaves the rate
+    alone."""
     import OpenEXR
 
     folder = out / "EXR_RGBD"
@@ -123,7 +125,8 @@ def _record3d_metadata(recording: recon.Recording) -> dict[str, Any]:
 def write_polycam(
     recording: recon.Recording, out: Path, depth_size: tuple[int, int] = (256, 192), corrected: bool = True
 ) -> Path:
-    """Polycam's raw data. The images and cameras as recorded are off: black pictures, poses 5 cm beside those that are corrected."""
+    """Polycam's raw data. The images and cameras as recorded are off: black pictures, poses 5 cm beside those
+    that are corrected."""
     folder = out / "keyframes"
     exact = ("corrected_images", "corrected_cameras") if corrected else ("images", "cameras")
     for name in ("images", "cameras", "depth", "confidence", *exact):
@@ -175,7 +178,8 @@ def write_scanner_app(
 def write_arkit_scenes(
     recording: recon.Recording, out: Path, size: tuple[int, int] = (256, 192), nested: bool = False
 ) -> Path:
-    """ARKitScenes, whose colour and depth are of one size. nested: in the folder <video>_frames/ of data set 3dod."""
+    """ARKitScenes, whose colour and depth are of one size. nested: in the folder <video>_frames/ of data set
+    3dod."""
     folder = out / f"{out.name}_frames" if nested else out
     for name in ("lowres_wide", "lowres_depth", "confidence", "lowres_wide_intrinsics"):
         (folder / name).mkdir(parents=True)
@@ -212,7 +216,8 @@ def write_video_folder(recording: recon.Recording, out: Path, suffix: str = ".mp
 
 
 def arkit_camera(T_world_cam: NDArray[Any]) -> NDArray[Any]:
-    """A pose of a z-up world and OpenCV's camera axes as ARKit tells it: the world's y up, the camera's y up, it looks along -z."""
+    """A pose of a z-up world and OpenCV's camera axes as ARKit tells it: the world's y up, the camera's y up,
+    it looks along -z."""
     T = y_up(T_world_cam)
     T[:, 1] *= -1
     T[:, 2] *= -1
@@ -241,7 +246,8 @@ def sampled(metres: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
 
 
 def sensed(metres: NDArray[Any], size: tuple[int, int], high: int = 2) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Depth (h, w) uint16 mm and its confidence uint8, up to `high`: medium in the last row, low where depth is a guess."""
+    """Depth (h, w) uint16 mm and its confidence uint8, up to `high`: medium in the last row, low where depth
+    is a guess."""
     millimetres = _millimetres(sampled(metres, size))
     confidence = np.full(millimetres.shape, high, np.uint8)
     confidence[-1] = high // 2

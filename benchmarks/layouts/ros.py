@@ -31,9 +31,10 @@ COLOR_FRAME, DEPTH_FRAME = "camera_color_optical_frame", "camera_depth_optical_f
 class Style:
     """How a driver publishes.
 
-    color, depth: an encoding, or "jpeg", "png"; "compressedDepth 16UC1", "compressedDepth 32FC1". padding: bytes behind each row.
-    T_color_depth: None for depth aligned to colour. lag: frame -> ns that its messages are logged late. stamped: whether headers
-    have times. odometry: whether nav_msgs/Odometry of `base_link` tells the poses. extra: more colour topics.
+    color, depth: an encoding, or "jpeg", "png"; "compressedDepth 16UC1", "compressedDepth 32FC1". padding:
+    bytes behind each row. T_color_depth: None for depth aligned to colour. lag: frame -> ns that its messages
+    are logged late. stamped: whether headers have times. odometry: whether nav_msgs/Odometry of `base_link`
+    tells the poses. extra: more colour topics.
     """
 
     color: str = "rgb8"
@@ -156,7 +157,8 @@ def write_ros2(
     storage: str = "sqlite3",
     compression: str = "",
 ) -> Path:
-    """A folder of ROS 2's recorder with storage "sqlite3" or "mcap"; compression "", "message", "file" or "storage" (MCAP's chunks)."""
+    """A folder of ROS 2's recorder with storage "sqlite3" or "mcap"; compression "", "message", "file" or
+    "storage" (MCAP's chunks)."""
     with ros2_bag(out, storage, compression) as ros:
         write_into(ros, recording, style or Style())
     return out
@@ -230,7 +232,8 @@ def put_color(ros: Ros, topic: str, color: NDArray[np.uint8], stamp: int, log: i
 
 
 def encoded(color: NDArray[np.uint8], encoding: str) -> NDArray[Any]:
-    """Pixels of an encoding of image_encodings.hpp from RGB (H, W, 3); YUV with each pair's own luma and its first pixel's colour."""
+    """Pixels of an encoding of image_encodings.hpp from RGB (H, W, 3); YUV with each pair's own luma and its
+    first pixel's colour."""
     alpha = np.full((*color.shape[:2], 1), 9, np.uint8)
     if encoding in ("rgb16", "bgr16"):
         wide = color.astype(np.uint16) * 256 + 77  # the lower byte is no copy of the upper one

@@ -1,4 +1,5 @@
-"""Write a recording as an MCAP log without any index, as small recorders do; by the published specification."""
+"""Write a recording as an MCAP log without any index, as small recorders do; by the published
+specification."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from recon.recording import Recording
 
 
 def write_plain_mcap(recording: Recording, out: Path, chunked: bool = False) -> Path:
-    """An MCAP log without any index: messages one after the other, or in one chunk of zstd that holds all there is."""
+    """An MCAP log without any index: messages one after the other, or in one chunk of zstd that holds all
+    there is."""
     from backports import zstd
 
     store = Ros(None, False)

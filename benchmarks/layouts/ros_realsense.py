@@ -1,6 +1,8 @@
-"""Write a recording as RealSense's recorder does: a ROS 1 .bag or a ROS 2 .db3, each with its own idea of a camera's numbers.
+"""Write a recording as RealSense's recorder does: a ROS 1 .bag or a ROS 2 .db3, each with its own idea of a
+camera's numbers.
 
-Topics, texts and the depth unit behind a ROS 1 image are those of librealsense's ros_writer.cpp and ros2_writer.cpp.
+Topics, texts and the depth unit behind a ROS 1 image are those of librealsense's ros_writer.cpp and
+ros2_writer.cpp.
 """
 
 from __future__ import annotations
@@ -23,10 +25,11 @@ def write_realsense(
     container: str = "bag",
     in_images: bool = True,
 ) -> Path:
-    """A file of RealSense's recorder: its depth camera beside the colour camera, its topics, and its times from zero on.
+    """A file of RealSense's recorder: its depth camera beside the colour camera, its topics, and its times
+    from zero on.
 
-    container: "bag" (ROS 1) or "db3" (ROS 2, its cameras and transforms as text). unit: metres per count, in each depth image
-    (in_images, "bag" alone) or as the sensor's option.
+    container: "bag" (ROS 1) or "db3" (ROS 2, its cameras and transforms as text). unit: metres per count, in
+    each depth image (in_images, "bag" alone) or as the sensor's option.
     """
     bag = container == "bag"
     scratch = out.with_suffix("")

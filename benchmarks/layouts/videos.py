@@ -38,9 +38,11 @@ def write_video(
     """Write colour as a video.
 
     Args:
-        clock: None shows each frame at its time after the first, to a microsecond or as the container rounds it.
+        clock: None shows each frame at its time after the first, to a microsecond or as the container rounds
+            it.
         codec: FFmpeg's name of an encoder; by default H.264 where it was built in, else MPEG-4.
-        b_frames, between_keys: at most so many B-frames in a row, so many frames from a key frame to the next.
+        b_frames, between_keys: at most so many B-frames in a row, so many frames from a key frame to the
+            next.
         rotation: degrees by which players turn the picture; it is stored as it is.
         frames: how many are written; more than there are repeat the last one.
         encoder: more options of FFmpeg's encoder.

@@ -1,6 +1,7 @@
 """Faults planted into exported files, one at a time: what `twin lint` must find, and by which rule.
 
-tests/twin/test_lint.py asks our own rules; benchmarks/lint.py asks the public validators about the same files.
+tests/twin/test_lint.py asks our own rules; benchmarks/lint.py asks the public validators about the same
+files.
 """
 
 from benchmarks.lint_faults import files, joints, motion, quantities, shapes, sizes

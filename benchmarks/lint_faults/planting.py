@@ -23,7 +23,8 @@ RIGHT, FRONT = np.array([np.cos(0.5), np.sin(0.5), 0.0]), np.array([np.sin(0.5),
 
 
 def lint_twin() -> Twin:
-    """A cabinet with door, flap on the door, lid and drawer; the drawer collides by meshes, the rest by boxes."""
+    """A cabinet with door, flap on the door, lid and drawer; the drawer collides by meshes, the rest by
+    boxes."""
     twin = cabinet_twin(nested=True, lid=True)
     parts = tuple(
         replace(p, collision=tuple(as_mesh(b) for b in p.collision)) if p.name == "drawer" else p

@@ -1,4 +1,5 @@
-"""Copies of the tree in which faults are planted, and pytest in them; the user's checkout is never changed."""
+"""Copies of the tree in which faults are planted, and pytest in them; the user's checkout is never
+changed."""
 
 from __future__ import annotations
 
@@ -27,8 +28,8 @@ _stamps = count(
 
 @dataclass(frozen=True)
 class Told:
-    """What a run of pytest told: its exit code (None: a test took too long), each test's outcome and seconds, the test that ran
-    last, and the end of its output."""
+    """What a run of pytest told: its exit code (None: a test took too long), each test's outcome and seconds,
+    the test that ran last, and the end of its output."""
 
     code: int | None
     outcomes: Mapping[str, str]
@@ -50,7 +51,8 @@ class Copy:
 
     @classmethod
     def of(cls, root: Path, folder: Path) -> Copy:
-        """Copy the tree at `root` to the new folder; of a tree without git, all but hidden folders and caches."""
+        """Copy the tree at `root` to the new folder; of a tree without git, all but hidden folders and
+        caches."""
         for name in tree_files(root):
             target = folder / "tree" / name
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -80,8 +82,8 @@ class Copy:
 
     @contextlib.contextmanager
     def _compiled_anew(self, path: Path) -> Iterator[None]:
-        """Without what numba has stored of a file and of the files that compile its functions into theirs: numba sees only
-        that a function's own file has changed."""
+        """Without what numba has stored of a file and of the files that compile its functions into theirs:
+        numba sees only that a function's own file has changed."""
         stored = [
             p
             for file in self._compiled_from(path)
@@ -121,8 +123,8 @@ class Copy:
         order: Sequence[str] | None = None,
         before: Sequence[str] = (),
     ) -> Told:
-        """Run pytest on test files; with `order`, up to the first failure, and killed once a test takes too long for its
-        `usual` seconds. before: arguments of Python in front of `-m pytest`."""
+        """Run pytest on test files; with `order`, up to the first failure, and killed once a test takes too
+        long for its `usual` seconds. before: arguments of Python in front of `-m pytest`."""
         log, told = self.folder / "log.jsonl", self.folder / "output.txt"
         log.write_text("")
         env = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "PYTEST_ADDOPTS", ORDER)}

@@ -1,4 +1,5 @@
-"""Draw faults: which of a module's candidates are planted is decided by hashes, so equal sources give an equal list."""
+"""Draw faults: which of a module's candidates are planted is decided by hashes, so equal sources give an
+equal list."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ LONG = 120  # lines of a module that has two faults; one more for each further L
 def draw(
     known: Sequence[Fault], root: Path = ROOT, seed: int = SEED, rooms: Iterable[str] = ROOMS
 ) -> tuple[list[Fault], list[Fault]]:
-    """(the list, those whose line is gone): the known ones that stand, and new ones for modules of the rooms that have too few.
+    """(the list, those whose line is gone): the known ones that stand, and new ones for modules of the rooms
+    that have too few.
 
     A named fault whose line is gone stays in the list: only a person knows where it stands now.
     """
@@ -44,7 +46,8 @@ def draw(
 def sample(
     known: Sequence[Fault], count: int, seed: int, root: Path = ROOT, rooms: Iterable[str] = ROOMS
 ) -> list[Fault]:
-    """`count` faults drawn with another seed and spread over the rooms by hashes, none of them among the known."""
+    """`count` faults drawn with another seed and spread over the rooms by hashes, none of them among the
+    known."""
     others, _ = draw((), root, seed, rooms)
     keys = {f.key for f in known}
     lots = {f.key: hashlib.sha256(f"{seed}\n{f.key}".encode()).hexdigest() for f in others}
@@ -80,7 +83,8 @@ def _stands(fault: Fault, root: Path) -> bool:
 
 
 def _moved(fault: Fault, root: Path) -> Fault:
-    """The fault in the module that has its line now: the one file of the same name elsewhere, or the one file at all."""
+    """The fault in the module that has its line now: the one file of the same name elsewhere, or the one file
+    at all."""
     if _stands(fault, root):
         return fault
     package, _, name = fault.file.partition("/")
@@ -93,7 +97,8 @@ def _moved(fault: Fault, root: Path) -> Fault:
 
 
 def _more(file: str, source: str, have: Sequence[Fault], seed: int) -> list[Fault]:
-    """New faults of a module: rule by rule in a drawn order, rather in functions and on lines that have none yet."""
+    """New faults of a module: rule by rule in a drawn order, rather in functions and on lines that have none
+    yet."""
     out: list[Fault] = []
     left = candidates(source)
     taken = [c for c in left if any((f.line, f.planted) == (c.line, c.planted) for f in have)]

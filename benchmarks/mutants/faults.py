@@ -25,8 +25,9 @@ class Gone(LookupError):
 
 @dataclass(frozen=True)
 class Fault:
-    """file: below the root; rule: how it was made; line: source line without its indent; occurrence: 1 for the first such line;
-    planted: what replaces it; name: what a fault that was written by hand stands for; reason: why no test needs to notice it."""
+    """file: below the root; rule: how it was made; line: source line without its indent; occurrence: 1 for
+    the first such line; planted: what replaces it; name: what a fault that was written by hand stands for;
+    reason: why no test needs to notice it."""
 
     file: str
     rule: str

@@ -1,5 +1,5 @@
-"""What pytest does besides in the copy: it tells each test as it starts and ends, runs them in a given order, and while the map of
-the tests is made, says to coverage which test runs."""
+"""What pytest does besides in the copy: it tells each test as it starts and ends, runs them in a given order,
+and while the map of the tests is made, says to coverage which test runs."""
 
 from __future__ import annotations
 

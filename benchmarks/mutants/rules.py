@@ -1,7 +1,9 @@
-"""The rules by which faults are drawn: every place of a source where a sign, a constant, a condition or a term can go wrong.
+"""The rules by which faults are drawn: every place of a source where a sign, a constant, a condition or a
+term can go wrong.
 
-Left out is what no test of behaviour is for: texts, `raise`, `assert`, type hints, decorators, defaults of settings, progress and
-warnings; and what changes nothing: tolerances that only keep a division finite, zeros, ones as factors, `is None`.
+Left out is what no test of behaviour is for: texts, `raise`, `assert`, type hints, decorators, defaults of
+settings, progress and warnings; and what changes nothing: tolerances that only keep a division finite, zeros,
+ones as factors, `is None`.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ SIGNS = {ast.Add: "-", ast.Sub: "+"}
 
 @dataclass(frozen=True)
 class Candidate:
-    """A fault that could be planted: its rule, line number, the lines before and after without indent, and the function."""
+    """A fault that could be planted: its rule, line number, the lines before and after without indent, and
+    the function."""
 
     rule: str
     number: int
@@ -171,7 +174,8 @@ def _of_operation(node: ast.BinOp, lines: list[str]) -> Iterator[Change]:
 
 
 def _is_number(node: ast.expr) -> bool:
-    """Whether an operand may be a number or an array that counts: no text, list or path, not zero, one or a guard."""
+    """Whether an operand may be a number or an array that counts: no text, list or path, not zero, one or a
+    guard."""
     if isinstance(node, ast.Constant):
         value = node.value
         return (

@@ -30,8 +30,9 @@ NOTICED, SURVIVED, NOT_RUN = "noticed", "survived", "no test runs it"
 
 @dataclass(frozen=True)
 class Result:
-    """How a fault fared. outcome: NOTICED, SURVIVED or NOT_RUN; by: the test that noticed it, or that the module can't be imported;
-    tests: how many were run; judged: hash of the module and of the tests that the outcome rests on."""
+    """How a fault fared. outcome: NOTICED, SURVIVED or NOT_RUN; by: the test that noticed it, or that the
+    module can't be imported; tests: how many were run; judged: hash of the module and of the tests that the
+    outcome rests on."""
 
     key: str
     file: str
@@ -55,8 +56,8 @@ def read_results(path: Path) -> dict[str, Result]:
 
 
 def judged(root: Path, fault: Fault, outcome: str, by: str, names: Sequence[str] | None = None) -> str:
-    """What an outcome rests on: the module, and the test file that noticed the fault or, where none did, all tests, with
-    those of the test files `names` alone where others were not asked."""
+    """What an outcome rests on: the module, and the test file that noticed the fault or, where none did, all
+    tests, with those of the test files `names` alone where others were not asked."""
     tests = [by.split("::")[0]] if outcome == NOTICED and "::" in by else []
     if outcome != NOTICED:
         left_out = set(testmap.files_with_tests(root)) - set(names) if names else set()
@@ -75,7 +76,8 @@ def stands(root: Path, fault: Fault, result: Result | None, names: Sequence[str]
 
 
 class Runner:
-    """Runs in `workers` copies of the tree at `root`; what it finds goes to `out` (`results`, mutants_map/) at once."""
+    """Runs in `workers` copies of the tree at `root`; what it finds goes to `out` (`results`, mutants_map/)
+    at once."""
 
     def __init__(
         self,
@@ -90,7 +92,8 @@ class Runner:
         self._lock = threading.Lock()
 
     def run(self, faults: Sequence[Fault], only: Sequence[str] | None = None) -> None:
-        """Judge the faults that have no result that still holds. only: names of test files, all by default."""
+        """Judge the faults that have no result that still holds. only: names of test files, all by
+        default."""
         known = read_results(self.results)
         gone = missing(faults, self.root)
         for fault in gone:
@@ -207,9 +210,9 @@ class Runner:
 def chosen(
     fault: Fault, maps: Mapping[str, FileMap], spots: set[Spot], root: Path, first: str = ""
 ) -> tuple[list[str], list[str]]:
-    """(test files, tests) that can notice a fault, in the order in which to run them: what noticed it before; then files that
-    import its room, then others; quick ones first. In a file the tests that run its lines come first, but all may judge what
-    a shared fixture made."""
+    """(test files, tests) that can notice a fault, in the order in which to run them: what noticed it before;
+    then files that import its room, then others; quick ones first. In a file the tests that run its lines
+    come first, but all may judge what a shared fixture made."""
     room = fault.file.rpartition("/")[0].replace("/", ".")
     rows = []
     for name, found in maps.items():

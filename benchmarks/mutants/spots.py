@@ -1,7 +1,8 @@
 """Lines that a test must run to be able to notice a fault.
 
-For a statement in a function that is the statement. Coverage sees neither what numba compiled nor who reads a constant of a
-module; there it is every line that names the function or the constant, through other such functions and constants.
+For a statement in a function that is the statement. Coverage sees neither what numba compiled nor who reads a
+constant of a module; there it is every line that names the function or the constant, through other such
+functions and constants.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement's own lines (without those of its body), the names it reads and sets, and the function it stands in."""
+    """A statement's own lines (without those of its body), the names it reads and sets, and the function it
+    stands in."""
 
     file: str
     lines: range
@@ -49,7 +51,8 @@ class Sources:
                     self.readers[name].append(statement)
 
     def spots(self, fault: Fault, source: str) -> set[Spot]:
-        """Lines (file, number), one of which a test must run; source: of the fault's file, without the fault."""
+        """Lines (file, number), one of which a test must run; source: of the fault's file, without the
+        fault."""
         number = fault.line_number(source)
         found: set[Spot] = set()
         for statement in self.of_file[fault.file]:

@@ -1,5 +1,6 @@
-"""Which test runs which line, measured by coverage, a test file at a time and each in a process of its own, so that what a fixture
-or a cached scene of another file ran does not count. Lines that child processes run count too."""
+"""Which test runs which line, measured by coverage, a test file at a time and each in a process of its own,
+so that what a fixture or a cached scene of another file ran does not count. Lines that child processes run
+count too."""
 
 from __future__ import annotations
 
@@ -23,8 +24,9 @@ disable_warnings = no-data-collected,module-not-measured
 
 @dataclass(frozen=True)
 class FileMap:
-    """What the tests of one file run. tree: of the sources it was measured on; seconds: of each test that passed; failed: tests that
-    fail without any fault; lines: file -> line -> tests, "" for what runs outside of any."""
+    """What the tests of one file run. tree: of the sources it was measured on; seconds: of each test that
+    passed; failed: tests that fail without any fault; lines: file -> line -> tests, "" for what runs outside
+    of any."""
 
     tree: str
     seconds: dict[str, float]

@@ -38,7 +38,8 @@ _FACES = np.concatenate([_QUADS[:, [0, 1, 2]], _QUADS[:, [0, 2, 3]]])
 
 @dataclass(frozen=True)
 class Board:
-    """Axis-aligned solid box from `low` to `high` (3,) m in the cabinet's frame (x right, y into it, z up)."""
+    """Axis-aligned solid box from `low` to `high` (3,) m in the cabinet's frame (x right, y into it, z
+    up)."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -57,7 +58,8 @@ class Board:
 
 
 def boards_mesh(boards: list[Board], T_world_cabinet: Array | None = None, cut: int = 1) -> Mesh:
-    """All board surfaces in one mesh, outward normals, coloured; `cut` halves every triangle's edges that often."""
+    """All board surfaces in one mesh, outward normals, coloured; `cut` halves every triangle's edges that
+    often."""
     vertices = np.concatenate([b.low + _CORNERS * b.size for b in boards])
     faces = np.concatenate([_FACES + 8 * k for k in range(len(boards))])
     colors = np.repeat(np.array([b.color for b in boards], np.uint8), 8, axis=0)
@@ -98,7 +100,8 @@ def boards_inertial(boards: list[Board], T_world_cabinet: Array, density: float 
 
 
 def bar_handle(center: tuple[float, float, float], along: int, length: float = 0.16) -> list[Board]:
-    """A bar 12 mm thick, 40 mm in front of a surface at `center` (y faces the front), on two posts; axis 0 or 2."""
+    """A bar 12 mm thick, 40 mm in front of a surface at `center` (y faces the front), on two posts; axis 0 or
+    2."""
     x, y, z = center
     half, thick, stand = length / 2, 0.012, 0.040
     lo, hi = np.array([x, y - stand, z]) - thick / 2, np.array([x, y - stand, z]) + thick / 2
@@ -205,8 +208,8 @@ def cabinet_twin(
 ) -> Twin:
     """A base cabinet: `door` (id 2, hinged left, axis -z, 1.4 rad) below, `drawer` (id 3, 0.30 m) above.
 
-    nested: a `flap` (id 5) hinged on the door. lid: a `lid` (id 4) hinged at the back of the top. The front faces -y of
-    the cabinet's frame, which is yawed and off the origin unless a pose is given.
+    nested: a `flap` (id 5) hinged on the door. lid: a `lid` (id 4) hinged at the back of the top. The front
+    faces -y of the cabinet's frame, which is yawed and off the origin unless a pose is given.
     """
     T = world_from_cabinet() if T_world_cabinet is None else T_world_cabinet
     w, front = WIDTH / 2, -GAP - BOARD

@@ -108,7 +108,8 @@ def sliding_door(height=0.9, *, travel=0.4, error=0.0, seed=0):
 
 
 def laden_door(mass=8.0):
-    """A door (part 2) that carries a pull-out of this mass (part 3, a drawer that slides towards -y) on its face."""
+    """A door (part 2) that carries a pull-out of this mass (part 3, a drawer that slides towards -y) on its
+    face."""
     twin = door("left")
     extra, grip = bar([0.08, -0.109, 0.62], 0.12, vertical=False)
     boxes = [
@@ -136,7 +137,8 @@ def laden_door(mass=8.0):
 
 
 def noisy(twin: Twin, sigma=0.005, seed=0):
-    """The same twin with a dense part mesh bent by a random field of wavelengths 3-12 cm, as fusion leaves it."""
+    """The same twin with a dense part mesh bent by a random field of wavelengths 3-12 cm, as fusion leaves
+    it."""
     rng = np.random.default_rng(seed)
     part = twin.parts[0]
     v, f = trimesh.remesh.subdivide_to_size(part.mesh.vertices, part.mesh.faces, 0.02)

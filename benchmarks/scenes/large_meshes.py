@@ -12,7 +12,8 @@ from twin.scene import Mesh
 
 
 def fine_boards(faces: int, seed: int = 0, noise: float = 0.001) -> Mesh:
-    """A door of boards with its handle, cut into about `faces` triangles whose corners are off by noise; coloured."""
+    """A door of boards with its handle, cut into about `faces` triangles whose corners are off by noise;
+    coloured."""
     return _fine(boards_mesh(door_boards()), faces, seed, noise)
 
 
@@ -71,7 +72,8 @@ def round_body(faces: int) -> Mesh:
 
 
 def t_junctions(faces: int, noise: float = 0.0005) -> Mesh:
-    """The door with most triangles cut in four again and again, but not their neighbours: cracks everywhere."""
+    """The door with most triangles cut in four again and again, but not their neighbours: cracks
+    everywhere."""
     mesh, rng = boards_mesh(door_boards()), np.random.default_rng(1)
     while len(mesh.faces) < faces:
         some = np.flatnonzero(rng.uniform(size=len(mesh.faces)) < 0.7)

@@ -15,7 +15,8 @@ _DENSITY = 650.0  # kg/m^3, chipboard
 
 
 def random_furniture(kind: str, handle: str, seed: int) -> Twin:
-    """A twin named <kind>_<handle>_<seed>; sizes, heights and ranges are drawn. kind: of KINDS; handle: of HANDLES."""
+    """A twin named <kind>_<handle>_<seed>; sizes, heights and ranges are drawn. kind: of KINDS; handle: of
+    HANDLES."""
     rng = np.random.default_rng([sorted(KINDS).index(kind), HANDLES.index(handle), seed])
     made = KINDS[kind](rng, handle)
     grip, joint, boxes = made.grip, made.joint, made.part

@@ -21,7 +21,8 @@ from twin.scene import (
     Twin,
 )
 
-# What people call things: other scripts, accents, signs, the same twice or but for the case, and reserved words.
+# What people call things: other scripts, accents, signs, the same twice or but for the case, and reserved
+# words.
 NAMES = (
     "door", "Door", "door", "Tür", "tiroir n°2", "引き出し", "дверь", "wörld", "world", "2nd shelf", "a/b:c", "", "lid-left",
     "lid left", "é" * 40, "joint", "🚪", "<door>", "base_link", "x_joint", "x",
@@ -32,8 +33,9 @@ SPACING = 2.5  # m between the boards, so that none ever touches another
 def random_twin(seed: int, count: int | None = None) -> Twin:
     """A twin of `count` (1..6 by chance) parts; equal seeds give equal twins.
 
-    Masses from 1 g to 2 t, joint damping between a hundredth and ten times what stops the part in a second, limits that may
-    be negative, every third base yawed, axes along the world's or anywhere, parents at random.
+    Masses from 1 g to 2 t, joint damping between a hundredth and ten times what stops the part in a second,
+    limits that may be negative, every third base yawed, axes along the world's or anywhere, parents at
+    random.
     """
     rng = np.random.default_rng([seed, 20260])
     count = int(rng.integers(1, 7)) if count is None else count

@@ -1,8 +1,9 @@
 """Closed-form scenes with exact truth: point tracks and poses of one or several moving parts.
 
-The track recipe is public: 40 frames, 200 tracks, 5 mm isotropic noise, minimum-jerk motion over frames 6..33 with rest
-before and after, a door 0.55 x 0.7 m opened by 70 degrees or a drawer pulled by 0.30 m, random yaw and offset in a 4 m
-room, each track seen in a random window of 45..100 % of the clip with 10 % drop-out, 20 % outliers.
+The track recipe is public: 40 frames, 200 tracks, 5 mm isotropic noise, minimum-jerk motion over frames 6..33
+with rest before and after, a door 0.55 x 0.7 m opened by 70 degrees or a drawer pulled by 0.30 m, random yaw
+and offset in a 4 m room, each track seen in a random window of 45..100 % of the clip with 10 % drop-out, 20 %
+outliers.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ PartName = Literal["door", "drawer"]
 
 @dataclass(frozen=True, eq=False)
 class TrackScene:
-    """Tracks and their truth: points (T, K, 3) with NaN where not visible (T, K), the true joint, its state (T,), which
-    tracks (K,) are the part's, and the part's points (K, 3) at state 0 (NaN for others)."""
+    """Tracks and their truth: points (T, K, 3) with NaN where not visible (T, K), the true joint, its state
+    (T,), which tracks (K,) are the part's, and the part's points (K, 3) at state 0 (NaN for others)."""
 
     points: Array
     visible: NDArray[np.bool_]
@@ -49,8 +50,8 @@ def random_room_pose(rng: np.random.Generator) -> Array:
 def make_part(
     name: PartName, travel: float, count: int, rng: np.random.Generator
 ) -> tuple[Prismatic | Revolute, Array]:
-    """A joint in a random place and `count` points (count, 3) of its part at state 0: a door panel with its hinge at one
-    edge, or the front and the sides of a drawer."""
+    """A joint in a random place and `count` points (count, 3) of its part at state 0: a door panel with its
+    hinge at one edge, or the front and the sides of a drawer."""
     place = random_room_pose(rng)
     if name == "door":
         local = np.stack(
@@ -85,8 +86,8 @@ def visibility(frames: int, count: int, rng: np.random.Generator, dropout: float
 def hand_tracks(
     joint: Prismatic | Revolute, state: Array, rest: Array, count: int, rng: np.random.Generator
 ) -> Array:
-    """Tracks (T, count, 3) of a hand which holds the part's outermost point and turns against it by 0.55 of the hinge's
-    angle (of 0.7 rad on a slide), with a wobble of 5 mm."""
+    """Tracks (T, count, 3) of a hand which holds the part's outermost point and turns against it by 0.55 of
+    the hinge's angle (of 0.7 rad on a slide), with a wobble of 5 mm."""
     if isinstance(joint, Revolute):
         radius = np.linalg.norm(np.cross(rest - joint.pivot, joint.axis), axis=1)
         grip = rest[int(np.argmax(radius))]
@@ -118,9 +119,10 @@ def track_scene(
     outlier_share: float = 0.2,
     background_share: float = 0.0,
 ) -> TrackScene:
-    """The public recipe. outliers: `static` background, `drift` (20 mm/frame random walk), `mixed` half each, `obs`
-    (that share of single observations gets N(0, 0.15 m)), `hand` (tracks of the hand that holds the part).
-    background_share: additional share of all tracks that is static background, before outliers are drawn."""
+    """The public recipe. outliers: `static` background, `drift` (20 mm/frame random walk), `mixed` half each,
+    `obs` (that share of single observations gets N(0, 0.15 m)), `hand` (tracks of the hand that holds the
+    part). background_share: additional share of all tracks that is static background, before outliers are
+    drawn."""
     rng = np.random.default_rng(seed)
     reach = travel if travel is not None else (np.radians(70.0) if part == "door" else 0.30)
     joint, rest = make_part(part, reach, tracks, rng)
@@ -154,7 +156,8 @@ def track_scene(
 
 
 def together(*scenes: TrackScene) -> tuple[Array, NDArray[np.bool_]]:
-    """Points (T, K, 3) and visibility (T, K) of several scenes of equal length as one recording, in their order."""
+    """Points (T, K, 3) and visibility (T, K) of several scenes of equal length as one recording, in their
+    order."""
     return (
         np.concatenate([s.points for s in scenes], axis=1),
         np.concatenate([s.visible for s in scenes], axis=1),
@@ -180,8 +183,8 @@ def part_poses(
     noise_rad: float = 0.0,
     wild_share: float = 0.0,
 ) -> Array:
-    """Poses T_world_part (N, 4, 4) of a body on the part about half a metre from the joint, in its own axes; noise at the
-    body's origin, and a share of poses that are wild (0.15 m, 20 degrees)."""
+    """Poses T_world_part (N, 4, 4) of a body on the part about half a metre from the joint, in its own axes;
+    noise at the body's origin, and a share of poses that are wild (0.15 m, 20 degrees)."""
     origin = np.zeros(3) if isinstance(joint, Prismatic) else np.array(joint.pivot)
     sideways = geo.orthogonal_basis(joint.axis)[:, 0]
     body = geo.make_pose(geo.exp_so3(rng.normal(0, 1, 3)), origin + 0.45 * sideways + 0.1 * joint.axis)

@@ -1,4 +1,5 @@
-"""Compiled kernels of the poses from depth: planes in depth images, and the pose that lays a frame onto earlier ones."""
+"""Compiled kernels of the poses from depth: planes in depth images, and the pose that lays a frame onto
+earlier ones."""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ GOOD = GOOD_SENSOR.curve  # poses come first: the recording's own noise is measu
 
 @njit(cache=True, nogil=True)
 def block_means(depth, step, skip):  # type: ignore[no-untyped-def]
-    """Inverse depth (h, w) 1/m of blocks of step x step pixels, of which each `skip`-th is read; 0 where few of them are known or
-    they lie on both sides of a step."""
+    """Inverse depth (h, w) 1/m of blocks of step x step pixels, of which each `skip`-th is read; 0 where few
+    of them are known or they lie on both sides of a step."""
     h, w = depth.shape[0] // step, depth.shape[1] // step
     out = np.zeros((h, w))
     for y in range(h):
@@ -35,10 +36,12 @@ def block_means(depth, step, skip):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def planes(inverse, lens, reach, most):  # type: ignore[no-untyped-def]
-    """Planes (h, w, 4) float32: unit normal n towards the camera and n x on the plane, in the camera; NaN where there is none.
+    """Planes (h, w, 4) float32: unit normal n towards the camera and n x on the plane, in the camera; NaN
+    where there is none.
 
-    The inverse depth of a plane is linear in the pixel: it is fitted to (2 reach + 1)^2 pixels, of which half must be known, and
-    counts where the fit leaves no more than the share `most` of the depth. lens: fx, fy, cx, cy of these pixels.
+    The inverse depth of a plane is linear in the pixel: it is fitted to (2 reach + 1)^2 pixels, of which half
+    must be known, and counts where the fit leaves no more than the share `most` of the depth. lens: fx, fy,
+    cx, cy of these pixels.
     """
     h, w = inverse.shape
     out = np.full((h, w, 4), np.float32(np.nan), dtype=np.float32)
@@ -69,7 +72,8 @@ def planes(inverse, lens, reach, most):  # type: ignore[no-untyped-def]
             at = c + mi - a * mu - b * mv
             if at <= 0 or ii - a * ui - b * vi > (most * at) ** 2:
                 continue
-            # 1/Z = at + a (u - x) + b (v - y) with u = fx X/Z + cx gives 1 = a fx X + b fy Y + (at + a (cx - x) + b (cy - y)) Z
+            # 1/Z = at + a (u - x) + b (v - y) with u = fx X/Z + cx gives 1 = a fx X + b fy Y + (at + a (cx -
+            # x) + b (cy - y)) Z
             nx, ny, nz = a * lens[0], b * lens[1], at + a * (lens[2] - x) + b * (lens[3] - y)
             size = np.sqrt(nx * nx + ny * ny + nz * nz)
             out[y, x, 0], out[y, x, 1], out[y, x, 2] = -nx / size, -ny / size, -nz / size
@@ -79,19 +83,20 @@ def planes(inverse, lens, reach, most):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _area(z):  # type: ignore[no-untyped-def]
-    """Area that a pixel covers at depth z, m^2 up to a factor; no more than at 3 m, beyond which depth tells little."""
+    """Area that a pixel covers at depth z, m^2 up to a factor; no more than at 3 m, beyond which depth tells
+    little."""
     return min(max(z, 0.3), 3.0) ** 2
 
 
 @njit(cache=True, nogil=True)
 def depth_system(poses, rows, points, normals, plane, lens, gate, h, g, held):  # type: ignore[no-untyped-def]
-    """Adds the normal equations of points on planes to h (6, 6, upper half) and g (6), for T <- T exp(d); returns their agreement.
+    """Adds normal equations of points on planes to h (6, 6, upper) and g (6), T <- T exp(d); the agreement.
 
-    poses (k, 4, 4): of the frame's camera in those of the references, which are `rows` (k,) of plane (n, h, w, 4). points, normals
-    (m, 3): of the frame. gate: standard deviations at which doubt sets in. A point counts by its area and by the square of its
-    mean agreement with all references that would see it: what moves agrees with the last ones only. held (3, 3) gathers what is
-    told of the shift, from normals of both frames, whose noise is independent: those of one alone would seem to hold a shift along
-    a bare wall.
+    poses (k, 4, 4): of the frame's camera in those of the references, `rows` (k,) of plane (n, h, w, 4).
+    points, normals (m, 3): of the frame. gate: standard deviations at which doubt sets in. A point counts by
+    its area and by the square of its mean agreement with all references that would see it: what moves agrees
+    with the last ones only. held (3, 3) gathers the shift's information from normals of both frames, whose
+    noise is independent: those of one frame would seem to hold a shift along a bare wall.
     """
     total = 0.0
     height, width, count = plane.shape[1], plane.shape[2], len(rows)
@@ -148,8 +153,9 @@ def depth_system(poses, rows, points, normals, plane, lens, gate, h, g, held):  
 
 @njit(cache=True, nogil=True)
 def track_system(poses, reference, starts, here, there, lateral, gate, h, g, held):  # type: ignore[no-untyped-def]
-    """The same for points `here` (m, 3) of the frame whose tracks references see at `there` (n, 3): those of the i-th from starts[i]
-    on, in the reference of that row of poses. lateral: standard deviation across the view, rad."""
+    """The same for points `here` (m, 3) of the frame whose tracks references see at `there` (n, 3): those of
+    the i-th from starts[i] on, in the reference of that row of poses. lateral: standard deviation across the
+    view, rad."""
     total = 0.0
     for i in range(len(here)):
         px, py, pz = here[i, 0], here[i, 1], here[i, 2]
@@ -205,8 +211,8 @@ def _relative(T_ref_world, T_world_cam):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def system(T_world_cam, T_ref_world, rows, depth, tracks, gate):  # type: ignore[no-untyped-def]
-    """Normal equations h (6, 6), g (6) of a pose, its agreement, and what holds its shift (3, 3). depth: points, normals, plane, lens; tracks: reference, starts,
-    here, there, lateral."""
+    """Normal equations h (6, 6), g (6) of a pose, its agreement, and what holds its shift (3, 3). depth:
+    points, normals, plane, lens; tracks: reference, starts, here, there, lateral."""
     h, g, held = np.zeros((6, 6)), np.zeros(6), np.zeros((3, 3))
     poses = _relative(T_ref_world, T_world_cam)
     good = depth_system(poses, rows, depth[0], depth[1], depth[2], depth[3], gate, h, g, held)
@@ -219,7 +225,8 @@ def system(T_world_cam, T_ref_world, rows, depth, tracks, gate):  # type: ignore
 
 @njit(cache=True, nogil=True)
 def refine(T_world_cam, T_ref_world, rows, depth, tracks, gate, rounds, least):  # type: ignore[no-untyped-def]
-    """The pose after at most `rounds` steps of least squares, fewer where they become shorter than `least` (m, rad)."""
+    """The pose after at most `rounds` steps of least squares, fewer where they become shorter than `least`
+    (m, rad)."""
     pose = T_world_cam.copy()
     for _ in range(rounds):
         h, g, _good, _held = system(pose, T_ref_world, rows, depth, tracks, gate)

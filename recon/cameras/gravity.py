@@ -1,4 +1,5 @@
-"""Which way is up: as the user says, from the device when it knew, else from walls, floors and counters, and how the camera is held.
+"""Which way is up: as the user says, from the device when it knew, else from walls, floors and counters, and
+how the camera is held.
 
 The last is a first guess, which `recon.contact.up` decides anew once surfaces and parts are known.
 """
@@ -21,8 +22,9 @@ from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
 GRAVITY = Stage("gravity", 2, ("gravity",))
-# Planes so near to what the user says of up refine it: a direction is meant as it is said, give or take what a person sees; of the
-# camera's axes the nearest one is at most 54.7 degrees off, and 45 where the head is level. Chosen by us.
+# Planes so near to what the user says of up refine it: a direction is meant as it is said, give or take what
+# a person sees; of the camera's axes the nearest one is at most 54.7 degrees off, and 45 where the head is
+# level. Chosen by us.
 _NEAR_DIRECTION, _NEAR_AXIS = float(np.radians(10.0)), float(np.radians(45.0))
 _FEWEST_NORMALS = 100  # less depth shows no plane
 
@@ -42,7 +44,8 @@ class GravityConfig(Settings):
 
 @dataclass(frozen=True)
 class Gravity:
-    """Rotation R_world_start (3, 3) that turns the start world so that z points up, and where it was learnt."""
+    """Rotation R_world_start (3, 3) that turns the start world so that z points up, and where it was
+    learnt."""
 
     R_world_start: Array
     source: str
@@ -68,7 +71,8 @@ def find_gravity(
     config: GravityConfig = GravityConfig(),
     said: Up | None = None,
 ) -> Gravity:
-    """Gravity as the user says, from the recording's metadata, else from a Manhattan fit to normals of evenly spread frames."""
+    """Gravity as the user says, from the recording's metadata, else from a Manhattan fit to normals of evenly
+    spread frames."""
     if said is not None:
         return _as_said(said, surface_normals(recording, cameras, config), cameras, config)
     if recording.gravity_camera0 is not None and cameras.pose(0) is not None:
@@ -85,7 +89,8 @@ def find_gravity(
 
 
 def _as_said(said: Up, normals: Array, cameras: Trajectory, config: GravityConfig) -> Gravity:
-    """Up as it is said, turned onto the planes' axis next to it where that is near and normals (n, 3) tell it."""
+    """Up as it is said, turned onto the planes' axis next to it where that is near and normals (n, 3) tell
+    it."""
     up = geo.rotate(cameras.T_world_cam[0], up_direction(said))
     axes, known = axes_told(normals, config)
     column = int(np.argmax(np.abs(axes.T @ up)))
@@ -98,14 +103,16 @@ def _as_said(said: Up, normals: Array, cameras: Trajectory, config: GravityConfi
 
 
 def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> Array:
-    """Up axis among +-columns of `axes`: people keep their heads level, so it is square to the camera's right."""
+    """Up axis among +-columns of `axes`: people keep their heads level, so it is square to the camera's
+    right."""
     candidates = np.concatenate([axes.T, -axes.T])
     score = candidates @ camera_up - np.abs(candidates @ camera_right)
     return np.asarray(candidates[np.argsort(-score)[0]])
 
 
 def axes_told(normals: Array, config: GravityConfig = GravityConfig()) -> tuple[Array, NDArray[np.bool_]]:
-    """The Manhattan axes (3, 3) of normals (n, 3), and which of its columns enough of them show; of too few normals none."""
+    """The Manhattan axes (3, 3) of normals (n, 3), and which of its columns enough of them show; of too few
+    normals none."""
     if len(normals) < _FEWEST_NORMALS:
         return np.eye(3), np.zeros(3, dtype=bool)
     axes = manhattan_axes(normals, config)
@@ -113,7 +120,8 @@ def axes_told(normals: Array, config: GravityConfig = GravityConfig()) -> tuple[
 
 
 def manhattan_axes(normals: Array, config: GravityConfig = GravityConfig()) -> Array:
-    """Rotation (3, 3) whose columns are the three orthogonal directions that most normals (n, 3) agree with."""
+    """Rotation (3, 3) whose columns are the three orthogonal directions that most normals (n, 3) agree
+    with."""
     rng = np.random.default_rng(0)
     first = normals[rng.integers(0, len(normals), config.hypotheses)]
     second = normals[rng.integers(0, len(normals), config.hypotheses)]

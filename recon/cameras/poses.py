@@ -1,8 +1,8 @@
 """Camera poses for every frame from point tracks.
 
-Start: robust rigid alignment of each frame to a keyframe (measured: chaining frame to frame drifts by 4 cm and no
-refinement recovers from it; from keyframes it always converged). Refinement: a robust bundle over all tracks that
-alternates landmarks and poses, in which moving things lose their weight; no mask is needed.
+Start: robust rigid alignment of each frame to a keyframe (measured: chaining frame to frame drifts by 4 cm
+and no refinement recovers from it; from keyframes it always converged). Refinement: a robust bundle over all
+tracks that alternates landmarks and poses, in which moving things lose their weight; no mask is needed.
 
 FunREC, supplement 1.2: no learned matches, no masks.
 """
@@ -33,11 +33,14 @@ from twin.scene import Trajectory
 CAMERAS = Stage("cameras", 3, ("cameras",))
 _BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
 _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
-# Frames since which two paths are compared, and by how much (m, rad) they then differ: ten times what both are wrong by where
-# they work (measured).
+# Frames since which two paths are compared, and by how much (m, rad) they then differ: ten times what both
+# are wrong by where they work (measured).
 _SINCE, _APART_M, _APART_RAD = (1, 10, 40), 0.01, float(np.radians(0.5))
-_AS_MANY = 0.9  # of the frames that all tracks pose are posed without those of a part, or they are kept; chosen by us
-_BETTER = 1.1  # by what the other path then agrees more with the frames before; chosen by us: noise makes 3 %, a lost camera 20
+# of the frames that all tracks pose are posed without those of a part, or they are kept; chosen by us
+_AS_MANY = 0.9
+# by what the other path then agrees more with the frames before; chosen by us: noise makes 3 %, a lost camera
+# 20
+_BETTER = 1.1
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,8 @@ def camera_poses(
 
 
 def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> Trajectory:
-    """The poses by which the room keeps its place: where they follow a part that fills the view, those by all other tracks."""
+    """The poses by which the room keeps its place: where they follow a part that fills the view, those by all
+    other tracks."""
     lateral, rng = PIXEL_SIGMA / recording.intrinsics.fx, np.random.default_rng(0)
     poses, posed = _of_two(recording, tracks, progress)
     sigma = np.hypot(*point_sigmas(tracks.points_cam, lateral))
@@ -102,8 +106,8 @@ def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> Trajectory
 
 
 def _of_two(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array, NDArray[np.bool_]]:
-    """Poses (T, 4, 4) and which of them are known (T,): the tracks' where those from depth and tracks agree with them; else those that
-    explain more of the depth, bundled."""
+    """Poses (T, 4, 4) and which of them are known (T,): the tracks' where those from depth and tracks agree
+    with them; else those that explain more of the depth, bundled."""
     focal = recording.intrinsics.fx
     start, posed = _start_poses(tracks, focal, progress)
     poses = _bundle(tracks, start, posed, focal) if posed.any() else start
@@ -116,7 +120,8 @@ def _of_two(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array
 
 
 def _apart(a: Array, b: Array, both: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Frames (T,) at which two paths (T, 4, 4) have moved differently since one of the frames before; `both`: known in both."""
+    """Frames (T,) at which two paths (T, 4, 4) have moved differently since one of the frames before; `both`:
+    known in both."""
     out = np.zeros(len(a), dtype=bool)
     rows = np.flatnonzero(both)
     for gap in _SINCE:

@@ -25,7 +25,9 @@ from twin.geometry import Array
 from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
-_AT_WALL = 0.5  # share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding doors
+# share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding
+# doors
+_AT_WALL = 0.5
 # Cosine between a front's normal and the way of what slides in its own plane; chosen by us
 _IN_PLANE = 0.5
 # What a hinge is turned on by: a front half a metre wide goes on by less than twice `gap`; by us
@@ -65,11 +67,13 @@ class ClosedEndConfig(Settings):
 
 @dataclass(frozen=True)
 class ClosedEnd:
-    """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the reason.
+    """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the
+    reason.
 
-    margin: by how much the shares of the cue that decided, or of its witness, differ between the ends; 0 without a witness. That is for a
-    hinge where it would be flush if it went on, for a drawer its way, for what slides in its own plane the cue that is asked first.
-    probability: of this end by the added log odds of all cues, none of which is a witness or a veto; .5 where no cue was looked at.
+    margin: by how much the shares of the cue that decided, or of its witness, differ between the ends; 0
+    without a witness. That is for a hinge where it would be flush if it went on, for a drawer its way, for
+    what slides in its own plane the cue that is asked first. probability: of this end by the added log odds
+    of all cues, none of which is a witness or a veto; .5 where no cue was looked at.
     """
 
     state: float
@@ -113,12 +117,12 @@ def find_closed_end(
 ) -> ClosedEnd:
     """Decide by what surrounds and what lies behind the part at both ends of its travel.
 
-    In this order: its face is flush with static surface there and not at the other end; of what slides along its front's normal, it is
-    farther from the viewer and nearer to static surface there, as a drawer comes out of its furniture; it would be flush if it went on
-    there, for furniture stops what shuts, and what opens goes on into free space; it covers a cavity that is seen when it is away; it
-    covers more space; else the first rest pose. What slides in its own plane may be flush all along: there its edge ahead is asked
-    first, which stops at a wall of the furniture, then the cavity.
-    part_mesh: at the part's state 0.
+    In this order: its face is flush with static surface there and not at the other end; of what slides along
+    its front's normal, it is farther from the viewer and nearer to static surface there, as a drawer comes
+    out of its furniture; it would be flush if it went on there, for furniture stops what shuts, and what
+    opens goes on into free space; it covers a cavity that is seen when it is away; it covers more space; else
+    the first rest pose. What slides in its own plane may be flush all along: there its edge ahead is asked
+    first, which stops at a wall of the furniture, then the cavity. part_mesh: at the part's state 0.
     """
     ends = travel_ends(part.motion.state, config.quantile)
     surface = sample(part_mesh)
@@ -195,8 +199,8 @@ def _starts_at(part: MovingPart, ends: tuple[float, float]) -> int:
 
 
 def _past(face: Front, joint: Joint, config: ClosedEndConfig) -> Array:
-    """How far past an end (rad or m) a part is carried, in steps from 0: not at all what slides in its own plane, beside which there may
-    be static surface all along."""
+    """How far past an end (rad or m) a part is carried, in steps from 0: not at all what slides in its own
+    plane, beside which there may be static surface all along."""
     if not isinstance(joint, Prismatic):
         return np.arange(0.0, config.past_hinge + 1e-9, _TURN_STEP)
     if abs(face.normal @ joint.axis) < ALONG:
@@ -216,9 +220,11 @@ def smoothed(state: Array) -> Array:
 
 
 def travel_ends(state: Array, quantile: float) -> tuple[float, float]:
-    """Lowest and highest state (n,): robust quantiles of the smoothed state, and there the middle of the rest.
+    """Lowest and highest state (n,): robust quantiles of the smoothed state, and there the middle of the
+    rest.
 
-    Extremes grow with the number of frames; the middle of what lies within 2 % of the travel from them does not.
+    Extremes grow with the number of frames; the middle of what lies within 2 % of the travel from them does
+    not.
     """
     s = smoothed(state)
     low, high = np.quantile(s, [quantile, 1 - quantile])
@@ -253,8 +259,8 @@ def _depth_behind(
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
 ) -> Array:
-    """How far (m, along its normal) static surface is seen behind each point of the front posed at an end, from frames
-    in which it is away; points without a view are left out."""
+    """How far (m, along its normal) static surface is seen behind each point of the front posed at an end,
+    from frames in which it is away; points without a view are left out."""
     points = geo.transform(part.joint.pose(end), face.points[:: max(1, len(face.points) // 2000)])
     normal = geo.rotate(part.joint.pose(end), face.normal)
     seen = np.full((len(frames), len(points)), np.nan)
@@ -272,10 +278,11 @@ def _depth_behind(
 
 
 def rebase(part: MovingPart, closed: ClosedEnd, quantile: float = 0.02) -> MovingPart:
-    """The part counted from its closed end: state 0 there, opening positive, `lower` 0, `upper` the other end.
+    """The part counted from its closed end: state 0 there, opening positive, `lower` 0, `upper` the other
+    end.
 
-    The axis turns round when the state fell on opening. The frame of the part becomes its pose at the closed end, see
-    `rebase_mesh`.
+    The axis turns round when the state fell on opening. The frame of the part becomes its pose at the closed
+    end, see `rebase_mesh`.
     """
     state = closed.opening_sign * (part.motion.state - closed.state)
     upper = max(0.0, travel_ends(state, quantile)[1])

@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-# Log odds for each unit of difference between the shares of the two ends, chosen by us. With all weights of this
-# module the more likely end is right for 17 of 20 parts of open recordings; the three wrong ones reach a probability
-# of .96, .84 and .55.
-# A front that is flush with its surroundings.
+# Log odds for each unit of difference between the shares of the two ends, chosen by us. With all weights of
+# this module the more likely end is right for 17 of 20 parts of open recordings; the three wrong ones reach a
+# probability of .96, .84 and .55. A front that is flush with its surroundings.
 _FLUSH = 4.0
 # The same of what slides in its own plane, which may pass static surface all along.
 _FLUSH_IN_PLANE = 1.5
@@ -19,7 +18,8 @@ _AHEAD = 2.0
 _CAVITY = 2.0
 # What would be flush if it went on.
 _PAST = 2.0
-# Below this share at both ends nothing is flush, and what would be flush if the part went on tells the ends apart.
+# Below this share at both ends nothing is flush, and what would be flush if the part went on tells the ends
+# apart.
 _FLUSH_AT_NEITHER = 0.3
 # A drawer is pushed away from the viewer; the rest is for a front whose outer side is mistaken. Chosen by us.
 _PUSHED_AWAY = math.log(0.98 / 0.02)
@@ -32,9 +32,9 @@ class ClosedCues:
     """What speaks for either end of the travel, the lower state first; shares in 0..1.
 
     flush, past: how much of the front's rim is flush at the end, and at best if the part went on beyond it.
-    cavity: how much of the front covers a cavity.
-    ahead: by how much the leading edge is nearer to a wall; None unless the part slides in its own plane.
-    pushed_away: 1 where the lower end is farther from the viewer, -1 where it is nearer; 0 unless the part slides along
+    cavity: how much of the front covers a cavity. ahead: by how much the leading edge is nearer to a wall;
+    None unless the part slides in its own plane. pushed_away: 1 where the lower end is farther from the
+    viewer, -1 where it is nearer; 0 unless the part slides along
         its front's normal.
     starts: 1 where the recording starts nearer to the lower end, else -1.
     """

@@ -1,7 +1,8 @@
-"""Where the hand holds a part: the hand's surface, lifted by depth into the part's frame, against the part's handle.
+"""Where the hand holds a part: the hand's surface, lifted by depth into the part's frame, against the part's
+handle.
 
-Seen from outside, a hand's surface lies 2 to 6 cm before what it grips. So the hand says which handle, and where along
-it; the handle says where exactly.
+Seen from outside, a hand's surface lies 2 to 6 cm before what it grips. So the hand says which handle, and
+where along it; the handle says where exactly.
 
 FunREC, supplement 4: the hand's surface in place of fingertips.
 """
@@ -55,8 +56,8 @@ _MIN_POINTS = 6
 
 @dataclass(frozen=True, eq=False)
 class HandPoints:
-    """Points (n, 3) of the hand's surface in the part's frame at state 0, the frame (n,) of each, and the distance (n,)
-    to the part's surface."""
+    """Points (n, 3) of the hand's surface in the part's frame at state 0, the frame (n,) of each, and the
+    distance (n,) to the part's surface."""
 
     points: Array
     frame: NDArray[np.int64]
@@ -169,7 +170,8 @@ def _T_part_cam(
 
 
 def _steady(hand: HandPoints) -> HandPoints:
-    """What of the hand stays at the same place of the part: cells of 2 cm which it fills in half as many frames as any."""
+    """What of the hand stays at the same place of the part: cells of 2 cm which it fills in half as many
+    frames as any."""
     if len(hand.points) < _MIN_POINTS:
         return hand.chosen(np.zeros(len(hand.points), dtype=bool))
     keys = voxel_keys(hand.points.astype(np.float32), 0.02)
@@ -182,8 +184,8 @@ def _steady(hand: HandPoints) -> HandPoints:
 def _middle_of_fingers(handle: Handle, hand: HandPoints, T_part_cam: Mapping[int, Array]) -> float:
     """Coordinate along a bar: the median over frames of the middle of the fist's extent along it.
 
-    A camera that looks along the bar sees one end of the fist and not the other. What is missing of a hand's breadth
-    lies at the far end.
+    A camera that looks along the bar sees one end of the fist and not the other. What is missing of a hand's
+    breadth lies at the far end.
     """
     fingers = _close(hand, handle.distance(hand.points), limit=np.inf)
     middles = []
@@ -220,7 +222,8 @@ def _fingertips(
     T_part_cam: Mapping[int, Array],
     surface: Surface,
 ) -> HandPoints:
-    """The fingertips that come near the part, in each frame no farther from it than `_NEAR` beyond the nearest."""
+    """The fingertips that come near the part, in each frame no farther from it than `_NEAR` beyond the
+    nearest."""
     from recon.contact.hand_keypoints import FINGERTIPS, detect_hands
 
     keypoints = detect_hands(recording, list(T_part_cam), labels)

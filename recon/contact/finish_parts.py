@@ -47,7 +47,8 @@ def finish_parts(
     closed_end: ClosedEndConfig,
     contact: ContactConfig,
 ) -> tuple[FinishedPart, ...]:
-    """Count each part from its closed end and find where the hand held it; a part without a surface is left out, with a warning.
+    """Count each part from its closed end and find where the hand held it; a part without a surface is left
+    out, with a warning.
 
     parts: those of `found`, refined.
     """

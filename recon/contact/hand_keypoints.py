@@ -1,7 +1,8 @@
 """Hand keypoints by mediapipe (optional extra `hands`), lifted to 3D by depth.
 
-The detector looks at the whole picture first and then, where hand labels exist, at a magnified cut-out around them: a
-hand seen from the wearer's eyes with its sleeve is often too small or too covered for the whole picture.
+The detector looks at the whole picture first and then, where hand labels exist, at a magnified cut-out around
+them: a hand seen from the wearer's eyes with its sleeve is often too small or too covered for the whole
+picture.
 
 FunREC, supplement 4: optional; another hand model.
 """
@@ -44,8 +45,8 @@ class HandConfig(Settings):
 class HandKeypoints:
     """One entry per detected hand, frames not decreasing.
 
-    frames: (n,). pixels: (n, 21, 2) x, y in the colour image. points_cam: (n, 21, 3) m, the visible surface at each
-    keypoint, NaN where depth is unknown or shows something else. score: (n,) 0..1.
+    frames: (n,). pixels: (n, 21, 2) x, y in the colour image. points_cam: (n, 21, 3) m, the visible surface
+    at each keypoint, NaN where depth is unknown or shows something else. score: (n,) 0..1.
     """
 
     frames: NDArray[np.int64]
@@ -66,8 +67,8 @@ def detect_hands(
     """Detect hands in some frames and lift their keypoints by depth.
 
     Args:
-        labels: label images (H, W); frames that have one are searched again around the hand label when the whole
-            picture shows no hand.
+        labels: label images (H, W); frames that have one are searched again around the hand label when the
+            whole picture shows no hand.
 
     Raises MissingDependencyError when mediapipe is not installed.
     """
@@ -139,8 +140,8 @@ def _detect_in_cut_out(
 
 
 def _lift(recording: Recording, depth: NDArray[np.float32], pixels: Array) -> Array:
-    """Camera points (21, 3) of keypoints (21, 2): median depth of 3x3 pixels; what lies far from the hand's middle is
-    another surface and NaN."""
+    """Camera points (21, 3) of keypoints (21, 2): median depth of 3x3 pixels; what lies far from the hand's
+    middle is another surface and NaN."""
     height, width = depth.shape
     out = np.full((KEYPOINTS, 3), np.nan)
     for k, (x, y) in enumerate(np.rint(pixels).astype(int)):

@@ -23,10 +23,11 @@ def flush_shares(
     gap: float,
     past: Array,
 ) -> list[list[float]]:
-    """Shares (2, n) of the front's rim beside which the part comes within `gap` of static surface, from each end onwards.
+    """Shares (2, n) of the front's rim beside which the part comes within `gap` of static surface, from each
+    end onwards.
 
-    Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing. past: rad or m past the ends,
-    from 0.
+    Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing.
+    past: rad or m past the ends, from 0.
     """
     low, high = ends
     poses = [[joint.pose(low - x) for x in past], [joint.pose(high + x) for x in past]]
@@ -55,8 +56,8 @@ def flush_shares(
 
 
 def inward(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float] | None:
-    """Of what slides along its front's normal: at the end that is farther from the viewer, by how much nearer its rim is to static surface
-    than at the other, over the travel (0 where it is not), and 0; else None."""
+    """Of what slides along its front's normal: at the end that is farther from the viewer, by how much nearer
+    its rim is to static surface than at the other, over the travel (0 where it is not), and 0; else None."""
     along = float(face.normal @ joint.axis) * (ends[1] - ends[0])
     if not isinstance(joint, Prismatic) or abs(face.normal @ joint.axis) < ALONG:
         return None
@@ -71,8 +72,9 @@ def inward(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -
 
 
 def nearer_ahead(face: Front, joint: Joint, ends: tuple[float, float], static: Mesh) -> list[float]:
-    """Of what slides in its own plane: by how much of the other's its outer edge is nearer to static surface at each end, the edge that
-    goes ahead there. At both ends of a door that closes on either side it is as near, and both shares are small."""
+    """Of what slides in its own plane: by how much of the other's its outer edge is nearer to static surface
+    at each end, the edge that goes ahead there. At both ends of a door that closes on either side it is as
+    near, and both shares are small."""
     out = np.cross(np.roll(face.rim, -1, axis=0) - np.roll(face.rim, 1, axis=0), face.normal)
     out *= np.sign(((face.rim - face.rim.mean(axis=0)) * out).sum(axis=1, keepdims=True))
     along = (out @ joint.axis) / np.maximum(np.linalg.norm(out, axis=1), 1e-9)

@@ -40,12 +40,14 @@ _TRIM = 3.0  # standard deviations beyond which a difference is no noise, but so
 
 @dataclass(frozen=True)
 class DepthNoise:
-    """Standard deviation of a depth reading at z: `base` + `slope` z^2, m, with all that does not belong to the surface: the error of the
-    camera's pose as well, and what stays alike between successive frames. slow: that share of the variance, 0..1: it does not average
-    out over frames. lost: share of the pixels without depth. drift: m by which all that a tile of a frame sees together lies off, along its view:
-    the error of its pose, and what readings side by side share, as where an error follows depth.
+    """Standard deviation of a depth reading at z: `base` + `slope` z^2, m, with all that does not belong to
+    the surface: the error of the camera's pose as well, and what stays alike between successive frames. slow:
+    that share of the variance, 0..1: it does not average out over frames. lost: share of the pixels without
+    depth. drift: m by which all that a tile of a frame sees together lies off, along its view: the error of
+    its pose, and what readings side by side share, as where an error follows depth.
 
-    What is the same from every side of a surface, as the mixed light in a corner, can't be told without truth and is missing.
+    What is the same from every side of a surface, as the mixed light in a corner, can't be told without truth
+    and is missing.
     """
 
     base: float
@@ -59,18 +61,21 @@ class DepthNoise:
         return np.asarray(self.base + self.slope * np.asarray(z, dtype=float) ** 2)
 
     def sigma(self, z: ArrayLike) -> Array:
-        """Standard deviation, m, to reckon with at depths z m: as measured, never below that of a good sensor (`depth_sigma`)."""
+        """Standard deviation, m, to reckon with at depths z m: as measured, never below that of a good sensor
+        (`depth_sigma`)."""
         return np.maximum(depth_sigma(z), self.measured(z))
 
     def of_mean(self, count: int) -> float:
-        """How many times as large the error of the mean of so many readings is as it were if each were drawn anew: the root of the design
-        effect (Kish 1965), of what was measured and not of the good sensor's noise that is reckoned with at least."""
+        """How many times as large the error of the mean of so many readings is as it were if each were drawn
+        anew: the root of the design effect (Kish 1965), of what was measured and not of the good sensor's
+        noise that is reckoned with at least."""
         share = self.slow * float(self.measured(1.0) / self.sigma(1.0)) ** 2
         return float(np.sqrt(1.0 + (count - 1) * share))
 
     @property
     def poor(self) -> bool:
-        """Whether a reading at 1 m is worse than a good sensor's: then errors that belong to pixels look like surfaces."""
+        """Whether a reading at 1 m is worse than a good sensor's: then errors that belong to pixels look like
+        surfaces."""
         return bool(self.measured(1.0) > depth_sigma(1.0))
 
     @property
@@ -83,10 +88,11 @@ GOOD_SENSOR = DepthNoise(0.0, 0.0, 0.0, 0.0)  # nothing beyond `depth_sigma`
 
 
 def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
-    """Measured between pairs of frames of the cameras; what moves in them differs by more than noise and is left out.
+    """Measured between pairs of frames of the cameras; what moves in them differs by more than noise and is
+    left out.
 
-    Frames far apart tell all of the noise, successive ones what is drawn anew in each. Where the frames share too little, it is
-    `GOOD_SENSOR` with the drop-outs.
+    Frames far apart tell all of the noise, successive ones what is drawn anew in each. Where the frames share
+    too little, it is `GOOD_SENSOR` with the drop-outs.
     """
     count = len(cameras.frames)
     first = np.unique(np.linspace(0, count - 2, _PAIRS).round().astype(int)).tolist() if count > 1 else []
@@ -115,8 +121,8 @@ def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
 
 
 def _three(recording: Recording, cameras: Trajectory, a: int) -> tuple[_Differences, _Differences, float]:
-    """Differences of frame number a of the cameras to the one that sees it most differently and to the next, and its share of
-    unknown pixels."""
+    """Differences of frame number a of the cameras to the one that sees it most differently and to the next,
+    and its share of unknown pixels."""
     camera, seen = recording.intrinsics, recording.depth(int(cameras.frames[a]))
     points = _points(seen, camera)
     T_other_a = geo.invert_pose(cameras.T_world_cam) @ cameras.T_world_cam[a]
@@ -128,8 +134,8 @@ def _three(recording: Recording, cameras: Trajectory, a: int) -> tuple[_Differen
 
 
 def _most_different(points: Array, T_other_a: Array, a: int, camera: Intrinsics) -> int:
-    """The frame number in which the points (n, 3) of frame a lie farthest from where they lie in it, in pixels: an error that belongs to
-    the pixel, and not to the surface, is another one there."""
+    """The frame number in which the points (n, 3) of frame a lie farthest from where they lie in it, in
+    pixels: an error that belongs to the pixel, and not to the surface, is another one there."""
     some = points[:: max(1, len(points) // 300)]
     best, most = a + 1, -1.0
     for b in np.unique(np.linspace(0, len(T_other_a) - 1, _OTHERS).round().astype(int)).tolist():
@@ -159,8 +165,8 @@ def _off_edges(depth: F32) -> NDArray[np.bool_]:
 
 
 def _differences(points: Array, depth: F32, camera: Intrinsics) -> _Differences:
-    """Depth (n,) of points (m, 3) in a camera that see known and steady depth there, what is read beyond that (n,), m, and the tile (n,) of
-    the picture that each falls into.
+    """Depth (n,) of points (m, 3) in a camera that see known and steady depth there, what is read beyond that
+    (n,), m, and the tile (n,) of the picture that each falls into.
 
     The reading is that of the nearest pixel, carried to the point by the slope of the depth around it.
     """
@@ -180,7 +186,8 @@ def _differences(points: Array, depth: F32, camera: Intrinsics) -> _Differences:
 
 
 def _scatter(pairs: list[tuple[Array, Array]], edges: Array) -> Array:
-    """Standard deviation (B,) of one reading in each bin of depth, the median over the pairs; NaN where no pair has enough points."""
+    """Standard deviation (B,) of one reading in each bin of depth, the median over the pairs; NaN where no
+    pair has enough points."""
     out = np.full((len(pairs), len(edges) - 1), np.nan)
     for p, (z, off) in enumerate(pairs):
         at = np.searchsorted(edges, z, side="right") - 1
@@ -193,8 +200,8 @@ def _scatter(pairs: list[tuple[Array, Array]], edges: Array) -> Array:
 
 
 def _drift(pairs: list[tuple[Array, NDArray[np.int64]]]) -> float:
-    """Root mean square over tiles of frames of what the differences (n,) of a pair have in common in a tile (n,), m, without what moves; half
-    of a pair's square is each frame's."""
+    """Root mean square over tiles of frames of what the differences (n,) of a pair have in common in a tile
+    (n,), m, without what moves; half of a pair's square is each frame's."""
     tiles = range(_TILES[0] * _TILES[1])
     inside = [off[tile == k] for off, tile in pairs for k in tiles]
     common = np.array([np.median(off) for off in inside if len(off) >= _IN_TILE])

@@ -1,4 +1,5 @@
-"""Order statistics for compiled loops. numba compiles its own median and quantile for seconds in every caller."""
+"""Order statistics for compiled loops. numba compiles its own median and quantile for seconds in every
+caller."""
 
 from __future__ import annotations
 
@@ -7,8 +8,8 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def place(values, n, k):  # type: ignore[no-untyped-def]
-    """The k-th smallest, from 0, of the first n values. Reorders them: none before it is larger, none behind it smaller
-    (Hoare 1961, Algorithm 65: Find)."""
+    """The k-th smallest, from 0, of the first n values. Reorders them: none before it is larger, none behind
+    it smaller (Hoare 1961, Algorithm 65: Find)."""
     first, last = 0, n - 1
     while first < last:
         pivot, i, j = values[k], first, last
@@ -30,7 +31,8 @@ def place(values, n, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median(values, n):  # type: ignore[no-untyped-def]
-    """Median of the first n values, n > 0, which it reorders; equal to numpy's for numbers that are not NaN."""
+    """Median of the first n values, n > 0, which it reorders; equal to numpy's for numbers that are not
+    NaN."""
     upper = place(values, n, n // 2)
     if n % 2:
         return upper
@@ -39,8 +41,8 @@ def median(values, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def quantile(values, n, share):  # type: ignore[no-untyped-def]
-    """Value that this share, in [0, 1), of the first n values does not exceed, n > 0, between the two nearest ranks linearly
-    (Hyndman and Fan 1996, type 7). Reorders them."""
+    """Value that this share, in [0, 1), of the first n values does not exceed, n > 0, between the two nearest
+    ranks linearly (Hyndman and Fan 1996, type 7). Reorders them."""
     rank = 1 + (n - 1) * (share * 100.0 / 100.0)
     k = int(rank) - 1
     over = rank - int(rank)

@@ -1,8 +1,9 @@
 """Depth registered to colour: both cameras' pictures on one undistorted pixel grid.
 
-The depth picture is a surface: its pixels are joined to triangles where they lie on one surface, and these are drawn into the
-colour camera behind a z-buffer. So a finer grid gets no holes, and nothing is seen through what stands before it. A pixel that
-is joined to no neighbour on some side covers its own square as far as half a pixel.
+The depth picture is a surface: its pixels are joined to triangles where they lie on one surface, and these
+are drawn into the colour camera behind a z-buffer. So a finer grid gets no holes, and nothing is seen through
+what stands before it. A pixel that is joined to no neighbour on some side covers its own square as far as
+half a pixel.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-10)
 
 
 def rays(lens: Lens) -> Array:
-    """(H, W, 2): x/z and y/z of each pixel's ray; NaN where the lens model has no solution, as far outside as it was fitted."""
+    """(H, W, 2): x/z and y/z of each pixel's ray; NaN where the lens model has no solution, as far outside as
+    it was fitted."""
     k = lens.camera
     pixels = np.stack(np.meshgrid(np.arange(k.width), np.arange(k.height)), axis=-1).astype(np.float64)
     if lens.is_pinhole:
@@ -48,8 +50,8 @@ def rays(lens: Lens) -> Array:
 
 
 def moved_lens(image: NDArray[np.uint8], own: Intrinsics, camera: Intrinsics) -> NDArray[np.uint8]:
-    """A picture (H, W, 3) that was taken with its own focal lengths and centre, as `camera` in the same place takes it; black where
-    it shows nothing."""
+    """A picture (H, W, 3) that was taken with its own focal lengths and centre, as `camera` in the same place
+    takes it; black where it shows nothing."""
     x, y = camera.fx / own.fx, camera.fy / own.fy
     place = np.array([[x, 0.0, camera.cx - x * own.cx], [0.0, y, camera.cy - y * own.cy]])
     return np.asarray(cv2.warpAffine(image, place, (camera.width, camera.height)), dtype=np.uint8)
@@ -87,7 +89,8 @@ class ColorGrid:
 
 
 class DepthGrid:
-    """Brings depth pictures (h, w) m of a rig's depth camera to the pixel grid of a pinhole camera in the colour camera's place."""
+    """Brings depth pictures (h, w) m of a rig's depth camera to the pixel grid of a pinhole camera in the
+    colour camera's place."""
 
     def __init__(self, rig: Rig, grid: Intrinsics) -> None:
         self._grid = grid
@@ -111,7 +114,8 @@ class DepthGrid:
         _draw_triangles(p, surface.upper, surface.lower, nearest)
         squares = np.full_like(nearest, np.inf)
         _draw_squares(*surface.squares(p), squares)
-        # squares end a surface by half a pixel: they count where nothing is drawn, or where they stand before it
+        # squares end a surface by half a pixel: they count where nothing is drawn, or where they stand before
+        # it
         nearest = np.where(squares < nearest * np.float32(1.0 - MAX_STEP), squares, nearest)
         return np.where(np.isfinite(nearest), nearest, np.float32(0.0))
 
@@ -130,8 +134,9 @@ class DepthGrid:
 class _Surface(NamedTuple):
     """How depth pixels (h, w) are joined.
 
-    right, down: with the next one in the row, in the column (False in the last one). upper, lower: whether the upper left, the lower
-    right triangle of the square to the right and below is part of the surface. border: known pixels without triangles all round.
+    right, down: with the next one in the row, in the column (False in the last one). upper, lower: whether
+    the upper left, the lower right triangle of the square to the right and below is part of the surface.
+    border: known pixels without triangles all round.
     """
 
     right: NDArray[np.bool_]
@@ -162,8 +167,8 @@ class _Surface(NamedTuple):
         return cls(right, down, upper, lower, known & ~inner)
 
     def squares(self, p: Array) -> tuple[Array, Array, Array]:
-        """(n, 3) each, on the grid: the border pixels, and half of the way to the next pixel in the row and in the column, by the
-        neighbour after, else the one before, else level and of the usual length."""
+        """(n, 3) each, on the grid: the border pixels, and half of the way to the next pixel in the row and
+        in the column, by the neighbour after, else the one before, else level and of the usual length."""
         row, column = np.nonzero(self.border)
         steps = []
         for axis, joined in ((1, self.right), (0, self.down)):

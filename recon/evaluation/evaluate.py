@@ -42,7 +42,8 @@ __all__ = [
 SCENE = "scene"
 ALL_PARTS = "all parts"
 
-# What a missed part, a wrong type or an empty mesh is charged; a state and a range are charged the true travel.
+# What a missed part, a wrong type or an empty mesh is charged; a state and a range are charged the true
+# travel.
 CHARGE_AXIS_DEG = 90.0
 CHARGE_DIRECTION_DEG = 180.0
 CHARGE_LENGTH_MM = 1000.0
@@ -53,8 +54,8 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
 
     Args:
         truth: folder truth/, an annotated clip of HOI4D or Arti4D, or what `load_truth` made of it.
-        recording: what the twin was made from, all of it or some of its frames; by default the folder around a simulated
-            recording's truth.
+        recording: what the twin was made from, all of it or some of its frames; by default the folder around
+            a simulated recording's truth.
 
     Raises:
         InputError: the truth can't be read or is of another recording, or the twin has no cameras.
@@ -100,7 +101,8 @@ def _allowed(rows: Iterable[Row], true: Truth) -> list[Row]:
 
 
 def _require_frames(twin: Twin, true: Truth, recording: Recording | None) -> None:
-    """Raise InputError when the truth is of another number of frames than the recording, or what the twin was made from."""
+    """Raise InputError when the truth is of another number of frames than the recording, or what the twin was
+    made from."""
     source, frames = (
         (twin.name, true.frames) if twin.recorded is None else (twin.recorded.source, twin.recorded.frames)
     )
@@ -144,7 +146,8 @@ def _scene_rows(
 
 
 def _label_rows(miou: str, false: str, part: str, score: LabelScore | None) -> Iterator[Row]:
-    """Rows of a mask; what no labelled frame can tell is left out, and a twin without labels (None) is charged."""
+    """Rows of a mask; what no labelled frame can tell is left out, and a twin without labels (None) is
+    charged."""
     if score is None or score.frames:
         yield _row(miou, part, score.miou if score else None, 0.0, "share")
     if score is None or score.other_frames:
@@ -201,7 +204,8 @@ def _joint_rows(joint: JointErrors | None, true: TruthPart) -> Iterator[Row]:
 
 
 def _contact_mm(found: Part | None, true: TruthPart, T: Array) -> float | None:
-    """How much further from the centre of the grip the contact point is than the true surface, at the closed state."""
+    """How much further from the centre of the grip the contact point is than the true surface, at the closed
+    state."""
     if found is None or found.contact is None or true.grip is None:
         return None
     grip = true.handle

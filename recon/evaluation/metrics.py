@@ -1,7 +1,8 @@
 """How far a reconstruction is from the truth: one small function for every measure (docs/metrics.md).
 
-Everything is in SI units and for one pair of things; charging of failures and units of display are the business of
-`recon.evaluation.evaluate`. An exact answer gives 0 (or 1) up to rounding, and nothing is ever NaN.
+Everything is in SI units and for one pair of things; charging of failures and units of display are the
+business of `recon.evaluation.evaluate`. An exact answer gives 0 (or 1) up to rounding, and nothing is ever
+NaN.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from twin.scene import Mesh
 
 Span = tuple[int, int]
 
-LEVER = 0.3  # m, chosen by us: how far from its centre a camera's axes count in the alignment, about half the depth seen
+# m, chosen by us: how far from its centre a camera's axes count in the alignment, about half the depth seen
+LEVER = 0.3
 REST_SHARE = 0.02  # chosen by us: closer to rest than this share of the travel, no eye sees the part move
 SNAP = 2e-5  # m, distances below it may be rounding of single precision in a room of some metres
 ADD_SHARE = 0.1  # of the part's diameter (Hinterstoisser et al., ACCV 2012)
@@ -25,7 +27,8 @@ ADD_AUC_LIMIT = 0.10  # m (Xiang et al., PoseCNN, RSS 2018)
 
 
 def align_worlds(T_true_cam: Array, T_recon_cam: Array) -> Array:
-    """T_true_recon (4, 4), the rigid least-squares fit of camera poses (n, 4, 4) on four points of each camera.
+    """T_true_recon (4, 4), the rigid least-squares fit of camera poses (n, 4, 4) on four points of each
+    camera.
 
     The points are the centre and those `LEVER` along the three axes, so that one camera is enough.
     """
@@ -43,12 +46,14 @@ def absolute_trajectory_error(T_true_cam: Array, T_recon_cam: Array) -> float:
 
 
 def relative_pose_error(T_true_cam: Array, T_recon_cam: Array) -> tuple[float, float]:
-    """RMSE in metres and radians of the motion between consecutive poses (n, 4, 4); (0, 0) for a single pose."""
+    """RMSE in metres and radians of the motion between consecutive poses (n, 4, 4); (0, 0) for a single
+    pose."""
     if len(T_true_cam) < 2:
         return 0.0, 0.0
     true = geo.invert_pose(T_true_cam[:-1]) @ T_true_cam[1:]
     recon = geo.invert_pose(T_recon_cam[:-1]) @ T_recon_cam[1:]
-    # the length of the error's translation, without the turn into the camera's axes, which rounds: equal motions give exactly 0
+    # the length of the error's translation, without the turn into the camera's axes, which rounds: equal
+    # motions give exactly 0
     translation = np.linalg.norm(recon[:, :3, 3] - true[:, :3, 3], axis=1)
     rotation = geo.rotation_angle(np.swapaxes(true[:, :3, :3], 1, 2) @ recon[:, :3, :3])
     return float(np.sqrt(np.mean(translation**2))), float(np.sqrt(np.mean(rotation**2)))
@@ -57,8 +62,8 @@ def relative_pose_error(T_true_cam: Array, T_recon_cam: Array) -> tuple[float, f
 def moving_span(states: Array, offset: int = 0) -> Span | None:
     """First and last moving frame, inclusive, of states (n,); None when nothing moves.
 
-    The first is more than `REST_SHARE` of the travelled range from the starting state, the last as far from the final
-    state. `offset` is the frame of the first state.
+    The first is more than `REST_SHARE` of the travelled range from the starting state, the last as far from
+    the final state. `offset` is the frame of the first state.
     """
     travel = float(np.ptp(states)) if len(states) else 0.0
     if travel <= 0.0:
@@ -102,7 +107,8 @@ def span_detection(true: Sequence[Span], found: Sequence[Span], least: float = 0
 def state_error(true: Array, found: Array) -> tuple[float, int]:
     """Mean absolute difference of states (n,) after fixing sign and zero once, and that sign (1 or -1).
 
-    The zero is the median difference, which makes the mean absolute difference smallest; equal errors go to sign 1.
+    The zero is the median difference, which makes the mean absolute difference smallest; equal errors go to
+    sign 1.
     """
     best = (np.inf, 1)
     for sign in (1, -1):
@@ -139,7 +145,8 @@ def diameter(points: Array) -> float:
 
 
 def vertex_distances(points: Array, T_true: Array, T_found: Array) -> tuple[float, float]:
-    """Mean distance in metres of points (n, 3) under two poses: of the same point (ADD), of the nearest one (ADD-S)."""
+    """Mean distance in metres of points (n, 3) under two poses: of the same point (ADD), of the nearest one
+    (ADD-S)."""
     from scipy.spatial import cKDTree
 
     true, found = geo.transform(T_true, points), geo.transform(T_found, points)
@@ -148,7 +155,8 @@ def vertex_distances(points: Array, T_true: Array, T_found: Array) -> tuple[floa
 
 
 def area_under_accuracy(distances: ArrayLike, limit: float = ADD_AUC_LIMIT) -> float:
-    """Area, 0..1, under the share of frames whose distance is below a threshold, for thresholds up to `limit`."""
+    """Area, 0..1, under the share of frames whose distance is below a threshold, for thresholds up to
+    `limit`."""
     d = np.asarray(distances, dtype=np.float64)
     return float(np.mean(np.clip(1.0 - d / limit, 0.0, 1.0))) if d.size else 0.0
 
@@ -162,7 +170,8 @@ def iou(true: NDArray[np.bool_], found: NDArray[np.bool_]) -> float:
 class Surface:
     """A mesh that answers how far points are from it.
 
-    In single precision: single points near large thin triangles are up to 0.3 mm off, means of thousands below 1 um.
+    In single precision: single points near large thin triangles are up to 0.3 mm off, means of thousands
+    below 1 um.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -193,7 +202,8 @@ class Surface:
         return np.where(d < SNAP, 0.0, d)
 
     def nearest(self, points: Array) -> Array:
-        """Points (n, 3) of the surface nearest to points (n, 3); these themselves for a surface without faces."""
+        """Points (n, 3) of the surface nearest to points (n, 3); these themselves for a surface without
+        faces."""
         if self.empty or len(points) == 0:
             return points
         import open3d as o3d

@@ -1,4 +1,5 @@
-"""How a twin did, part by part: success or the cause of the failure, computed from the truth. For rates over many recordings."""
+"""How a twin did, part by part: success or the cause of the failure, computed from the truth. For rates over
+many recordings."""
 
 from __future__ import annotations
 
@@ -29,14 +30,15 @@ Aside = Literal["closed end", "cameras", "hinge", "states"]
 AXIS_DEG, PATH_MM, PART_MIOU = 5.0, 20.0, 0.7
 LOST_MM = 30.0  # ATE of cameras that are lost, six times the goal of `twin evaluate`; chosen by us
 UP_DEG = 5.0
-# A part of the twin is invented when it matches no true part: its axis is so far off or its mask so wrong against every one.
+# A part of the twin is invented when it matches no true part: its axis is so far off or its mask so wrong
+# against every one.
 INVENTED_AXIS_DEG, INVENTED_MIOU = 15.0, 0.2
 
 
 @dataclass(frozen=True)
 class PartOutcome:
-    """A true part: why it failed, None for a success; whether the twin calls it trusted; by which types of reason it doesn't; and for the
-    cause "path" what took it aside."""
+    """A true part: why it failed, None for a success; whether the twin calls it trusted; by which types of
+    reason it doesn't; and for the cause "path" what took it aside."""
 
     cause: Cause | None
     trusted: bool
@@ -46,9 +48,9 @@ class PartOutcome:
 
 @dataclass(frozen=True)
 class Outcome:
-    """parts: one for each true part. invented: of the parts of the twin that are none, whether each is trusted. up_right: whether up is
-    within UP_DEG. doubtful: parts of the twin that are neither trusted nor refused. refused: types of the reasons against parts that the
-    twin leaves out, each once a part.
+    """parts: one for each true part. invented: of the parts of the twin that are none, whether each is
+    trusted. up_right: whether up is within UP_DEG. doubtful: parts of the twin that are neither trusted nor
+    refused. refused: types of the reasons against parts that the twin leaves out, each once a part.
     """
 
     parts: tuple[PartOutcome, ...]
@@ -92,7 +94,8 @@ def _refused(twin: Twin) -> tuple[str, ...]:
 
 
 def is_trusted(part: Part) -> bool:
-    """Whether the twin calls a part trusted. One without a verdict was made before there were any: nothing warns of it."""
+    """Whether the twin calls a part trusted. One without a verdict was made before there were any: nothing
+    warns of it."""
     return part.verdict is None or part.verdict.level == "trusted"
 
 
@@ -119,8 +122,8 @@ def _joint_cause(errors: JointErrors) -> Cause | None:
 
 
 def _aside(found: Part, true: TruthPart, truth: Truth, cameras: CameraErrors) -> Aside:
-    """What takes the path of a part with the right type and axis aside: cameras and hinge where they alone do by half of what is allowed,
-    the farther one."""
+    """What takes the path of a part with the right type and axis aside: cameras and hinge where they alone do
+    by half of what is allowed, the farther one."""
     errors = joint_errors(found.joint, found.motion, cameras.T_truth_recon, truth, true)
     if not errors.closed_right:
         return "closed end"

@@ -1,7 +1,7 @@
 """The truth of a recording: cameras, joints, states, meshes, labels and grip (docs/recordings.md).
 
-Beside a simulated recording it is whole. What others annotated is less: `Truth.known` tells what there is, and nothing stands in for the
-rest.
+Beside a simulated recording it is whole. What others annotated is less: `Truth.known` tells what there is,
+and nothing stands in for the rest.
 """
 
 from __future__ import annotations
@@ -34,13 +34,14 @@ _AGAIN = "write it anew with the simulator"
 class TruthPart:
     """A part as it truly moved.
 
-    joint, mesh, grip: world frame at state 0. states (n,) m or rad and T_world_part (n, 4, 4), which maps the mesh to
-    the frame, for every frame. grip: centre of the hand's grip (3,), None when no hand held the part. segments: for
-    every motion the last frame at rest before it and the first after it.
+    joint, mesh, grip: world frame at state 0. states (n,) m or rad and T_world_part (n, 4, 4), which maps the
+    mesh to the frame, for every frame. grip: centre of the hand's grip (3,), None when no hand held the part.
+    segments: for every motion the last frame at rest before it and the first after it.
 
-    Of a truth that doesn't know them: states and T_world_part are empty, and states NaN in single frames; the mesh has no face. centre:
-    the part's middle (3,) at state 0, where there is no mesh that tells it. told_spans: first and last moving frame of every motion,
-    where they are annotated and not to be found in the states.
+    Of a truth that doesn't know them: states and T_world_part are empty, and states NaN in single frames; the
+    mesh has no face. centre: the part's middle (3,) at state 0, where there is no mesh that tells it.
+    told_spans: first and last moving frame of every motion, where they are annotated and not to be found in
+    the states.
     """
 
     id: int
@@ -111,7 +112,8 @@ class TruthPart:
 
     @property
     def handle(self) -> Array:
-        """Point (3,) at the most closed state shown that the hand leads: the grip, else the vertex that moves furthest."""
+        """Point (3,) at the most closed state shown that the hand leads: the grip, else the vertex that moves
+        furthest."""
         point = self.grip
         if point is None:
             v = self.mesh.vertices
@@ -122,11 +124,12 @@ class TruthPart:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Truth of one recording of `frames` frames; labels as in a twin, static: everything that never moves. intrinsics: where those of
-    the recording are wrong on purpose.
+    """Truth of one recording of `frames` frames; labels as in a twin, static: everything that never moves.
+    intrinsics: where those of the recording are wrong on purpose.
 
-    known: what it knows, names of `recon.evaluation.known.FACTS`; cameras is None and labels, static and the parts' own are empty where it
-    doesn't. name: of the recording, where that is not the folder around the truth. notes: what was left out of it, for people.
+    known: what it knows, names of `recon.evaluation.known.FACTS`; cameras is None and labels, static and the
+    parts' own are empty where it doesn't. name: of the recording, where that is not the folder around the
+    truth. notes: what was left out of it, for people.
     """
 
     folder: Path
@@ -153,7 +156,8 @@ class Truth:
 
 
 def load_truth(folder: Path | str) -> Truth:
-    """Read a folder truth/, or the annotations of a HOI4D or Arti4D clip. Raises InputError naming the file and the value."""
+    """Read a folder truth/, or the annotations of a HOI4D or Arti4D clip. Raises InputError naming the file
+    and the value."""
     folder = Path(folder)
     own = next((f for f in (folder, folder / "truth") if (f / "truth.json").is_file()), None)
     if own is not None:
@@ -257,7 +261,8 @@ def _part(
 
 
 def joint_of(kind: str, axis: Any, pivot: Any, states: Array) -> Joint:
-    """A joint whose limits are the states (n,) that were shown. Raises ValueError for an axis without direction."""
+    """A joint whose limits are the states (n,) that were shown. Raises ValueError for an axis without
+    direction."""
     told = states[np.isfinite(states)]
     limits = float(min(told.min(initial=0.0), 0.0)), float(max(told.max(initial=0.0), 0.0))
     direction = geo.unit(np.array(axis, dtype=np.float64))

@@ -1,7 +1,7 @@
 """Fusion: one coloured mesh of the static scene and one of each part, from labelled depth.
 
-Each body has its own signed distance field. A part is fused in its own frame, so that every frame shows another side of
-it; whatever other bodies show behind a voxel proves the voxel empty.
+Each body has its own signed distance field. A part is fused in its own frame, so that every frame shows
+another side of it; whatever other bodies show behind a voxel proves the voxel empty.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ _MIN_VIEWS = 0.25
 
 @dataclass(frozen=True, eq=False)
 class FusedScene:
-    """Coloured meshes in the world. parts: id -> mesh at the joint's state 0; ids without any surface are missing."""
+    """Coloured meshes in the world. parts: id -> mesh at the joint's state 0; ids without any surface are
+    missing."""
 
     static: Mesh
     parts: dict[int, Mesh]

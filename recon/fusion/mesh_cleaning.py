@@ -19,8 +19,8 @@ def keep_large_pieces(
 ) -> tuple[Array, Faces]:
     """The connected pieces that belong to one body; unused vertices go.
 
-    A piece stays when its area is at least `min_share` of the largest piece's and it lies within `max_gap` metres of the
-    largest piece, or of another one that stays.
+    A piece stays when its area is at least `min_share` of the largest piece's and it lies within `max_gap`
+    metres of the largest piece, or of another one that stays.
     """
     if not len(faces):
         return vertices[:0], faces

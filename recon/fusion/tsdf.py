@@ -25,8 +25,8 @@ _MAX_WEIGHT = 1000.0
 class Field:
     """Signed distances in units of the truncation, positive outside.
 
-    origin: (3,) m, corner of the index. voxel: m. index: (X, Y, Z) block number, -1 where empty. blocks: (n, 3) place
-    in the index. distance, weight: (n, 8, 8, 8).
+    origin: (3,) m, corner of the index. voxel: m. index: (X, Y, Z) block number, -1 where empty. blocks: (n,
+    3) place in the index. distance, weight: (n, 8, 8, 8).
     """
 
     origin: Array
@@ -180,8 +180,8 @@ def _integrate(
 def ray_cosine(depth: F32, camera: Array, reach: int, noise: F32) -> F32:
     """Cosine (h, w) of the angle between each pixel's ray and the surface normal, 0 where no plane is found.
 
-    Slopes are central differences over `reach` px of inverse depth, which is linear over an image of a plane, each end
-    averaged across three rows or columns. Ends on another surface are left out.
+    Slopes are central differences over `reach` px of inverse depth, which is linear over an image of a plane,
+    each end averaged across three rows or columns. Ends on another surface are left out.
     """
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
@@ -220,7 +220,8 @@ def _slope(depth: F32, y: int, x: int, direction: int, reach: int, noise: F32) -
 
 @numba.njit(cache=True, inline="always")
 def _end(depth: F32, y: int, x: int, direction: int, step: int, noise: F32) -> tuple[float, float]:
-    """Sum and number of the inverse depths of three pixels across the direction, `step` px along it, on the same surface."""
+    """Sum and number of the inverse depths of three pixels across the direction, `step` px along it, on the
+    same surface."""
     h, w = depth.shape
     z, total, count = depth[y, x], 0.0, 0.0
     for along in range(-1, 2):
@@ -236,7 +237,8 @@ def _end(depth: F32, y: int, x: int, direction: int, step: int, noise: F32) -> t
 
 
 def surface(field: Field, min_weight: float) -> tuple[Array, NDArray[np.int32]]:
-    """Zero level as vertices (v, 3) in field coordinates and faces (f, 3), by marching cubes on chunks of the field."""
+    """Zero level as vertices (v, 3) in field coordinates and faces (f, 3), by marching cubes on chunks of the
+    field."""
     from skimage.measure import marching_cubes
 
     chunk = 8

@@ -1,6 +1,7 @@
 """What other than the camera changes in depth: between neighbouring frames, and against the whole stretch.
 
-With the cameras found from tracks, a point that floats in front of what another frame saw there was not there then.
+With the cameras found from tracks, a point that floats in front of what another frame saw there was not there
+then.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class Depths:
     cameras: Trajectory
 
     def in_front(self, frame: int, of: int) -> Mask | None:
-        """Mask (h, w) of the pixels of `frame` that float in front of what frame `of` saw; None without both poses."""
+        """Mask (h, w) of the pixels of `frame` that float in front of what frame `of` saw; None without both
+        poses."""
         there, here = self.cameras.pose(of), self.cameras.pose(frame)
         if there is None or here is None:
             return None
@@ -72,7 +74,8 @@ def depths_of(stretch: Stretch) -> Depths | None:
 
 
 def moving_shares(depths: Depths, gap: int, frames: NDArray[np.int64]) -> Array:
-    """Share of the picture that changes between each of `frames` and the frame `gap` later; NaN without poses."""
+    """Share of the picture that changes between each of `frames` and the frame `gap` later; NaN without
+    poses."""
     out = []
     for i in frames.tolist():
         masks = [depths.in_front(i, i + gap), depths.in_front(i + gap, i)]
@@ -81,8 +84,9 @@ def moving_shares(depths: Depths, gap: int, frames: NDArray[np.int64]) -> Array:
 
 
 def arm_in_view(depths: Depths, frame: int) -> bool:
-    """Whether something like an arm reaches in from the left, the right or below, as the arms of who wears the camera do: at the
-    picture's border it is as wide as an arm, floats in front of what is beside it, and other frames see through its place."""
+    """Whether something like an arm reaches in from the left, the right or below, as the arms of who wears
+    the camera do: at the picture's border it is as wide as an arm, floats in front of what is beside it, and
+    other frames see through its place."""
     n = len(depths.depth)
     others = np.unique(np.linspace(0, n - 1, _REFERENCES).astype(int))
     masks = [depths.in_front(frame, int(k)) for k in others if k != frame]
@@ -94,7 +98,8 @@ def arm_in_view(depths: Depths, frame: int) -> bool:
 
 
 def _border(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(rows, columns) down the left, along the lower and up the right border of what is known, `_BAND` inside it."""
+    """(rows, columns) down the left, along the lower and up the right border of what is known, `_BAND` inside
+    it."""
     at = np.argwhere(known)
     (top, left), (bottom, right) = at.min(axis=0) + _BAND, at.max(axis=0) - _BAND
     x, y = np.arange(left, right), np.arange(top, bottom)
@@ -104,7 +109,8 @@ def _border(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _arm_on(through: Mask, z: Array, focal: float) -> bool:
-    """Whether a run on a line of pixels is an arm. through (n,): seen through by others, z (n,): m, 0 unknown."""
+    """Whether a run on a line of pixels is an arm. through (n,): seen through by others, z (n,): m, 0
+    unknown."""
     joined = cv2.morphologyEx(through.astype(np.uint8)[None], cv2.MORPH_CLOSE, np.ones((1, 3), np.uint8))[0]
     ends = np.flatnonzero(np.diff(np.concatenate([[0], joined.astype(int), [0]])))
     aside = np.concatenate([np.zeros(_ASIDE), z, np.zeros(_ASIDE)])
@@ -122,7 +128,8 @@ def _arm_on(through: Mask, z: Array, focal: float) -> bool:
 
 
 def _grown(z: Array, first: int, end: int) -> tuple[int, int]:
-    """A run with what continues it without a step of depth: not all of an arm need be seen through by others."""
+    """A run with what continues it without a step of depth: not all of an arm need be seen through by
+    others."""
     while first > 0 and z[first - 1] > 0 and abs(z[first - 1] - z[first]) < _STEP:
         first -= 1
     while end < len(z) and z[end] > 0 and abs(z[end] - z[end - 1]) < _STEP:

@@ -57,8 +57,8 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What was found in a recording. checked: names of all checks that were made. unknown: those that could not be made.
-    frames: how many of `of` frames were looked at."""
+    """What was found in a recording. checked: names of all checks that were made. unknown: those that could
+    not be made. frames: how many of `of` frames were looked at."""
 
     name: str
     findings: tuple[Finding, ...]

@@ -1,9 +1,9 @@
 """The focal length that a recording itself asks for, beside the one that is stated.
 
-Static points that are seen from two places move rigidly. With a wrong focal length their depths and their pixels contradict each
-other as soon as the camera turns: a turn by t swings depth into width as if by t s and width into depth as if by t / s, where s is
-the ratio of the two focal lengths, and no rotation does both. Under a mere shift of the camera nothing tells: then the check says
-that it can't be made.
+Static points that are seen from two places move rigidly. With a wrong focal length their depths and their
+pixels contradict each other as soon as the camera turns: a turn by t swings depth into width as if by t s and
+width into depth as if by t / s, where s is the ratio of the two focal lengths, and no rotation does both.
+Under a mere shift of the camera nothing tells: then the check says that it can't be made.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ _BLOCKS = 6  # of the jackknife
 
 @dataclass(frozen=True)
 class FocalFit:
-    """ratio: the best focal length over the stated one. sigma: its standard deviation, by a jackknife over times."""
+    """ratio: the best focal length over the stated one. sigma: its standard deviation, by a jackknife over
+    times."""
 
     ratio: float
     sigma: float
@@ -125,7 +126,8 @@ def _system(a: Array, b: Array, k: Array, first: bool) -> tuple[Array, Array]:
     shared[:, 0, 1] += 1.0
     shared[:, 1, 2] += 1.0
     j = np.concatenate([project @ moved, shared], axis=2)
-    # noise of the first frame's depth reaches the pixel through the camera's motion, that of pixels the depth hardly
+    # noise of the first frame's depth reaches the pixel through the camera's motion, that of pixels the depth
+    # hardly
     ray = np.column_stack([(a[:, :2] - k[2:]) / k[:2], np.ones(len(a))])
     by_depth = np.einsum("nij,nj->ni", project, ray @ turn.T)
     sigma2 = np.column_stack([np.full(len(a), 2 * PIXEL_SIGMA**2)] * 2 + [depth_sigma(b[:, 2]) ** 2])

@@ -30,7 +30,8 @@ from twin.robust import mad_sigma
 
 Found = list[Finding | Unknown]
 
-_JITTER = 5.0  # standard deviations of a clock's own jitter that a step exceeds or falls below by chance in no recording
+# standard deviations of a clock's own jitter that a step exceeds or falls below by chance in no recording
+_JITTER = 5.0
 _LONG = 1.5  # usual steps: more than half a frame over, so that one is missing
 _LEAST_FPS = (
     10.0  # 1/s; a door that takes a second turns 9 degrees from frame to frame, and is then lost edge-on
@@ -47,7 +48,8 @@ _NO_DEPTH = (
     0.35,
     0.25,
 )  # shares of the whole picture (registered depth leaves borders bare) and of its centre, where the part is
-_REACH = 2.0  # m: nothing within it, and so nothing within an arm's length (0.8 m) of a head or chest that wears the camera
+# m: nothing within it, and so nothing within an arm's length (0.8 m) of a head or chest that wears the camera
+_REACH = 2.0
 _NEAR = 0.3  # m: where depth cameras begin
 
 

@@ -9,7 +9,8 @@ from recon.inspection.finding import Finding
 
 @dataclass(frozen=True)
 class ClockGap(Finding):
-    """After `frame` the clock goes on by `step` s, usual is `usual`. count: gaps in all; this is the longest."""
+    """After `frame` the clock goes on by `step` s, usual is `usual`. count: gaps in all; this is the
+    longest."""
 
     frame: int
     step: float
@@ -35,7 +36,8 @@ class ClockGap(Finding):
 
 @dataclass(frozen=True)
 class ClockDoubled(Finding):
-    """`count` frames follow the one before them almost at once, first after `frame` by `step` s; usual is `usual`."""
+    """`count` frames follow the one before them almost at once, first after `frame` by `step` s; usual is
+    `usual`."""
 
     frame: int
     step: float
@@ -97,7 +99,8 @@ class Stuck(Finding):
 
 @dataclass(frozen=True)
 class Cut(Finding):
-    """Most of the picture changes at once after `frame`, as it does nowhere beside. count: such places in all; this is the first."""
+    """Most of the picture changes at once after `frame`, as it does nowhere beside. count: such places in
+    all; this is the first."""
 
     frame: int
     count: int
@@ -122,8 +125,8 @@ class Cut(Finding):
 
 @dataclass(frozen=True)
 class Blurred(Finding):
-    """`share` of the frames are blurred, most of all `frame`, by `sigma` px (standard deviation, of a picture 640 wide); direction of
-    the motion that blurs it, "" for a lens out of focus."""
+    """`share` of the frames are blurred, most of all `frame`, by `sigma` px (standard deviation, of a picture
+    640 wide); direction of the motion that blurs it, "" for a lens out of focus."""
 
     share: float
     frame: int
@@ -190,8 +193,8 @@ class UnderExposed(Finding):
 
 @dataclass(frozen=True)
 class MissingDepth(Finding):
-    """Depth is unknown in `whole` of the picture and in `centre` of its middle, in the median frame; far: m, what 5 % of the known
-    pixels exceed."""
+    """Depth is unknown in `whole` of the picture and in `centre` of its middle, in the median frame; far: m,
+    what 5 % of the known pixels exceed."""
 
     whole: float
     centre: float

@@ -22,7 +22,8 @@ from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
-WIDTH = 480  # px, of the pictures that are kept: half the pixels of VGA, and corners are still found to a fraction of one
+# px, of the pictures that are kept: half the pixels of VGA, and corners are still found to a fraction of one
+WIDTH = 480
 # Poses tried for a frame: a glance needs no more. Chosen by us.
 _TRIES = 100
 _FPS = 15.0  # 1/s; what documents ask for. Denser recordings are thinned to it
@@ -34,8 +35,8 @@ _ALL, _SPAN = (
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Frames that follow each other. frames (n,): their numbers in the recording. small: they, `WIDTH` wide, in memory.
-    facts: n, one a frame."""
+    """Frames that follow each other. frames (n,): their numbers in the recording. small: they, `WIDTH` wide,
+    in memory. facts: n, one a frame."""
 
     frames: NDArray[np.int64]
     small: Recording

@@ -51,7 +51,8 @@ def inspect(recording: Recording | Path | str) -> Inspection:
 
 
 def quick_findings(recording: Recording) -> tuple[Finding, ...]:
-    """What the checks find that need no tracks, before a reconstruction: each is a warning too. Cuts are looked for in all frames."""
+    """What the checks find that need no tracks, before a reconstruction: each is a warning too. Cuts are
+    looked for in all frames."""
     stretches = glance(recording)
     shown = [s.shown for s in stretches]
     if len(stretches) > 1:

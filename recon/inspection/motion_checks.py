@@ -26,11 +26,14 @@ Found = list[Finding | Unknown]
 
 _FOCAL = 0.02  # a door half a metre wide becomes 1 cm too wide or too narrow
 _SURE = 3.0  # standard deviations
-_SHIFT = 1.5  # px of 640: tracks leave out a pixel beside edges of depth; beyond it they take the background's depth
-_BORDER = 3.0  # px of 640, at the left and right border: told by thirds of the picture, and so half as well as a shift
+# px of 640: tracks leave out a pixel beside edges of depth; beyond it they take the background's depth
+_SHIFT = 1.5
+# px of 640, at the left and right border: told by thirds of the picture, and so half as well as a shift
+_BORDER = 3.0
 _LAG = 0.025  # s: a part that is opened at 0.4 m/s moves 1 cm, which counts as movement
 _LEAST_EDGES = 500  # pixels on edges of depth in a frame that would meet edges of colour if they could
-_KNOWN = 0.65  # share of the picture with depth, as `frame_checks` asks for: the rims of holes are edges of nothing
+# share of the picture with depth, as `frame_checks` asks for: the rims of holes are edges of nothing
+_KNOWN = 0.65
 _MOVES = 0.003  # share of the picture: a metre away 6 cm x 6 cm, less than a fist
 _ENDS = 3  # frames at the beginning and the end that have to agree
 _EVERY = 4  # frames: how often the hand is looked for in between
@@ -90,7 +93,8 @@ def registration(stretches: list[Stretch], recording: Recording) -> Found:
 
 
 def _surely(interval: np.ndarray, least: float) -> float:
-    """The value of an interval (2,) that is nearest zero if it is beyond `least`, else 0, also when it is not known."""
+    """The value of an interval (2,) that is nearest zero if it is beyond `least`, else 0, also when it is not
+    known."""
     low, high = interval
     nearest = low if low > 0 else high if high < 0 else 0.0
     return float(nearest) if abs(nearest) > least else 0.0

@@ -30,10 +30,11 @@ DIRECTIONS = ("horizontal", "falling", "vertical", "rising")  # of a motion that
 
 @dataclass(frozen=True, eq=False)
 class PictureFacts:
-    """Of one frame. saturated, black: shares of pixels. blur (4,): standard deviation of the blur along each of DIRECTIONS, px
-    of a picture 640 wide, NaN without edges. known, known_centre: shares of pixels with depth, in the whole picture and in its
-    middle half by width and height. near, far: m, depths that 5 % of the known pixels are nearer, farther than. mark: a number
-    that only equal pictures share. thumbnail: see `cuts`."""
+    """Of one frame. saturated, black: shares of pixels. blur (4,): standard deviation of the blur along each
+    of DIRECTIONS, px of a picture 640 wide, NaN without edges. known, known_centre: shares of pixels with
+    depth, in the whole picture and in its middle half by width and height. near, far: m, depths that 5 % of
+    the known pixels are nearer, farther than. mark: a number that only equal pictures share. thumbnail: see
+    `cuts`."""
 
     saturated: float
     black: float
@@ -71,10 +72,12 @@ def facts_of(color: NDArray[np.uint8], depth: F32) -> PictureFacts:
 
 
 def edge_blur(grey: F32) -> Array:
-    """Standard deviation (4,) px of the blur along each of DIRECTIONS, from edges across it; NaN where there are too few.
+    """Standard deviation (4,) px of the blur along each of DIRECTIONS, from edges across it; NaN where there
+    are too few.
 
-    An edge blurred by s has a gradient that a further, known blur b lowers by sqrt(s^2 + b^2) / s (Zhuo and Sim 2011). The
-    first quartile over edges is taken: soft edges are in the scene, sharp ones only in a sharp picture.
+    An edge blurred by s has a gradient that a further, known blur b lowers by sqrt(s^2 + b^2) / s (Zhuo and
+    Sim 2011). The first quartile over edges is taken: soft edges are in the scene, sharp ones only in a sharp
+    picture.
     """
     again = cv2.GaussianBlur(grey, (0, 0), _REBLUR)
     (gx, gy), (bx, by) = _gradients(grey), _gradients(np.asarray(again))

@@ -1,7 +1,7 @@
 """Whether depth lies on colour: the shift and scale under which edges of depth fall onto edges of colour.
 
-Both are read from one table: how strong colour's gradient is, on average, some pixels beside the edges of depth, for each
-frame, each side of objects and each third of the picture.
+Both are read from one table: how strong colour's gradient is, on average, some pixels beside the edges of
+depth, for each frame, each side of objects and each third of the picture.
 """
 
 from __future__ import annotations
@@ -19,19 +19,22 @@ from twin.robust import mad_sigma
 F32 = NDArray[np.float32]
 
 REACH = 16  # px at the inspected size: how far edges are looked for; 3 % of the picture
-_JUMP = 0.05  # relative step of depth at the outline of an object: over what noise and slanted surfaces give in 5 pixels
+# relative step of depth at the outline of an object: over what noise and slanted surfaces give in 5 pixels
+_JUMP = 0.05
 _FRAMES = 40  # looked at of a stretch
 _PER_SIDE = 400  # edge pixels used of a frame, side and third
 _MIN_EDGES = 300  # pixels on edges below which a profile is noise
 _BLOCKS = 6  # of the jackknife
-_MIN_PEAK = 6.0  # noise of the profile by which its peak stands out; one of 33 places exceeds 4 by chance once in 1000
+# noise of the profile by which its peak stands out; one of 33 places exceeds 4 by chance once in 1000
+_MIN_PEAK = 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
-    """score (n, 2, 2, 2, 3, 2 REACH + 1): sum of colour's gradient beside the edges of depth, by frame, fill of holes (with what is
-    behind, with what is before), axis (x, y), side of the object (where it begins along the axis, where it ends), third of the
-    picture along the axis, and distance in px; count: the same without the last."""
+    """score (n, 2, 2, 2, 3, 2 REACH + 1): sum of colour's gradient beside the edges of depth, by frame, fill
+    of holes (with what is behind, with what is before), axis (x, y), side of the object (where it begins
+    along the axis, where it ends), third of the picture along the axis, and distance in px; count: the same
+    without the last."""
 
     score: Array
     count: Array
@@ -76,8 +79,8 @@ def _gradient(image: F32) -> F32:
 def filled(depth: F32) -> tuple[F32, F32]:
     """Holes filled in each row with the farther and with the nearer of the depths at their ends.
 
-    Beside an object depth is missing: of the background where one of a sensor's two eyes does not see it, and of the object where its
-    rim reflects badly. The outline lies somewhere in the hole.
+    Beside an object depth is missing: of the background where one of a sensor's two eyes does not see it, and
+    of the object where its rim reflects badly. The outline lies somewhere in the hole.
     """
     columns = np.arange(depth.shape[1])
     has = depth > 0
@@ -92,8 +95,8 @@ def filled(depth: F32) -> tuple[F32, F32]:
 def _outlines(depth: F32) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]:
     """(y, x) of the edges where an object begins along x, and of those where it ends.
 
-    An edge is where depth crosses the middle between the nearest and the farthest of 5 pixels, which also holds for edges
-    that a sensor or a filter smears."""
+    An edge is where depth crosses the middle between the nearest and the farthest of 5 pixels, which also
+    holds for edges that a sensor or a filter smears."""
     window = np.ones((1, 5), np.uint8)
     low, high = cv2.erode(depth, window), cv2.dilate(depth, window)
     jump = (low > 0) & (high - low > _JUMP * low)
@@ -111,9 +114,10 @@ def _outlines(depth: F32) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], 
 
 @dataclass(frozen=True)
 class Offset:
-    """Where edges of depth meet edges of colour, of which holes leave an interval. shift (2, 2): least and greatest mean shift along x
-    and y; border (2,): least and greatest further shift at the left and right border, of a scale; px of the inspected size, NaN where no
-    peak stands out. sigma: of a shift, by a jackknife over times. edges: pixels on edges that were used."""
+    """Where edges of depth meet edges of colour, of which holes leave an interval. shift (2, 2): least and
+    greatest mean shift along x and y; border (2,): least and greatest further shift at the left and right
+    border, of a scale; px of the inspected size, NaN where no peak stands out. sigma: of a shift, by a
+    jackknife over times. edges: pixels on edges that were used."""
 
     shift: Array
     border: Array
@@ -132,18 +136,21 @@ def offset(table: EdgeTable) -> Offset:
         parts.append([_middle(rest, 0, a, slice(None)) for a in range(2)])
     sigma = jackknife(np.array(parts))
     edges = int(table.count[:, 0].sum())
-    # the thirds' middles are two thirds of the width apart, the borders a whole one, each half of it from the middle
+    # the thirds' middles are two thirds of the width apart, the borders a whole one, each half of it from the
+    # middle
     return Offset(np.sort(shift, axis=1), np.sort(0.75 * (right - left)), sigma, edges)
 
 
 def jackknife(parts: Array) -> Array:
-    """Standard deviation (...) of an estimate from its values (n, ...) without each of n blocks (Tukey 1958)."""
+    """Standard deviation (...) of an estimate from its values (n, ...) without each of n blocks (Tukey
+    1958)."""
     n = len(parts)
     return np.asarray(np.sqrt((n - 1) / n * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 def _middle(table: EdgeTable, fill: int, axis: int, part: slice) -> float:
-    """Mean of the peaks on both sides of objects, in which what widens or narrows them cancels; NaN without two peaks."""
+    """Mean of the peaks on both sides of objects, in which what widens or narrows them cancels; NaN without
+    two peaks."""
     places = []
     for side in range(2):
         count = table.count[:, fill, axis, side, part].sum()
@@ -155,8 +162,8 @@ def _middle(table: EdgeTable, fill: int, axis: int, part: slice) -> float:
 
 
 def peak(profile: Array) -> tuple[float, float]:
-    """Place (px, between samples) of the highest value of a profile over -REACH..REACH, and by how many standard deviations of
-    the rest it stands out."""
+    """Place (px, between samples) of the highest value of a profile over -REACH..REACH, and by how many
+    standard deviations of the rest it stands out."""
     k = int(np.argmax(profile))
     away = np.abs(np.arange(len(profile)) - k) > 3
     rest = profile[away]

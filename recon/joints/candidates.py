@@ -47,8 +47,8 @@ class TrackFit:
     members: NDArray[np.bool_]  # which of the moving tracks follow
 
     def scale(self, noise: float) -> float:
-        """Noise (m) that decides who follows: the measured one, but a fit that carries nothing well must not widen its
-        own gate until everything follows."""
+        """Noise (m) that decides who follows: the measured one, but a fit that carries nothing well must not
+        widen its own gate until everything follows."""
         return min(max(self.bundle.sigma, noise), _WIDEST * max(noise, SEARCH_SIGMA))
 
 
@@ -83,7 +83,8 @@ def fit_kinds(
 
 
 def _candidates(obs: Observations, sigma: float, search: Search, kinds: Sequence[Kind]) -> dict[Kind, Model]:
-    """The joint of each kind that most tracks follow over the whole motion, refined on a part of the tracks."""
+    """The joint of each kind that most tracks follow over the whole motion, refined on a part of the
+    tracks."""
     rng = np.random.default_rng(0)
     travel, _ = travel_and_noise(obs)
     tracks = np.flatnonzero(travel >= FAR_SHARE * np.quantile(travel, 0.95))
@@ -155,8 +156,8 @@ def _supporters(obs: Observations, model: Model, sigma: float) -> NDArray[np.boo
 
 
 def compare_kinds(obs: Observations, fits: dict[Kind, TrackFit]) -> TypeEvidence:
-    """Compare both kinds on the tracks that either carries, each judged by the noise of the tighter one: a loose fit
-    that follows much poorly must not outvote a joint that follows its part well."""
+    """Compare both kinds on the tracks that either carries, each judged by the noise of the tighter one: a
+    loose fit that follows much poorly must not outvote a joint that follows its part well."""
     tight = min(fit.bundle.sigma for fit in fits.values())
     gate = max(tight, SEARCH_SIGMA)
     carried = [follows(obs, fit.bundle.model, gate) for fit in fits.values()]

@@ -25,7 +25,8 @@ class JointConfig(Settings):
 
 @dataclass(frozen=True)
 class Search:
-    """How widely hypotheses are searched. pairs: of frames. tracks, frames: most on which they are compared, for speed."""
+    """How widely hypotheses are searched. pairs: of frames. tracks, frames: most on which they are compared,
+    for speed."""
 
     pairs: int = 48
     tracks: int = 300
@@ -36,11 +37,11 @@ class Search:
 MOST_STEPS = 30
 # m; a track that moves less is at rest: the paper's eps_s.
 MIN_TRAVEL = 0.01
-# A track votes when it moves more than so many standard deviations. Measured: the type rule holds on every real and
-# synthetic track once those under 5 are dropped.
+# A track votes when it moves more than so many standard deviations. Measured: the type rule holds on every
+# real and synthetic track once those under 5 are dropped.
 MOVER_SIGMAS = 5.0
-# m and rad; least noise that the type rule assumes. Measured on real kitchen tracks: neither marker rigs nor depth
-# cameras are better once the part flexes.
+# m and rad; least noise that the type rule assumes. Measured on real kitchen tracks: neither marker rigs nor
+# depth cameras are better once the part flexes.
 SIGMA_FLOOR = 0.005
 SIGMA_FLOOR_RAD = float(np.radians(3.0))
 # Evidence (Bayesian information criterion) that a hinge needs over a slide. Chosen by us.
@@ -49,10 +50,11 @@ MIN_DELTA_BIC = 20.0
 MIN_RANGE = float(np.radians(3.0))
 # m; greatest distance of a hinge from its part. Chosen by us.
 MAX_RADIUS = 3.0
-# m; least noise while searching: a third of the paper's eps_f = 0.01 m. The refinement measures the noise itself.
+# m; least noise while searching: a third of the paper's eps_f = 0.01 m. The refinement measures the noise
+# itself.
 SEARCH_SIGMA = 0.003
-# Hypotheses come from tracks that travel this share of the farthest (95th percentile). Chosen by us: of tracks that move
-# a little, half are background that drifts along an edge, and most rest at any moment.
+# Hypotheses come from tracks that travel this share of the farthest (95th percentile). Chosen by us: of
+# tracks that move a little, half are background that drifts along an edge, and most rest at any moment.
 FAR_SHARE = 0.3
 # Frames between the two of a pair from which the search takes motions. Chosen by us.
 PAIR_GAPS = (8, 12, 16, 24, 32, 48, 64)
@@ -62,7 +64,8 @@ SAMPLES = 96
 CANDIDATES = 3
 # A track whose median residual exceeds that of noise by this factor does not follow the joint. Chosen by us.
 PRUNE_SIGMAS = 3.0
-# Limits are this quantile of the smoothed state and its opposite: least and greatest grow with the noise. Chosen by us.
+# Limits are this quantile of the smoothed state and its opposite: least and greatest grow with the noise.
+# Chosen by us.
 LIMIT_QUANTILE = 0.02
 # Fewest tracks of a part. A rigid motion needs 3.
 MIN_TRACKS = 4

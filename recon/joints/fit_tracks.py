@@ -1,9 +1,9 @@
 """Joint and motion of one part, from 3D tracks (`fit_motion`) or from its own poses (`fit_motion_poses`).
 
-Tracks may hold what a real recording holds: mostly static background, drifting tracks, single wild observations and a
-hand that moves along with the part without being rigid with it. Motions between pairs of frames propose joints, the
-joint that most tracks follow over the whole motion is refined by a robust bundle (`recon.joints.bundle`), and the type is
-decided by evidence (`recon.joints.type_selection`).
+Tracks may hold what a real recording holds: mostly static background, drifting tracks, single wild
+observations and a hand that moves along with the part without being rigid with it. Motions between pairs of
+frames propose joints, the joint that most tracks follow over the whole motion is refined by a robust bundle
+(`recon.joints.bundle`), and the type is decided by evidence (`recon.joints.type_selection`).
 
 FunREC, supplement 3.2: hypotheses from pairs of tracks in place of single ones.
 """
@@ -54,8 +54,8 @@ def fit_motion(
     """Fit a joint to 3D tracks in the world frame.
 
     Args:
-        points_world: (T, K, 3) m, frames first, NaN where not visible. Tracks first (K, T, 3) are turned, with a warning,
-            where the motion itself leaves no doubt.
+        points_world: (T, K, 3) m, frames first, NaN where not visible. Tracks first (K, T, 3) are turned,
+            with a warning, where the motion itself leaves no doubt.
         visible: (T, K) bool; None takes every point that is finite.
         confidence: (T, K), not negative, weighs observations.
         joint_type: take this type instead of deciding it.

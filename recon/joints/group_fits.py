@@ -23,13 +23,14 @@ from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.scene import Revolute
 
-AS_WELL = 0.9  # a fit to more tracks is kept when the tracks follow it nearly as well; wrong ones have a quarter or less
+# a fit to more tracks is kept when the tracks follow it nearly as well; wrong ones have a quarter or less
+AS_WELL = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class GroupFit:
-    """A fit to the tracks `chosen` (K,), those of them that follow (`members`, (K,)), and how many of all free ones do,
-    each counted by how well (`support`)."""
+    """A fit to the tracks `chosen` (K,), those of them that follow (`members`, (K,)), and how many of all
+    free ones do, each counted by how well (`support`)."""
 
     fit: MotionFit
     chosen: NDArray[np.bool_]
@@ -80,8 +81,8 @@ def support(fit: MotionFit, asked: NDArray[np.bool_], movers: Movers) -> Array:
 
 
 def on_course(fit: MotionFit, movers: Movers, tolerance: float) -> NDArray[np.bool_]:
-    """Movers (K,) that keep their distance from the fitted joint's axis and their place along it, or move along the slide,
-    to within `tolerance` metres.
+    """Movers (K,) that keep their distance from the fitted joint's axis and their place along it, or move
+    along the slide, to within `tolerance` metres.
 
     That needs no state, so it finds the part's points in frames of which the fit knows none.
     """
@@ -100,8 +101,8 @@ def on_course(fit: MotionFit, movers: Movers, tolerance: float) -> NDArray[np.bo
 def widened(
     fit: MotionFit, group: NDArray[np.bool_], movers: Movers, config: JointConfig, max_residual: float
 ) -> MotionFit:
-    """The fit to a larger group of tracks (K,), when it knows the state of more frames and leaves no more than
-    `max_residual` metres; else the fit as it was.
+    """The fit to a larger group of tracks (K,), when it knows the state of more frames and leaves no more
+    than `max_residual` metres; else the fit as it was.
 
     A door that crosses edge-on loses the tracks on its front before those on its inside begin.
     """

@@ -28,7 +28,8 @@ _NOISE_MIN = 1e-4  # m; thresholds never get finer than this
 
 @njit(cache=True, nogil=True)
 def _track_statistics(points, weight, window):  # type: ignore[no-untyped-def]
-    """Travel (K,) m: largest distance between running medians; seconds (sum of it): squared second differences."""
+    """Travel (K,) m: largest distance between running medians; seconds (sum of it): squared second
+    differences."""
     n_tracks, n_frames = weight.shape
     travel = np.zeros(n_tracks)
     jerk = np.full((n_tracks, n_frames), np.nan)
@@ -75,8 +76,8 @@ def _track_statistics(points, weight, window):  # type: ignore[no-untyped-def]
 
 
 def travel_and_noise(obs: Observations) -> tuple[Array, float]:
-    """Travel (K,) m of every track (running medians, so single bad observations do not count) and the noise of one
-    coordinate in metres (median second difference, in which smooth motion cancels)."""
+    """Travel (K,) m of every track (running medians, so single bad observations do not count) and the noise
+    of one coordinate in metres (median second difference, in which smooth motion cancels)."""
     travel, jerk = _track_statistics(obs.points, obs.weight, _WINDOW)
     known = jerk[np.isfinite(jerk)]
     sigma = float(np.median(known)) / LENGTH3_MEDIAN if known.size else 0.0
@@ -142,8 +143,8 @@ def _best_triple(a, b, triples, tau2):  # type: ignore[no-untyped-def]
 def best_rigid_inliers(
     a: Array, b: Array, samples: int, tau2: float, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """Points (n,) that follow the rigid motion a -> b (n, 3) best liked by random triples, after one least-squares fit.
-    tau2: squared distance in m^2 at which the error is truncated."""
+    """Points (n,) that follow the rigid motion a -> b (n, 3) best liked by random triples, after one
+    least-squares fit. tau2: squared distance in m^2 at which the error is truncated."""
     triples = rng.integers(0, len(a), (samples, 3))
     triples = triples[(np.diff(np.sort(triples, axis=1), axis=1) > 0).all(axis=1)]
     inlier = np.asarray(_best_triple(a, b, triples, tau2))
@@ -164,7 +165,8 @@ class Hypothesis:
 
 @njit(cache=True, nogil=True)
 def _ways(points, seen, gap):  # type: ignore[no-untyped-def]
-    """For each frame (T - gap,): how many tracks are seen in it and `gap` frames on, and how far (m) a quarter of them moves at least."""
+    """For each frame (T - gap,): how many tracks are seen in it and `gap` frames on, and how far (m) a
+    quarter of them moves at least."""
     tracks, frames = seen.shape
     count, way = np.zeros(frames - gap, np.int64), np.zeros(frames - gap)
     square = np.empty(tracks)
@@ -185,7 +187,8 @@ def _ways(points, seen, gap):  # type: ignore[no-untyped-def]
 
 
 def frame_pairs(obs: Observations, most: int, least: float) -> NDArray[np.int64]:
-    """At most `most` pairs of frames (P, 2) between which the tracks move by more than `least` metres, long motions preferred."""
+    """At most `most` pairs of frames (P, 2) between which the tracks move by more than `least` metres, long
+    motions preferred."""
     n_frames = obs.weight.shape[1]
     seen = obs.weight > 0
     rows: list[tuple[int, int]] = []
@@ -207,7 +210,8 @@ def frame_pairs(obs: Observations, most: int, least: float) -> NDArray[np.int64]
 def pair_hypotheses(
     obs: Observations, sigma: float, pairs: int, rng: np.random.Generator
 ) -> list[Hypothesis]:
-    """Joints of both kinds from rigid motions between at most `pairs` pairs of frames (triples, truncated squares, least squares)."""
+    """Joints of both kinds from rigid motions between at most `pairs` pairs of frames (triples, truncated
+    squares, least squares)."""
     tau2 = (3.0 * np.sqrt(2.0) * sigma) ** 2 * 1.5
     seen = obs.weight > 0
     found: list[Hypothesis] = []
@@ -230,7 +234,8 @@ def pair_hypotheses(
 
 
 def joints_of_motion(pose: Array, before: Array, after: Array) -> list[Hypothesis]:
-    """The slide along the mean shift and the hinge of a rigid motion (its pivot by least norm near the points)."""
+    """The slide along the mean shift and the hinge of a rigid motion (its pivot by least norm near the
+    points)."""
     shift = (after - before).mean(axis=0)
     out: list[Hypothesis] = []
     if np.linalg.norm(shift) > SIGMA_MIN:

@@ -37,8 +37,8 @@ def _wrap(angle, revolute):  # type: ignore[no-untyped-def]
 def _additive_states(coord, lever, weight, revolute, sigma, rounds):  # type: ignore[no-untyped-def]
     """States (T,) from coord[k, t] = offset[k] + state[t], by medians then reweighted means.
 
-    coord: angle about the axis or distance along it; lever (K, T): metres per unit. The model is linear, so what most
-    tracks share wins whatever the chained start was.
+    coord: angle about the axis or distance along it; lever (K, T): metres per unit. The model is linear, so
+    what most tracks share wins whatever the chained start was.
     """
     n_tracks, n_frames = coord.shape
     state = np.zeros(n_frames)

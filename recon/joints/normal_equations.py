@@ -1,9 +1,9 @@
 """Normal equations of one joint on 3D tracks.
 
-A landmark is the weighted mean of its pulled-back observations (`recon.joints.observations`): the landmarks leave in closed form (the
-Schur complement of isotropic noise is exact), and what remains is a dense system of the 2 or 4 joint unknowns and one state a
-frame. The joint unknowns are the tangent of `twin.scene.Joint`: tilts about two directions normal to the axis, then, for a
-revolute joint, shifts of the axis along them.
+A landmark is the weighted mean of its pulled-back observations (`recon.joints.observations`): the landmarks
+leave in closed form (the Schur complement of isotropic noise is exact), and what remains is a dense system of
+the 2 or 4 joint unknowns and one state a frame. The joint unknowns are the tangent of `twin.scene.Joint`:
+tilts about two directions normal to the axis, then, for a revolute joint, shifts of the axis along them.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from twin.geometry import Array
 
 @njit(cache=True, nogil=True)
 def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, angle, c, s, out):  # type: ignore[no-untyped-def]
-    """Columns of dz of track k in frame t: the two tilts, the two shifts (revolute), the state; out (3, 5). c, s: cosine and
-    sine of minus the angle."""
+    """Columns of dz of track k in frame t: the two tilts, the two shifts (revolute), the state; out (3, 5).
+    c, s: cosine and sine of minus the angle."""
     if not revolute:
         for b in range(2):
             u0, u1, u2 = basis[0, b], basis[1, b], basis[2, b]
@@ -50,7 +50,8 @@ def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, angle, c, s, o
 
 @njit(cache=True, nogil=True)
 def _take_out(hessian, column, total, n, first, last):  # type: ignore[no-untyped-def]
-    """Take a track's landmark out of the states' rows first..last: subtract the products of its columns (3, n + T)."""
+    """Take a track's landmark out of the states' rows first..last: subtract the products of its columns (3, n
+    + T)."""
     for t in range(first, last):
         s0, s1, s2 = column[0, t] / total, column[1, t] / total, column[2, t] / total
         if s0 == 0.0 and s1 == 0.0 and s2 == 0.0:
@@ -63,7 +64,8 @@ def _take_out(hessian, column, total, n, first, last):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state):  # type: ignore[no-untyped-def]
-    """Hessian (n + T, n + T) and gradient of half the weighted squared residual, landmarks eliminated track by track."""
+    """Hessian (n + T, n + T) and gradient of half the weighted squared residual, landmarks eliminated track
+    by track."""
     n_tracks, n_frames = weight.shape
     n = 4 if revolute else 2
     hessian, gradient = np.zeros((n + n_frames, n + n_frames)), np.zeros(n + n_frames)
@@ -106,7 +108,8 @@ def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state)
 
 
 def normal_equations(obs: Observations, weight: Array, model: Model) -> tuple[Array, Array]:
-    """Hessian (n + T, n + T) and gradient (n + T,) of half the weighted squared residual, landmarks eliminated."""
+    """Hessian (n + T, n + T) and gradient (n + T,) of half the weighted squared residual, landmarks
+    eliminated."""
     revolute = model.kind == "revolute"
     basis = geo.orthogonal_basis(model.axis)[:, :2].copy()
     z = pull_back(obs.points, weight, revolute, model.axis, model.pivot, model.state)

@@ -1,7 +1,7 @@
 """Observed tracks, a joint with its states, and how far the one is off the other.
 
-A part point X (at state 0) is seen at y = pose(s_t) X. Pulling an observation back, z = pose(s_t)^-1 y, leaves a
-landmark that is a mean of its z.
+A part point X (at state 0) is seen at y = pose(s_t) X. Pulling an observation back, z = pose(s_t)^-1 y,
+leaves a landmark that is a mean of its z.
 
 FunREC, supplement 1.2: weights, no PROSAC.
 """
@@ -43,7 +43,8 @@ class Observations:
 
     @classmethod
     def of(cls, points: Array, visible: NDArray[np.bool_], confidence: Array | None = None) -> Observations:
-        """From points (T, K, 3) with NaN where not visible (T, K); confidence (T, K) multiplies the weights."""
+        """From points (T, K, 3) with NaN where not visible (T, K); confidence (T, K) multiplies the
+        weights."""
         seen = visible & np.isfinite(points).all(-1)
         weight = seen.astype(np.float64) if confidence is None else np.where(seen, confidence, 0.0)
         weight = np.nan_to_num(np.clip(weight, 0.0, None))
@@ -152,8 +153,8 @@ def squared_residuals(z, weight, landmarks):  # type: ignore[no-untyped-def]
 def residuals(
     obs: Observations, model: Model, sigma: float, rounds: int = 3, near: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Squared residuals (K, T), robust weights (K, T) and landmarks (K, 3), landmarks by iterated robust means that start
-    at `near` (K, 3) when given, else at the medians."""
+    """Squared residuals (K, T), robust weights (K, T) and landmarks (K, 3), landmarks by iterated robust
+    means that start at `near` (K, 3) when given, else at the medians."""
     z = pull_back(obs.points, obs.weight, model.kind == "revolute", model.axis, model.pivot, model.state)
     start = median_landmarks(z, obs.weight) if near is None else near
     square, weight, marks = _robust_means(z, obs.weight, start, CAUCHY * sigma**2, rounds)
@@ -162,7 +163,8 @@ def residuals(
 
 @njit(cache=True, nogil=True)
 def _robust_means(z, given, start, scale2, rounds):  # type: ignore[no-untyped-def]
-    """Squared residuals and Cauchy weights (K, T) about means (K, 3) that are reweighted `rounds` times, track by track."""
+    """Squared residuals and Cauchy weights (K, T) about means (K, 3) that are reweighted `rounds` times,
+    track by track."""
     n_tracks, n_frames = given.shape
     square, weight, marks = np.zeros((n_tracks, n_frames)), np.zeros((n_tracks, n_frames)), start.copy()
     for k in range(n_tracks):

@@ -17,12 +17,13 @@ from twin.scene import Motion, Prismatic, Revolute
 class MotionFit:
     """A joint with the motion that showed it.
 
-    joint: state 0 is the first rest pose, positive along the net motion; limits, covariance and sigma filled. The pivot
-    is the axis point nearest the part's tracks. frames (n,), state (n,) m or rad, state_sigma (n,): frames with an
-    estimate only. residual: m, RMS over the observations that agree. inliers: share of the moving evidence that agrees.
-    track_inliers (K,): tracks that are rigid with the part. landmarks (K, 3): their points at state 0, NaN for others.
-    evidence, type_source: why this type. residual_rad: RMS of the rotations, known when poses were fitted; such a fit has
-    no tracks, and `track_inliers` and `landmarks` are empty.
+    joint: state 0 is the first rest pose, positive along the net motion; limits, covariance and sigma filled.
+    The pivot is the axis point nearest the part's tracks. frames (n,), state (n,) m or rad, state_sigma (n,):
+    frames with an estimate only. residual: m, RMS over the observations that agree. inliers: share of the
+    moving evidence that agrees. track_inliers (K,): tracks that are rigid with the part. landmarks (K, 3):
+    their points at state 0, NaN for others. evidence, type_source: why this type. residual_rad: RMS of the
+    rotations, known when poses were fitted; such a fit has no tracks, and `track_inliers` and `landmarks` are
+    empty.
     """
 
     joint: Prismatic | Revolute

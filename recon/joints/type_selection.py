@@ -1,11 +1,11 @@
 """Slide or hinge, from motion alone: a hinge must earn its two extra unknowns, and must look like a hinge.
 
-Residuals alone choose a hinge tens of metres away for a drawer. So: noise no smaller than a floor, the Bayesian
-information criterion (Schwarz 1978), and two guards on range and radius.
+Residuals alone choose a hinge tens of metres away for a drawer. So: noise no smaller than a floor, the
+Bayesian information criterion (Schwarz 1978), and two guards on range and radius.
 
-A hint from elsewhere (a model that looked at pictures) may tip what motion leaves open: it counts as much as the margin that
-the rule asks of a hinge anyway, and stands in for the least range, which no data of ours has chosen. Clear motion overrules it. What
-the user says of a type is no hint: motion is not asked then.
+A hint from elsewhere (a model that looked at pictures) may tip what motion leaves open: it counts as much as
+the margin that the rule asks of a hinge anyway, and stands in for the least range, which no data of ours has
+chosen. Clear motion overrules it. What the user says of a type is no hint: motion is not asked then.
 
 FunREC, supplement 3.5: ablation A1 is the paper without its model; the rule here takes its place.
 """
@@ -30,9 +30,9 @@ TRUNCATE = 9.0  # squared standard deviations at which an observation stops coun
 class TypeEvidence:
     """Why a joint is what it is.
 
-    delta_bic: BIC of the slide less that of the hinge, above 0 speaks for the hinge (0 when there was no hinge to
-    compare). range: rad, turned by the best hinge. radius: m, its distance from the part. residual_prismatic,
-    residual_revolute: RMS residual of both models in metres.
+    delta_bic: BIC of the slide less that of the hinge, above 0 speaks for the hinge (0 when there was no
+    hinge to compare). range: rad, turned by the best hinge. radius: m, its distance from the part.
+    residual_prismatic, residual_revolute: RMS residual of both models in metres.
     """
 
     delta_bic: float
@@ -44,7 +44,8 @@ class TypeEvidence:
 
 @dataclass(frozen=True)
 class TypeHint:
-    """Somebody's word for a joint type: `source` says that a part of this kind moves in recording frames first..last.
+    """Somebody's word for a joint type: `source` says that a part of this kind moves in recording frames
+    first..last.
 
     weight: BIC by which it moves the evidence towards its kind; infinite for a word that no motion overrules.
     """
@@ -66,8 +67,8 @@ class TypeHint:
 
 
 def hint_about(hints: Sequence[TypeHint], state: Array) -> TypeHint | None:
-    """The hint whose frames overlap most with those in which state (T,) is under way; None where none does. One that is certain
-    goes before all others."""
+    """The hint whose frames overlap most with those in which state (T,) is under way; None where none does.
+    One that is certain goes before all others."""
     certain = next((h for h in hints if h.certain), None)
     if certain is not None or not hints:
         return certain

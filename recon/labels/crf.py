@@ -79,7 +79,8 @@ def _unlikeness(
 def agree(
     scores: F32, color: F32, depth: F32, color_scale: float, radius: int, rounds: int, pull: float
 ) -> F32:
-    """Belief (K, h, w) after mean-field rounds of a local conditional random field (Potts, Gaussian likeness).
+    """Belief (K, h, w) after mean-field rounds of a local conditional random field (Potts, Gaussian
+    likeness).
 
     Args:
         scores: (K, h, w) log scores.
@@ -92,7 +93,8 @@ def agree(
     n, h, w = scores.shape
     now, belief = scores.copy(), np.empty((n, h, w), np.float32)
     inv_c = np.float32(0.5 / (color_scale * color_scale))
-    # Likeness of each pixel's neighbours, found when the pixel is first asked; pages of settled pixels are never touched.
+    # Likeness of each pixel's neighbours, found when the pixel is first asked; pages of settled pixels are
+    # never touched.
     likeness = np.empty((h * w, (2 * radius + 1) ** 2), np.float32)
     masses = np.zeros(h * w, np.float32)
     vote, settled = np.empty(n, np.float32), np.zeros((h, w), np.bool_)
@@ -183,8 +185,8 @@ def upsample_labels(
 def geodesic(seeds: NDArray[np.bool_], color: F32, depth: F32, color_scale: float, sweeps: int) -> F32:
     """Length (h, w) of the shortest way along surfaces from the nearest seed pixel; px, edges count for many.
 
-    A step costs 1, more where colour changes, and a step over a depth edge as much as `_EDGE_COST`. Raster sweeps in
-    both directions (Toivanen 1996), `sweeps` times; unreached pixels hold a large number.
+    A step costs 1, more where colour changes, and a step over a depth edge as much as `_EDGE_COST`. Raster
+    sweeps in both directions (Toivanen 1996), `sweeps` times; unreached pixels hold a large number.
     """
     h, w = depth.shape
     out = np.where(seeds, np.float32(0), np.float32(1e4))

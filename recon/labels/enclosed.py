@@ -19,8 +19,8 @@ from twin.geometry import Array
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-# Chosen by us, m: a front is what a slide shows foremost, so thick, and at least so wide and high; half of that is there; it has no more
-# than a cabinet's depth behind it.
+# Chosen by us, m: a front is what a slide shows foremost, so thick, and at least so wide and high; half of
+# that is there; it has no more than a cabinet's depth behind it.
 _REACH_M = 0.1
 _FRONT, _LEAST, _CELL, _DEEP = 0.04, 0.06, 0.02, 0.6
 
@@ -34,10 +34,12 @@ def enclosed_by_parts(
     camera: Intrinsics,
     noise: DepthNoise,
 ) -> list[NDArray[np.bool_]]:
-    """Masks (2, P, h, w) of what lies inside the convex hull, and inside the box, of what surely is a part, in its frame.
+    """Masks (2, P, h, w) of what lies inside the convex hull, and inside the box, of what surely is a part,
+    in its frame.
 
-    Between the walls of a drawer that slides there is no room for anything static. Sure is what references at rest see
-    through where it is now and see again where it was; scores are those of the references alone, before any pooling.
+    Between the walls of a drawer that slides there is no room for anything static. Sure is what references at
+    rest see through where it is now and see again where it was; scores are those of the references alone,
+    before any pooling.
     """
     size = voxel_size(views, noise)
     world = list(each(lambda v: world_points(v, camera, cameras.pose(v.frame)), views))
@@ -60,7 +62,8 @@ def enclosed_by_parts(
             certain.append(points[v][mine[seen.depth > 0]])
         if not eyes:
             continue
-        # A drawer's back wall is far from its front; only where noise is poor such pieces are more often noise.
+        # A drawer's back wall is far from its front; only where noise is poor such pieces are more often
+        # noise.
         shell = solid_core(certain, size, reach=_REACH_M if noise.poor else np.inf)
         inside = each(in_hull_of(with_box(shell, part, np.mean(eyes, axis=0))), points.values())
         for (v, p), held in zip(points.items(), inside, strict=True):
@@ -72,11 +75,12 @@ def enclosed_by_parts(
 
 
 def with_box(shell: F32, part: MovingPart, eye: Array) -> F32:
-    """The shell (m, 3) of a part with what its front, if it is a drawer's, drags behind it: the same again, a cabinet's depth farther
-    from the eye (3,).
+    """The shell (m, 3) of a part with what its front, if it is a drawer's, drags behind it: the same again, a
+    cabinet's depth farther from the eye (3,).
 
-    A drawer that stands open shows a floor and walls that slide within themselves and look the same before and after. Between its front
-    and the cabinet there is no room for anything static: the front could not go back.
+    A drawer that stands open shows a floor and walls that slide within themselves and look the same before
+    and after. Between its front and the cabinet there is no room for anything static: the front could not go
+    back.
     """
     axis = part.joint.axis
     if part.joint.kind != "prismatic" or len(shell) < 3:

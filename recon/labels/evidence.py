@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32, pixel_sigma
 
 ENOUGH = 2.0  # supporting references; more make nothing surer
-# Cosines between normal and ray: below the first a surface is seen edge-on, above the second well; chosen by us.
+# Cosines between normal and ray: below the first a surface is seen edge-on, above the second well; chosen by
+# us.
 _EDGE_ON, _FACING = np.float32(0.15), np.float32(0.35)
 
 
 @numba.njit(cache=True, nogil=True)
 def median_depth(depth: F32, factor: int) -> F32:
-    """Depth (h // factor, w // factor): the lower median of the known readings of each block, 0 where none is known.
+    """Depth (h // factor, w // factor): the lower median of the known readings of each block, 0 where none is
+    known.
 
     A median of actual readings never invents a surface between two others.
     """
@@ -47,7 +49,8 @@ def _row(
     depth: F32, wanted: NDArray[np.bool_], y: int, camera: F32, slack: float, noise: F32,
     column: NDArray[np.int32], points: F32, variance: F32,
 ) -> Any:  # fmt: skip
-    """How many pixels of a row are wanted and known: their `column`, `points` (3, w) in the camera and `variance` of depth."""
+    """How many pixels of a row are wanted and known: their `column`, `points` (3, w) in the camera and
+    `variance` of depth."""
     n, slack2 = 0, np.float32(slack * slack)
     for x in range(depth.shape[1]):
         z = depth[y, x]
@@ -63,8 +66,8 @@ def _row(
 
 @numba.njit(cache=True, inline="always")
 def _landings(m: F32, r: int, points: F32, n: int, camera: F32, noise: F32, variance: F32, out: F32) -> None:
-    """Where n points of a row (3, w) lie in reference camera r: `out` (4, w) takes pixel x, y, depth m and the inverse variance
-    of a difference in depth; `variance` (w,) is that of the points."""
+    """Where n points of a row (3, w) lie in reference camera r: `out` (4, w) takes pixel x, y, depth m and
+    the inverse variance of a difference in depth; `variance` (w,) is that of the points."""
     for i in range(n):
         px, py, z = points[0, i], points[1, i], points[2, i]
         qz = m[r, 2, 0] * px + m[r, 2, 1] * py + m[r, 2, 2] * z + m[r, 2, 3]
@@ -81,8 +84,8 @@ def _landings(m: F32, r: int, points: F32, n: int, camera: F32, noise: F32, vari
 
 @numba.njit(cache=True, nogil=True)
 def depth_range(depth: F32) -> tuple[F32, F32]:
-    """Least and greatest known depth (h, w) of each pixel's 3x3; the least is 0 where fewer than 6 are known, the greatest where
-    none is."""
+    """Least and greatest known depth (h, w) of each pixel's 3x3; the least is 0 where fewer than 6 are known,
+    the greatest where none is."""
     h, w = depth.shape
     near, far = np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)
     for y in range(1, h - 1):
@@ -106,7 +109,8 @@ def _agreement(
     ref_depth: F32, ref_color: F32, r: int, ui: Any, vi: Any, qz: float, color: F32, y: int, x: int,
     inv_var: float, inv_color: np.float32,
 ) -> Any:  # fmt: skip
-    """How well the best of 3x3 pixels of reference frame r agrees with a point of depth qz and the colour of pixel (x, y), 0..1."""
+    """How well the best of 3x3 pixels of reference frame r agrees with a point of depth qz and the colour of
+    pixel (x, y), 0..1."""
     one, none = np.float32(1.0), np.float32(np.inf)
     c0, c1, c2 = color[y, x, 0], color[y, x, 1], color[y, x, 2]
     least = none  # the inverse of the agreement
@@ -125,7 +129,8 @@ def _agreement(
 
 @numba.njit(cache=True, inline="always")
 def _seen_through(t: float, move: F32, points: F32, i: int, normal: F32) -> Any:
-    """How surely point i of a row (3, w) with a normal (3,) is seen through, 0..1, where what is read lies t standard deviations behind it.
+    """How surely point i of a row (3, w) with a normal (3,) is seen through, 0..1, where what is read lies t
+    standard deviations behind it.
 
     Less where it is seen edge-on, as a board is then thinner than the error of its place.
     """
@@ -168,17 +173,17 @@ def compare(
 ) -> None:
     """Sum over reference frames how far each supports and violates one rigid motion at each pixel.
 
-    A pixel's point is moved into a reference camera. A reading that agrees in depth supports (by likeness of colour, best of 3x3); readings
-    behind in all of 3x3 violate, as the point would have hidden them, less so seen edge-on (`_seen_through`); those in front say nothing.
+    A pixel's point is moved into a reference camera. A reading that agrees in depth supports (by likeness of
+    colour, best of 3x3); readings behind in all of 3x3 violate, as the point would have hidden them, less so
+    seen edge-on (`_seen_through`); those in front say nothing.
 
-    The frame has `depth` (h, w) m and `normals` (h, w, 3), 0 where unknown, `color` (h, w, 3) and a `camera` (fx, fy, cx, cy); `wanted`
-    (h, w) are the pixels to look at. The references have `ref_depth` (R, h, w), `ref_color` (R, h, w, 3) and the `ref_range` of their depth
-    (`depth_range`); `moves` (R, 3, 4) takes the frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only
-    violate; `side` (R,) is -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0: only the sides tell a part
-    from static scene. `color_sigma` is one standard deviation, `slack` (m) the depth error of poses, `noise` (2,) for `pixel_sigma`; what
-    is seen through must lie `spread` times as far behind.
-
-    `out` (4, h, w) takes sums of weights 0..1: support (once `ENOUGH`, by frames on a side only), violation, support by lower, by higher states.
+    The frame has `depth` (h, w) m and `normals` (h, w, 3), 0 where unknown, `color` (h, w, 3), a `camera`
+    (fx, fy, cx, cy) and pixels `wanted` (h, w). The references have `ref_depth` (R, h, w),
+    `ref_color` (R, h, w, 3) and the `ref_range` of their depth (`depth_range`); `moves` (R, 3, 4) takes the
+    frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only violate; `side`
+    (R,) is -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0. `slack` (m)
+    is the depth error of poses, `noise` (2,) for `pixel_sigma`; seen through is `spread` times as far behind.
+    `out` (4, h, w) takes weights: support (once `ENOUGH`, by a side only), violation, lower's, higher's.
     """
     h, w = depth.shape
     one, (near, far), narrow = np.float32(1.0), ref_range, np.float32(1.0 / spread)

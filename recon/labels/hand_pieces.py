@@ -1,4 +1,5 @@
-"""Which pieces of what nothing explains are no hand: crumbs, and at rest what stays where it is and has no arm."""
+"""Which pieces of what nothing explains are no hand: crumbs, and at rest what stays where it is and has no
+arm."""
 
 from __future__ import annotations
 
@@ -18,14 +19,15 @@ from twin.scene import Trajectory
 
 Bits = NDArray[np.bool_]
 
-# Chosen by us: share of the picture; px of the working grid within which a piece reaches the picture's border; share of its pixels that must
-# stay where they are, each in that share of the other labelled frames of the same rest; and the fewest of these, as a hand may linger.
+# Chosen by us: share of the picture; px of the working grid within which a piece reaches the picture's
+# border; share of its pixels that must stay where they are, each in that share of the other labelled frames
+# of the same rest; and the fewest of these, as a hand may linger.
 _MIN_HAND, _BORDER_PX, _STAYS, _OFTEN, _FEWEST = 0.001, 3, 0.5, 0.6, 5
 
 
 def drop_crumbs(belief: F32) -> None:
-    """Take the hand, last of the beliefs (n, h, w), from pieces smaller than `_MIN_HAND` of the picture: neither noise nor a thin handle is
-    a hand. The next best label takes their place."""
+    """Take the hand, last of the beliefs (n, h, w), from pieces smaller than `_MIN_HAND` of the picture:
+    neither noise nor a thin handle is a hand. The next best label takes their place."""
     hand = belief.argmax(axis=0) == len(belief) - 1
     _, pieces, stats, _ = cv2.connectedComponentsWithStats(hand.astype(np.uint8), connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] < _MIN_HAND * hand.size
@@ -62,10 +64,11 @@ class Rests:
         return cls(views, cameras, phases, camera, color_sigma, slack, noise)
 
     def drop_armless(self, belief: F32, seen: View) -> None:
-        """Take the hand from pieces that stay where they are while nothing moves and that no arm joins to the picture's border: a part's rim
-        that a joint puts a little aside, or what another state hides.
+        """Take the hand from pieces that stay where they are while nothing moves and that no arm joins to the
+        picture's border: a part's rim that a joint puts a little aside, or what another state hides.
 
-        An arm may be too near for depth: it also runs across unknown pixels. Fingers beside a part that moves may have their arm behind it.
+        An arm may be too near for depth: it also runs across unknown pixels. Fingers beside a part that moves
+        may have their arm behind it.
         """
         others = [v for phase in self.phases if seen.frame in phase for v in self.views if v.frame in phase]
         others = [v for v in others if v.frame != seen.frame]

@@ -1,8 +1,9 @@
 """Labels: which pixels are static scene, which part, which hand, from geometry alone.
 
-Every pixel's point is carried into reference frames as if it belonged to the static scene and as if to each part. A surface that is
-seen through in another frame can't have been there. What neither hypothesis explains is the hand with its sleeve. Evidence is then
-pooled over voxels of the world and of each part, and over neighbouring pixels. FunREC, supplement 1.3: geometry in place of votes on regions.
+Every pixel's point is carried into reference frames as if it belonged to the static scene and as if to each
+part. A surface that is seen through in another frame can't have been there. What neither hypothesis explains
+is the hand with its sleeve. Evidence is then pooled over voxels of the world and of each part, and over
+neighbouring pixels. FunREC, supplement 1.3: geometry in place of votes on regions.
 """
 
 from __future__ import annotations
@@ -64,8 +65,9 @@ _POSE_ERROR = 0.003
 _REFERENCES = 6
 # Frames of the whole recording that join as free-space witnesses. Chosen by us.
 _WITNESSES = 8
-# Log scores, chosen by us and the same for every recording: agreement of two references is worth 1.5, being seen
-# through by 1.5 of them 4. Without any evidence a pixel is static; a moving one without more is part or hand alike.
+# Log scores, chosen by us and the same for every recording: agreement of two references is worth 1.5, being
+# seen through by 1.5 of them 4. Without any evidence a pixel is static; a moving one without more is part or
+# hand alike.
 _SUPPORT, _VIOLATION = 1.5, 4.0
 _PRIOR_PART, _HAND = -0.5, -0.7
 _BOX_MARGIN_M = 0.1
@@ -84,15 +86,15 @@ def label_frames(
     width: int = WORKING_WIDTH,
     progress: Loop | None = None,
 ) -> dict[int, NDArray[np.uint8]]:
-    """Label images (H, W) at colour resolution: 0 unknown, 1 static, part ids, 255 hand with sleeve and forearm.
+    """Label images (H, W) at colour resolution: 0 unknown, 1 static, part ids, 255 hand with forearm.
 
     Args:
         noise: of depth.
         frames: which frames; default every `config.every`-th one that has a camera pose.
         width: px, to which frames are shrunk for the dense test.
 
-    Warns when no frame before or after the motion is free of the hand. Raises ReconstructionError when none of the
-    frames has a camera pose.
+    Warns when no frame before or after the motion is free of the hand. Raises ReconstructionError when none
+    of the frames has a camera pose.
     """
     known = set(cameras.frames.tolist())
     wanted = range(0, len(recording), config.every) if frames is None else frames
@@ -178,7 +180,7 @@ def _part_box(
 ) -> tuple[Array, Array] | None:
     """Lower and upper corner (3,) that surely hold the part at state 0; None when nothing is known of it.
 
-    What other references see through, in references that show no hand, is the part; `_BOX_MARGIN_M` more is added.
+    What other references see through, in references that show no hand, is the part; `_BOX_MARGIN_M` is added.
     """
     views = [halved(View(f, d, c)) for f, d, c in zip(refs.frames, refs.depth, refs.color, strict=True)]
     small, half = as_references(views, np.zeros(len(views), bool), refs.color_sigma), camera.strided(2)
@@ -248,7 +250,7 @@ def _within(
 
 
 def _side(part: MovingPart, frame: int, refs: References) -> NDArray[np.int8]:
-    """-1 for references at rest that show the part at a clearly lower state than this frame, 1 at a higher one."""
+    """-1 for references at rest with the part at a clearly lower state than in this frame, 1 at a higher."""
     span = float(np.ptp(part.motion.state)) if len(part.motion.state) else 0.0
     now, then = part.state(frame), [part.state(f) for f in refs.frames]
     if now is None or span == 0:
@@ -260,7 +262,7 @@ def _side(part: MovingPart, frame: int, refs: References) -> NDArray[np.int8]:
 def _stays(evidence: F32, side: NDArray[np.int8]) -> NDArray[np.bool_]:
     """Pixels that are seen at their place both while the part is at lower and while it is at higher states.
 
-    They are static even if so flat that they could have moved along themselves, like the table a door sweeps over.
+    They are static even if so flat that they could have moved along themselves: a table below a door.
     """
     counts = [int((side == sign).sum()) for sign in (-1, 1)]
     sides = [evidence[2 + k] > 0.4 * n for k, n in enumerate(counts) if n]

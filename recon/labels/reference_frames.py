@@ -26,14 +26,14 @@ from twin.scene import Trajectory
 _LIGHTNESS_WEIGHT = 0.5
 _MIN_COLOR_SIGMA = 2.0
 _STEP = 0.05  # of the depth, within five pixels: more is an edge; chosen by us
-_ASKED = 6  # references at rest, that see through a pixel together or not at all where their errors are the same; their default number
+# references at rest; they see through a pixel together or not at all where their errors are the same
+_ASKED = 6
 COLOR_SIGMAS = 3.0  # a surface that moves changes its shading: three times the noise is still alike
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A frame on the working grid: depth (h, w) m, 0 unknown; color (h, w, 3) Lab with damped lightness; normals (h, w, 3), 0 unknown, None
-    where nobody has asked for them yet."""
+    """On the working grid: depth (h, w) m, Lab color (h, w, 3), normals (h, w, 3) or None; 0 unknown."""
 
     frame: int
     depth: F32
@@ -45,10 +45,10 @@ class View:
 class References:
     """Frames that others are compared with.
 
-    frames: (R,). depth: (R, h, w). color: (R, h, w, 3). depth_range: least and greatest depth around each pixel (`evidence.depth_range`).
-    trusted: (R,) bool, at rest and (nearly) without hand, so their surfaces support a hypothesis; the others show only what is empty.
-    rest_without_hand: for each rest phase whether it has a frame without hand. color_sigma: colour difference of one resting surface
-    seen from two frames.
+    frames: (R,). depth: (R, h, w). color: (R, h, w, 3). depth_range: least and greatest depth around each
+    pixel (`evidence.depth_range`). trusted: (R,) bool, at rest and (nearly) without hand, so their surfaces
+    support a hypothesis; the others show empty space. rest_without_hand: (phases,) bool. color_sigma: colour
+    difference of one resting surface seen from two frames.
     """
 
     frames: tuple[int, ...]
@@ -108,7 +108,8 @@ def _views(recording: Recording, frames: NDArray[np.int64], factor: int) -> list
 def relative_moves(
     cameras: Trajectory, parts: Sequence[MovingPart], frame: int, others: Sequence[int]
 ) -> Array:
-    """Poses (1 + P, R, 3, 4) from a frame's camera to other frames' cameras: as static scene, then as each part.
+    """Poses (1 + P, R, 3, 4) from a frame's camera to other frames' cameras: as static scene, then as each
+    part.
 
     NaN where a pose or a state is not known.
     """
@@ -140,8 +141,7 @@ def gather(
     wanted: NDArray[np.bool_] | None = None,
     side: NDArray[np.int8] | None = None,
 ) -> F32:
-    """Evidence (4, h, w) for one motion of a view by the references: support, violation, support from lower and from
-    higher states (see `evidence.compare`)."""
+    """Evidence (4, h, w) for one motion of a view by the references, see `evidence.compare`."""
     out = np.zeros((4, *seen.depth.shape), np.float32)
     none = np.zeros(len(refs.frames), np.int8)
     everywhere = np.ones(seen.depth.shape, bool) if wanted is None else wanted
@@ -167,7 +167,7 @@ def gather(
 
 
 def rest_phases(parts: Sequence[MovingPart], frames: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Frames with a camera, split into the phases in which no part moves (by the intervals of the motions)."""
+    """Frames with a camera, split into the phases in which no part moves."""
     moving = np.zeros(int(frames.max()) + 2, bool)
     for part in parts:
         for first, last in part.motion.intervals:
@@ -193,7 +193,8 @@ def _unexplained(
     slack: float,
     noise: DepthNoise,
 ) -> list[NDArray[np.bool_]]:
-    """For each view the pixels (h, w) that neither the static scene nor any part explains, by the other views.
+    """For each view the pixels (h, w) that neither the static scene nor any part explains, by the other
+    views.
 
     At least two of the others, and a seventh of them, must look through a pixel under every hypothesis.
     """
@@ -241,8 +242,7 @@ def find_references(
 ) -> References:
     """Choose reference frames: for every rest phase the frames with the least that nothing explains (a hand).
 
-    What neither hypothesis explains is removed from the chosen frames. Frames of the motion join as free-space
-    witnesses.
+    What neither hypothesis explains is removed from the chosen frames. Frames of the motion see free space.
 
     Args:
         factor: shrinking of the working grid.
@@ -250,8 +250,8 @@ def find_references(
         noise: of depth.
         per_phase: reference frames for each rest phase.
         witnesses: frames of the motion, and half as many of the whole recording, that may only violate.
-        hand_share: share of unexplained pixels up to which a frame counts as without hand (chosen by us: a third of
-            the smallest hand worth a label, well above the share that noise leaves).
+        hand_share: share of unexplained pixels up to which a frame counts as without hand (chosen by us: a
+            third of the smallest hand worth a label).
     """
     phases = rest_phases(parts, cameras.frames)
     pools = [_spread(phase, 2 * per_phase) for phase in phases]

@@ -1,4 +1,5 @@
-"""Belief spread along surfaces from where part and static scene are told apart to where they look the same."""
+"""Belief spread along surfaces from where part and static scene are told apart to where they look the
+same."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ _HAND_FARTHER_PX = (
 
 
 def _filled(depth: F32) -> F32:
-    """Depth with unknown pixels taking the nearest known one, so that a gap along a depth edge is no bridge over it."""
+    """Depth with unknown pixels taking the nearest known one, so that a gap along a depth edge is no bridge
+    over it."""
     if not (depth > 0).any():
         return depth
     _, nearest = cv2.distanceTransformWithLabels(
@@ -51,10 +53,12 @@ def pool_in_space(
     scale: float,
     noise: DepthNoise,
 ) -> None:
-    """Let what all views say about a voxel, and what is sure along a surface, count in the scores of each view.
+    """Let what all views say about a voxel, and what is sure along a surface, count in the scores of each
+    view.
 
     Args:
-        sure: masks (1 + P, h, w) of what surely moved and of what surely stays, as `spread_along_surfaces` takes them.
+        sure: masks (1 + P, h, w) of what surely moved and of what surely stays, as `spread_along_surfaces`
+            takes them.
         scale: standard deviation of colour within a surface.
         noise: of depth.
     """
@@ -72,11 +76,12 @@ def pool_in_space(
 def spread_along_surfaces(
     score: F32, sure: NDArray[np.bool_], enclosed: NDArray[np.bool_], seen: View, scale: float
 ) -> None:
-    """Where nothing tells part from static scene, what a part encloses is its own; else what is nearer along the surface.
+    """Where nothing tells part from static scene, what a part encloses is its own; else what is nearer along
+    the surface.
 
-    A drawer's bottom slides along itself and looks the same whether it moves or not; but its sides, which it adjoins
-    without a depth edge, do move. Static surface is only sure where it stays or where the part can't be: support alone
-    proves nothing, for what slides along itself supports both.
+    A drawer's bottom slides along itself and looks the same whether it moves or not; but its sides, which it
+    adjoins without a depth edge, do move. Static surface is only sure where it stays or where the part can't
+    be: support alone proves nothing, for what slides along itself supports both.
     """
     depth = _filled(seen.depth)
     for k in range(1, len(score) - 1):
@@ -97,10 +102,11 @@ def spread_along_surfaces(
 
 
 def follow_surroundings(score: F32, seen: View, scale: float) -> None:
-    """Pixels without depth take the score of the labels around them, by how near these are along like colours.
+    """Pixels without depth take the score of the labels around them, by how near these are along like
+    colours.
 
-    A stereo camera has no depth on plain surfaces, and no depth is no evidence for what is static. scale: standard deviation of colour
-    within a surface.
+    A stereo camera has no depth on plain surfaces, and no depth is no evidence for what is static. scale:
+    standard deviation of colour within a surface.
     """
     known = seen.depth > 0
     if known.all() or not known.any():

@@ -25,7 +25,8 @@ REST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Interval:
-    """First and last moving frame, inclusive, and the joint kind when something other than motion hints at it."""
+    """First and last moving frame, inclusive, and the joint kind when something other than motion hints at
+    it."""
 
     first: int
     last: int
@@ -41,8 +42,9 @@ def state_intervals(
 ) -> tuple[Interval, ...]:
     """Intervals of a joint from its smoothed state.
 
-    A frame is at rest while the state stays within `rest_share` of the travelled range (or 3 `noise`, if larger) of a
-    plateau. Plateaus are spans at least ten frames long at both ends or in between; what lies between two is motion.
+    A frame is at rest while the state stays within `rest_share` of the travelled range (or 3 `noise`, if
+    larger) of a plateau. Plateaus are spans at least ten frames long at both ends or in between; what lies
+    between two is motion.
     """
     span = float(np.quantile(state, 0.98) - np.quantile(state, 0.02))
     tolerance = max(rest_share * span, 3.0 * noise)
@@ -61,7 +63,8 @@ def state_intervals(
 
 
 def _next_plateau(state: Array, start: int, tolerance: float, length: int = 10) -> int:
-    """Last moving index before the state stays within `tolerance` of one value for `length` frames, or for good."""
+    """Last moving index before the state stays within `tolerance` of one value for `length` frames, or for
+    good."""
     n = len(state)
     for k in range(start + 1, n):
         rest = state[k : min(n, k + length)]

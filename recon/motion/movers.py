@@ -20,8 +20,8 @@ from twin.scene import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Movers:
-    """Tracks in the world: points (T, K, 3) m, visible (T, K), and masks (K,) of the tracks that leave their place
-    and of those that also were seen at rest before or after."""
+    """Tracks in the world: points (T, K, 3) m, visible (T, K), and masks (K,) of the tracks that leave their
+    place and of those that also were seen at rest before or after."""
 
     points_world: Array
     visible: NDArray[np.bool_]
@@ -30,8 +30,8 @@ class Movers:
 
     @cached_property
     def travel(self) -> Array:
-        """Distance (K,) in metres between the median points of the first and of the farthest five observations of each mover;
-        0 for the others."""
+        """Distance (K,) in metres between the median points of the first and of the farthest five
+        observations of each mover; 0 for the others."""
         out = np.zeros(self.visible.shape[1])
         for k in np.flatnonzero(self.moving):
             p = self.points_world[self.visible[:, k], k]
@@ -66,8 +66,9 @@ def find_movers(tracks: Tracks, cameras: Trajectory, times: Array) -> Movers:
 
 @njit(cache=True, nogil=True)
 def _left(points, visible, tolerance, rest):  # type: ignore[no-untyped-def]
-    """Which tracks (K, T, 3) leave their first place by more than `tolerance` (K,) m in three observations or more, and which of them
-    stayed at their first or last place for `rest` observations: the tolerance itself takes a few frames to cross.
+    """Which tracks (K, T, 3) leave their first place by more than `tolerance` (K,) m in three observations or
+    more, and which of them stayed at their first or last place for `rest` observations: the tolerance itself
+    takes a few frames to cross.
     """
     moving, rested = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
     for k in range(len(points)):

@@ -11,8 +11,8 @@ from twin.geometry import Array
 
 
 def spread(points: Array, visible: NDArray[np.bool_], share: float) -> tuple[Array, NDArray[np.int64]]:
-    """Distance (K,) from a track's median point within which this share of its points (T, K, D) lies, in their unit, and
-    how many of them are visible (T, K); 0 where none is."""
+    """Distance (K,) from a track's median point within which this share of its points (T, K, D) lies, in
+    their unit, and how many of them are visible (T, K); 0 where none is."""
     return _spread(np.ascontiguousarray(points), np.ascontiguousarray(visible), share)
 
 

@@ -1,1 +1,2 @@
-"""Which parts there are: groups of tracks that one joint each carries, told from the hand and from drifting tracks."""
+"""Which parts there are: groups of tracks that one joint each carries, told from the hand and from drifting
+tracks."""

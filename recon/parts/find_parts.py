@@ -1,10 +1,11 @@
 """Which parts move, by which joints: tracks in, one `PartTracks` per part out.
 
-Parts are found one after the other among the tracks that no earlier part explains: either among all of them, or in the
-groups of the paper's motion clustering (`MotionConfig.method`). For each, the first fit looks at the
-tracks that travel far, the hand's among them. It tells roughly when the part is at rest, and with that which tracks lie on the
-hand (they are in view and move while the part rests, or have the hand's colour). The next one looks at the far ones of the
-others, and tells which tracks drift along edges: they move while the part rests. The last ones use all that remain.
+Parts are found one after the other among the tracks that no earlier part explains: either among all of them,
+or in the groups of the paper's motion clustering (`MotionConfig.method`). For each, the first fit looks at
+the tracks that travel far, the hand's among them. It tells roughly when the part is at rest, and with that
+which tracks lie on the hand (they are in view and move while the part rests, or have the hand's colour). The
+next one looks at the far ones of the others, and tells which tracks drift along edges: they move while the
+part rests. The last ones use all that remain.
 
 FunREC, supplement 3.2: hypotheses from pairs of tracks in place of single ones.
 """
@@ -60,7 +61,8 @@ def find_parts(
     hints: Sequence[TypeHint] = (),
     said: Said = _UNSAID,
 ) -> FoundParts:
-    """Find every part that moves by a joint. hints: joint types that somebody expects; see `recon.joints.type_selection`.
+    """Find every part that moves by a joint. hints: joint types that somebody expects; see
+    `recon.joints.type_selection`.
 
     said: the user's word. Where it points at parts or gives intervals, exactly these parts are looked for.
 
@@ -95,7 +97,8 @@ def _said_parts(
     hints: Sequence[TypeHint],
     said: Said,
 ) -> FoundParts:
-    """The part of each of the user's words, among the tracks that no earlier one explains; a warning for each without one."""
+    """The part of each of the user's words, among the tracks that no earlier one explains; a warning for each
+    without one."""
     parts: list[PartTracks] = []
     frames = len(seen.movers.visible)
     free, hand = seen.movers.moving.copy(), np.zeros_like(seen.movers.moving)
@@ -130,7 +133,8 @@ def _hints(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeH
 
 
 def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterator[NDArray[np.bool_]]:
-    """Masks (K,) of the tracks among which the next part is looked for: always all, or one cluster after the other."""
+    """Masks (K,) of the tracks among which the next part is looked for: always all, or one cluster after the
+    other."""
     if config.method == "fits":
         yield from repeat(movers.moving)
     moving = np.flatnonzero(movers.moving)
@@ -144,8 +148,8 @@ def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterat
 class _Search:
     """The parts found so far, their fits, and which tracks (K,) are still free or lie on the hand.
 
-    hand_of: mask of the tracks on the hand, from spans (first, last) of frames in which no part moves. to_part: makes the moving
-    part of a number and a fit.
+    hand_of: mask of the tracks on the hand, from spans (first, last) of frames in which no part moves.
+    to_part: makes the moving part of a number and a fit.
     """
 
     def __init__(
@@ -164,7 +168,8 @@ class _Search:
         self.failed: list[ReconstructionError] = []
 
     def take(self, group: NDArray[np.bool_], given: GroupFit | None = None) -> bool:
-        """Look for a part among the free tracks of a group (K,), or take the one that is given; False when there is none."""
+        """Look for a part among the free tracks of a group (K,), or take the one that is given; False when
+        there is none."""
         try:
             best = given or self._fit(self.free & group)
         except ReconstructionError as e:

@@ -1,8 +1,8 @@
 """Which tracks lie on the hand, by colour learnt from the recording itself.
 
-While the part is at rest, what appears in free space in front of a frame without a hand is the hand. Its colours tell
-tracks on the hand from tracks on the part during the motion, when both move together. The colour of single pixels is no
-evidence (a skin-coloured door would be lost); of whole tracks it is.
+While the part is at rest, what appears in free space in front of a frame without a hand is the hand. Its
+colours tell tracks on the hand from tracks on the part during the motion, when both move together. The colour
+of single pixels is no evidence (a skin-coloured door would be lost); of whole tracks it is.
 
 FunREC, supplement 3.2: colour in place of a mask of the hand.
 """
@@ -27,7 +27,8 @@ from twin.scene import Trajectory
 _BINS = 24
 # px; width to which frames are shrunk. Chosen by us.
 _WIDTH = 160
-# m; the hand is so far in front of the surface behind it, beyond 4 standard deviations of depth. Chosen by us.
+# m; the hand is so far in front of the surface behind it, beyond 4 standard deviations of depth. Chosen by
+# us.
 _MARGIN = 0.03
 # Frames looked at on each side of the motion. Chosen by us.
 _MAX_FRAMES = 12
@@ -46,9 +47,9 @@ def hand_tracks(
     """Mask (K,) of the tracks whose colours are those of the hand.
 
     Args:
-        rests: spans (first, last) of frames in which no part moves, in time order. In each span, the frame farthest
-            from the motion serves as the picture without a hand: the first frame of the recording's first span, the last frame of the
-            last one, and both ends of the spans in between.
+        rests: spans (first, last) of frames in which no part moves, in time order. In each span, the frame
+            farthest from the motion serves as the picture without a hand: the first frame of the recording's
+            first span, the last frame of the last one, and both ends of the spans in between.
     """
     width = min(_WIDTH, recording.intrinsics.width)
     size = width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width))
@@ -79,7 +80,8 @@ def hand_tracks(
 
 
 def _compared(rests: Sequence[tuple[int, int]], most: int) -> Iterator[tuple[int, list[int]]]:
-    """Frames without a hand, each with those of its span of rest that are compared with it, at most `most`."""
+    """Frames without a hand, each with those of its span of rest that are compared with it, at most
+    `most`."""
     for number, (first, last) in enumerate(rests):
         references = ([first] if number == 0 or len(rests) == 1 else []) + (
             [last] if number == len(rests) - 1 else []
@@ -90,7 +92,8 @@ def _compared(rests: Sequence[tuple[int, int]], most: int) -> Iterator[tuple[int
 
 
 def _smooth_log_odds(hand: Array, rest: Array, bins: int) -> Array:
-    """Log odds per colour bin, hand and rest equally likely beforehand, histograms blurred by about one bin."""
+    """Log odds per colour bin, hand and rest equally likely beforehand, histograms blurred by about one
+    bin."""
     out = []
     for histogram in (hand, rest):
         cube = histogram.reshape(bins, bins, bins)
@@ -129,7 +132,8 @@ def _in_front(
     frame: int,
     camera: Intrinsics,
 ) -> NDArray[np.bool_] | None:
-    """Mask of the pixels of `frame` that float in front of what `reference` saw, `seen` m; None without poses."""
+    """Mask of the pixels of `frame` that float in front of what `reference` saw, `seen` m; None without
+    poses."""
     T_world_ref, T_world_frame = cameras.pose(reference), cameras.pose(frame)
     if T_world_ref is None or T_world_frame is None:
         return None

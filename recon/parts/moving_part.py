@@ -15,8 +15,9 @@ from twin.scene import FIRST_PART_ID, Joint, Motion
 class MovingPart:
     """A joint and its state over time, before the part's shape is known.
 
-    id: label id, from 2. joint: in the world frame of the cameras; state 0 is the pose at the first frame (which end is
-    closed is decided later). motion: one state for every frame with a known camera, rest frames included.
+    id: label id, from 2. joint: in the world frame of the cameras; state 0 is the pose at the first frame
+    (which end is closed is decided later). motion: one state for every frame with a known camera, rest frames
+    included.
     """
 
     id: int
@@ -34,6 +35,7 @@ class MovingPart:
         return float(self.motion.state[k]) if known else None
 
     def pose(self, frame: int) -> Array | None:
-        """T_world_part (4, 4): part points at state 0 to the world at a recording frame; None without an estimate."""
+        """T_world_part (4, 4): part points at state 0 to the world at a recording frame; None without an
+        estimate."""
         state = self.state(frame)
         return None if state is None else self.joint.pose(state)

@@ -36,8 +36,8 @@ def same_part(
     movers: Movers,
     found: Sequence[MovingPart],
 ) -> int | None:
-    """Index of the found part that the new tracks belong to, if there is one: its joint and states carry most of them,
-    or the new fit found its joint again at the same time (from the tracks on its other face)."""
+    """Index of the found part that the new tracks belong to, if there is one: its joint and states carry most
+    of them, or the new fit found its joint again at the same time (from the tracks on its other face)."""
     for number, other in enumerate(found):
         T_part_world = geo.invert_pose(other.joint.poses(other.motion.state))
         frames = other.motion.frames
@@ -80,7 +80,8 @@ def is_another_part(
 ) -> bool:
     """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
 
-    Tracks that drift along edges while the camera sways also follow some joint, but loosely and without ever resting.
+    Tracks that drift along edges while the camera sways also follow some joint, but loosely and without ever
+    resting.
     """
     enough = int(members.sum()) >= max(MIN_TRACKS, MIN_SHARE * int(of_first.sum()))
     lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))

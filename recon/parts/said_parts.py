@@ -1,9 +1,11 @@
-"""What the user's word leaves to choose from: tracks that move in the frames that were said, together with the point that was said.
+"""What the user's word leaves to choose from: tracks that move in the frames that were said, together with
+the point that was said.
 
-Tracks near the point are its seeds: those of them that keep their distances to most of each other while they move are one body. A
-hand, corners that drift and what stands still don't. The joint of the seeds alone tells which of the tracks that keep their distances
-to them belong to what is seen there, however far away they are: a radius would cut a large door, or reach what is beside a small one.
-Without the seeds' joint a hand would come along, which follows most of a door's way at almost the same distance.
+Tracks near the point are its seeds: those of them that keep their distances to most of each other while they
+move are one body. A hand, corners that drift and what stands still don't. The joint of the seeds alone tells
+which of the tracks that keep their distances to them belong to what is seen there, however far away they are:
+a radius would cut a large door, or reach what is beside a small one. Without the seeds' joint a hand would
+come along, which follows most of a door's way at almost the same distance.
 """
 
 from __future__ import annotations
@@ -29,13 +31,15 @@ from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
-# m. Surface farther than that from all tracks of a part is doubted to be the part's (`recon.verdict.of_parts`): so are seeds.
+# m. Surface farther than that from all tracks of a part is doubted to be the part's
+# (`recon.verdict.of_parts`): so are seeds.
 REACH_M = 0.3
 # Of the tracks in reach the nearest; a rigid motion needs 3, and one to agree. Chosen by us.
 _SEEDS, _FEWEST = 24, 4
 _SIGMAS = 3.0  # of depth: nine of ten distances between two points lie within 2.3 (1.64 times the root of 2)
-# Support of tracks that join the seeds, round by round: those that follow well settle the joint before the others are asked. A wrong
-# joint has a quarter or less (`AS_WELL` of `recon.joints.group_fits`). Chosen by us.
+# Support of tracks that join the seeds, round by round: those that follow well settle the joint before the
+# others are asked. A wrong joint has a quarter or less (`AS_WELL` of `recon.joints.group_fits`). Chosen by
+# us.
 _FOLLOWS = (0.6, 0.5, 0.4)
 _COMMON = 5  # frames in which two tracks are seen together, fewest; as many as a running median takes
 _CLOSE_M = 0.05  # a seed so near counts twice as much as one at thrice the distance; chosen by us
@@ -54,8 +58,8 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """Where one part is looked for: movers in the frames that were said, the tracks (K,) that may be the part's, and the joint of
-    those that move with the point; None where no point was said."""
+    """Where one part is looked for: movers in the frames that were said, the tracks (K,) that may be the
+    part's, and the joint of those that move with the point; None where no point was said."""
 
     movers: Movers
     group: NDArray[np.bool_]
@@ -65,7 +69,8 @@ class Sought:
 def sought(word: Word, seen: Observed, free: NDArray[np.bool_], hints: Sequence[TypeHint]) -> Sought:
     """What may be the part that a word is about, among the free tracks (K,).
 
-    Raises ReconstructionError where nothing that moves was followed near the point, or the camera of its frame isn't known.
+    Raises ReconstructionError where nothing that moves was followed near the point, or the camera of its
+    frame isn't known.
     """
     movers = seen.movers
     if word.interval is not None:
@@ -80,8 +85,8 @@ def sought(word: Word, seen: Observed, free: NDArray[np.bool_], hints: Sequence[
 
 
 def _seen_there(movers: Movers, frame: int, interval: tuple[int, int] | None) -> Array:
-    """Where each track (K, 3) is in a frame, NaN for those not seen in it or in the nearest of the few frames around it. Before and
-    after the interval the part rests: then all frames up to it will do."""
+    """Where each track (K, 3) is in a frame, NaN for those not seen in it or in the nearest of the few frames
+    around it. Before and after the interval the part rests: then all frames up to it will do."""
     first, last = frame - REST_MARGIN, frame + REST_MARGIN
     if interval is not None and frame < interval[0]:
         first, last = 0, max(last, interval[0])
@@ -118,7 +123,8 @@ def _within(interval: tuple[int, int], seen: Observed) -> Movers:
 
 
 def _place(point: tuple[int, int, int], recording: Recording, cameras: Trajectory) -> tuple[Array, float]:
-    """Where a point is in the world (3,), m, and by how much the distance of two points there may change by noise, m."""
+    """Where a point is in the world (3,), m, and by how much the distance of two points there may change by
+    noise, m."""
     x, y, frame = point
     T_world_cam = cameras.pose(frame)
     if T_world_cam is None:
@@ -136,8 +142,8 @@ def _with_point(
     group: NDArray[np.bool_],
     hints: Sequence[TypeHint],
 ) -> Sought:
-    """The joint of the tracks (K,) of a group that move with a point; left are these, those never seen with it, and those seen
-    mostly when its state is not known: on its other face, say.
+    """The joint of the tracks (K,) of a group that move with a point; left are these, those never seen with
+    it, and those seen mostly when its state is not known: on its other face, say.
 
     there: where the tracks (K, 3) are when the point is seen.
     """
@@ -169,7 +175,8 @@ def _grown(
     joints: JointConfig,
     hints: Sequence[TypeHint],
 ) -> GroupFit:
-    """The joint of the seeds (K,), then of all of a group that follow it, as long as the seeds follow as well."""
+    """The joint of the seeds (K,), then of all of a group that follow it, as long as the seeds follow as
+    well."""
     best = fit_group((seeds,), seeds, movers, joints, hints)
     chosen = seeds
     for least in _FOLLOWS:
@@ -193,7 +200,8 @@ def _grown(
 
 
 def _one_body(movers: Movers, near: NDArray[np.int64], away: Array, tolerance: float) -> NDArray[np.int64]:
-    """Those of the tracks (n,) near a point, `away` m, that move rigidly with the one which has the nearest company."""
+    """Those of the tracks (n,) near a point, `away` m, that move rigidly with the one which has the nearest
+    company."""
     if not len(near):
         return near
     rigid = np.stack([_rigid(movers, k, near, tolerance) for k in near]) > 0
@@ -213,8 +221,8 @@ def _agreeing(
 def _rigid(movers: Movers, one: int, others: NDArray[np.int64], tolerance: float) -> NDArray[np.int64]:
     """Whether the tracks (n,) keep their distance to `one` while it moves: 1 yes, -1 no, 0 not told.
 
-    It is told by frames that see both, in which `one` goes farther than twice the tolerance (m); what is beyond it in more than one
-    frame of ten is no noise.
+    It is told by frames that see both, in which `one` goes farther than twice the tolerance (m); what is
+    beyond it in more than one frame of ten is no noise.
     """
     p = movers.points_world[:, one, None]
     distance = np.linalg.norm(movers.points_world[:, others] - p, axis=2)

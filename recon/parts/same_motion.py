@@ -12,8 +12,8 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Revolute
 
-# m. Points so far from the joint are compared, the reach of a cupboard's door, and may differ so much, root mean square over the frames:
-# what refined joints of one board differ by is below a fifth of it. Chosen by us
+# m. Points so far from the joint are compared, the reach of a cupboard's door, and may differ so much, root
+# mean square over the frames: what refined joints of one board differ by is below a fifth of it. Chosen by us
 _REACH, _ALIKE = 0.3, 0.01
 
 

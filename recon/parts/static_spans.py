@@ -15,8 +15,8 @@ from recon.parts.config import REST_TOLERANCE
 
 # Frames between motion and what surely is rest. Chosen by us.
 REST_MARGIN = 3
-# Share of the range within which a part rests for sure: each frame's own uncertainty would call slow starts rest, and this
-# is well above both. Chosen by us.
+# Share of the range within which a part rests for sure: each frame's own uncertainty would call slow starts
+# rest, and this is well above both. Chosen by us.
 _SURE_REST = 0.05
 
 
@@ -38,7 +38,8 @@ def rest_spans(fit: MotionFit, frames: int) -> list[tuple[int, int]]:
 
 
 def known_rest_spans(fit: MotionFit, frames: int) -> list[tuple[int, int]]:
-    """Spans of rest cut to the frames whose state is known: past the last of these the part may well move on."""
+    """Spans of rest cut to the frames whose state is known: past the last of these the part may well move
+    on."""
     spans = []
     for first, last in rest_spans(fit, frames):
         known = fit.frames[(fit.frames >= first) & (fit.frames <= last)]

@@ -1,4 +1,5 @@
-"""Parts by two witnesses, tracks and changed depth, of which neither alone is enough: tracks drift along edges, depth is coarse."""
+"""Parts by two witnesses, tracks and changed depth, of which neither alone is enough: tracks drift along
+edges, depth is coarse."""
 
 from __future__ import annotations
 
@@ -18,12 +19,14 @@ from recon.recording import Recording
 from twin.describe import range_text
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-# How well depth agrees with the states of tracks, over how well with its own: right ones .9 and more in seven open recordings and .37 to 1 in
-# cabinets of closed form, those of a hand that moved along a drawer's axis, and of tracks that slip, 0. Of a strip that slides in its plane tracks
-# that slipped told a twentieth of the way, and depth up to 2.2 times the true one (four open recordings). Chosen by us
+# How well depth agrees with the states of tracks, over how well with its own: right ones .9 and more in seven
+# open recordings and .37 to 1 in cabinets of closed form, those of a hand that moved along a drawer's axis,
+# and of tracks that slip, 0. Of a strip that slides in its plane tracks that slipped told a twentieth of the
+# way, and depth up to 2.2 times the true one (four open recordings). Chosen by us
 _AS_WELL = 0.15
-# Tracks, and sigma (rad) of the axis that they tell, from which they need no other witness: of the joints that depth did not confirm on 110 recordings,
-# looked at, the seven of such tracks were right, and depth's own was wrong or the same; of 27 others three were right or nearly so. By us
+# Tracks, and sigma (rad) of the axis that they tell, from which they need no other witness: of the joints
+# that depth did not confirm on 110 recordings, looked at, the seven of such tracks were right, and depth's
+# own was wrong or the same; of 27 others three were right or nearly so. By us
 _MANY, _FIRM = 120, np.radians(0.5)
 _CARRIED = 0.5  # of the way of what is moved, at least, that the hand goes meanwhile; chosen by us
 
@@ -35,10 +38,11 @@ def by_both(
     movers: Movers,
     most: int,
 ) -> tuple[PartTracks, ...]:
-    """The parts by both witnesses, at most `most`. A joint that both tell is taken from the tracks, which know it more finely, unless depth contradicts their
-    states: tracks that slip along a part, or lie on the hand that moves it, know its joint and not its way. Where depth tells any, one that it
-    does not confirm is none, and a warning says so: corners that drift along edges follow some joint as well. Many tracks that know their axis
-    well need no confirmation: what depth has move meanwhile is the same part, badly seen."""
+    """The parts by both witnesses, at most `most`. A joint that both tell is taken from the tracks, which
+    know it more finely, unless depth contradicts their states: tracks that slip along a part, or lie on the
+    hand that moves it, know its joint and not its way. Where depth tells any, one that it does not confirm is
+    none, and a warning says so: corners that drift along edges follow some joint as well. Many tracks that
+    know their axis well need no confirmation: what depth has move meanwhile is the same part, badly seen."""
     seen = witnessed(recording, cameras, movers, [f.part for f in found])
     if not seen:
         return tuple(found)
@@ -73,7 +77,8 @@ def _meanwhile(w: Witnessed, f: PartTracks, cameras: Trajectory) -> bool:
 
 
 def _goes_along(w: Witnessed, seen: Sequence[Witnessed]) -> bool:
-    """Whether it goes along with another that has the same joint of tracks and agrees better with them: a hand goes the way of what it moves."""
+    """Whether it goes along with another that has the same joint of tracks and agrees better with them: a
+    hand goes the way of what it moves."""
     rivals = [o for o in seen if o is not w and o.by_tracks is not None and o.by_tracks == w.by_tracks]
     return any(_along(w, o) > _CARRIED for o in rivals if o.as_well > w.as_well)
 
@@ -91,8 +96,8 @@ def _warn(left: PartTracks) -> None:
 
 
 def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers) -> PartTracks:
-    """A part that depth alone tells. Inliers: the share of the movers that follow it, 0 where there are none; its residual is that of
-    the refinement, which comes next."""
+    """A part that depth alone tells. Inliers: the share of the movers that follow it, 0 where there are none;
+    its residual is that of the refinement, which comes next."""
     spread = w.joint.sigma.state if w.joint.sigma is not None else 0.0
     spans = tuple((i.first, i.last) for i in state_intervals(cameras.frames, w.state, spread))
     inliers = float(w.followers.sum()) / max(int(movers.moving.sum()), 1)

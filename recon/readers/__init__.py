@@ -1,7 +1,7 @@
 """Readers: one file per recording layout, and the table that finds the right one.
 
-To add a layout, write a class with `layout`, `recognises` and `streams`, and put an instance of it into `READERS`. Formats that are
-recognised but not read stand in `unread.UNREAD` with what to do about them.
+To add a layout, write a class with `layout`, `recognises` and `streams`, and put an instance of it into
+`READERS`. Formats that are recognised but not read stand in `unread.UNREAD` with what to do about them.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ class Reader(Protocol):
         ...
 
     def streams(self, path: Path) -> Streams:
-        """What the files hold, of which headers and index are read. Raises InputError naming the file, the value and the remedy."""
+        """What the files hold, of which headers and index are read. Raises InputError naming the file, the
+        value and the remedy."""
         ...
 
 
@@ -104,12 +105,13 @@ def open_recording(
         calibration: file of `twin calibrate`, whose cameras go before the recording's own.
         color_topic: of a ROS bag that holds several.
         depth_topic: likewise.
-        depth_delay: by how much depth lags behind colour, frames or a time such as "66ms"; see `Recording.without_depth_delay`.
+        depth_delay: by how much depth lags behind colour, frames or a time such as "66ms"; see
+            `Recording.without_depth_delay`.
         start: s from the first frame; frames before are left out.
         end: s from the first frame; frames after are left out.
 
-    Raises InputError for a path that does not exist, an unknown layout name, a format that is recognised but not read (it
-    says what to do), or a layout nobody recognises.
+    Raises InputError for a path that does not exist, an unknown layout name, a format that is recognised but
+    not read (it says what to do), or a layout nobody recognises.
     """
     path = Path(path)
     if layout is not None and layout not in READERS:

@@ -1,8 +1,10 @@
-"""ARKitScenes: lowres_wide/, lowres_depth/, confidence/ and lowres_wide_intrinsics/ named <video>_<time>, and lowres_wide.traj.
+"""ARKitScenes: lowres_wide/, lowres_depth/, confidence/ and lowres_wide_intrinsics/ named <video>_<time>, and
+lowres_wide.traj.
 
-The layout is that of the data set's own documentation and loader (github.com/apple/ARKitScenes): depth in mm, a .pincam with
-"w h fx fy cx cy" for each frame, and a .traj with "t", the rotation as axis times angle, and the translation of world to
-camera, with OpenCV's camera axes and z up (by z the data set's tool tells which way a picture is held).
+The layout is that of the data set's own documentation and loader (github.com/apple/ARKitScenes): depth in mm,
+a .pincam with "w h fx fy cx cy" for each frame, and a .traj with "t", the rotation as axis times angle, and
+the translation of world to camera, with OpenCV's camera axes and z up (by z the data set's tool tells which
+way a picture is held).
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Arti4D: raw/<room>/<scene>/ with rgb/, depth/ and the camera's odometry, from an Azure Kinect.
 
-After the data set's own loader (artipoint/dataloader/arti4d.py): rgb and depth are paired in sorted order; the name's last piece after
-`_` is the time in ns; depth is 16-bit PNG in millimetres on colour's pixels; odom/<scene>.csv holds poses of the tracker on the camera,
-which azure_tf.json takes to colour's: T_map_base * base_T_depth * depth_T_rgb, turned by half a turn about the view, as the pictures
-are turned upright. cam_trajectory.csv, where there is no odometry, is DROID-SLAM's, whose quaternion stands one column off, and
+After the data set's own loader (artipoint/dataloader/arti4d.py): rgb and depth are paired in sorted order;
+the name's last piece after `_` is the time in ns; depth is 16-bit PNG in millimetres on colour's pixels;
+odom/<scene>.csv holds poses of the tracker on the camera, which azure_tf.json takes to colour's: T_map_base *
+base_T_depth * depth_T_rgb, turned by half a turn about the view, as the pictures are turned upright.
+cam_trajectory.csv, where there is no odometry, is DROID-SLAM's, whose quaternion stands one column off, and
 registration_matrix.json takes it to the map.
 """
 
@@ -77,8 +78,8 @@ class Arti4dReader:
 
 @dataclass(frozen=True, eq=False)
 class CameraPoses:
-    """Poses of colour's camera: times (k,) s and T_world_cam (k, 4, 4), or None. in_map: whether the world is the map in which joints are
-    annotated. files: what was read."""
+    """Poses of colour's camera: times (k,) s and T_world_cam (k, 4, 4), or None. in_map: whether the world is
+    the map in which joints are annotated. files: what was read."""
 
     poses: tuple[Array, Array] | None = None
     in_map: bool = False
@@ -147,7 +148,8 @@ def _above(path: Path, names: Sequence[str]) -> Path | None:
 
 
 def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Column names, in small letters and without blanks, and rows of a CSV. Raises InputError for other files."""
+    """Column names, in small letters and without blanks, and rows of a CSV. Raises InputError for other
+    files."""
     try:
         text = files.read_bytes(path).decode("utf-8-sig")
         rows = [
@@ -161,7 +163,8 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
 
 
 def _read_poses(path: Path, columns: Sequence[str]) -> tuple[Array, Array]:
-    """Times (n,) s and poses (n, 4, 4); columns: those that hold time, position and qx qy qz qw, in this order."""
+    """Times (n,) s and poses (n, 4, 4); columns: those that hold time, position and qx qy qz qw, in this
+    order."""
     head, rows = read_table(path)
     missing = [c for c in columns if c not in head]
     if missing or not rows:

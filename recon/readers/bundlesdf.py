@@ -1,7 +1,7 @@
 """BundleSDF's layout: rgb/*.png, depth/*.png of the same names in millimetres, masks/*.png, cam_K.txt.
 
-After the project's README and the mistakes that its users report most: depth of 8 bits, masks of three channels, no cam_K.txt or one of
-another resolution, frames that are missing in one folder.
+After the project's README and the mistakes that its users report most: depth of 8 bits, masks of three
+channels, no cam_K.txt or one of another resolution, frames that are missing in one folder.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What identifies a recording: a hash over its names, sizes and bytes, or, where there are many, over samples of them."""
+"""What identifies a recording: a hash over its names, sizes and bytes, or, where there are many, over samples
+of them."""
 
 from __future__ import annotations
 
@@ -19,9 +20,9 @@ BLOCK_BYTES = 64 * 2**10
 def fingerprint(root: Path, files: Iterable[Path]) -> str:
     """SHA-256 over the sorted names (relative to `root`), sizes and bytes of the input files.
 
-    It depends on neither the machine nor on times or the place of the folder. Images of a small recording are checked to be complete;
-    of more than `WHOLE_BYTES`, `BLOCKS` blocks over all files stand for the bytes. Raises InputError for a file that is missing, empty,
-    or truncated.
+    It depends on neither the machine nor on times or the place of the folder. Images of a small recording are
+    checked to be complete; of more than `WHOLE_BYTES`, `BLOCKS` blocks over all files stand for the bytes.
+    Raises InputError for a file that is missing, empty, or truncated.
     """
     found = sorted(files, key=lambda p: p.relative_to(root).as_posix())
     sizes = [_size(p) for p in found]
@@ -37,7 +38,8 @@ def fingerprint(root: Path, files: Iterable[Path]) -> str:
 
 
 def fingerprint_of(path: Path) -> str:
-    """SHA-256 of one file's bytes, or of its size and `BLOCKS` blocks where it is larger than `WHOLE_BYTES`; its name does not count."""
+    """SHA-256 of one file's bytes, or of its size and `BLOCKS` blocks where it is larger than `WHOLE_BYTES`;
+    its name does not count."""
     size = _size(path)
     if size > WHOLE_BYTES:
         return _of_samples([path], [""], [size])

@@ -1,8 +1,9 @@
-"""HOI4D clips: ZY.../H*/C*/N*/S*/s*/T*/ with align_rgb/ and align_depth/, as the data set's decode.py leaves them.
+"""HOI4D clips: ZY.../H*/C*/N*/S*/s*/T*/ with align_rgb/ and align_depth/, as the data set's decode.py leaves
+them.
 
-After the data set's instructions: 1920x1080 colour (image.mp4, or images %05d.jpg at 15 frames a second), depth as 16-bit PNG in
-millimetres on colour's pixels, K in camera_params/<ZY...>/intrin.npy, and among the annotations 3Dseg/output.log, Redwood's list of
-camera-to-world matrices, one a frame.
+After the data set's instructions: 1920x1080 colour (image.mp4, or images %05d.jpg at 15 frames a second),
+depth as 16-bit PNG in millimetres on colour's pixels, K in camera_params/<ZY...>/intrin.npy, and among the
+annotations 3Dseg/output.log, Redwood's list of camera-to-world matrices, one a frame.
 """
 
 from __future__ import annotations
@@ -85,7 +86,8 @@ def clip_name(path: Path) -> str:
 
 
 def clip_folders(path: Path) -> Iterator[Path]:
-    """The clip's folder, then the folders in which a tree of annotations beside the data would keep this clip."""
+    """The clip's folder, then the folders in which a tree of annotations beside the data would keep this
+    clip."""
     yield path
     parts = path.resolve().parts
     at = next((k for k, p in enumerate(parts) if _CAMERA.fullmatch(p)), None)
@@ -97,7 +99,8 @@ def clip_folders(path: Path) -> Iterator[Path]:
 
 
 def read_redwood_log(path: Path) -> Array:
-    """T_world_cam (n, 4, 4) of a Redwood log: for each camera a line of three numbers and the four rows of its matrix."""
+    """T_world_cam (n, 4, 4) of a Redwood log: for each camera a line of three numbers and the four rows of
+    its matrix."""
     lines = files.read_lines(path)
     rows = []
     for at in range(0, len(lines), 5):

@@ -1,9 +1,11 @@
-"""iTACO's recordings: rendered views of PartNet-Mobility objects, and real ones of a phone with depth made finer.
+"""iTACO's recordings: rendered views of PartNet-Mobility objects, and real ones of a phone with depth made
+finer.
 
-After the project's own loader (data.py). Rendered, view_<k>/: rgb/%06d.jpg, depth/%06d.npz with `a` (H, W) float m along the view,
-intrinsics.npy K (3, 3), camera_pose.npy (n, 7) = position and quaternion w x y z of the camera in SAPIEN's axes (x forward, y left, z up)
-in a z-up world. Real: rgb/<i>.jpg and metadata.json as Record3D exports them (K column by column at w x h, poses qx qy qz qw tx ty tz in
-ARKit's axes), prompt_depth_video/<i>.npy (H, W) float m. Neither tells times beside the export's.
+After the project's own loader (data.py). Rendered, view_<k>/: rgb/%06d.jpg, depth/%06d.npz with `a` (H, W)
+float m along the view, intrinsics.npy K (3, 3), camera_pose.npy (n, 7) = position and quaternion w x y z of
+the camera in SAPIEN's axes (x forward, y left, z up) in a z-up world. Real: rgb/<i>.jpg and metadata.json as
+Record3D exports them (K column by column at w x h, poses qx qy qz qw tx ty tz in ARKit's axes),
+prompt_depth_video/<i>.npy (H, W) float m. Neither tells times beside the export's.
 """
 
 from __future__ import annotations

@@ -139,7 +139,8 @@ def _intrinsics(path: Path, name: str) -> Intrinsics:
 
 
 class VideoFacts(NamedTuple):
-    """What Open3D's video readers note beside the intrinsics: depth counts a metre, frames a second (None: unknown)."""
+    """What Open3D's video readers note beside the intrinsics: depth counts a metre, frames a second (None:
+    unknown)."""
 
     depth_per_metre: float
     fps: float | None

@@ -1,7 +1,7 @@
 """NumPy's files .npy and .npz, without pickle and without taking what their headers promise.
 
-An array is read only when its header tells numbers, and no more of them than there may be, so that neither a hostile header nor a
-zip bomb makes memory disappear. The layout of .npy is NumPy's NEP 1.
+An array is read only when its header tells numbers, and no more of them than there may be, so that neither a
+hostile header nor a zip bomb makes memory disappear. The layout of .npy is NumPy's NEP 1.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ _GARBLED = (
 
 
 def read_npy(path: Path, most: int = MAX_BYTES) -> NDArray[Any]:
-    """The array of a .npy file, of at most `most` bytes. Raises InputError for objects (pickle), other files and truncated ones."""
+    """The array of a .npy file, of at most `most` bytes. Raises InputError for objects (pickle), other files
+    and truncated ones."""
     try:
         with path.open("rb") as stream:
             return _array(stream, shown(path), most)
@@ -39,7 +40,8 @@ def read_npy(path: Path, most: int = MAX_BYTES) -> NDArray[Any]:
 
 
 def read_npz(path: Path, key: str, most: int = MAX_BYTES) -> NDArray[Any]:
-    """The array `key` of a .npz file, of at most `most` bytes. Raises InputError as `read_npy`, and when there is none."""
+    """The array `key` of a .npz file, of at most `most` bytes. Raises InputError as `read_npy`, and when
+    there is none."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()

@@ -1,9 +1,10 @@
-"""Polycam's raw data: keyframes/ with an image, a camera, depth and confidence for each key frame, named by its time.
+"""Polycam's raw data: keyframes/ with an image, a camera, depth and confidence for each key frame, named by
+its time.
 
-The layout is that of the app's own description (github.com/PolyCam/polyform): names are microseconds; camera files hold fx,
-fy, cx, cy at width x height and the rows t_00 .. t_23 of the pose, camera to world with ARKit's axes; depth is in mm,
-confidence 0, 127 or 255. Images and cameras come as recorded and, where the app could, corrected: undistorted and with
-optimised poses.
+The layout is that of the app's own description (github.com/PolyCam/polyform): names are microseconds; camera
+files hold fx, fy, cx, cy at width x height and the rows t_00 .. t_23 of the pose, camera to world with
+ARKit's axes; depth is in mm, confidence 0, 127 or 255. Images and cameras come as recorded and, where the app
+could, corrected: undistorted and with optimised poses.
 """
 
 from __future__ import annotations
@@ -92,7 +93,8 @@ def _folder(path: Path) -> Path:
 
 
 def _chosen(folder: Path) -> tuple[dict[int, Path], dict[int, Path], tuple[str, str]]:
-    """Images and cameras by time, both of the same set: a pose that was optimised does not go with one that was not."""
+    """Images and cameras by time, both of the same set: a pose that was optimised does not go with one that
+    was not."""
     for names in _SETS:
         images = arkit.numbered(folder / names[0], files.COLOR_SUFFIXES)
         cameras = arkit.numbered(folder / names[1], (".json",))

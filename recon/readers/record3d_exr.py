@@ -1,7 +1,8 @@
-"""Record3D's export as EXR and RGB: metadata.json, rgb/<i>.jpg or .png, depth/<i>.exr of one half-float channel in metres.
+"""Record3D's export as EXR and RGB: metadata.json, rgb/<i>.jpg or .png, depth/<i>.exr of one half-float
+channel in metres.
 
-metadata.json means what it does in a .r3d file (record3d.py). Numbers may have gaps where the app dropped a picture;
-metadata.json keeps the pose and the time of every number.
+metadata.json means what it does in a .r3d file (record3d.py). Numbers may have gaps where the app dropped a
+picture; metadata.json keeps the pose and the time of every number.
 """
 
 from __future__ import annotations
@@ -135,7 +136,8 @@ def _depth_reader(depth: Sequence[Path], size: tuple[int, int]) -> ReadDepth:
 
 
 def exr_size(path: Path) -> tuple[int, int]:
-    """(width, height) of an EXR image, from its header. Raises InputError when it is none, or too large for a depth camera's."""
+    """(width, height) of an EXR image, from its header. Raises InputError when it is none, or too large for a
+    depth camera's."""
     header = _opened(path, header_only=True).header
     try:
         low, high = (np.asarray(corner, dtype=np.int64) for corner in header["dataWindow"])

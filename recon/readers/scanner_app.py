@@ -1,8 +1,9 @@
-"""3D Scanner App's "All Data" export: frame_<i>.json for each frame, depth_<i>.png, conf_<i>.png, and frame_<i>.jpg for some.
+"""3D Scanner App's "All Data" export: frame_<i>.json for each frame, depth_<i>.png, conf_<i>.png, and
+frame_<i>.jpg for some.
 
-The app writes no specification; the layout is the one its users' readers agree on: json with `time` (s), `intrinsics` (9
-numbers, row by row, at the size of the JPEGs) and `cameraPoseARFrame` (16 numbers, row by row, camera to world with ARKit's
-axes); depth in mm. Only about every sixth frame has a JPEG.
+The app writes no specification; the layout is the one its users' readers agree on: json with `time` (s),
+`intrinsics` (9 numbers, row by row, at the size of the JPEGs) and `cameraPoseARFrame` (16 numbers, row by
+row, camera to world with ARKit's axes); depth in mm. Only about every sixth frame has a JPEG.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """ScanNet's .sens: one file of compressed colour and depth with two cameras and a pose a frame.
 
-After ScanNet's own reader (SensReader/src/sensorData.h): little-endian; uint32 version 4; uint64 length and the sensor's name; four
-row-major float32 4x4: K and E of colour, K and E of depth; int32 compression of colour and of depth; uint32 colour width and height,
-depth width and height; float32 depth values in a metre; uint64 frames; then each frame: float32 4x4 T_world_cam of the DEPTH camera
-(-inf where tracking was lost), uint64 times of colour and depth in microseconds, uint64 sizes of colour and depth, their bytes. E takes
+After ScanNet's own reader (SensReader/src/sensorData.h): little-endian; uint32 version 4; uint64 length and
+the sensor's name; four row-major float32 4x4: K and E of colour, K and E of depth; int32 compression of
+colour and of depth; uint32 colour width and height, depth width and height; float32 depth values in a metre;
+uint64 frames; then each frame: float32 4x4 T_world_cam of the DEPTH camera (-inf where tracking was lost),
+uint64 times of colour and depth in microseconds, uint64 sizes of colour and depth, their bytes. E takes
 points of its camera to the frame that both share, in general colour's.
 """
 
@@ -179,7 +180,8 @@ class _Sens:
         return color, depth, ()
 
     def poses(self, times: Array) -> tuple[Array, Array] | None:
-        """Times (k,) s and T_world_cam (k, 4, 4) of the colour camera where there is one; None without any, or all the same."""
+        """Times (k,) s and T_world_cam (k, 4, 4) of the colour camera where there is one; None without any,
+        or all the same."""
         found = np.isfinite(self.T).all(axis=(1, 2)) & self.T.any(axis=(1, 2))
         if not found.any() or np.array_equal(self.T[found], np.broadcast_to(np.eye(4), self.T[found].shape)):
             return None

@@ -1,4 +1,5 @@
-"""What a reader returns: two streams of pictures, each with its camera and clock, before they become one recording."""
+"""What a reader returns: two streams of pictures, each with its camera and clock, before they become one
+recording."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ class Streams:
         color_times: (n,) s, increasing.
         depth_times: (m,) s on the same clock, increasing.
         read_color: index into `color_times` -> (H, W, 3) uint8 RGB as stored, of the size of `rig.color`.
-        read_depth: index into `depth_times` -> (h, w) float32 m as stored, 0 = unknown, of the size of `rig.depth`.
+        read_depth: index into `depth_times` -> (h, w) float32 m as stored, 0 = unknown, of the size of
+            `rig.depth`.
         rig: both cameras.
         fingerprint: of all that the recording depends on.
         poses: times (k,) s and T_world_cam (k, 4, 4) of the colour camera with OpenCV's axes, in any order.
@@ -35,8 +37,8 @@ class Streams:
         gravity: unit vector (3,) that points down in the first colour picture's axes.
         tolerance: s between a colour and a depth picture of one frame; None: half a frame.
         longest: px, the longer side that pictures are scaled down to; None: as they are.
-        own_cameras: fx, fy, cx, cy (n, 4) of each colour picture, where a lens that moves makes them others than those of `rig`;
-            depth is then seen through the same lens.
+        own_cameras: fx, fy, cx, cy (n, 4) of each colour picture, where a lens that moves makes them others
+            than those of `rig`; depth is then seen through the same lens.
     """
 
     name: str
@@ -60,8 +62,9 @@ class Streams:
 def recording_of(streams: Streams) -> Recording:
     """Bring two streams onto one pixel grid and one clock, that of colour.
 
-    Colour is undistorted and scaled down to `longest`; depth is brought into that camera behind a z-buffer. A frame is a colour
-    picture and the nearest depth picture within the tolerance. Raises InputError when the clocks don't meet.
+    Colour is undistorted and scaled down to `longest`; depth is brought into that camera behind a z-buffer. A
+    frame is a colour picture and the nearest depth picture within the tolerance. Raises InputError when the
+    clocks don't meet.
     """
     color, depth, lost = _frames(streams)
     times = streams.color_times[color]
@@ -92,7 +95,8 @@ def recording_of(streams: Streams) -> Recording:
 
 
 def associate(first: Array, second: Array, tolerance: float) -> NDArray[np.int64]:
-    """Pairs (n, 2) of indices into two sorted lists of times (s), nearest pairs first, each time used at most once.
+    """Pairs (n, 2) of indices into two sorted lists of times (s), nearest pairs first, each time used at most
+    once.
 
     Pairs are further apart than `tolerance` nowhere, and come in the order of `first`.
     """
@@ -165,7 +169,8 @@ def _require_increasing(source: str, name: str, times: Array) -> None:
 
 
 def _on_one_grid(streams: Streams) -> tuple[ReadColor, ReadDepth, Intrinsics]:
-    """Readers of both pictures on the recording's pixel grid, by their own indices, and that grid's camera."""
+    """Readers of both pictures on the recording's pixel grid, by their own indices, and that grid's
+    camera."""
     rig = streams.rig
     native, seen = rig.color.camera, rig.depth.camera
     scale = 1.0 if streams.longest is None else min(1.0, streams.longest / max(native.width, native.height))

@@ -1,7 +1,7 @@
 """TUM RGB-D recordings: rgb.txt and depth.txt list stamped images, groundtruth.txt the camera's poses.
 
-The layout, the depth factor of 5000, and the cameras' intrinsics are those that the Technical University of Munich
-publishes with its RGB-D benchmark (Sturm et al., IROS 2012).
+The layout, the depth factor of 5000, and the cameras' intrinsics are those that the Technical University of
+Munich publishes with its RGB-D benchmark (Sturm et al., IROS 2012).
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from twin.geometry import Array
 DEPTH_PER_METRE = 5000.0
 MAX_TIME_DIFFERENCE = 0.02  # s, the benchmark's own tool associates with it
 
-# Colour and depth are registered to each other by the driver; for the first two cameras the benchmark's authors
-# recommend the driver's default (their lens is not corrected), the third one's images are published undistorted.
+# Colour and depth are registered to each other by the driver; for the first two cameras the benchmark's
+# authors recommend the driver's default (their lens is not corrected), the third one's images are published
+# undistorted.
 PUBLISHED_INTRINSICS = {
     "freiburg1": Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5),
     "freiburg2": Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5),
@@ -34,7 +35,8 @@ PUBLISHED_INTRINSICS = {
 
 @dataclass(frozen=True)
 class TumReader:
-    """Reads a folder of the TUM RGB-D benchmark; intrinsic.json beside the lists goes before the published values."""
+    """Reads a folder of the TUM RGB-D benchmark; intrinsic.json beside the lists goes before the published
+    values."""
 
     layout: str = "a TUM RGB-D folder with rgb.txt and depth.txt"
 

@@ -1,7 +1,8 @@
-"""Poses that are told for a picture held another way: by which quarter turn do they move the pictures as these really move?
+"""Poses that are told for a picture held another way: by which quarter turn do they move the pictures as
+these really move?
 
-Record3D stored portrait pictures up to 1.10 and stores landscape ones since 1.10.1, whose poses may still be those of the portrait
-picture. No version is written into the file, so the pictures decide.
+Record3D stored portrait pictures up to 1.10 and stores landscape ones since 1.10.1, whose poses may still be
+those of the portrait picture. No version is written into the file, so the pictures decide.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from twin.geometry import Array, exp_so3, invert_pose, make_pose, rotation_angle
 
 # s between the two pictures of a pair, and how many pairs are looked at
 _GAP, _PAIRS = 0.3, 6
-# rad by which the view of something a metre away moves in a pair, chosen by us: less moves the picture hardly farther than noise
-# does, after more the two share too little
+# rad by which the view of something a metre away moves in a pair, chosen by us: less moves the picture hardly
+# farther than noise does, after more the two share too little
 _LEAST, _MOST = np.radians(1.5), np.radians(15.0)
 _CORNERS, _APART, _BACK = (
     300,
@@ -32,7 +33,8 @@ _CLEAR = 0.5
 
 
 def with_turned_poses(streams: Streams) -> Streams:
-    """The same with poses of the pictures as they are stored: landscape ones of Record3D 1.10.1 and newer may have those of portrait."""
+    """The same with poses of the pictures as they are stored: landscape ones of Record3D 1.10.1 and newer may
+    have those of portrait."""
     camera = streams.rig.color.camera
     if streams.poses is None or camera.width <= camera.height:
         return streams
@@ -55,8 +57,8 @@ def with_turned_poses(streams: Streams) -> Streams:
 def quarter_turn(
     times: Array, T_world_cam: Array, camera: Intrinsics, frame: Callable[[int], Frame]
 ) -> int | None:
-    """Quarter turns about the optical axis, 0 to 3, after which poses (n, 4, 4) of frames at `times` (n,) s move the pictures as
-    these move; None where the camera moves too little to tell."""
+    """Quarter turns about the optical axis, 0 to 3, after which poses (n, 4, 4) of frames at `times` (n,) s
+    move the pictures as these move; None where the camera moves too little to tell."""
     turns = [make_pose(exp_so3([0.0, 0.0, k * np.pi / 2])) for k in range(4)]
     off: list[list[Array]] = [[], [], [], []]
     for i, j in _pairs(times, T_world_cam):

@@ -1,7 +1,8 @@
 """Recordings that are recognised but not read: what each is, and what to do with it today.
 
-`UNREAD` is the one table. A file is known by its first bytes, so that a renamed one is known as well, and by its name only
-where its format has no signature or its bytes are not those of its name; a folder is known by the files in it.
+`UNREAD` is the one table. A file is known by its first bytes, so that a renamed one is known as well, and by
+its name only where its format has no signature or its bytes are not those of its name; a folder is known by
+the files in it.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ COLOUR_ALONE = (
 class Unread:
     """One format: what it is, what to do today, and how it is known.
 
-    `{path}` in `remedy` is replaced by the path as a shell takes it. has: whether a path holds it, by content; None where only
-    the name tells. suffixes: names that files of this format have.
+    `{path}` in `remedy` is replaced by the path as a shell takes it. has: whether a path holds it, by
+    content; None where only the name tells. suffixes: names that files of this format have.
     """
 
     what: str
@@ -160,7 +161,8 @@ def refuse_named(path: Path) -> None:
 
 
 def refuse_unread(path: Path) -> None:
-    """Raise InputError that tells what the path is and what to do, when it is one of `UNREAD`, or named like what is read.
+    """Raise InputError that tells what the path is and what to do, when it is one of `UNREAD`, or named like
+    what is read.
 
     A folder with intrinsic.json is one that was converted.
     """
@@ -191,7 +193,8 @@ def _kind(path: Path) -> Unread | None:
 
 
 def refuse_unread_inside(folder: Path) -> None:
-    """Raise InputError when a folder that no reader knows holds a file or a folder that is one of `UNREAD`."""
+    """Raise InputError when a folder that no reader knows holds a file or a folder that is one of
+    `UNREAD`."""
     inside = sorted(folder.iterdir())[:LOOKED_AT] if folder.is_dir() else []
     for path in inside:
         kind = _kind(path)
@@ -200,7 +203,8 @@ def refuse_unread_inside(folder: Path) -> None:
 
 
 def refuse_colour_alone(folder: Path) -> None:
-    """Raise InputError when most files of a folder and of the folders in it are pictures, and none is depth by its name or kind."""
+    """Raise InputError when most files of a folder and of the folders in it are pictures, and none is depth
+    by its name or kind."""
     if not folder.is_dir():
         return
     inside = sorted(folder.iterdir())[:LOOKED_AT]

@@ -62,7 +62,8 @@ class Intrinsics:
         return np.array([self.fx, self.fy, self.cx, self.cy])
 
     def binned(self, factor: int) -> Intrinsics:
-        """The camera whose pixels are blocks of `factor` x `factor`; what fills no block at the right and below is cut off."""
+        """The camera whose pixels are blocks of `factor` x `factor`; what fills no block at the right and
+        below is cut off."""
         cx, cy = ((c + 0.5) / factor - 0.5 for c in (self.cx, self.cy))
         return Intrinsics(
             self.width // factor, self.height // factor, self.fx / factor, self.fy / factor, cx, cy
@@ -88,7 +89,8 @@ class Intrinsics:
 
 
 class Frame(NamedTuple):
-    """One frame: colour (H, W, 3) uint8 RGB and depth (H, W) float32 in metres, 0 = unknown, on one pixel grid."""
+    """One frame: colour (H, W, 3) uint8 RGB and depth (H, W) float32 in metres, 0 = unknown, on one pixel
+    grid."""
 
     color: NDArray[np.uint8]
     depth: NDArray[np.float32]
@@ -98,11 +100,13 @@ class Frame(NamedTuple):
 class Recording:
     """An RGB-D recording whose frames are read when asked for.
 
-    `recording[i]` is a frame (negative from the end), `recording[a:b:c]` a recording of these frames, and a loop goes over
-    all frames. `color(i)` and `depth(i)` decode one of a frame's two images, `frame(i)` both; nothing is kept. Readers hand in
-    `read_color` and `read_depth`, whose images are aligned on the grid of `intrinsics`. times (N,) s strictly increase. poses: known camera poses, used only when asked. gravity_camera0: unit vector (3,) that points
-    down, in the first camera's axes, when the device knew it. path: where the recording lies, None for one in memory;
-    opened_with: what `recon.open_recording` was told beside it.
+    `recording[i]` is a frame (negative from the end), `recording[a:b:c]` a recording of these frames, and a
+    loop goes over all frames. `color(i)` and `depth(i)` decode one of a frame's two images, `frame(i)` both;
+    nothing is kept. Readers hand in `read_color` and `read_depth`, whose images are aligned on the grid of
+    `intrinsics`. times (N,) s strictly increase. poses: known camera poses, used only when asked.
+    gravity_camera0: unit vector (3,) that points down, in the first camera's axes, when the device knew it.
+    path: where the recording lies, None for one in memory; opened_with: what `recon.open_recording` was told
+    beside it.
     """
 
     name: str
@@ -153,9 +157,10 @@ class Recording:
         """A recording from arrays in memory, which are neither copied nor changed.
 
         Args:
-            color: (T, H, W, 3) uint8 RGB, or anything with a length whose items are such images (a list, a memory map).
-            depth: (T, H, W), on the same pixel grid. Floats are metres, whole numbers need `depth_scale`. 0, NaN and
-                infinity mean unknown.
+            color: (T, H, W, 3) uint8 RGB, or anything with a length whose items are such images (a list, a
+                memory map).
+            depth: (T, H, W), on the same pixel grid. Floats are metres, whole numbers need `depth_scale`. 0,
+                NaN and infinity mean unknown.
             intrinsics: `Intrinsics` of these images, or K (3, 3) in pixels.
             times: (T,) s, strictly increasing; or fps: frames a second.
             depth_scale: depth values in a metre, as Open3D counts: 1000 for millimetres, 5000 for TUM RGB-D.
@@ -184,7 +189,8 @@ class Recording:
     def __getitem__(self, index: SupportsIndex | slice) -> Frame | Recording:
         """A frame, or a recording of the frames of a slice, which reads from this one.
 
-        Raises InputError for a frame that does not exist, and for a slice that goes backwards or holds too few frames.
+        Raises InputError for a frame that does not exist, and for a slice that goes backwards or holds too
+        few frames.
         """
         if isinstance(index, slice):
             from recon.recording.part import part_of
@@ -197,8 +203,8 @@ class Recording:
         """The same recording, for depth that lags `delay` behind colour (is ahead of it: negative).
 
         Args:
-            delay: whole frames, or a time such as "66ms"; `recon.inspect` tells it. Each frame gets the depth of the frame
-                that is so much later, and frames without one are left out.
+            delay: whole frames, or a time such as "66ms"; `recon.inspect` tells it. Each frame gets the depth
+                of the frame that is so much later, and frames without one are left out.
 
         Raises InputError for another delay, and where too few frames are left.
         """

@@ -18,9 +18,9 @@ _MILLIMETRE = np.float32(1000.0)
 def kept(recording: Recording, most_bytes: int = MOST_BYTES) -> Recording:
     """The same recording, whose depth is decoded once as long as it fits into so many bytes.
 
-    Depth alone, since it is asked for more often than colour and takes longer to decode. Stages go through the recording from its start
-    to its end: those frames that come first are kept, for the last ones would be gone whenever they are asked for again. Who gets a
-    frame gets a copy.
+    Depth alone, since it is asked for more often than colour and takes longer to decode. Stages go through
+    the recording from its start to its end: those frames that come first are kept, for the last ones would be
+    gone whenever they are asked for again. Who gets a frame gets a copy.
     """
     return replace(recording, read_depth=_remembering(recording.read_depth, most_bytes))
 
@@ -42,7 +42,8 @@ def _remembering(read: ReadDepth, most_bytes: int) -> ReadDepth:
 
 
 def _packed(image: NDArray[np.float32]) -> NDArray[np.uint16] | NDArray[np.float32]:
-    """A copy in half the bytes where depth (h, w) m is in whole millimetres, as most files hold it; else as it is."""
+    """A copy in half the bytes where depth (h, w) m is in whole millimetres, as most files hold it; else as
+    it is."""
     whole = np.rint(image * _MILLIMETRE)
     if whole.min() >= 0 and whole.max() < 2**16:
         small = whole.astype(np.uint16)

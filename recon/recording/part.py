@@ -16,9 +16,11 @@ from twin.scene import Trajectory
 
 
 def part_of(recording: Recording, index: slice) -> Recording:
-    """A recording of the frames of a slice, read from `recording` when asked for. Its first frame is the new frame 0.
+    """A recording of the frames of a slice, read from `recording` when asked for. Its first frame is the new
+    frame 0.
 
-    Known poses and gravity come along; gravity is turned into the new first camera by the poses, and dropped without them.
+    Known poses and gravity come along; gravity is turned into the new first camera by the poses, and dropped
+    without them.
     """
     kept = np.arange(len(recording))[index]
     if index.step is not None and index.step < 0:

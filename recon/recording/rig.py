@@ -18,8 +18,8 @@ DISTORTION_COUNTS = (0, 4, 5, 8, 12, 14)
 class Lens:
     """A camera as its pictures are stored.
 
-    camera: pinhole part, pixel centres at integers. distortion: OpenCV's coefficients in its order k1 k2 p1 p2 [k3 [k4 k5 k6
-    [s1 s2 s3 s4 [tx ty]]]], empty for none.
+    camera: pinhole part, pixel centres at integers. distortion: OpenCV's coefficients in its order k1 k2 p1
+    p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]], empty for none.
     """
 
     camera: Intrinsics
@@ -46,8 +46,8 @@ class Lens:
 class Rig:
     """A colour and a depth camera.
 
-    T_color_depth (4, 4): takes points of the depth camera to the colour camera, m. along_ray: depth is the distance along
-    each pixel's ray instead of along the view.
+    T_color_depth (4, 4): takes points of the depth camera to the colour camera, m. along_ray: depth is the
+    distance along each pixel's ray instead of along the view.
     """
 
     color: Lens

@@ -1,6 +1,8 @@
-"""The user's word on a recording: where a moving part is seen, when it moves, by which type of joint, and which way is up.
+"""The user's word on a recording: where a moving part is seen, when it moves, by which type of joint, and
+which way is up.
 
-It takes the place of what the stages would choose themselves. It proves nothing: verdicts are given as without it.
+It takes the place of what the stages would choose themselves. It proves nothing: verdicts are given as
+without it.
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ Up = Literal["+x", "-x", "+y", "-y", "+z", "-z"] | tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Word:
-    """What is said of one part. point: x, y px of the colour picture and a frame that show it. interval: first and last frame in
-    which it moves."""
+    """What is said of one part. point: x, y px of the colour picture and a frame that show it. interval:
+    first and last frame in which it moves."""
 
     point: tuple[int, int, int] | None = None
     interval: tuple[int, int] | None = None
@@ -38,9 +40,11 @@ class Word:
 
 @dataclass(frozen=True)
 class Said(Settings):
-    """The user's word, which takes the place of what the stages would choose; as --at, --interval, --type and --up give it.
+    """The user's word, which takes the place of what the stages would choose; as --at, --interval, --type and
+    --up give it.
 
-    With points or intervals exactly these parts are looked for, one for each; where both are given they belong together in order.
+    With points or intervals exactly these parts are looked for, one for each; where both are given they
+    belong together in order.
     """
 
     at: tuple[tuple[int, int, int], ...] = setting(
@@ -101,7 +105,8 @@ def up_direction(up: Up) -> Array:
 
 
 def require_said(said: Said, recording: Recording) -> None:
-    """Raises InputError for a frame or pixel that the recording doesn't have, and for a pixel without depth."""
+    """Raises InputError for a frame or pixel that the recording doesn't have, and for a pixel without
+    depth."""
     last, camera = len(recording) - 1, recording.intrinsics
     for interval in said.intervals:
         if interval[1] > last:

@@ -22,7 +22,8 @@ from twin.runs.loop import Loop, untold
 
 Layout = Literal["native", "tum"]
 MILLIMETRES = 1000.0  # counts a metre of the native layout without `depth_scale`
-# Counts a metre for depth between whole mm, the finest whose range holds the recording: to 6.5, 13.1, 32.7 and 65.5 m.
+# Counts a metre for depth between whole mm, the finest whose range holds the recording: to 6.5, 13.1, 32.7
+# and 65.5 m.
 FINER = (10000.0, 5000.0, 2000.0, MILLIMETRES)
 TUM_PER_METRE = 5000.0  # the layout's own
 MAX_COUNT = 65535
@@ -48,12 +49,14 @@ def write_recording(
 ) -> Written:
     """Write a recording into a new folder, which stands there at the end, whole, or not at all.
 
-    Colour becomes PNG, as it is. Depth becomes 16-bit PNG: in the native layout in mm where all of it is whole mm, else with more counts a
-    metre (`depth_scale` in intrinsic.json; rounded by 0.05 mm at most to 6.5 m); 5000 a metre in TUM's. Frames without any depth, which the
-    layouts do not allow, and depth that 16 bits don't hold are left out with a warning, beside those of the recording.
+    Colour becomes PNG, as it is. Depth becomes 16-bit PNG: in the native layout in mm where all of it is
+    whole mm, else with more counts a metre (`depth_scale` in intrinsic.json; rounded by 0.05 mm at most to
+    6.5 m); 5000 a metre in TUM's. Frames without any depth, which the layouts do not allow, and depth that 16
+    bits don't hold are left out with a warning, beside those of the recording.
 
     Raises:
-        InputError: `out` holds files or can't be written, the layout is unknown, or too few frames have depth.
+        InputError: `out` holds files or can't be written, the layout is unknown, or too few frames have
+            depth.
     """
     if layout not in get_args(Layout):
         raise InputError(f"unknown layout {layout!r}", f"write {' or '.join(get_args(Layout))}")
@@ -90,7 +93,8 @@ def _whole(out: Path) -> Iterator[Path]:
 
 @dataclass
 class _Depth:
-    """Writes depth images; the counts a metre are found on the way, and what was written before is written again."""
+    """Writes depth images; the counts a metre are found on the way, and what was written before is written
+    again."""
 
     recording: Recording
     folder: Path

@@ -1,8 +1,10 @@
-"""Doors, lids and drawer fronts are boards: two flat faces that are parallel and as far apart as wood is thick.
+"""Doors, lids and drawer fronts are boards: two flat faces that are parallel and as far apart as wood is
+thick.
 
-A surfel holds the joint only as long as it is in view. A door that opens by more than a right angle shows its front before and its inside
-after, and what ties the two together is the few frames between, in some of which it is seen edge-on: a step in the state there fits all
-depth equally well, and depth that is biased at outlines turns the axis by what it likes. But the step tilts one face against the other.
+A surfel holds the joint only as long as it is in view. A door that opens by more than a right angle shows its
+front before and its inside after, and what ties the two together is the few frames between, in some of which
+it is seen edge-on: a step in the state there fits all depth equally well, and depth that is biased at
+outlines turns the axis by what it likes. But the step tilts one face against the other.
 """
 
 from __future__ import annotations
@@ -20,21 +22,22 @@ from twin.geometry import Array
 from twin.robust import geman_mcclure
 from twin.scene import Joint, Revolute
 
-# Chosen by us: a face is at least this many surfels, this flat (m, robust RMS, or what depth's own scatter leaves) and this long (m);
-# normals within MAX_TURN of opposite belong to it, by median within MAX_SPREAD (a round body's are not), and faces that are further from
-# parallel than MAX_TILT are no board's.
+# Chosen by us: a face is at least this many surfels, this flat (m, robust RMS, or what depth's own scatter
+# leaves) and this long (m); normals within MAX_TURN of opposite belong to it, by median within MAX_SPREAD (a
+# round body's are not), and faces that are further from parallel than MAX_TILT are no board's.
 MIN_SURFELS, MAX_RMS, MIN_LENGTH = 40, 0.006, 0.10
 MAX_TURN, MAX_TILT, MAX_SPREAD = np.radians(25.0), np.radians(12.0), np.radians(10.0)
 
-# What is known of hinged boards, chosen by us, m: middle, standard deviation and limits. Lids of laptops are 6 mm thick, doors of furniture
-# 12 to 40, with frames and seals up to 80.
+# What is known of hinged boards, chosen by us, m: middle, standard deviation and limits. Lids of laptops are
+# 6 mm thick, doors of furniture 12 to 40, with frames and seals up to 80.
 _APART = (0.025, 0.015, 0.005, 0.080)
 _HINGE = (0.0, 0.025, -0.060, 0.060)  # of the face above the hinge
-# Its outer edge is found as exactly as this, and as a pixel's footprint on it; what ends further off is another edge.
+# Its outer edge is found as exactly as this, and as a pixel's footprint on it; what ends further off is
+# another edge.
 _EDGE, _COARSEST, _OTHER_EDGE, _SCATTER = 0.006, 0.02, 0.08, 2.0
-# The edge is told by so many pieces of its length, with so many points within that distance (m) of a face in each, of which that quantile is
-# the end; the strip along it is so wide (m) to both sides; so far beside it that share must have nothing before it, and the nearest of that
-# be in the picture.
+# The edge is told by so many pieces of its length, with so many points within that distance (m) of a face in
+# each, of which that quantile is the end; the strip along it is so wide (m) to both sides; so far beside it
+# that share must have nothing before it, and the nearest of that be in the picture.
 _PIECES, _FEWEST, _ON, _OUTER, _STRIP, _BESIDE, _SHOWN = 10, 8, 0.006, 0.98, 0.03, (0.02, 0.04, 0.06), 0.9
 _MANY, _SEVERAL = (
     4000,
@@ -42,16 +45,17 @@ _MANY, _SEVERAL = (
 )  # observations of a face, and of a frame's edge, that tell a mean as well as all do
 
 InPart = Iterable[tuple[int, Array, Array]]
-# Of a frame, points (n, 3) of the part and a normal (3,): which points are in the picture, which have something before them, and the footprint
-# (m) of a pixel on that plane.
+# Of a frame, points (n, 3) of the part and a normal (3,): which points are in the picture, which have
+# something before them, and the footprint (m) of a pixel on that plane.
 Pixels = Callable[[int, Array, Array], tuple[NDArray[np.bool_], NDArray[np.bool_], float]]
 
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """The surfels (K,) of a face and of the opposite one, where that is seen; the unit normal (3,) that both share (the near face's; the far
-    one's is opposite) and their offsets along it; the direction (3,) from the axis to their outer edges, how flat they are (m, RMS) and from where to where
-    it reaches along the axis (m)."""
+    """The surfels (K,) of a face and of the opposite one, where that is seen; the unit normal (3,) that both
+    share (the near face's; the far one's is opposite) and their offsets along it; the direction (3,) from the
+    axis to their outer edges, how flat they are (m, RMS) and from where to where it reaches along the axis
+    (m)."""
 
     near: NDArray[np.bool_]
     far: NDArray[np.bool_] | None
@@ -63,7 +67,8 @@ class Board:
 
 
 def find_board(joint: Joint, points: Array, normals: Array, noise: DepthNoise) -> Board | None:
-    """The board that surfels (K, 3), in the part's frame, with their normals lie on; None when they are none."""
+    """The board that surfels (K, 3), in the part's frame, with their normals lie on; None when they are
+    none."""
     if not isinstance(joint, Revolute) or len(points) < MIN_SURFELS:
         return None
     flatness = max(MAX_RMS, float(noise.measured(1.0)))
@@ -115,7 +120,8 @@ def _face(
 
 
 def _mode(directions: Array) -> Array:
-    """Most frequent direction (2,) of those in a plane (n, 2), by a histogram of 5 degree bins over three neighbours."""
+    """Most frequent direction (2,) of those in a plane (n, 2), by a histogram of 5 degree bins over three
+    neighbours."""
     angle = np.arctan2(directions[:, 1], directions[:, 0])
     count, edges = np.histogram(angle, bins=72, range=(-np.pi, np.pi))
     smooth = count + np.roll(count, 1) + np.roll(count, -1)
@@ -128,7 +134,8 @@ def _mode(directions: Array) -> Array:
 
 
 def flat_face(points: Array, normal: Array, flatness: float) -> tuple[Array, NDArray[np.bool_]] | None:
-    """Unit normal (3,) of the plane that most points (n, 3) lie on and those that do; None when they form no long, flat face."""
+    """Unit normal (3,) of the plane that most points (n, 3) lie on and those that do; None when they form no
+    long, flat face."""
     offset = float(np.median(points @ normal))
     for scale in (5.0, 5.0, 2.5, 1.7, 1.0, 1.0, 1.0, 1.0):
         weight = geman_mcclure(((points @ normal - offset) / (scale * flatness)) ** 2, 1.0)
@@ -157,7 +164,8 @@ def _normal(faces: list[Array], weights: list[Array]) -> Array:
 def with_board(terms: Terms, board: Board, edges: Tie | None) -> Terms:
     """What surfels of a board see, with what is known of its faces.
 
-    With two of them it counts a second time, as distances to their planes, which are parallel: all that is seen of a face at one offset.
+    With two of them it counts a second time, as distances to their planes, which are parallel: all that is
+    seen of a face at one offset.
     """
     side = np.full(len(terms.normals), -1)
     side[board.near] = 0
@@ -203,7 +211,8 @@ def _some(terms: Terms) -> Terms:
 def edge_tie(
     board: Board, patches: InPart, state: Array, rests: NDArray[np.bool_], pixels: Pixels
 ) -> Tie | None:
-    """That the board ends at the same outer edge when it rests closed and when it rests open, None where that can't be told."""
+    """That the board ends at the same outer edge when it rests closed and when it rests open, None where that
+    can't be told."""
     groups: tuple[list[_Strip], list[_Strip]] = ([], [])
     middle = 0.5 * (state.min() + state.max())
     for k, x, q in patches:
@@ -234,8 +243,8 @@ def edge_tie(
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """What a frame shows along the board's outer edge: world points (n, 3) and how far out they are (n,); where it ends, and how exactly
-    that is known, m."""
+    """What a frame shows along the board's outer edge: world points (n, 3) and how far out they are (n,);
+    where it ends, and how exactly that is known, m."""
 
     frame: int
     q: Array
@@ -245,8 +254,9 @@ class _Strip:
 
 
 def _strip(board: Board, frame: int, x: Array, q: Array, pixels: Pixels) -> _Strip | None:
-    """The strip of points (n, 3), in the part's frame and the world's, that lie on a face; None where the edge may be out of the picture, behind
-    an arm or seen edge-on. It ends where most of its length does, of what nothing covers: below an arm the arm ends it."""
+    """The strip of points (n, 3), in the part's frame and the world's, that lie on a face; None where the
+    edge may be out of the picture, behind an arm or seen edge-on. It ends where most of its length does, of
+    what nothing covers: below an arm the arm ends it."""
     on = np.abs((x @ board.normal)[:, None] - board.offsets).min(axis=1) < max(2 * board.rms, _ON)
     low, high = board.along
     place = np.floor((x @ np.cross(board.normal, board.outward) - low) / (high - low) * _PIECES)

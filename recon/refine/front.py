@@ -1,7 +1,8 @@
 """Drawers slide along the normal of their front.
 
-A front without texture that comes straight out shows by its borders alone how far it goes aside: a tilted axis with states that are as much
-longer fits all depth of its plane equally well, and what leaks into its rim turns the axis by what it likes.
+A front without texture that comes straight out shows by its borders alone how far it goes aside: a tilted
+axis with states that are as much longer fits all depth of its plane equally well, and what leaks into its rim
+turns the axis by what it likes.
 """
 
 from __future__ import annotations
@@ -17,16 +18,17 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Prismatic
 
-# How far the axis that a slide starts from may be from the normal of its front: as told by depth alone, which is up to 20 deg off in the plain
-# fronts of eight open recordings, and by tracks, that know a front which is slanted on purpose. Chosen by us
+# How far the axis that a slide starts from may be from the normal of its front: as told by depth alone, which
+# is up to 20 deg off in the plain fronts of eight open recordings, and by tracks, that know a front which is
+# slanted on purpose. Chosen by us
 LEAN_OF_DEPTH, LEAN_OF_TRACKS = np.radians(25.0), np.radians(5.0)
 
 
 def find_front(
     start: Joint, points: Array, normals: Array, noise: DepthNoise, lean: float
 ) -> FrontTie | None:
-    """The front among surfels (K, 3) with their normals, in the part's frame: the flat face square to a slide's axis, by `lean` (rad) at most;
-    None without one."""
+    """The front among surfels (K, 3) with their normals, in the part's frame: the flat face square to a
+    slide's axis, by `lean` (rad) at most; None without one."""
     if not isinstance(start, Prismatic) or len(points) < MIN_SURFELS:
         return None
     cosine, least = normals @ start.axis, np.cos(lean + MAX_TURN)

@@ -1,4 +1,5 @@
-"""What refinement observes: scalar distances of surfels to depth images, and of tracked points to planes through them."""
+"""What refinement observes: scalar distances of surfels to depth images, and of tracked points to planes
+through them."""
 
 from __future__ import annotations
 
@@ -42,17 +43,19 @@ _MIN_VIEWS = 2
 
 @dataclass(frozen=True)
 class Drift:
-    """Slow error of the cameras as it shows at the part, one standard deviation in each direction: shift in m, angle in rad.
+    """Slow error of the cameras as it shows at the part, one standard deviation in each direction: shift in
+    m, angle in rad.
 
-    The defaults hold where the recording itself shows no larger drift (`recon.dense.noise`); 0.17 mm and 0.014 degrees were
-    measured on the recordings of benchmarks/reconstruct.md.
+    The defaults hold where the recording itself shows no larger drift (`recon.dense.noise`); 0.17 mm and
+    0.014 degrees were measured on the recordings of benchmarks/reconstruct.md.
     """
 
     shift: float = 2e-4
     angle: float = float(np.radians(0.015))
 
     def at_least(self, measured: float) -> Drift:
-        """With a shift that was measured (m) in place of a smaller one, and an angle that is as much larger."""
+        """With a shift that was measured (m) in place of a smaller one, and an angle that is as much
+        larger."""
         if not 0.0 < self.shift < measured:
             return self
         return Drift(measured, min(self.angle * measured / self.shift, np.pi))
@@ -84,7 +87,8 @@ def _part_points(views: Views, joint: Joint, state: Array, rows: NDArray[np.int6
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Points and normals (n, 3) of a part in the camera of every labelled frame: rows of its motion, points, normals."""
+    """Points and normals (n, 3) of a part in the camera of every labelled frame: rows of its motion, points,
+    normals."""
 
     index: list[int]
     points: list[Array]
@@ -94,8 +98,8 @@ class Patches:
 def part_patches(
     views: Views, labels: Mapping[int, NDArray[np.uint8]], part: MovingPart, also: int | None = None
 ) -> Patches:
-    """What the labelled frames show of a part, and of `also`, another label, a pixel away from its outline; neither joint nor states
-    matter."""
+    """What the labelled frames show of a part, and of `also`, another label, a pixel away from its outline;
+    neither joint nor states matter."""
     h, w = views.depth.shape[1:]
     v, u = np.mgrid[0:h, 0:w]
     pixels = np.stack([u, v], axis=-1).astype(float)
@@ -123,7 +127,8 @@ def build_surfels(
     state: Array,
     voxel: float = VOXEL,
 ) -> tuple[Array, Array]:
-    """Mean points and normals (K, 3) in the part frame per voxel and normal direction, seen in several frames."""
+    """Mean points and normals (K, 3) in the part frame per voxel and normal direction, seen in several
+    frames."""
     keys, points, normals, seen_in = [], [], [], []
     for k, at, facing in zip(patches.index, patches.points, patches.normals, strict=True):
         T = geo.invert_pose(joint.pose(float(state[k]))) @ views.T_world_cam[rows[k]]
@@ -205,8 +210,9 @@ def pixels_on(
     points: Array,
     normal: Array,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], float]:
-    """Whether points (n, 3) of the part are inside the picture of one of the part's frames, whether something is before them, and how long (m)
-    a pixel there is on a plane through them with a `normal` (3,), in the middle of them all."""
+    """Whether points (n, 3) of the part are inside the picture of one of the part's frames, whether something
+    is before them, and how long (m) a pixel there is on a plane through them with a `normal` (3,), in the
+    middle of them all."""
     T_cam_part = geo.invert_pose(views.T_world_cam[rows[frame]]) @ joint.pose(float(state[frame]))
     x = geo.transform(T_cam_part, points)
     cosine = np.abs(x @ (T_cam_part[:3, :3] @ normal)) / np.linalg.norm(x, axis=1)

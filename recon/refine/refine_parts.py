@@ -1,8 +1,10 @@
-"""Refine a joint and its states with every pixel of the part: surfels (point to plane) and tracks in one system.
+"""Refine a joint and its states with every pixel of the part: surfels (point to plane) and tracks in one
+system.
 
-Once labels tell the part from the hand, its surface says more than its tracks: a surfel's distance to the depth image
-fixes the state even where nothing can be tracked. Each surfel keeps a free offset along its normal and each track
-three free coordinates; these are eliminated exactly (Schur complement), so that only the joint and the states remain.
+Once labels tell the part from the hand, its surface says more than its tracks: a surfel's distance to the
+depth image fixes the state even where nothing can be tracked. Each surfel keeps a free offset along its
+normal and each track three free coordinates; these are eliminated exactly (Schur complement), so that only
+the joint and the states remain.
 
 FunREC, supplement 1.4, eq. 3: fits every pixel in place of relative poses.
 """
@@ -64,12 +66,13 @@ def refine_found(
     noise: DepthNoise,
     progress: Loop = untold,
 ) -> tuple[MovingPart, ...]:
-    """Labels with the joints found so far, then joints and states refined with every labelled pixel; what moves alike is one part."""
+    """Labels with the joints found so far, then joints and states refined with every labelled pixel; what
+    moves alike is one part."""
     parts = [p.part for p in found.parts]
     if not parts:
         return ()
-    # As often as the final ones: a door's far face is in few frames. More frames, or a finer grid, add time and no accuracy: on 24
-    # random recordings all joints were as near to the truth, with a third less time.
+    # As often as the final ones: a door's far face is in few frames. More frames, or a finer grid, add time
+    # and no accuracy: on 24 random recordings all joints were as near to the truth, with a third less time.
     coarser = max(round(_FIRST_GRID * WORKING_WIDTH), 32)
     first = replace(of_labels, every=max(of_labels.every, 4))
     labels = label_frames(recording, cameras, parts, first, noise, width=coarser, progress=progress)
@@ -84,7 +87,8 @@ def polish_parts(
     refined: Sequence[MovingPart],
     noise: DepthNoise,
 ) -> tuple[MovingPart, ...]:
-    """Refined once more with the final labels, which show what the first ones missed, by the last, tight gates."""
+    """Refined once more with the final labels, which show what the first ones missed, by the last, tight
+    gates."""
     tracks = tuple(replace(t, part=p) for t, p in zip(found.of(refined), refined, strict=True))
     return refine_parts(recording, cameras, labels, replace(found, parts=tracks), noise, GATES[-3:])
 

@@ -1,7 +1,8 @@
 """Rounds of association and least squares until the joint settles.
 
-Each round builds the surface anew from where the joint puts the frames, so the joint creeps along what the surface tells least: of a plain
-flap, the plane that halves its turn. By the plain rounds a pivot that is 6 cm off has 4 left after nine; so they are accelerated.
+Each round builds the surface anew from where the joint puts the frames, so the joint creeps along what the
+surface tells least: of a plain flap, the plane that halves its turn. By the plain rounds a pivot that is 6 cm
+off has 4 left after nine; so they are accelerated.
 """
 
 from __future__ import annotations
@@ -15,19 +16,22 @@ from recon.refine.terms import Terms
 from twin.geometry import Array
 from twin.joint import Joint
 
-# Chosen by us: rounds at most; the tilt (rad) and shift (m) of one that is none; and the metres that count as much as a radian.
+# Chosen by us: rounds at most; the tilt (rad) and shift (m) of one that is none; and the metres that count as
+# much as a radian.
 MOST_ROUNDS = 24
 _TILT, _SHIFT = np.radians(0.01), 1e-4
 _LEVER = 0.3
-_MEMORY = 2  # changes between steps that are combined: with more, what association draws anew each round is taken for slope
+# changes between steps that are combined: with more, what association draws anew each round is taken for
+# slope
+_MEMORY = 2
 _LONGEST = 10.0  # times the plain step, that a combined one is at most
 _LEFT = 10.0  # rounds: as far as the last step goes on in these is how wrong the joint may still be
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Joint and states (n,), the terms of the last round, and how far (2,) or (4,), rad and m, the joint would have moved on; zero when it
-    has settled."""
+    """Joint and states (n,), the terms of the last round, and how far (2,) or (4,), rad and m, the joint
+    would have moved on; zero when it has settled."""
 
     joint: Joint
     state: Array
@@ -62,8 +66,8 @@ def _scale(joint: Joint, frames: int) -> Array:
 
 
 class Mixing:
-    """Next points of an iteration x -> x + step(x) that creeps, from its last few steps (Anderson 1965, "Iterative procedures for nonlinear
-    integral equations")."""
+    """Next points of an iteration x -> x + step(x) that creeps, from its last few steps (Anderson 1965,
+    "Iterative procedures for nonlinear integral equations")."""
 
     def __init__(self) -> None:
         self._points: list[Array] = []

@@ -12,14 +12,16 @@ from twin.geometry import Array
 from twin.robust import chi2_scale, geman_mcclure, mad_sigma
 from twin.scene import Joint
 
-# Share of the range by which a part at rest may seem to move in a frame; chosen by us, ten times what good data leave.
+# Share of the range by which a part at rest may seem to move in a frame; chosen by us, ten times what good
+# data leave.
 _REST_SHARE = 0.002
 
 
 def step(
     joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms
 ) -> tuple[Joint, Array]:
-    """One robust Gauss-Newton step over the joint's tangent, all states, and a board's normal, which the next association finds anew."""
+    """One robust Gauss-Newton step over the joint's tangent, all states, and a board's normal, which the next
+    association finds anew."""
     value, jac = linearise(joint, state, terms)
     weight, _ = robust_weights(value, terms)
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
@@ -27,8 +29,9 @@ def step(
     h, g = add_board(h, g, joint, state, weight, terms)
     seen = np.diag(h)[d:] / max(float(np.diag(h)[d:].mean()), 1e-12)
     h, g = add_priors(h, g, d, state, start, rests)
-    # The zero of the states is free: their mean stays, each frame weighed by what it sees. The planes' normals are not eliminated and gain
-    # by turning all frames; where one frame is held that a hand hides, or where each counts alike, those that see little pay for it.
+    # The zero of the states is free: their mean stays, each frame weighed by what it sees. The planes'
+    # normals are not eliminated and gain by turning all frames; where one frame is held that a hand hides, or
+    # where each counts alike, those that see little pay for it.
     h[d:, d:] += float(np.diag(h)[d:].mean()) * np.outer(seen, seen)
     delta = -np.linalg.solve(h, g)
     return joint.plus(delta[: joint.dof]), state + delta[d:]
@@ -53,8 +56,8 @@ def robust_weights(value: Array, terms: Terms) -> tuple[Array, Array]:
 def add_priors(
     h: Array, g: Array, d: int, state: Array, start: Array, rests: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Where the data say little, ask for small second differences, and for states within a fifth of the range from where they started, so
-    that unseen frames at the ends don't run away."""
+    """Where the data say little, ask for small second differences, and for states within a fifth of the range
+    from where they started, so that unseen frames at the ends don't run away."""
     n = len(state)
     second = np.diff(state, 2)
     noise = mad_sigma(second)
@@ -83,7 +86,8 @@ def add_priors(
 
 @njit(cache=True, nogil=True)
 def reduced(term, frame, weight, value, jac, n_states):  # type: ignore[no-untyped-def]
-    """Normal equations of joint and states after eliminating every term's offset. Observations are sorted by term."""
+    """Normal equations of joint and states after eliminating every term's offset. Observations are sorted by
+    term."""
     d = jac.shape[1] - 1
     size = d + n_states
     h = np.zeros((size, size))

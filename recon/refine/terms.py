@@ -1,4 +1,5 @@
-"""What refinement observes, as numbers: distances of world points to planes in the part's frame, and what ties them together."""
+"""What refinement observes, as numbers: distances of world points to planes in the part's frame, and what
+ties them together."""
 
 from __future__ import annotations
 
@@ -27,9 +28,9 @@ class Terms:
 
 @dataclass(frozen=True, eq=False)
 class Tie:
-    """What the values of some observations (n,), times `share` (n,), add up to, less the height of the hinge over the board where it is
-    `of_hinge`: `middle` give or take `sigma`, and between `low` and `high`, m. across: whether they are heights over the board, which a tilt
-    of its normal changes."""
+    """What the values of some observations (n,), times `share` (n,), add up to, less the height of the hinge
+    over the board where it is `of_hinge`: `middle` give or take `sigma`, and between `low` and `high`, m.
+    across: whether they are heights over the board, which a tilt of its normal changes."""
 
     observed: Terms
     share: Array
@@ -43,8 +44,9 @@ class Tie:
 
 @dataclass(frozen=True, eq=False)
 class BoardTies:
-    """What is known of a hinged board (`recon.refine.board`): the terms (K,) that are of its faces, their normal (3,), their length along
-    the axis, m, and its ties. planes: number of the first of two further terms, a face each, whose normal is unknown."""
+    """What is known of a hinged board (`recon.refine.board`): the terms (K,) that are of its faces, their
+    normal (3,), their length along the axis, m, and its ties. planes: number of the first of two further
+    terms, a face each, whose normal is unknown."""
 
     of_faces: NDArray[np.bool_]
     normal: Array
@@ -60,7 +62,8 @@ class BoardTies:
 
 @dataclass(frozen=True, eq=False)
 class FrontTie:
-    """What is known of the front of what slides out (`recon.refine.front`): the terms (K,) that are of it, its normal (3,) and its size, m."""
+    """What is known of the front of what slides out (`recon.refine.front`): the terms (K,) that are of it,
+    its normal (3,) and its size, m."""
 
     of_faces: NDArray[np.bool_]
     normal: Array
@@ -82,9 +85,11 @@ def join(a: Terms, b: Terms) -> Terms:
 
 
 def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
-    """Values n.y (n,) and their derivatives (n, d + 1) by the unknowns that all share and by the frame's own state.
+    """Values n.y (n,) and their derivatives (n, d + 1) by the unknowns that all share and by the frame's own
+    state.
 
-    y = T(s)^-1 q is the observed point in the part frame. All share the joint's tangent, and a board's tilts where its planes are terms.
+    y = T(s)^-1 q is the observed point in the part frame. All share the joint's tangent, and a board's tilts
+    where its planes are terms.
     """
     value, jac, y = (_of_hinge if isinstance(joint, Revolute) else _of_slide)(joint, state, terms)
     if not isinstance(terms.board, BoardTies) or terms.board.planes is None:

@@ -1,4 +1,5 @@
-"""What is known of a hinged board, and of a drawer's front, beside what is seen of them, as errors of a joint and its states."""
+"""What is known of a hinged board, and of a drawer's front, beside what is seen of them, as errors of a joint
+and its states."""
 
 from __future__ import annotations
 
@@ -12,15 +13,17 @@ from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
 _PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standard deviation; chosen by us
-# Of a slide's axis to the normal of its front, standard deviation and limit: runners have play, fronts hang askew. Chosen by us
+# Of a slide's axis to the normal of its front, standard deviation and limit: runners have play, fronts hang
+# askew. Chosen by us
 _SQUARE, ASKEW = np.radians(1.0), np.radians(3.0)
 
 
 @dataclass(frozen=True, eq=False)
 class BoardErrors:
-    """By how much (k,), m, a joint and its states are beyond the limits of what is known, and how far from its middle; the derivatives
-    (k, d + n), and standard deviations (k,). held: how many, the first, every step holds, so that they tell nothing of its errors. loose: the
-    standard deviation (m) with which each of the others draws to its middle also within its limits, where the recording leaves it open."""
+    """By how much (k,), m, a joint and its states are beyond the limits of what is known, and how far from
+    its middle; the derivatives (k, d + n), and standard deviations (k,). held: how many, the first, every
+    step holds, so that they tell nothing of its errors. loose: the standard deviation (m) with which each of
+    the others draws to its middle also within its limits, where the recording leaves it open."""
 
     beyond: Array
     away: Array
@@ -83,7 +86,8 @@ def add_board(
 ) -> tuple[Array, Array]:
     """Normal equations `h` and `g` with what is known of a board where a joint and its states are beyond it.
 
-    Each counts as much as everything that was seen of its faces: depth that is biased at outlines is no less so for being seen often.
+    Each counts as much as everything that was seen of its faces: depth that is biased at outlines is no less
+    so for being seen often.
     """
     errors = board_errors(joint, state, terms)
     broken = errors.beyond != 0
@@ -98,10 +102,11 @@ def add_board(
 def with_board_known(
     joint: Joint, state: Array, covariance: Array, terms: Terms
 ) -> tuple[Joint, Array, Array]:
-    """Joint, states (n,) and their covariance (d + n, d + n) with what is known of a board as further observations (Kalman 1960): it counts
-    where the recording says less.
+    """Joint, states (n,) and their covariance (d + n, d + n) with what is known of a board as further
+    observations (Kalman 1960): it counts where the recording says less.
 
-    Where the two disagree by more than both claim, the recording's errors are larger than it shows: they grow by Birge's ratio (1932).
+    Where the two disagree by more than both claim, the recording's errors are larger than it shows: they grow
+    by Birge's ratio (1932).
     """
     errors = board_errors(joint, state, terms)
     of_ties = np.sqrt(np.einsum("ki,ij,kj->k", errors.rows, covariance, errors.rows) + errors.sigmas**2)

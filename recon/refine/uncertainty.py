@@ -1,4 +1,5 @@
-"""How sure a refined joint and its states are: a sandwich estimator over spans of frames, and slow errors of the cameras."""
+"""How sure a refined joint and its states are: a sandwich estimator over spans of frames, and slow errors of
+the cameras."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ _DRIFT_SHARES = (0.74, 0.18, 0.08)  # of the cosines, which fall like a random w
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """A refined joint and its states (n,). joint: without uncertainty, which covariance and sigma hold; residual: m; jitter:
-    standard deviation of the state from frame to frame, m or rad."""
+    """A refined joint and its states (n,). joint: without uncertainty, which covariance and sigma hold;
+    residual: m; jitter: standard deviation of the state from frame to frame, m or rad."""
 
     joint: Joint
     state: Array
@@ -46,10 +47,11 @@ def with_uncertainty(
 ) -> Refined:
     """Covariance of the joint's tangent and of the states, robust to errors shared within spans of frames.
 
-    Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all pixels of a few
-    neighbouring frames counts once, not once a pixel. Errors that grow over the whole recording leave no residual; they
-    are added as `_drift`, those that a span alone may fit as `_of_spans`, and what the joint has `left` to go (`recon.refine.settling`) as
-    an error of that size. What is known of a board moves joint and states where these are unsure (`recon.refine.ties`).
+    Sandwich estimator (Liang and Zeger 1986): what one bad camera pose or one leaking label does to all
+    pixels of a few neighbouring frames counts once, not once a pixel. Errors that grow over the whole
+    recording leave no residual; they are added as `_drift`, those that a span alone may fit as `_of_spans`,
+    and what the joint has `left` to go (`recon.refine.settling`) as an error of that size. What is known of a
+    board moves joint and states where these are unsure (`recon.refine.ties`).
     """
     if not len(terms.term):
         covariance = np.diag(_UNKNOWN[: joint.dof] ** 2)
@@ -89,13 +91,15 @@ def with_uncertainty(
 
 
 def _of_a_state(covariance: Array) -> float:
-    """One standard deviation of a state, root mean square over the frames of a covariance (n, n), each state counted from their mean: which
-    frame is the zero is free, and one that a hand hides would make all others unsure."""
+    """One standard deviation of a state, root mean square over the frames of a covariance (n, n), each state
+    counted from their mean: which frame is the zero is free, and one that a hand hides would make all others
+    unsure."""
     return float(np.sqrt(max(float(np.diag(covariance).mean() - covariance.mean()), 0.0)))
 
 
 def _drift(joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array, drift: Drift) -> Array:
-    """Scores (modes, d + n) of unseen slow errors: cosines over the recording, in six directions about the part."""
+    """Scores (modes, d + n) of unseen slow errors: cosines over the recording, in six directions about the
+    part."""
     way, turn = _moves(joint, state, terms)
     moves = np.concatenate([drift.shift * way, drift.angle * turn], axis=1)
     time = (np.arange(len(state)) + 0.5) / len(state)
@@ -115,9 +119,11 @@ def _of_spans(
     jac: Array,
     blocks: NDArray[np.int64],
 ) -> Array:
-    """Scores (modes, d + n) of errors that all pixels of a span of frames share, in three directions, as large as spans show (`_shared`).
+    """Scores (modes, d + n) of errors that all pixels of a span of frames share, in three directions, as
+    large as spans show (`_shared`).
 
-    A joint that moves within a single span fits that one's error without a residual: the sandwich sees none there.
+    A joint that moves within a single span fits that one's error without a residual: the sandwich sees none
+    there.
     """
     way, _ = _moves(joint, state, terms)
     size = _shared(_beside(way, jac[:, -1], weight, terms.frame), weight, residual, blocks)
@@ -133,8 +139,9 @@ def _beside(way: Array, of_state: Array, weight: Array, frame: NDArray[np.int64]
 
 
 def _shared(way: Array, weight: Array, residual: Array, blocks: NDArray[np.int64]) -> float:
-    """Root mean square, m, over spans and directions, of the shift that explains a span's residuals (n,) best, each counted by how much the
-    span tells of it; `way` (n, 3) is how the residuals change by a shift of one."""
+    """Root mean square, m, over spans and directions, of the shift that explains a span's residuals (n,)
+    best, each counted by how much the span tells of it; `way` (n, 3) is how the residuals change by a shift
+    of one."""
     square, total = 0.0, 0.0
     for b in np.unique(blocks):
         of = blocks == b
@@ -147,7 +154,8 @@ def _shared(way: Array, weight: Array, residual: Array, blocks: NDArray[np.int64
 
 
 def _moves(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
-    """How much (n, 3) each value changes by a metre along the world's axes, and by a radian about them through the middle of the part."""
+    """How much (n, 3) each value changes by a metre along the world's axes, and by a radian about them
+    through the middle of the part."""
     n = terms.normals[terms.term]
     if isinstance(joint, Revolute):
         n = np.einsum("nij,nj->ni", geo.exp_so3(joint.axis * state[:, None])[terms.frame], n)
@@ -155,7 +163,8 @@ def _moves(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
 
 
 def _scores(errors: Iterable[Array], terms: Terms, weight: Array, jac: Array, frames: int) -> Array:
-    """What errors (n,) of the values do to the normal equations' right side (d + frames,), each after its terms' offsets."""
+    """What errors (n,) of the values do to the normal equations' right side (d + frames,), each after its
+    terms' offsets."""
     total = np.maximum(np.bincount(terms.term, weight, len(terms.normals)), 1e-12)
     d, out = jac.shape[1] - 1, []
     for value in errors:

@@ -1,4 +1,5 @@
-"""Actors: what is rendered at its own pose in every frame, or only in some: furniture, parts, hands, things that are carried."""
+"""Actors: what is rendered at its own pose in every frame, or only in some: furniture, parts, hands, things
+that are carried."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from twin.geometry import Array
 
 @dataclass(frozen=True, eq=False)
 class Actor:
-    """A body with its poses T_world_body (frames, 4, 4) and whether it is there (frames,). body: by frame, so that a hand can close;
-    the same object again where nothing changed.
+    """A body with its poses T_world_body (frames, 4, 4) and whether it is there (frames,). body: by frame, so
+    that a hand can close; the same object again where nothing changed.
     """
 
     body: Callable[[int], Body]

@@ -1,4 +1,5 @@
-"""One interaction in its place: the part, what stands around it, where it is held, when, and its state in every frame."""
+"""One interaction in its place: the part, what stands around it, where it is held, when, and its state in
+every frame."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from twin.geometry import Array, transform
 
 @dataclass(frozen=True)
 class Act:
-    """scene: the part among all that stands around it meanwhile. states (frames,): of the part, rad or m, in every frame of the
-    recording. reaches: whether a hand comes.
+    """scene: the part among all that stands around it meanwhile. states (frames,): of the part, rad or m, in
+    every frame of the recording. reaches: whether a hand comes.
     """
 
     scene: Articulation

@@ -10,8 +10,8 @@ from twin.runs.setting import Settings, group, setting
 
 @dataclass(frozen=True)
 class PictureConfig(Settings):
-    """What is wrong with the colour pictures; with the defaults nothing is. A frame's time is the middle of its exposure, so no fault
-    but `colour_delay_s` shifts colour against depth on average."""
+    """What is wrong with the colour pictures; with the defaults nothing is. A frame's time is the middle of
+    its exposure, so no fault but `colour_delay_s` shifts colour against depth on average."""
 
     jpeg_quality: int = setting(93, "quality of the JPEG files", unit="", at_least=1, at_most=100)
     light: float = setting(

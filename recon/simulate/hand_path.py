@@ -39,7 +39,8 @@ class HandMotion:
 
 @dataclass(frozen=True)
 class Arm:
-    """Which hand it is and where it comes from: `sign` 1 right, -1 left; `outside` and `shoulder` (3,) as OUTSIDE and SHOULDER."""
+    """Which hand it is and where it comes from: `sign` 1 right, -1 left; `outside` and `shoulder` (3,) as
+    OUTSIDE and SHOULDER."""
 
     sign: float
     outside: Array
@@ -58,7 +59,8 @@ class Arm:
 
 
 def grip_pose(grasp: Grasp, eye: Array, sign: float = 1.0) -> Array:
-    """T_world_hand (4, 4) at the closed part: z along the bar (thumb up, or towards the other hand), y into the part."""
+    """T_world_hand (4, 4) at the closed part: z along the bar (thumb up, or towards the other hand), y into
+    the part."""
     forward = -grasp.outward
     inwards = sign * np.cross([0.0, 0.0, 1.0], unit((grasp.point - eye) * [1.0, 1.0, 0.0]))
     along = grasp.bar
@@ -77,8 +79,8 @@ def holding(scene: Articulation, grasp: Grasp, T_start: Array, states: Array, wr
 def hand_motion(
     held: Array, timeline: Timeline, cameras: Array, arm: Arm, reaches: bool = True
 ) -> HandMotion:
-    """The whole path of one interaction for `held`, T_world_hand (frames, 4, 4) of a hand that never lets go, and camera poses
-    T_world_camera (frames, 4, 4). reaches: whether it is ever there.
+    """The whole path of one interaction for `held`, T_world_hand (frames, 4, 4) of a hand that never lets go,
+    and camera poses T_world_camera (frames, 4, 4). reaches: whether it is ever there.
     """
     poses = held.copy()
     closure = np.ones(timeline.frames)

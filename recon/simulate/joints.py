@@ -1,4 +1,5 @@
-"""The joints of an MJCF scene, by MuJoCo alone: a wrong name is told before anything that draws is imported."""
+"""The joints of an MJCF scene, by MuJoCo alone: a wrong name is told before anything that draws is
+imported."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ JOINT_TYPES = {3: "revolute", 2: "prismatic"}  # mujoco.mjtJoint: mjJNT_HINGE, m
 
 
 def require_joint(scene: Path | str, joint: str) -> None:
-    """Raises InputError unless the scene (an MJCF file or "kitchen") can be loaded and has this hinge or slide joint."""
+    """Raises InputError unless the scene (an MJCF file or "kitchen") can be loaded and has this hinge or
+    slide joint."""
     find_joint(load_model(scene_path(scene)), joint)
 
 

@@ -1,4 +1,5 @@
-"""How much of each lamp and of the room a surface sees: shadow and ambient rays on a grid of pixels, spread to all."""
+"""How much of each lamp and of the room a surface sees: shadow and ambient rays on a grid of pixels, spread
+to all."""
 
 # Numba compiles the kernels; they are plain loops because that is what it makes fast. Arrays are float32.
 from __future__ import annotations
@@ -27,7 +28,8 @@ PASSES = (1, 2, 4)
 
 @dataclass(frozen=True)
 class Seen:
-    """What the pixel centres see: `rays` (H W, 6), `depth` (H, W) m, `normals` (H, W, 3), `body` (H, W), -1 for nothing."""
+    """What the pixel centres see: `rays` (H W, 6), `depth` (H, W) m, `normals` (H, W, 3), `body` (H, W), -1
+    for nothing."""
 
     rays: F32
     depth: F32
@@ -37,7 +39,8 @@ class Seen:
 
 @dataclass(frozen=True)
 class LightRays:
-    """How the light is traced: shadow rays a light, ambient rays, and the `pitch` in pixels of the grid they start from."""
+    """How the light is traced: shadow rays a light, ambient rays, and the `pitch` in pixels of the grid they
+    start from."""
 
     shadow: int
     ambient: int
@@ -49,8 +52,9 @@ def received(
 ) -> F32:
     """Visibility of each light and ambient openness (H, W, L + 1), smoothed along surfaces.
 
-    Rays start from every `pitch`-th pixel of every `pitch`-th row. Passes of smoothing reach equally far at any pitch;
-    other pixels get the mean of the grid's around them on the same surface, and trace their own rays where there are none.
+    Rays start from every `pitch`-th pixel of every `pitch`-th row. Passes of smoothing reach equally far at
+    any pitch; other pixels get the mean of the grid's around them on the same surface, and trace their own
+    rays where there are none.
 
     Args:
         seen: what the pixel centres see.
@@ -116,8 +120,8 @@ def morton(rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.in
 
 @numba.njit(cache=True, nogil=True)
 def _point(index: int, shift: FloatArray) -> tuple[float, float]:
-    """Point `index` of the R2 sequence (Roberts 2018) in the unit square, shifted: neighbours along the Z curve
-    get points that lie apart, so the mean over a few pixels needs fewer rays than with random ones.
+    """Point `index` of the R2 sequence (Roberts 2018) in the unit square, shifted: neighbours along the Z
+    curve get points that lie apart, so the mean over a few pixels needs fewer rays than with random ones.
     """
     u = index * 0.7548776662466927 + shift[0]
     v = index * 0.5698402909980532 + shift[1]
@@ -137,7 +141,8 @@ def ray_starts(rays: FloatArray, depth: FloatArray, normals: FloatArray, pixels:
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
 def light_rays(starts: FloatArray, light: FloatArray, index: FloatArray, shift: FloatArray) -> FloatArray:
-    """Rays (n, 6) from `starts` (n, 3) to points of a rectangular light (centre, half edge, half edge: (3, 3))."""
+    """Rays (n, 6) from `starts` (n, 3) to points of a rectangular light (centre, half edge, half edge: (3,
+    3))."""
     out = np.empty((len(starts), 6), np.float32)
     for i in range(len(starts)):
         u, v = _point(index[i], shift)
@@ -152,7 +157,8 @@ def light_rays(starts: FloatArray, light: FloatArray, index: FloatArray, shift: 
 def ambient_rays(
     starts: FloatArray, normals: FloatArray, reach: float, index: FloatArray, shift: FloatArray
 ) -> FloatArray:
-    """Rays (n, 6) of length `reach` from `starts` in cosine-distributed directions about the normals (n, 3)."""
+    """Rays (n, 6) of length `reach` from `starts` in cosine-distributed directions about the normals (n,
+    3)."""
     out = np.empty((len(starts), 6), np.float32)
     for i in range(len(starts)):
         u, v = _point(index[i], shift)
@@ -179,8 +185,8 @@ def _alike(a: FloatArray, b: FloatArray, depth_a: float, depth_b: float, pixels:
 def smooth_light(
     light: FloatArray, depth: FloatArray, normals: FloatArray, body: FloatArray, step: int, pitch: int
 ) -> FloatArray:
-    """One edge-keeping pass over visibility (height, width, channels): neighbours `step` places apart that lie
-    on the same body, face the same way and have a like depth. Places are `pitch` pixels apart.
+    """One edge-keeping pass over visibility (height, width, channels): neighbours `step` places apart that
+    lie on the same body, face the same way and have a like depth. Places are `pitch` pixels apart.
     """
     height, width, channels = light.shape
     out = np.empty_like(light)
@@ -210,8 +216,8 @@ def smooth_light(
 def spread_light(
     grid: FloatArray, depth: FloatArray, normals: FloatArray, body: FloatArray, pitch: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Visibility (H, W, channels) from that at every `pitch`-th pixel: bilinear between those of the four around
-    that lie on the same surface. Where none does, the second array (H, W) is true.
+    """Visibility (H, W, channels) from that at every `pitch`-th pixel: bilinear between those of the four
+    around that lie on the same surface. Where none does, the second array (H, W) is true.
     """
     height, width = depth.shape
     rows, columns, channels = grid.shape

@@ -17,7 +17,8 @@ from twin.errors import InputError
 from twin.geometry import Array, exp_so3, invert_pose, make_pose
 
 VISUAL_GROUPS = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
-FURNITURE = "_furniture"  # a tuple of this name behind the joint's lists the bodies of the part's furniture, where no tree tells them
+# a tuple of this name behind the joint's lists the bodies of the part's furniture, where no tree tells them
+FURNITURE = "_furniture"
 DEFAULT_HINGE, DEFAULT_SLIDE, OPENING_SHARE = 1.2, 0.3, 0.8  # chosen by us
 
 
@@ -40,7 +41,8 @@ class Articulation:
         upper: largest corner (3,).
         has_floor: whether the scene has a plane of its own.
         sites: world positions of the named sites that the part carries.
-        furniture: what stands still of the furniture that the part belongs to, as `static`; empty where the scene doesn't tell.
+        furniture: what stands still of the furniture that the part belongs to, as `static`; empty where the
+            scene doesn't tell.
     """
 
     name: str
@@ -73,8 +75,8 @@ def load_articulation(
     """Load `scene` (MJCF) and split it at `joint`.
 
     Raises:
-        InputError: when the file can't be loaded, or has no such hinge or slide joint (the message names those
-            that exist), or the joint moves nothing that can be seen.
+        InputError: when the file can't be loaded, or has no such hinge or slide joint (the message names
+            those that exist), or the joint moves nothing that can be seen.
     """
     return articulations(load_model(scene), str(scene), (joint,), exclude, contrast, rng)[0]
 
@@ -87,7 +89,8 @@ def articulations(
     contrast: float,
     rng: np.random.Generator,
 ) -> tuple[Articulation, ...]:
-    """The parts of `joints` of one scene, which all share what stands still beside them. Raises InputError as `load_articulation`.
+    """The parts of `joints` of one scene, which all share what stands still beside them. Raises InputError as
+    `load_articulation`.
 
     The closed end of each is taken with the others closed; a part doesn't carry another one.
     """
@@ -167,7 +170,8 @@ def _articulation(
 
 
 def travel(model: mujoco.MjModel, joint: str) -> tuple[str, float]:
-    """Kind of a joint, "revolute" or "prismatic", and its travel from the closed end, rad or m. Raises InputError when it isn't there."""
+    """Kind of a joint, "revolute" or "prismatic", and its travel from the closed end, rad or m. Raises
+    InputError when it isn't there."""
     index = find_joint(model, joint)
     kind = JOINT_TYPES[int(model.jnt_type[index])]
     return kind, _closed_end(model, index, kind)[2]
@@ -192,7 +196,8 @@ def _closed_end(model: mujoco.MjModel, index: int, kind: str) -> tuple[float, fl
 
 
 def _furniture(model: mujoco.MjModel, joint: int) -> set[int]:
-    """The bodies of the furniture that a joint belongs to: the whole tree that stands on the world, or those that a tuple lists."""
+    """The bodies of the furniture that a joint belongs to: the whole tree that stands on the world, or those
+    that a tuple lists."""
     listed = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TUPLE, model.joint(joint).name + FURNITURE)
     if listed >= 0:
         start = int(model.tuple_adr[listed])
@@ -266,7 +271,8 @@ def _geom_material(
 
 
 def _mass(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia (xx yy zz xy xz yz, about it, world axes) of bodies moving together."""
+    """Mass, centre of mass and inertia (xx yy zz xy xz yz, about it, world axes) of bodies moving
+    together."""
     index = sorted(bodies)
     masses = np.asarray(model.body_mass[index], dtype=np.float64)
     mass = float(masses.sum())

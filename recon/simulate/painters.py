@@ -1,4 +1,5 @@
-"""Painters of procedural surfaces: tileable albedo images drawn from a seed. Nothing is photographed or copied."""
+"""Painters of procedural surfaces: tileable albedo images drawn from a seed. Nothing is photographed or
+copied."""
 
 from __future__ import annotations
 

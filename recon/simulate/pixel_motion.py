@@ -1,7 +1,8 @@
-"""Compiled kernels of the shutter: how pixels move, where they are at a row's time, what they cover and stem from."""
+"""Compiled kernels of the shutter: how pixels move, where they are at a row's time, what they cover and stem
+from."""
 
-# Numba compiles these functions; they are plain loops because that is what it makes fast. Sums are taken in the order they are
-# written in (no fastmath), so that a still pixel comes back to exactly its own place.
+# Numba compiles these functions; they are plain loops because that is what it makes fast. Sums are taken in
+# the order they are written in (no fastmath), so that a still pixel comes back to exactly its own place.
 from __future__ import annotations
 
 import math
@@ -17,10 +18,12 @@ FloatArray = Any  # numba sees the concrete types
 def motion(
     depth: FloatArray, body: FloatArray, focal: float, cx: float, cy: float, moves: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocity and acceleration (H, W, 2) in px/frame and px/frame^2 of the parabola through the places a frame before, now and after.
+    """Velocity and acceleration (H, W, 2) in px/frame and px/frame^2 of the parabola through the places a
+    frame before, now and after.
 
-    `body` (H, W) is the index of what is seen at `depth` (H, W), -1 or 0 m for nothing, which stays; `moves` (bodies, 2, 3, 4) takes the
-    points of a body from the camera now to the camera before and after. What comes behind the camera stays as well.
+    `body` (H, W) is the index of what is seen at `depth` (H, W), -1 or 0 m for nothing, which stays; `moves`
+    (bodies, 2, 3, 4) takes the points of a body from the camera now to the camera before and after. What
+    comes behind the camera stays as well.
     """
     height, width = depth.shape
     velocity = np.zeros((height, width, 2))
@@ -61,9 +64,9 @@ def led(
     edge: float,
     still: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Motion and depth (H, W), inf for nothing, float32, of the pixel that leads each: its own, or the nearest neighbour's beside an
-    edge, a relative step in depth of more than `edge`. What is less than `still` is none. `nearest` (H, W) is the least depth of a
-    pixel and its neighbours.
+    """Motion and depth (H, W), inf for nothing, float32, of the pixel that leads each: its own, or the
+    nearest neighbour's beside an edge, a relative step in depth of more than `edge`. What is less than
+    `still` is none. `nearest` (H, W) is the least depth of a pixel and its neighbours.
     """
     height, width = depth.shape
     out_velocity = np.zeros((height, width, 2), np.float32)
@@ -89,8 +92,8 @@ def led(
 
 @numba.njit(cache=True, nogil=True)
 def ways(velocity: FloatArray, acceleration: FloatArray, offsets: FloatArray, rounds: int) -> FloatArray:
-    """Way (H, W, 2) in pixels of each pixel to the time at which it is seen: `offsets` (H,) in frames of the row that it has come to,
-    found in so many `rounds`.
+    """Way (H, W, 2) in pixels of each pixel to the time at which it is seen: `offsets` (H,) in frames of the
+    row that it has come to, found in so many `rounds`.
     """
     height, width = velocity.shape[:2]
     out = np.empty((height, width, 2))
@@ -121,8 +124,9 @@ def _between(row: float, offsets: FloatArray) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def carried(way: FloatArray, depth: FloatArray) -> FloatArray:
-    """Which pixel (H, W), counted along rows, each pixel of the result stems from, -1 for none, where pixels go `way` (H, W, 2): each
-    covers the four places about its own, so that a surface that comes nearer has no cracks; the nearest stays.
+    """Which pixel (H, W), counted along rows, each pixel of the result stems from, -1 for none, where pixels
+    go `way` (H, W, 2): each covers the four places about its own, so that a surface that comes nearer has no
+    cracks; the nearest stays.
     """
     height, width = depth.shape
     source = np.full((height, width), -1, np.int64)
@@ -142,8 +146,9 @@ def carried(way: FloatArray, depth: FloatArray) -> FloatArray:
 
 @numba.njit(cache=True, nogil=True)
 def origins(source: FloatArray, opened: FloatArray, way: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places x and y (H, W), float32, in the rendered picture that each pixel of the result shows: back along the way of its `source`.
-    Where ground has come into the open, going back would lead to what covered it: the source's own place instead.
+    """Places x and y (H, W), float32, in the rendered picture that each pixel of the result shows: back along
+    the way of its `source`. Where ground has come into the open, going back would lead to what covered it:
+    the source's own place instead.
     """
     height, width = source.shape
     x, y = np.empty((height, width), np.float32), np.empty((height, width), np.float32)

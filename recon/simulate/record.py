@@ -59,7 +59,8 @@ def write_frame(
 
 
 def late_depth(out: Path, lag: int) -> None:
-    """Give every frame the depth of the one `lag` frames before (after: negative), and those without one the first, or the last."""
+    """Give every frame the depth of the one `lag` frames before (after: negative), and those without one the
+    first, or the last."""
     if lag == 0:
         return
     files = sorted((out / "depth").iterdir())
@@ -76,8 +77,8 @@ def _image(path: Path, image: NDArray[Any], options: list[int]) -> None:
 
 
 def write_intrinsics(out: Path, camera: Camera, focal_error: float, centre_error_px: float) -> None:
-    """Write intrinsic.json with a relative error of the focal length and the principal point so far to the right; where they are
-    wrong, the true ones to truth/intrinsic.json.
+    """Write intrinsic.json with a relative error of the focal length and the principal point so far to the
+    right; where they are wrong, the true ones to truth/intrinsic.json.
     """
     _intrinsics(out / "intrinsic.json", camera, camera.focal * (1.0 + focal_error), centre_error_px)
     if focal_error or centre_error_px:

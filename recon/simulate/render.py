@@ -47,7 +47,8 @@ class Camera:
 
 @dataclass(frozen=True)
 class Lights:
-    """Rectangular lights: `shapes` (L, 3, 3) = centre and two half edges, `powers` (L, 3), `sky` (3,) ambient."""
+    """Rectangular lights: `shapes` (L, 3, 3) = centre and two half edges, `powers` (L, 3), `sky` (3,)
+    ambient."""
 
     shapes: F32
     powers: F32
@@ -56,8 +57,8 @@ class Lights:
 
 @dataclass(frozen=True)
 class Hits:
-    """What rays met: depth along z (inf for nothing), body index (-1), global face index, barycentric (u, v) and
-    the `flat` normal (n, 3) of the face.
+    """What rays met: depth along z (inf for nothing), body index (-1), global face index, barycentric (u, v)
+    and the `flat` normal (n, 3) of the face.
     """
 
     depth: F32
@@ -92,7 +93,8 @@ class Renderer:
         samples: sub-pixel samples on each side.
         light_samples: shadow rays for each lamp and place.
         ambient_samples: ambient rays for each place.
-        light_pitch: pixels between those places. 2 was chosen by us: smoothing along surfaces spans 15 pixels anyway.
+        light_pitch: pixels between those places. 2 was chosen by us: smoothing along surfaces spans 15 pixels
+            anyway.
     """
 
     def __init__(
@@ -116,16 +118,17 @@ class Renderer:
     ) -> View:
         """Render `bodies` at `poses` T_world_body from a camera at `T_world_camera` (OpenCV axes).
 
-        The light needs every second pixel only, and sub-pixel samples are cast only where a pixel touches more than
-        one face; inside a face they are where their rays meet its plane. What is thinner than a pixel and passes
-        between the centres of nine that all see one face is not in the picture.
+        The light needs every second pixel only, and sub-pixel samples are cast only where a pixel touches
+        more than one face; inside a face they are where their rays meet its plane. What is thinner than a
+        pixel and passes between the centres of nine that all see one face is not in the picture.
         """
         return self.prepared(bodies, poses, T_world_camera, rng)()
 
     def prepared(
         self, bodies: list[Body], poses: list[Array], T_world_camera: Array, rng: np.random.Generator
     ) -> Callable[[], View]:
-        """The same for later: what is returned renders in any thread, beside other frames; this one thread at a time."""
+        """The same for later: what is returned renders in any thread, beside other frames; this one thread at
+        a time."""
         return partial(self._rendered, _Frame(self._cache, bodies, poses), T_world_camera, rng)
 
     def _rendered(self, frame: _Frame, T_world_camera: Array, rng: np.random.Generator) -> View:

@@ -39,9 +39,9 @@ NOTHING_ELSE = Happening()
 
 @dataclass(frozen=True)
 class Script:
-    """episodes: the interactions one after the other; the first one's part decides where the person stands. rest_after_s: after the
-    last. happening: what else goes on; its parts are then no parts, and the truth has none. cut_s: taken away at the beginning and
-    at the end of the recording, seconds.
+    """episodes: the interactions one after the other; the first one's part decides where the person stands.
+    rest_after_s: after the last. happening: what else goes on; its parts are then no parts, and the truth has
+    none. cut_s: taken away at the beginning and at the end of the recording, seconds.
     """
 
     model: mujoco.MjModel

@@ -1,10 +1,12 @@
-"""Pictures at other times than they were rendered at: motion blur, rolling shutter and delayed colour, by the exact motion of the image.
+"""Pictures at other times than they were rendered at: motion blur, rolling shutter and delayed colour, by the
+exact motion of the image.
 
-What a pixel shows is a point of a rigid body; where that body and the camera are a frame before and after says how the pixel moves.
-Pixels are carried along that motion, the nearest on top; those beside an edge, which hold some of both colours, go with the nearer
-surface. Approximated is what the rendered picture does not hold: ground that comes into the open takes the colour beside it, of the
-farther side; what enters at the border repeats the border of what it belongs to; light, highlights and shadows are carried with the
-surface; fingers that close between two frames move as the hand does.
+What a pixel shows is a point of a rigid body; where that body and the camera are a frame before and after
+says how the pixel moves. Pixels are carried along that motion, the nearest on top; those beside an edge,
+which hold some of both colours, go with the nearer surface. Approximated is what the rendered picture does
+not hold: ground that comes into the open takes the colour beside it, of the farther side; what enters at the
+border repeats the border of what it belongs to; light, highlights and shadows are carried with the surface;
+fingers that close between two frames move as the hand does.
 """
 
 from __future__ import annotations
@@ -25,13 +27,15 @@ F32 = NDArray[np.float32]
 MOST_SAMPLES = 24  # times in an open shutter; chosen by us, at speeds above 24 px in it the blur has steps
 EDGE = 0.02  # relative step in depth from one pixel to the next that is an edge; chosen by us
 STILL = 1e-6  # pixels: what rounding alone moves
-ROUNDS = 3  # a pixel is seen at the time of the row that it has come to; each shrinks the error by its way in a row's time
+# a pixel is seen at the time of the row that it has come to; each shrinks the error by its way in a row's
+# time
+ROUNDS = 3
 
 
 @dataclass(frozen=True)
 class Flow:
-    """How the pixels of a frame move: `velocity` px/frame and `acceleration` px/frame^2 (H, W, 2); `depth` (H, W) m of what moves so,
-    inf for nothing, which decides what covers what.
+    """How the pixels of a frame move: `velocity` px/frame and `acceleration` px/frame^2 (H, W, 2); `depth`
+    (H, W) m of what moves so, inf for nothing, which decides what covers what.
     """
 
     velocity: F32
@@ -55,7 +59,8 @@ class Flow:
 def poses_around(poses: Array, index: int, present: Sequence[bool] | None = None) -> Array:
     """Poses (3, 4, 4) in the frames before, at and after `index`, of a body's poses (frames, 4, 4).
 
-    At the ends of the recording, and next to frames in which the body is not there, the motion goes on as on the other side.
+    At the ends of the recording, and next to frames in which the body is not there, the motion goes on as on
+    the other side.
     """
     there = [0 <= k < len(poses) and (present is None or present[k]) for k in (index - 1, index + 1)]
     now = poses[index]
@@ -106,8 +111,9 @@ def shifted(colour: F32, flow: Flow, offsets: Array) -> F32:
 
 
 def _filled(source: NDArray[np.int64], way: Array, depth: F32) -> NDArray[np.int64]:
-    """The same without gaps: where nothing has come to (-1), a neighbour's, grown inwards step by step. Of the neighbours
-    the farthest is taken, as what comes into the open lies behind; but what the border covers goes on with what comes in over it.
+    """The same without gaps: where nothing has come to (-1), a neighbour's, grown inwards step by step. Of
+    the neighbours the farthest is taken, as what comes into the open lies behind; but what the border covers
+    goes on with what comes in over it.
 
     Args:
         way: of each pixel (H, W, 2).
@@ -138,7 +144,8 @@ def _filled(source: NDArray[np.int64], way: Array, depth: F32) -> NDArray[np.int
 
 
 def exposed(colour: F32, flow: Flow, rows: Array, opened: float) -> F32:
-    """Colour (H, W, 3) as a shutter sees it that is open for `opened` frames about the times `rows` (H,) of its rows, in frames."""
+    """Colour (H, W, 3) as a shutter sees it that is open for `opened` frames about the times `rows` (H,) of
+    its rows, in frames."""
     if opened == 0.0:
         return shifted(colour, flow, rows)
     speed = float(np.quantile(np.linalg.norm(flow.velocity, axis=-1), 0.995))

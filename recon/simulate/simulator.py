@@ -50,7 +50,8 @@ def simulate(
         depth_lag: frames by which depth lags behind colour (early: negative), or "drawn".
 
     Returns:
-        `out`. The layout is the native one (color/, depth/, intrinsic.json, timestamps.txt) with truth/ beside it.
+        `out`. The layout is the native one (color/, depth/, intrinsic.json, timestamps.txt) with truth/
+        beside it.
 
     Raises:
         InputError: scene, joint, handle or folder can't be used.
@@ -62,15 +63,16 @@ def simulate(
 
 
 def opening(scene: Path, joint: str, config: SimulateConfig) -> Stage:
-    """The part of `joint`, which stands closed, is opened once. Raises InputError, ConfigError as `simulate`."""
+    """The part of `joint`, which stands closed, is opened once. Raises InputError, ConfigError as
+    `simulate`."""
     model = load_model(scene)
     episode = opening_episode(joint, _opening(model, joint, config), config)
     return Stage(Script(model, str(scene), (episode,), config.rest_after_s), config)
 
 
 def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_lag: DepthLag = 0) -> Path:
-    """Render and write all frames of a stage with their truth, in threads; each frame is made by itself, so that their number changes
-    no byte. Raises InputError when the folder can't be used.
+    """Render and write all frames of a stage with their truth, in threads; each frame is made by itself, so
+    that their number changes no byte. Raises InputError when the folder can't be used.
     """
     config, faults = stage.config, stage.config.picture
     lag = drawn_lag(config.seed) if depth_lag == "drawn" else depth_lag
@@ -110,7 +112,8 @@ def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_l
 
 
 def drawn_lag(seed: int) -> int:
-    """1 to `MOST_LAG` frames, by a random stream of its own, from which nothing else of a recording is drawn."""
+    """1 to `MOST_LAG` frames, by a random stream of its own, from which nothing else of a recording is
+    drawn."""
     return int(np.random.default_rng([seed, LAGGING]).integers(1, MOST_LAG + 1))
 
 

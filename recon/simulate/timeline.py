@@ -1,4 +1,5 @@
-"""When things happen: what the person does one after the other, the phases in frames, and the part's state over time."""
+"""When things happen: what the person does one after the other, the phases in frames, and the part's state
+over time."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from twin.geometry import Array
 
 @dataclass(frozen=True)
 class Leg:
-    """The part goes to state `to`, rad or m, within `seconds` by minimum jerk; where it is there already, that is a pause."""
+    """The part goes to state `to`, rad or m, within `seconds` by minimum jerk; where it is there already,
+    that is a pause."""
 
     to: float
     seconds: float
@@ -23,8 +25,8 @@ class Leg:
 
 @dataclass(frozen=True)
 class Episode:
-    """One interaction: rest, the hand comes and takes hold of the part of `joint`, leads it from `start` through `legs`, lets go and
-    leaves. reaches: whether a hand comes at all.
+    """One interaction: rest, the hand comes and takes hold of the part of `joint`, leads it from `start`
+    through `legs`, lets go and leaves. reaches: whether a hand comes at all.
     """
 
     joint: str
@@ -50,8 +52,9 @@ class Episode:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Frame indices of one interaction: `enter` first frame with the hand, `grasp` first closed, `turns` last at rest, then the ends
-    of the legs, `release` last closed, `gone` first without the hand; `frames` of the whole recording.
+    """Frame indices of one interaction: `enter` first frame with the hand, `grasp` first closed, `turns` last
+    at rest, then the ends of the legs, `release` last closed, `gone` first without the hand; `frames` of the
+    whole recording.
     """
 
     enter: int
@@ -77,7 +80,8 @@ class Timeline:
         return self.turns[-1]
 
     def states(self, levels: Sequence[float]) -> Array:
-        """State (frames,) of the part, which goes through `levels`, one for each of `turns`, in minimum jerks."""
+        """State (frames,) of the part, which goes through `levels`, one for each of `turns`, in minimum
+        jerks."""
         out = np.full(self.frames, float(levels[0]))
         for k in range(len(levels) - 1):
             t = (np.arange(self.frames) - self.turns[k]) / (self.turns[k + 1] - self.turns[k])
@@ -85,7 +89,8 @@ class Timeline:
         return out
 
     def segments(self, levels: Sequence[float]) -> list[tuple[int, int]]:
-        """Frames (last at rest, first at rest again) of each leg that moves the part; legs without a pause between are one."""
+        """Frames (last at rest, first at rest again) of each leg that moves the part; legs without a pause
+        between are one."""
         out: list[tuple[int, int]] = []
         for k in range(len(levels) - 1):
             if levels[k + 1] != levels[k]:

@@ -23,8 +23,8 @@ FIRST_TIME = 1000.0  # seconds; a clock that does not start at zero, as real one
 
 @dataclass(frozen=True)
 class TruthPart:
-    """A part that is moved: its label, its state (frames,), rad or m, the frames (last at rest, first at rest again) of each motion,
-    and in which frames (frames,) the hand holds it.
+    """A part that is moved: its label, its state (frames,), rad or m, the frames (last at rest, first at rest
+    again) of each motion, and in which frames (frames,) the hand holds it.
     """
 
     id: int
@@ -37,7 +37,8 @@ class TruthPart:
 
 @dataclass(frozen=True)
 class Truth:
-    """Everything that is exactly known about a recording; arrays over all frames. still: what never moves, in the world."""
+    """Everything that is exactly known about a recording; arrays over all frames. still: what never moves, in
+    the world."""
 
     parts: tuple[TruthPart, ...]
     still: tuple[Surface, ...]
@@ -49,7 +50,8 @@ class Truth:
 
 
 def write_truth(out: Path, truth: Truth, camera: Camera, depth_lag: int = 0) -> None:
-    """Write time stamps and the truth/ folder (labels are written with the frames). depth_lag: frames, told where it is not 0."""
+    """Write time stamps and the truth/ folder (labels are written with the frames). depth_lag: frames, told
+    where it is not 0."""
     (out / "timestamps.txt").write_text("".join(f"{t:.6f}\n" for t in truth.times))
     folder = out / "truth"
     lines = ["# timestamp tx ty tz qx qy qz qw   (camera to world, OpenCV camera axes, metres)"]
@@ -73,7 +75,8 @@ def write_truth(out: Path, truth: Truth, camera: Camera, depth_lag: int = 0) -> 
 
 
 def hand_arrays(truth: Truth, camera: Camera) -> dict[str, NDArray[Any]]:
-    """Keypoints in the world, in pixels (NaN behind the camera), their depth, whether in view, and hand poses."""
+    """Keypoints in the world, in pixels (NaN behind the camera), their depth, whether in view, and hand
+    poses."""
     n = len(truth.times)
     in_camera = np.empty_like(truth.keypoints)
     for i in range(n):

@@ -1,8 +1,10 @@
-"""Charts: a mesh cut into pieces that lie nearly flat, each projected onto its own plane and packed into one square image.
+"""Charts: a mesh cut into pieces that lie nearly flat, each projected onto its own plane and packed into one
+square image.
 
-A chart grows over neighbouring faces that turn no more than `MAX_TURN` from its first face, the largest that is left: decimation leaves
-the largest faces where a surface is flat. Where two sheets of one chart would lie on the same texel, the one behind gets a chart of its own.
-xatlas packs them (Young 2018, https://github.com/jpcy/xatlas); its own cutting takes 18 s for 60,000 faces, this one tenths of a second.
+A chart grows over neighbouring faces that turn no more than `MAX_TURN` from its first face, the largest that
+is left: decimation leaves the largest faces where a surface is flat. Where two sheets of one chart would lie
+on the same texel, the one behind gets a chart of its own. xatlas packs them (Young 2018,
+https://github.com/jpcy/xatlas); its own cutting takes 18 s for 60,000 faces, this one tenths of a second.
 """
 
 from __future__ import annotations
@@ -39,8 +41,9 @@ I32 = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the faces of a mesh lie in its texture: `uv` (F, 3, 2) in texels, v up, of an image of `size` = (height, width) texels;
-    `stretch` (F,): metres a texel on the face, along the direction in which it is squeezed most, over what was asked for."""
+    """Where the faces of a mesh lie in its texture: `uv` (F, 3, 2) in texels, v up, of an image of `size` =
+    (height, width) texels; `stretch` (F,): metres a texel on the face, along the direction in which it is
+    squeezed most, over what was asked for."""
 
     uv: Array
     size: tuple[int, int]
@@ -65,7 +68,8 @@ def lay_out(mesh: Mesh, texel: Array) -> Layout:
 
 
 def _low_turn(turn: Array, area: Array, charts: I32) -> Array:
-    """The cosine (C,) that all but `TURNED` of a chart's area does not turn beyond: texels finer by it are as small there as was asked."""
+    """The cosine (C,) that all but `TURNED` of a chart's area does not turn beyond: texels finer by it are as
+    small there as was asked."""
     order = np.lexsort((turn, charts))
     last = np.flatnonzero(np.diff(charts[order], append=-1))
     total = np.cumsum(area[order])
@@ -113,7 +117,8 @@ def _cut(
 def _grow(
     chart: I32, seeds: I32, beside: I32, normals: Array, texel: Array, turn: float, count: int
 ) -> I32:  # pragma: no cover - compiled
-    """Give every face without a chart one, numbered from `count` on; returns the first face of each new one."""
+    """Give every face without a chart one, numbered from `count` on; returns the first face of each new
+    one."""
     first = np.empty(len(seeds), np.int32)
     queue = np.empty(len(seeds), np.int32)
     new = 0

@@ -1,8 +1,10 @@
-"""Photo textures: the colours of every texel of the static scene and of each part, from the labelled frames that show it best.
+"""Photo textures: the colours of every texel of the static scene and of each part, from the labelled frames
+that show it best.
 
-Charts (`charts`), the point of the body at each texel (`raster`), the photographs that show it (`photos`), their exposure made equal
-(`exposure`), colours in two bands (`shade`), and plain colours where nothing was seen (`fill`). After Lempitsky and Ivanov 2007, "Seamless mosaicing of
-image-based texture maps", and Allène, Pons and Keriven 2008, who blend the bands of several views in place of one view a face.
+Charts (`charts`), the point of the body at each texel (`raster`), the photographs that show it (`photos`),
+their exposure made equal (`exposure`), colours in two bands (`shade`), and plain colours where nothing was
+seen (`fill`). After Lempitsky and Ivanov 2007, "Seamless mosaicing of image-based texture maps", and Allène,
+Pons and Keriven 2008, who blend the bands of several views in place of one view a face.
 """
 
 from __future__ import annotations
@@ -32,7 +34,9 @@ from twin.scene import STATIC_LABEL, Mesh, Revolute, Texture, Trajectory
 
 TEXTURE = Stage("texture", 2, ("texture",))
 
-_PER_PIXEL = 1.4  # texels a pixel of the nearer photographs, chosen by us: sampling twice, into the texture and out of it, blurs less
+# texels a pixel of the nearer photographs, chosen by us: sampling twice, into the texture and out of it,
+# blurs less
+_PER_PIXEL = 1.4
 _NEARER = 0.1  # share of the depths that are nearer than what the texel is made for
 _PLACES = 3000  # points of a body, spread evenly over its vertices, in which photographs are compared
 _GROW = 1.12  # of the texel, each time that the charts don't fit
@@ -156,8 +160,8 @@ def _still(part: FinishedPart | None) -> bool:
 
 
 def facing(normals: Array, mesh: Mesh, part: FinishedPart | None) -> NDArray[np.int64]:
-    """Which way (n,) 0..`FACINGS` - 1 surfaces with unit normals (n, 3) face: along the hinge, along the most common normal across it or along the third
-    direction, to either side. All 0 for what never turns."""
+    """Which way (n,) 0..`FACINGS` - 1 surfaces with unit normals (n, 3) face: along the hinge, along the most
+    common normal across it or along the third direction, to either side. All 0 for what never turns."""
     if part is None or _still(part):
         return np.zeros(len(normals), np.int64)
     axis = part.moving.joint.axis

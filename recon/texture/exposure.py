@@ -1,4 +1,5 @@
-"""Brightness of the photographs, made equal: a gain for each frame and channel from the places that several of them show."""
+"""Brightness of the photographs, made equal: a gain for each frame and channel from the places that several
+of them show."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from twin.geometry import Array
 
 # Chosen by us and the same for every recording.
 _DARK, _BRIGHT = 20.0, 235.0  # levels of 255 between which a ratio of colours tells of exposure
-_USUAL = 0.05  # of the logarithm, about 5 %: a colour that is off by as much counts half, as a shadow or a highlight
+# of the logarithm, about 5 %: a colour that is off by as much counts half, as a shadow or a highlight
+_USUAL = 0.05
 _WIDE, _ROUNDS = (
     1.0,
     16,
@@ -20,13 +22,15 @@ _MOST = 2.0  # largest gain: what differs by more is no exposure
 
 
 def gains(seen: Sequence[tuple[Array, Array]], frames: int) -> Array:
-    """Gains (frames, 3) by which a photograph's sRGB levels are multiplied; their geometric mean, weighted by what they tell, is 1.
+    """Gains (frames, 3) by which a photograph's sRGB levels are multiplied; their geometric mean, weighted by
+    what they tell, is 1.
 
-    A gain of light is nearly one of sRGB levels, whose curve is nearly a power. Weighted least squares of log colour = place + frame, by turns,
-    with the weights of Geman and McClure 1987.
+    A gain of light is nearly one of sRGB levels, whose curve is nearly a power. Weighted least squares of log
+    colour = place + frame, by turns, with the weights of Geman and McClure 1987.
 
     Args:
-        seen: per body, colours (n, frames, 3) 0..255 and weights (n, frames) of places, 0 where a frame does not show one.
+        seen: per body, colours (n, frames, 3) 0..255 and weights (n, frames) of places, 0 where a frame does
+            not show one.
     """
     color = np.concatenate([c for c, _ in seen]) if seen else np.zeros((0, frames, 3))
     weight = np.concatenate([w for _, w in seen]) if seen else np.zeros((0, frames))

@@ -17,7 +17,8 @@ PLAIN = 180.0  # of a body that no photograph shows
 
 
 def over_surface(colors: F32, seen: NDArray[np.bool_], faces: NDArray[np.int32]) -> Array:
-    """Colours (V, 3) of all vertices: as given where `seen`, elsewhere the mean of the neighbours', which runs evenly from edge to edge.
+    """Colours (V, 3) of all vertices: as given where `seen`, elsewhere the mean of the neighbours', which
+    runs evenly from edge to edge.
 
     A piece of the surface without any takes the median of those that there are.
     """
@@ -44,8 +45,8 @@ def over_surface(colors: F32, seen: NDArray[np.bool_], faces: NDArray[np.int32])
 
 
 def around(image: NDArray[np.uint8], filled: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The image (H, W, 3) with every texel that is not `filled` (H, W) taking the colour of the nearest that is, so that coarse
-    mip levels and cubic sampling mix nothing foreign in."""
+    """The image (H, W, 3) with every texel that is not `filled` (H, W) taking the colour of the nearest that
+    is, so that coarse mip levels and cubic sampling mix nothing foreign in."""
     if filled.all() or not filled.any():
         return image
     _, nearest = cv2.distanceTransformWithLabels(

@@ -1,9 +1,11 @@
-"""How thick a part's handle is, by its outline in photographs: a fused surface makes 15 to 35 mm of a bar of 12, a photograph does not.
+"""How thick a part's handle is, by its outline in photographs: a fused surface makes 15 to 35 mm of a bar of
+12, a photograph does not.
 
-Each photograph without a hand near is laid onto the plane of the handle's outer face and told row by row along the handle, which leaves a
-profile of colour across it. A bar that is as deep as wide shows its front there, beside it from aside its flank, `tan` of the angle times
-as wide, and what lies behind to both sides: four strips of one colour each. The width at which such strips explain the profiles of all
-photographs best is the handle's, where no other width does nearly as well.
+Each photograph without a hand near is laid onto the plane of the handle's outer face and told row by row
+along the handle, which leaves a profile of colour across it. A bar that is as deep as wide shows its front
+there, beside it from aside its flank, `tan` of the angle times as wide, and what lies behind to both sides:
+four strips of one colour each. The width at which such strips explain the profiles of all photographs best is
+the handle's, where no other width does nearly as well.
 """
 
 from __future__ import annotations
@@ -44,12 +46,14 @@ _ASIDE, _ALONG = np.radians(55.0), np.radians(65.0)  # from how far aside a phot
 _HAND = 0.03  # of the picture's width around a hand that a photograph doesn't tell in
 _VIEWS, _MOST = 4, 24  # photographs: least and most
 _OTHER = 0.004  # m: widths that differ by more are others
-_SURE = 100.0  # by which -2 log likelihood must be less than that of all others, colours normal around each strip's
+# by which -2 log likelihood must be less than that of all others, colours normal around each strip's
+_SURE = 100.0
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Colours (n, 3) across a handle, `_STEP` m apart, seen from `angle` rad aside in that direction; a pixel is `pixel` m there."""
+    """Colours (n, 3) across a handle, `_STEP` m apart, seen from `angle` rad aside in that direction; a pixel
+    is `pixel` m there."""
 
     color: Array
     angle: float
@@ -124,7 +128,8 @@ def profiles_of(
 def _sampled(
     points: Array, shape: tuple[int, ...], frame: int, twin: Twin, recording: Recording
 ) -> Array | None:
-    """Colours (rows, n, 3) of a frame at points (rows * n, 3) in its camera; None where they leave the picture or a hand is near."""
+    """Colours (rows, n, 3) of a frame at points (rows * n, 3) in its camera; None where they leave the
+    picture or a hand is near."""
     camera = recording.intrinsics
     if points[:, 2].min() < 0.1:
         return None
@@ -141,7 +146,8 @@ def _sampled(
 
 
 def width_of(profiles: list[Profile], fused: float) -> float | None:
-    """Width (m) of a handle by profiles across it, None where they don't tell. fused: its width (m) in the fused surface."""
+    """Width (m) of a handle by profiles across it, None where they don't tell. fused: its width (m) in the
+    fused surface."""
     if len(profiles) < _VIEWS:
         return None
     half = min(_REACH, max(_AROUND[0], fused / 2 + _AROUND[1]))
@@ -153,7 +159,8 @@ def width_of(profiles: list[Profile], fused: float) -> float | None:
 
 
 def _misfit(profile: Profile, half: float) -> Array:
-    """-2 log likelihood (widths,) of one profile within `half` m, the handle where it fits best; a pixel counts as one sample."""
+    """-2 log likelihood (widths,) of one profile within `half` m, the handle where it fits best; a pixel
+    counts as one sample."""
     n = 2 * round(half / _STEP) + 1
     start = len(profile.color) // 2 - n // 2
     color = profile.color[start : start + n]

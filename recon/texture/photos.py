@@ -32,8 +32,8 @@ _LEAST = 0.03  # what a pixel at the outline counts: used where nothing better s
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One frame as it was taken: colour (H, W, 3), depth (H, W) m, labels with hands grown (H, W), pose and sharpness (mean squared
-    gradient of its brightness)."""
+    """One frame as it was taken: colour (H, W, 3), depth (H, W) m, labels with hands grown (H, W), pose and
+    sharpness (mean squared gradient of its brightness)."""
 
     frame: int
     color: U8
@@ -45,9 +45,10 @@ class Shot:
 
 @dataclass(frozen=True, eq=False)
 class Photos:
-    """K frames for one body. which (K,): their places among all shots; color (K, H, W, 3); depth (K, H, W) m; trust (K, H, W) 0..1: 0 where the pixel does not show the body;
-    low (K, h, w, 3): the body's colours without detail, a pixel of it `LOW` of the photograph; T_cam_body (K, 3, 4) from the body at
-    state 0; camera: of the photographs."""
+    """K frames for one body. which (K,): their places among all shots; color (K, H, W, 3); depth (K, H, W) m;
+    trust (K, H, W) 0..1: 0 where the pixel does not show the body; low (K, h, w, 3): the body's colours
+    without detail, a pixel of it `LOW` of the photograph; T_cam_body (K, 3, 4) from the body at state 0;
+    camera: of the photographs."""
 
     which: NDArray[np.int64]
     color: U8
@@ -88,7 +89,8 @@ def _without_hands(labels: U8) -> U8:
 
 
 def of_body(shots: Sequence[Shot], key: int, poses: Sequence[Array | None], camera: Intrinsics) -> Photos:
-    """The shots for the body with label `key`, whose poses T_world_body (4, 4) are given shot by shot; None leaves a shot out."""
+    """The shots for the body with label `key`, whose poses T_world_body (4, 4) are given shot by shot; None
+    leaves a shot out."""
     used = [k for k, s in enumerate(shots) if poses[k] is not None and np.any(s.labels == key)]
     typical = float(np.median([s.sharpness for s in shots])) if shots else 1.0
 
@@ -133,7 +135,8 @@ def _trust(own: NDArray[np.bool_], depth: F32) -> F32:
 
 
 def _low(color: U8, own: NDArray[np.bool_]) -> F32:
-    """(h, w, 3): mean colour around each block of `LOW` px over the body's own pixels; what no own pixel is near stays 0."""
+    """(h, w, 3): mean colour around each block of `LOW` px over the body's own pixels; what no own pixel is
+    near stays 0."""
     h, w = own.shape
     size = (-(-w // LOW), -(-h // LOW))
     weight = own.astype(np.float32)

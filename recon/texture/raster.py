@@ -18,7 +18,8 @@ MARGIN = 1.5  # texels around a chart that its faces run on over: what cubic sam
 def within(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, x: float, y: float
 ) -> float:  # pragma: no cover - compiled
-    """How far a point lies within a triangle that runs anticlockwise; negative outside: the distance to a line it is beyond."""
+    """How far a point lies within a triangle that runs anticlockwise; negative outside: the distance to a
+    line it is beyond."""
     ab, bc, ca = np.hypot(bx - ax, by - ay), np.hypot(cx - bx, cy - by), np.hypot(ax - cx, ay - cy)
     if min(ab, bc, ca) < 1e-9:
         return -np.inf
@@ -30,8 +31,8 @@ def within(
 
 @numba.njit(cache=True, nogil=True)
 def faces_at(uv: Array, height: int, width: int) -> I32:  # pragma: no cover - compiled
-    """(height, width), lowest row first: the face of (F, 3, 2) texels that each texel's centre lies within, or nearest within `MARGIN`; -1
-    for none."""
+    """(height, width), lowest row first: the face of (F, 3, 2) texels that each texel's centre lies within,
+    or nearest within `MARGIN`; -1 for none."""
     owner = np.full((height, width), -1, np.int32)
     depth = np.full((height, width), -MARGIN, np.float32)
     for face in range(len(uv)):
@@ -50,8 +51,8 @@ def faces_at(uv: Array, height: int, width: int) -> I32:  # pragma: no cover - c
 
 
 def weights_at(uv: Array, face: NDArray[np.integer], y: NDArray[np.int64], x: NDArray[np.int64]) -> Array:
-    """Weights (n, 3) of the corners of `face` (n,) at the centres of the texels in rows y from below and columns x; outside of the face
-    they run on over its plane."""
+    """Weights (n, 3) of the corners of `face` (n,) at the centres of the texels in rows y from below and
+    columns x; outside of the face they run on over its plane."""
     a, b, c = (uv[face, k] for k in range(3))
     p = np.stack([x, y], axis=1) + 0.5
     double = geo_cross(b - a, c - a)

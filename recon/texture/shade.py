@@ -1,7 +1,8 @@
 """Colours of points on a body, from the photographs that show them.
 
-Two bands (Burt and Adelson 1983, "A multiresolution spline with application to image mosaics"): what changes slowly over a picture is a mean
-over all photographs of a point, so that brightness leaves no seams; detail is that of the few that see the point best, so that it stays sharp.
+Two bands (Burt and Adelson 1983, "A multiresolution spline with application to image mosaics"): what changes
+slowly over a picture is a mean over all photographs of a point, so that brightness leaves no seams; detail is
+that of the few that see the point best, so that it stays sharp.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from twin.runs.threads import each
 # Chosen by us and the same for every recording.
 BEST = 8  # photographs that share the detail of a point
 SHARP = 2.0  # power of their weights: near 1 all share alike, far above only the best counts and seams show
-ODD = 12.0  # levels of 255 off the median of a point's photographs, at which one counts half: shadows, highlights
+# levels of 255 off the median of a point's photographs, at which one counts half: shadows, highlights
+ODD = 12.0
 _GRAZING = 0.1  # cosine at which a surface is seen too flat
 _SIGMAS, _SURFACE = (
     2.0,
@@ -33,7 +35,8 @@ _AT_ONCE = 1 << 16
 
 @dataclass(frozen=True, eq=False)
 class Shaded:
-    """Colours (n, 3) float32 in 0..255 of points, and how many photographs show each (n,); 0: its colour is 0."""
+    """Colours (n, 3) float32 in 0..255 of points, and how many photographs show each (n,); 0: its colour is
+    0."""
 
     color: F32
     views: NDArray[np.uint8]
@@ -42,8 +45,8 @@ class Shaded:
 def shade(
     points: Array, normals: Array, photos: Photos, gains: Array, group: NDArray[np.int64], noise: DepthNoise
 ) -> Shaded:
-    """Colours of points (n, 3) m with unit normals (n, 3) on a body at state 0; gains (G, K, 3) multiply each photograph's colours, each
-    `group` (n,) of points having its own."""
+    """Colours of points (n, 3) m with unit normals (n, 3) on a body at state 0; gains (G, K, 3) multiply each
+    photograph's colours, each `group` (n,) of points having its own."""
 
     def some(start: int) -> tuple[F32, NDArray[np.uint8]]:
         part = slice(start, start + _AT_ONCE)
@@ -60,7 +63,8 @@ def shade(
 
 
 def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tuple[Array, Array]:
-    """What each photograph shows of points (n, 3) m without detail: colours (n, K, 3) and weights (n, K), 0 where it does not show one."""
+    """What each photograph shows of points (n, 3) m without detail: colours (n, K, 3) and weights (n, K), 0
+    where it does not show one."""
     return _lows(
         points, normals, photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector, noise.base,
         noise.slope,
@@ -71,7 +75,8 @@ def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tu
 def _seen(
     p: Array, n: Array, T: Array, camera: Array, depth: F32, trust: F32, base: float, slope: float
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    """Column and row at which a photograph shows a point, and how well: pixels per metre on the surface, squared, times trust."""
+    """Column and row at which a photograph shows a point, and how well: pixels per metre on the surface,
+    squared, times trust."""
     x = T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3]
     y = T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3]
     z = T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3]

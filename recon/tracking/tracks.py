@@ -24,8 +24,8 @@ TRACKS = Stage("tracks", 1, ("tracks",))
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tracks:
-    """T frames, K tracks: points_cam (T, K, 3) m in each frame's camera, pixels (T, K, 2), visible (T, K) bool,
-    confidence (T, K) in 0..1. Points and pixels are NaN exactly where a track is not visible."""
+    """T frames, K tracks: points_cam (T, K, 3) m in each frame's camera, pixels (T, K, 2), visible (T, K)
+    bool, confidence (T, K) in 0..1. Points and pixels are NaN exactly where a track is not visible."""
 
     points_cam: Array
     pixels: Array
@@ -77,8 +77,8 @@ class TrackConfig(Settings):
 
 @dataclass(frozen=True)
 class Seeding:
-    """Where and when corners are taken. cell: side (px) of a cell, which gets one corner. every: frames after which empty cells
-    get one. Measured: other ways of seeding left 3 % of the corners on the moving part."""
+    """Where and when corners are taken. cell: side (px) of a cell, which gets one corner. every: frames after
+    which empty cells get one. Measured: other ways of seeding left 3 % of the corners on the moving part."""
 
     cell: int = 12
     every: int = 10
@@ -104,8 +104,8 @@ def track_points(
 ) -> Tracks:
     """Track corners through every frame and lift them by depth.
 
-    Corners are seeded one per grid cell, followed by pyramidal Lucas-Kanade with a forward-backward test (Kalal
-    2010), and reseeded in empty cells. A track without valid depth in a frame is not visible there.
+    Corners are seeded one per grid cell, followed by pyramidal Lucas-Kanade with a forward-backward test
+    (Kalal 2010), and reseeded in empty cells. A track without valid depth in a frame is not visible there.
     """
     scale = min(1.0, config.max_width / recording.intrinsics.width)
     size = (round(recording.intrinsics.width * scale), round(recording.intrinsics.height * scale))
@@ -129,7 +129,8 @@ def track_points(
 def followed(
     before: NDArray[np.uint8], after: NDArray[np.uint8], start: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Where corners (n, 2) px of one grey picture are in another, and which (n,) of them come back to their start from there."""
+    """Where corners (n, 2) px of one grey picture are in another, and which (n,) of them come back to their
+    start from there."""
     lk = {
         "winSize": (_WINDOW, _WINDOW),
         "maxLevel": _LEVELS,

@@ -1,4 +1,5 @@
-"""Put a twin together from what the stages found, and keep it in the run folder beside what the user changed there."""
+"""Put a twin together from what the stages found, and keep it in the run folder beside what the user changed
+there."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ from twin.storage import aside_name, digest, keep_aside, load, save
 from twin.storage.texture import same_textures
 from twin.verdict import Verdict, of_twin, verdict_document
 
-# Intersection over union of the pixels of one part in two twins of a recording: from half on, no other part has as many of them.
+# Intersection over union of the pixels of one part in two twins of a recording: from half on, no other part
+# has as many of them.
 _SAME = 0.5
 
 
@@ -59,9 +61,9 @@ def assemble(
 ) -> Twin:
     """The twin, without mass or collision geometry yet (`twin.physics`, `twin.collision` add them).
 
-    moved: all parts that were found. Those that are refused are no parts of it: their pixels count as unknown, and verdict and
-    provenance tell of them. They are told by the id and the name that they would have.
-    textures: of the static scene and of parts, by label id. given: names that parts keep, by id.
+    moved: all parts that were found. Those that are refused are no parts of it: their pixels count as
+    unknown, and verdict and provenance tell of them. They are told by the id and the name that they would
+    have. textures: of the static scene and of parts, by label id. given: names that parts keep, by id.
     """
     name = legal_name(recording.name)
     gone = [p for p in moved if judged.parts[p.id].level == "refused"]
@@ -107,7 +109,8 @@ def assemble(
 def given_names(
     earlier: Twin | None, recording: Recording, labels: Mapping[int, NDArray[np.uint8]]
 ) -> dict[int, str]:
-    """Names of the parts of an earlier twin of the recording, by the id of the part that has their pixels now."""
+    """Names of the parts of an earlier twin of the recording, by the id of the part that has their pixels
+    now."""
     recorded = None if earlier is None else earlier.recorded
     if earlier is None or recorded is None or recorded.fingerprint != recording.fingerprint:
         return {}
@@ -125,7 +128,8 @@ def given_names(
 
 
 def _left_out(part: MovingPart, name: str, verdict: Verdict) -> dict[str, Any]:
-    """What provenance says of a refused part: JSON types, in the world with the state counted from the first frame."""
+    """What provenance says of a refused part: JSON types, in the world with the state counted from the first
+    frame."""
     joint = part.joint
     pivot = joint.pivot.tolist() if isinstance(joint, Revolute) else None
     told = {"id": part.id, "name": name, "type": joint.kind, "axis": joint.axis.tolist(), "pivot": pivot}
@@ -133,7 +137,8 @@ def _left_out(part: MovingPart, name: str, verdict: Verdict) -> dict[str, Any]:
 
 
 def _without(labels: Mapping[int, NDArray[np.uint8]], ids: Sequence[int]) -> Mapping[int, NDArray[np.uint8]]:
-    """Label images in which the pixels of these parts are unknown: whether they are static is not known either."""
+    """Label images in which the pixels of these parts are unknown: whether they are static is not known
+    either."""
     if not ids:
         return labels
     table = np.arange(256, dtype=np.uint8)
@@ -144,8 +149,9 @@ def _without(labels: Mapping[int, NDArray[np.uint8]], ids: Sequence[int]) -> Map
 def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
     """Save the twin into the run folder and return what stands there then.
 
-    A twin that the user changed since it was reconstructed is not lost: it stays where the result is the same as before, and
-    is kept beside the new one where it is not. What was measured or added about its parts goes over to the new one.
+    A twin that the user changed since it was reconstructed is not lost: it stays where the result is the same
+    as before, and is kept beside the new one where it is not. What was measured or added about its parts goes
+    over to the new one.
     """
     folder, found = out / "twin", digest(twin)
     earlier = earlier_twin(run, folder)
@@ -172,7 +178,8 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
 
 
 def _with_textures(earlier: Twin, twin: Twin) -> Twin:
-    """The earlier twin with the textures of the new one, wherever their meshes have the same faces: a digest knows nothing of them."""
+    """The earlier twin with the textures of the new one, wherever their meshes have the same faces: a digest
+    knows nothing of them."""
 
     def dressed(old: Mesh, new: Mesh) -> Mesh:
         same = np.array_equal(old.faces, new.faces) and np.array_equal(old.vertices, new.vertices)
@@ -185,7 +192,8 @@ def _with_textures(earlier: Twin, twin: Twin) -> Twin:
 
 
 def earlier_twin(run: Run, folder: Path) -> Twin | None:
-    """The twin that a folder holds, None where there is none; one that can't be read is kept aside, with a warning."""
+    """The twin that a folder holds, None where there is none; one that can't be read is kept aside, with a
+    warning."""
     if not (folder / "twin.json").is_file():
         return None
     try:
@@ -200,8 +208,8 @@ def earlier_twin(run: Run, folder: Path) -> Twin | None:
 def say_where(recording: Recording, out: Path) -> None:
     """Note in the manifest where the recording lies, for a film that shows its frames again.
 
-    Relative to the run folder, so that it holds when both are moved together. twin.json, whose bytes don't depend on the
-    machine, knows the recording by its fingerprint only.
+    Relative to the run folder, so that it holds when both are moved together. twin.json, whose bytes don't
+    depend on the machine, knows the recording by its fingerprint only.
     """
     if recording.path is None:
         return

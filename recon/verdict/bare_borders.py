@@ -1,7 +1,8 @@
 """Whether a part ends at an edge: the border of its labels at rest, against colour and depth.
 
-A part is cut off from what is beside it by a gap, by another colour or by a step or crease in depth. Labels that end in the middle of an even
-face have lost a piece of the part, or hold a piece of the room, and the joint was fitted to that outline.
+A part is cut off from what is beside it by a gap, by another colour or by a step or crease in depth. Labels
+that end in the middle of an even face have lost a piece of the part, or hold a piece of the room, and the
+joint was fitted to that outline.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from twin.scene import STATIC_LABEL
 
 # Width (px) of the pictures looked at, and label images of the rest at either end. Chosen by us
 _WIDTH, _FRAMES = 320, 4
-# A profile across the border goes so far (px) to either side; what is nearer than `_BESIDE` may be either side. Least pixels of a border, and
-# of depth of either side of a profile. Chosen by us
+# A profile across the border goes so far (px) to either side; what is nearer than `_BESIDE` may be either
+# side. Least pixels of a border, and of depth of either side of a profile. Chosen by us
 _REACH, _BESIDE, _FEWEST, _FEWEST_KNOWN = 9, 3, 40, 2
-# An edge is what changes by so many grey levels within 3 px, and by three times what the part itself does, at most by so many: on a face
-# with a strong pattern any border has one, and it doesn't tell. m that depth leaves the face. By us
+# An edge is what changes by so many grey levels within 3 px, and by three times what the part itself does, at
+# most by so many: on a face with a strong pattern any border has one, and it doesn't tell. m that depth
+# leaves the face. By us
 _LEVELS, _TIMES, _MOST_LEVELS, _OFF_M = 6.0, 3.0, 30.0, 0.02
 _ACROSS, _MOSTLY = 3, 0.8
 
@@ -35,7 +37,8 @@ F32 = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class _Profiles:
-    """What lies across a border: positions t px, outwards positive; picture (n, t, 3) and depth (n, t) m, 0 where unknown."""
+    """What lies across a border: positions t px, outwards positive; picture (n, t, 3) and depth (n, t) m, 0
+    where unknown."""
 
     t: Array
     color: F32
@@ -45,8 +48,9 @@ class _Profiles:
 def bare_border(
     twin: PosedTwin, part: MovingPart, labels: Mapping[int, NDArray[np.uint8]]
 ) -> tuple[int, float] | None:
-    """Of the rests before and after a part's motion the one where more of its border with the static scene shows no edge: the label image in the
-    middle of those, and the share of the border. None where neither shows enough of a border."""
+    """Of the rests before and after a part's motion the one where more of its border with the static scene
+    shows no edge: the label image in the middle of those, and the share of the border. None where neither
+    shows enough of a border."""
     first, last = part.motion.intervals[0][0], part.motion.intervals[-1][1]
     frames = sorted(labels)
     rests = [f for f in frames if f < first][:_FRAMES], [f for f in frames if f > last][-_FRAMES:]
@@ -58,7 +62,8 @@ def bare_border(
 
 
 def _bare(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -> float | None:
-    """Share of the border in one label image (H, W) that shows neither an edge in colour nor one in depth; None where it is too short."""
+    """Share of the border in one label image (H, W) that shows neither an edge in colour nor one in depth;
+    None where it is too short."""
     profiles = _profiles(twin, part_id, frame, image)
     if profiles is None:
         return None
@@ -66,7 +71,8 @@ def _bare(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -
 
 
 def _profiles(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -> _Profiles | None:
-    """Profiles across the border between a part and the static scene, where that is what lies on its sides."""
+    """Profiles across the border between a part and the static scene, where that is what lies on its
+    sides."""
     step = max(1, twin.recording.intrinsics.width // _WIDTH)
     label = image[::step, ::step]
     mine = (label == part_id).astype(np.uint8)
@@ -106,8 +112,8 @@ def _colored(p: _Profiles) -> Bits:
 
 
 def _carried_on(p: _Profiles) -> Bits:
-    """Beyond which profiles (n,) the part's face goes on in depth; of what has no depth that isn't known. A plane's inverse depth is affine
-    in the picture."""
+    """Beyond which profiles (n,) the part's face goes on in depth; of what has no depth that isn't known. A
+    plane's inverse depth is affine in the picture."""
     sides = p.t <= -_BESIDE, p.t >= _BESIDE
     known = p.depth > 0
     out = np.all([known[:, side].sum(axis=1) >= _FEWEST_KNOWN for side in sides], axis=0)

@@ -1,8 +1,9 @@
 """Whether the cameras' path holds: frames that look at the same places must see the same depth there.
 
-Where the twin has a part nothing is compared, and a hand and what was missed are the smaller part of what is left: a low quantile of the
-differences in depth is that of the room. What one frame sees before a place that the other looks at counts only where that one sees through
-it: else it hides the place. The quantile grows with the path's error wherever the room is not one plane along which the path slips.
+Where the twin has a part nothing is compared, and a hand and what was missed are the smaller part of what is
+left: a low quantile of the differences in depth is that of the room. What one frame sees before a place that
+the other looks at counts only where that one sees through it: else it hides the place. The quantile grows
+with the path's error wherever the room is not one plane along which the path slips.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ _COMMON = 0.1  # of the picture, seen by both frames at least; less may be one t
 
 
 def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
-    """The two frames that agree least on where the room is, and by how much, m; 0 where no two frames look at the same places."""
+    """The two frames that agree least on where the room is, and by how much, m; 0 where no two frames look at
+    the same places."""
     known = twin.cameras.frames
     rows = np.unique(np.linspace(0, len(known) - 1, min(len(known), _FRAMES)).round().astype(int))
     frames = [int(known[r]) for r in rows]
@@ -49,7 +51,8 @@ def _room(twin: PosedTwin, frame: int) -> NDArray[np.float32]:
 def _apart(
     twin: PosedTwin, one: tuple[int, NDArray[np.float32]], other: tuple[int, NDArray[np.float32]]
 ) -> float:
-    """By how much (m) the depth of two frames differs where they look at the same places; 0 where these are too few."""
+    """By how much (m) the depth of two frames differs where they look at the same places; 0 where these are
+    too few."""
     (a, near), (b, far) = one, other
     y, x = np.nonzero(near)
     points = twin.camera.backproject(np.stack([x, y], axis=-1).astype(float), near[y, x].astype(float))
@@ -74,8 +77,9 @@ def _hides(
     depth: Array,
     T_ab: Array,
 ) -> NDArray[np.bool_]:
-    """Whether what the other frame sees at pixels (x, y), at these depths (n,), may stand there for the first frame, which does not see through
-    it: then it hides what the first frame sees, and is no other copy of it. T_ab: from the other camera to the first."""
+    """Whether what the other frame sees at pixels (x, y), at these depths (n,), may stand there for the first
+    frame, which does not see through it: then it hides what the first frame sees, and is no other copy of it.
+    T_ab: from the other camera to the first."""
     points = twin.camera.backproject(np.stack([x, y], axis=-1).astype(float), depth)
     back = geo.transform(T_ab, points)
     again = look_up(near, twin.camera, back).z

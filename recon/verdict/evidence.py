@@ -28,8 +28,8 @@ from twin.scene import Mesh, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class SceneEvidence:
-    """All that the stages found. labels: label images (H, W) of some frames. parts: those of `found`, refined, with their meshes at
-    state 0 of the joint; None for a part without a surface."""
+    """All that the stages found. labels: label images (H, W) of some frames. parts: those of `found`,
+    refined, with their meshes at state 0 of the joint; None for a part without a surface."""
 
     recording: Recording
     cameras: Trajectory
@@ -65,7 +65,8 @@ class SceneEvidence:
 
     @cached_property
     def resting_hand(self) -> tuple[int, float]:
-        """The labelled frame with most that is labelled hand and keeps its place before and after, and the share of it."""
+        """The labelled frame with most that is labelled hand and keeps its place before and after, and the
+        share of it."""
         return resting_hand(self.posed, self.labels)
 
     @cached_property
@@ -78,7 +79,8 @@ class SceneEvidence:
 class PartEvidence:
     """One part among all of them, with the tracks that are rigid with it.
 
-    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`; None and .5 for a part without a surface.
+    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`; None and .5 for a part
+    without a surface.
     """
 
     scene: SceneEvidence
@@ -104,14 +106,16 @@ class PartEvidence:
 
     @cached_property
     def least_labelled(self) -> tuple[int, float] | None:
-        """A frame at the end of its travel where labels and twin agree less, and their intersection over union; None without one in view."""
+        """A frame at the end of its travel where labels and twin agree less, and their intersection over
+        union; None without one in view."""
         if self.mesh is None or not len(self.mesh.faces):
             return None
         return least_labelled(self.scene.posed, self.part, self.scene.labels)
 
     @cached_property
     def bare_border(self) -> tuple[int, float] | None:
-        """A frame of rest with most of its border that is no edge, and that share; None where it never moves, or without a border in view."""
+        """A frame of rest with most of its border that is no edge, and that share; None where it never moves,
+        or without a border in view."""
         if not self.part.motion.intervals:
             return None
         return bare_border(self.scene.posed, self.part, self.scene.labels)

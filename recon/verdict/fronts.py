@@ -1,4 +1,5 @@
-"""Whether what slides has a front: a drawer goes along the normal of one, to which refinement draws its axis, whatever its borders show."""
+"""Whether what slides has a front: a drawer goes along the normal of one, to which refinement draws its axis,
+whatever its borders show."""
 
 from __future__ import annotations
 
@@ -8,14 +9,15 @@ from recon.refine.ties import ASKEW
 from twin import geometry as geo
 from twin.scene import Joint, Mesh
 
-# Share of the surface that is front. Of seven short drawers that depth alone tells and that are within the limit of refinement (looked at) all were
-# right, .3 to 1.5 deg off
+# Share of the surface that is front. Of seven short drawers that depth alone tells and that are within the
+# limit of refinement (looked at) all were right, .3 to 1.5 deg off
 FRONT = 0.3
 _FACING = np.radians(15.0)  # of the normals that are taken for the front's; chosen by us
 
 
 def square_to_front(joint: Joint, mesh: Mesh | None) -> bool:
-    """Whether a joint's axis is along the mean normal of the faces that are about square to it, a good share of a mesh at its state 0."""
+    """Whether a joint's axis is along the mean normal of the faces that are about square to it, a good share
+    of a mesh at its state 0."""
     if mesh is None or not len(mesh.faces):
         return False
     normals, area = geo.triangle_normals(mesh.vertices[mesh.faces])

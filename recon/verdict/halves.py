@@ -1,4 +1,5 @@
-"""The joint that a part's tracks tell: that of the first half of its motion, by travel, against that of the second, and that of all of it."""
+"""The joint that a part's tracks tell: that of the first half of its motion, by travel, against that of the
+second, and that of all of it."""
 
 from __future__ import annotations
 
@@ -19,18 +20,20 @@ from twin import geometry as geo
 from twin.joint import JointSigma
 from twin.scene import Revolute
 
-# Frames of a half and tracks that are looked at, of each at most and at least; a track must be seen in this share of the frames. The
-# start of the noise scale (m), which the fit finds itself, its least, and how many steps it takes at most. All chosen by us
+# Frames of a half and tracks that are looked at, of each at most and at least; a track must be seen in this
+# share of the frames. The start of the noise scale (m), which the fit finds itself, its least, and how many
+# steps it takes at most. All chosen by us
 _MOST_FRAMES, _MOST_TRACKS, _FEWEST_FRAMES, _FEWEST_TRACKS, _SEEN = 40, 150, 4, 6, 1 / 3
 _NOISE_M, _LEAST_M, _STEPS = 0.003, 1e-5, 30
 
 
 @dataclass(frozen=True)
 class Halves:
-    """How far the two joints are from each other, with one standard deviation of that: axes in rad; the hinges' distance beside the
-    part in m, None of a slide. off: by how much the axis of the half that is nearer to it differs from the part's, rad. worse: by how much
-    farther the tracks of a half scatter about the part's joint than about its own, the larger of two ratios.
-    off_pivot: of the half whose hinge is nearer to the part's, its distance from that, m."""
+    """How far the two joints are from each other, with one standard deviation of that: axes in rad; the
+    hinges' distance beside the part in m, None of a slide. off: by how much the axis of the half that is
+    nearer to it differs from the part's, rad. worse: by how much farther the tracks of a half scatter about
+    the part's joint than about its own, the larger of two ratios. off_pivot: of the half whose hinge is
+    nearer to the part's, its distance from that, m."""
 
     axis: float
     axis_sigma: float
@@ -43,8 +46,9 @@ class Halves:
 
 @dataclass(frozen=True)
 class Whole:
-    """The axis that the tracks tell over the whole motion: how far from the part's, rad, one standard deviation of it, rad, and how many times
-    farther they scatter about the part's joint than about their own."""
+    """The axis that the tracks tell over the whole motion: how far from the part's, rad, one standard
+    deviation of it, rad, and how many times farther they scatter about the part's joint than about their
+    own."""
 
     off: float
     sigma: float
@@ -61,7 +65,8 @@ def whole(movers: Movers, part: MovingPart, tracks: PartTracks) -> Whole | None:
 
 
 def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | None:
-    """The joints of the two halves of the motion; None where one of them has too few frames or tracks for a fit."""
+    """The joints of the two halves of the motion; None where one of them has too few frames or tracks for a
+    fit."""
     rows = moving_rows(part)
     if not len(rows):
         return None
@@ -94,7 +99,8 @@ def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | Non
 
 @dataclass(frozen=True, eq=False)
 class _Half:
-    """The joint by the tracks of some frames, and how many times farther they scatter about the part's own."""
+    """The joint by the tracks of some frames, and how many times farther they scatter about the part's
+    own."""
 
     own: Bundle
     worse: float
@@ -119,7 +125,8 @@ def _fit(movers: Movers, part: MovingPart, tracks: PartTracks, rows: NDArray[np.
 
 
 def _scatter(seen: Observations, given: Model, sigma: float) -> float:
-    """Noise (m) of tracks about a given joint, at the states that suit them best; sigma: that about their own."""
+    """Noise (m) of tracks about a given joint, at the states that suit them best; sigma: that about their
+    own."""
     states = states_of(seen, Hypothesis(given.kind, given.axis, given.pivot), max(sigma, _LEAST_M))
     square, _, _ = residuals(seen, replace(given, state=states), max(sigma, _LEAST_M))
     unknowns = 3 * len(seen.points) + int((seen.weight > 0).any(axis=0).sum())

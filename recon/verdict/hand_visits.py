@@ -1,4 +1,5 @@
-"""Visits of the hand: what comes into view to open something and goes again has moved a part, or one was missed."""
+"""Visits of the hand: what comes into view to open something and goes again has moved a part, or one was
+missed."""
 
 from __future__ import annotations
 
@@ -11,20 +12,21 @@ from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin.scene import HAND_LABEL
 
-# Share of the picture that is a hand in view, labelled frames without it that end no visit, s by which a motion may miss a visit, share of a
-# part's range that is more than a shake. Chosen by us.
+# Share of the picture that is a hand in view, labelled frames without it that end no visit, s by which a
+# motion may miss a visit, share of a part's range that is more than a shake. Chosen by us.
 _IN_VIEW, _MISSED, _SLACK, _MOVES = 0.004, 1, 0.4, 0.2
-# s that a hand is in view while nothing moves, by how many motions it is beside. Opening something takes .8 s at least, from the first finger in
-# view. Who reaches for something or leaves it takes 1.6 s at most in 46 open recordings, 2.2 in 90 labelled by earlier code; where the other part
-# was missed, 3.1 to 6.7 in ten. All of them looked at
+# s that a hand is in view while nothing moves, by how many motions it is beside. Opening something takes .8 s
+# at least, from the first finger in view. Who reaches for something or leaves it takes 1.6 s at most in 46
+# open recordings, 2.2 in 90 labelled by earlier code; where the other part was missed, 3.1 to 6.7 in ten. All
+# of them looked at
 _IDLE_S = (0.8, 3.0, 6.0)
 
 
 def idle_visit(
     recording: Recording, labels: Mapping[int, NDArray[np.uint8]], parts: Sequence[MovingPart]
 ) -> tuple[int, int] | None:
-    """First and last frame of the longest time for which a hand is in view and no part moves by much, longer than it takes to reach for
-    one and to leave it; None without one."""
+    """First and last frame of the longest time for which a hand is in view and no part moves by much, longer
+    than it takes to reach for one and to leave it; None without one."""
     idle = [span for v in _visits(labels) for span in _idle(recording, parts, v)]
     return max(idle, key=lambda span: _seconds(recording, *span), default=None)
 
@@ -47,7 +49,8 @@ def _seconds(recording: Recording, first: int, last: int) -> float:
 
 
 def _idle(recording: Recording, parts: Sequence[MovingPart], visit: tuple[int, int]) -> list[tuple[int, int]]:
-    """First and last frames of the times in a visit before, between and after motions, and too long for that."""
+    """First and last frames of the times in a visit before, between and after motions, and too long for
+    that."""
     spans, since, beside = [], visit[0], 0
     for first, last in sorted(m for part in parts for m in _motions(recording, part, visit)):
         spans.append((since, first, beside + 1))

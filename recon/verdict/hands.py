@@ -1,8 +1,9 @@
 """Whether what is labelled hand is one.
 
-A hand stands in front of what the twin shows. It reaches in from the viewer, or it moves. What has the twin's depth, or keeps its place
-in the world without reaching in or in the size of furniture, is what the labels could not explain otherwise. An arm that slides along
-itself, without reaching the border, would be taken for furniture.
+A hand stands in front of what the twin shows. It reaches in from the viewer, or it moves. What has the twin's
+depth, or keeps its place in the world without reaching in or in the size of furniture, is what the labels
+could not explain otherwise. An arm that slides along itself, without reaching the border, would be taken for
+furniture.
 """
 
 from __future__ import annotations
@@ -21,22 +22,24 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import HAND_LABEL
 
-# s after a labelled frame, before it or both, and how many frames of them are looked at. A hand that reaches for something
-# gets 10 cm or more in that time, three gates. Chosen by us
+# s after a labelled frame, before it or both, and how many frames of them are looked at. A hand that reaches
+# for something gets 10 cm or more in that time, three gates. Chosen by us
 SECONDS, FRAMES = 0.5, 3
-# Share of a piece that keeps its place: where it is less, fingers may rest while the arm comes. 0.2 in the one true hand among open
-# recordings, .46 to .98 in most false ones
+# Share of a piece that keeps its place: where it is less, fingers may rest while the arm comes. 0.2 in the
+# one true hand among open recordings, .46 to .98 in most false ones
 STILL = 0.4
 # m^2 across the view. Two arms with sleeves, hand to elbow, 45 cm by 12 cm each, have half of it
 ARMS_M2 = 0.2
-# An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it opens seldom farther than 1.3 m. An arm
-# that comes from the side had .74, so what is to be told as no arm must have more than the second. Chosen by us
+# An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it
+# opens seldom farther than 1.3 m. An arm that comes from the side had .74, so what is to be told as no arm
+# must have more than the second. Chosen by us
 REACHES_IN, ACROSS = 0.7, 0.9
 _FEWEST = 30  # px of the thinned picture that have a shape; chosen by us
 
 
 def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
-    """Of the first and the last labelled frame the one with more of it, and the share of its pixels that are labelled hand and are none."""
+    """Of the first and the last labelled frame the one with more of it, and the share of its pixels that are
+    labelled hand and are none."""
     worst = (min(labels), 0.0)
     for frame, others in _ends(twin, sorted(labels)):
         share = float(_false(twin, frame, labels[frame], others).mean())
@@ -46,7 +49,8 @@ def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tupl
 
 
 def resting_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
-    """The labelled frame with most that is labelled hand and keeps its place before and after, and the share of its pixels."""
+    """The labelled frame with most that is labelled hand and keeps its place before and after, and the share
+    of its pixels."""
     worst = (min(labels), 0.0)
     for frame, image in sorted(labels.items()):
         hand = twin.thinned(image) == HAND_LABEL
@@ -60,8 +64,9 @@ def resting_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tu
 
 
 def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int) -> NDArray[np.bool_]:
-    """Pixels (H, W) of a frame that are labelled hand and are no furniture at rest: pieces that mostly don't keep their place in the frames
-    after (sign 1) or before it (-1), and arms that reach in from the border."""
+    """Pixels (H, W) of a frame that are labelled hand and are no furniture at rest: pieces that mostly don't
+    keep their place in the frames after (sign 1) or before it (-1), and arms that reach in from the
+    border."""
     hand = twin.thinned(image) == HAND_LABEL
     if not hand.any():
         return hand
@@ -73,7 +78,8 @@ def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: in
 def _at_rest(
     twin: PosedTwin, frame: int, hand: NDArray[np.bool_], others: Sequence[int]
 ) -> NDArray[np.bool_]:
-    """Of the pixels (H, W) of a frame that are labelled hand those that keep their place in other frames, in pieces that are no hand."""
+    """Of the pixels (H, W) of a frame that are labelled hand those that keep their place in other frames, in
+    pieces that are no hand."""
     kept = hand & _keeps_place(twin, frame, others)
     still, pieces = _still_pieces(twin, frame, hand, kept, ACROSS)
     return np.asarray(kept & still[pieces])
@@ -82,8 +88,9 @@ def _at_rest(
 def _still_pieces(
     twin: PosedTwin, frame: int, hand: NDArray[np.bool_], kept: NDArray[np.bool_], nearer: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
-    """Which pieces of a hand (H, W) mostly keep their place and are no arm, by reaching in from the border or by its shape where labels have lost
-    its end; and the piece of each pixel. kept (H, W): what keeps its place. nearer: see `REACHES_IN`."""
+    """Which pieces of a hand (H, W) mostly keep their place and are no arm, by reaching in from the border or
+    by its shape where labels have lost its end; and the piece of each pixel. kept (H, W): what keeps its
+    place. nearer: see `REACHES_IN`."""
     seen = twin.seen(frame)
     pieces = np.asarray(cv2.connectedComponents(hand.astype(np.uint8), connectivity=8)[1], np.int32)
     still = np.bincount(pieces.ravel(), kept.ravel()) > STILL * np.bincount(pieces.ravel())
@@ -114,7 +121,8 @@ def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32], nearer: float) -> bool:
-    """Whether a piece (H, W) comes from the viewer: where it leaves the picture it is so much nearer than at its far end."""
+    """Whether a piece (H, W) comes from the viewer: where it leaves the picture it is so much nearer than at
+    its far end."""
     at_border = np.zeros_like(piece)
     at_border[[0, -1]], at_border[:, [0, -1]] = piece[[0, -1]], piece[:, [0, -1]]
     there = seen[at_border & (seen > 0)]
@@ -123,7 +131,8 @@ def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32], nearer: flo
 
 
 def _ends(twin: PosedTwin, labelled: Sequence[int]) -> list[tuple[int, list[int]]]:
-    """The first and the last labelled frame, each with the frames that tell whether something keeps its place."""
+    """The first and the last labelled frame, each with the frames that tell whether something keeps its
+    place."""
     return [(frame, _near(twin, frame, sign)) for frame, sign in ((labelled[0], 1), (labelled[-1], -1))]
 
 
@@ -162,6 +171,7 @@ def _keeps_place(twin: PosedTwin, frame: int, others: Sequence[int]) -> NDArray[
 
 
 def _looked_up(twin: PosedTwin, frame: int, points: Array) -> Array:
-    """Depth (H, W) m recorded where points (H, W, 3) of the camera's frame are; NaN out of view and where unknown."""
+    """Depth (H, W) m recorded where points (H, W, 3) of the camera's frame are; NaN out of view and where
+    unknown."""
     found = look_up(twin.seen(frame), twin.camera, points.reshape(-1, 3), near=0.0).z
     return np.where(found > 0, found, np.nan).reshape(points.shape[:2])

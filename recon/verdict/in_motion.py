@@ -1,7 +1,9 @@
-"""Whether the twin explains the motion itself: carried through frames in which a part moves, against the recorded depth.
+"""Whether the twin explains the motion itself: carried through frames in which a part moves, against the
+recorded depth.
 
-A hand is nearer than what it hides, never farther. Where the twin in its state is nearer than what was seen, it is wrong there and no
-hand is the excuse. And what has another depth than it had at rest must have the one that the twin has in that state.
+A hand is nearer than what it hides, never farther. Where the twin in its state is nearer than what was seen,
+it is wrong there and no hand is the excuse. And what has another depth than it had at rest must have the one
+that the twin has in that state.
 """
 
 from __future__ import annotations
@@ -21,10 +23,11 @@ FRAMES = 8  # of those in which the part moves, evenly over its travel; chosen b
 class InMotion:
     """What a part's moving frames show, in pixels summed over them.
 
-    own: of the part, where it is or was at rest. through: seen farther than the twin. right: with another depth than the twin has with the
-    part at rest, and that of the twin in its state. wrong: with another depth than at rest and farther than the twin in its state, or with
-    that at rest where the twin's state makes it another. What is nearer than the twin may be a hand and counts as neither. worst: the frame
-    with most of `through`.
+    own: of the part, where it is or was at rest. through: seen farther than the twin. right: with another
+    depth than the twin has with the part at rest, and that of the twin in its state. wrong: with another
+    depth than at rest and farther than the twin in its state, or with that at rest where the twin's state
+    makes it another. What is nearer than the twin may be a hand and counts as neither. worst: the frame with
+    most of `through`.
     """
 
     own: int
@@ -35,7 +38,8 @@ class InMotion:
 
 
 def in_motion(twin: PosedTwin, part: MovingPart) -> InMotion | None:
-    """What the frames show in which a part moves, None where there are none. parts' surfaces must be those of `twin`."""
+    """What the frames show in which a part moves, None where there are none. parts' surfaces must be those of
+    `twin`."""
     counts = {frame: _count(twin, part, frame) for frame in frames_by_travel(part, FRAMES)}
     if not counts:
         return None

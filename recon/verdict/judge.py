@@ -39,20 +39,22 @@ VERDICT = Stage("verdict", 30, ())
 OF_THE_SCENE = (HandWhereNobodyIs, HandMovesNothing, Unexplained, StaticSeenThrough)
 # What a short motion leaves unsure: sigmas of one fit, which grow together
 OF_THE_FIT = (AxisUnsure, PivotUnsure, RangeUnsure)
-# Reasons that each make doubtful, those of the scene together one of them, and those of the fit. Of 16 open right parts that are doubted twelve have one of them,
-# three two and one three; of eight open negatives that are refused for nothing else all have four and more. By us, on recordings that were
-# looked at
+# Reasons that each make doubtful, those of the scene together one of them, and those of the fit. Of 16 open
+# right parts that are doubted twelve have one of them, three two and one three; of eight open negatives that
+# are refused for nothing else all have four and more. By us, on recordings that were looked at
 MOST_DOUBTS = 2
-# Probability of the closed end from which all cues together outweigh one that contradicts another. Of 20 parts of
-# open recordings, looked at, those with the wrong end reach .96 at most.
+# Probability of the closed end from which all cues together outweigh one that contradicts another. Of 20
+# parts of open recordings, looked at, those with the wrong end reach .96 at most.
 CLOSED_SURE = 0.98
-# Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time. By us
+# Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time.
+# By us
 TOGETHER = 0.5
 
 
 @dataclass(frozen=True)
 class Judged:
-    """The verdict on each found part by its id, those without a surface too, and the reasons against the scene."""
+    """The verdict on each found part by its id, those without a surface too, and the reasons against the
+    scene."""
 
     parts: Mapping[int, Verdict]
     scene: tuple[Reason, ...]
@@ -70,8 +72,8 @@ def judge(
 ) -> Judged:
     """Judge each part as it would be written, and the scene.
 
-    parts: those of `found`, refined. finished: those of them that have a surface, counted from their closed end. faults: what the
-    recording's inspection says against everything that is made of it.
+    parts: those of `found`, refined. finished: those of them that have a surface, counted from their closed
+    end. faults: what the recording's inspection says against everything that is made of it.
     """
     written = {f.moving.id: (f.moving, f.mesh) for f in finished}
     closed = {f.moving.id: (f.closed_margin, f.closed_probability) for f in finished}
@@ -90,8 +92,8 @@ def judge(
 
 
 def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:
-    """The verdicts, with a doubt for each part that moves when one does that is not trusted: either may have taken what moved of the other,
-    or both are one."""
+    """The verdicts, with a doubt for each part that moves when one does that is not trusted: either may have
+    taken what moved of the other, or both are one."""
     moving = {p.id: set(p.motion.frames[moving_rows(p)]) for p in parts}
     doubted = [p.id for p in parts if verdicts[p.id].level != "trusted"]
     out = dict(verdicts)
@@ -107,8 +109,8 @@ def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]
 def verdict_on(evidence: PartEvidence) -> Verdict:
     """All reasons against one part.
 
-    A closed end that one cue leaves unsure is no reason where all cues together are sure of it and nothing else speaks
-    against the part: of what was missed or labelled wrong they tell another surface's closed end.
+    A closed end that one cue leaves unsure is no reason where all cues together are sure of it and nothing
+    else speaks against the part: of what was missed or labelled wrong they tell another surface's closed end.
     """
     reasons = tuple(r for ask in OF_PARTS if (r := ask(evidence)) is not None)
     if evidence.closed_probability >= CLOSED_SURE and all(isinstance(r, ClosedEndUnsure) for r in reasons):

@@ -14,9 +14,9 @@ from twin.geometry import Array
 
 _END = 0.1  # share of the travel within which a state is at an end; chosen by us
 _FEWEST = 20  # pixels of the thinned picture that tell; chosen by us
-# Pixels of the thinned picture. In what is narrower, as a door that is seen edge-on, a pixel of outline to either side
-# is more than a fifth of it. Of seven doors seen so (open recordings, looked at) the right ones have .73 to .79
-# without and .92 to .97 with one pixel of tolerance, one that is labelled elsewhere .02.
+# Pixels of the thinned picture. In what is narrower, as a door that is seen edge-on, a pixel of outline to
+# either side is more than a fifth of it. Of seven doors seen so (open recordings, looked at) the right ones
+# have .73 to .79 without and .92 to .97 with one pixel of tolerance, one that is labelled elsewhere .02.
 _NARROW = 10
 
 Bits = NDArray[np.bool_]
@@ -25,8 +25,9 @@ Bits = NDArray[np.bool_]
 def least_labelled(
     twin: PosedTwin, part: MovingPart, labels: Mapping[int, NDArray[np.uint8]]
 ) -> tuple[int, float] | None:
-    """Of the two ends of a part's travel the one where labels and twin agree less: the frame in the middle of those of that end, and the
-    intersection over union of the pixels that are labelled as the part and those that should show it. None where no end is in view."""
+    """Of the two ends of a part's travel the one where labels and twin agree less: the frame in the middle of
+    those of that end, and the intersection over union of the pixels that are labelled as the part and those
+    that should show it. None where no end is in view."""
     state = np.interp(sorted(labels), part.motion.frames, part.motion.state)
     low, high = part.motion.state.min(), part.motion.state.max()
     near = _END * (high - low)
@@ -43,8 +44,8 @@ def _overlaps(
 ) -> list[tuple[int, float]]:
     """Frame and intersection over union of each frame that shows enough of the part.
 
-    What is labelled hand and is nearer than the part hides it; what is labelled hand and is not, is the part's. In
-    pieces that are narrow the outlines may differ by a pixel.
+    What is labelled hand and is nearer than the part hides it; what is labelled hand and is not, is the
+    part's. In pieces that are narrow the outlines may differ by a pixel.
     """
     out = []
     for frame in frames.tolist():
@@ -73,5 +74,6 @@ def _narrow(mask: Bits) -> Bits:
 
 
 def middle(shares: list[tuple[int, float]]) -> tuple[int, float] | None:
-    """Of frames and their shares the median by share: the lower of the two in the middle of an even number. None of none."""
+    """Of frames and their shares the median by share: the lower of the two in the middle of an even number.
+    None of none."""
     return sorted(shares, key=lambda share: share[1])[(len(shares) - 1) // 2] if shares else None

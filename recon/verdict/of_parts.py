@@ -1,8 +1,9 @@
 """Evidence against a part: each function looks at one number and returns a reason, or None.
 
-The limits are floors, chosen by us on 27 runs on recordings that the chain had not seen: 6 of them right, 12 with the part missed,
-9 with a right joint and wrong labels, wrong closed end, or one of several parts. Residual and share of inliers told nothing
-(1.2 to 2.7 mm and .41 to .83 where right, 1.9 to 8.2 mm and .37 to .68 where missed) and are left out.
+The limits are floors, chosen by us on 27 runs on recordings that the chain had not seen: 6 of them right, 12
+with the part missed, 9 with a right joint and wrong labels, wrong closed end, or one of several parts.
+Residual and share of inliers told nothing (1.2 to 2.7 mm and .41 to .83 where right, 1.9 to 8.2 mm and .37 to
+.68 where missed) and are left out.
 """
 
 from __future__ import annotations
@@ -51,44 +52,47 @@ from twin.verdict import (
     WithinDrift,
 )
 
-# deg. Doubtful at a quarter of what counts as success, as the sigma leaves out how tracks drift. Refused where two sigmas exceed what counts
-# as success. Of 90 open random recordings, looked at: joints that were right .04 to 1.64, what was wrong or none .67 to 1300, and below 3 only
-# where another reason refuses too.
+# deg. Doubtful at a quarter of what counts as success, as the sigma leaves out how tracks drift. Refused
+# where two sigmas exceed what counts as success. Of 90 open random recordings, looked at: joints that were
+# right .04 to 1.64, what was wrong or none .67 to 1300, and below 3 only where another reason refuses too.
 AXIS_HALF_SURE, AXIS_DOUBTFUL, AXIS_REFUSED = 0.9, 1.25, 3.0
-# What slides without texture shows by its borders alone how far it went aside: they are off by 4 to 14 mm (five runs, looked at). Doubtful at half
-# of what counts as success, deg.
+# What slides without texture shows by its borders alone how far it went aside: they are off by 4 to 14 mm
+# (five runs, looked at). Doubtful at half of what counts as success, deg.
 BORDERS_M, SIDEWAYS_DOUBTFUL = 0.008, 2.5
-# The upper limit over the sigma of a state. Of 60 open random recordings, looked at: joints that were right 41 to 2100 in 45, and 25 in one
-# whose states ran on unseen; wrong or none 0 to 41 in 10 and 48 to 330 in 8, which other reasons tell. Below the first, an axis that is half
-# sure is enough to refuse. What is below the second can't be told from rest.
+# The upper limit over the sigma of a state. Of 60 open random recordings, looked at: joints that were right
+# 41 to 2100 in 45, and 25 in one whose states ran on unseen; wrong or none 0 to 41 in 10 and 48 to 330 in 8,
+# which other reasons tell. Below the first, a half sure axis refuses. Below the second it may be at rest.
 RANGE_DOUBTFUL, RANGE_REFUSED = 40.0, 10.0
-# rad and m of range, whatever its error. What rattles, and corners that drift, go as far; a cupboard that opens goes farther. By us.
+# rad and m of range, whatever its error. What rattles, and corners that drift, go as far; a cupboard that
+# opens goes farther. By us.
 TURN_DOUBTFUL, TURN_REFUSED = np.radians(6.0), np.radians(3.0)
 SLIDE_DOUBTFUL, SLIDE_REFUSED = 0.02, 0.01
-# Shares by which the ends of the travel differ. Right: .35 and more in 24; wrong: 0 in one, which a cue of second rank decided.
+# Shares by which the ends of the travel differ. Right: .35 and more in 24; wrong: 0 in one.
 CLOSED_END = 0.25
-# m. Right paths (ATE up to 6 mm): 2 to 12; wrong ones (27 to 134 mm): 58 to 587. All of them recordings that were looked at.
+# m. Right paths (ATE up to 6 mm): 2 to 12; wrong ones (27 to 134 mm): 58 to 587. All of them looked at.
 CAMERAS_DOUBTFUL, CAMERAS_REFUSED = 0.02, 0.05
-# m that the path may be aside, and m. Two sigmas are what counts as success, 2 cm: where labels cut an outline the path of open hinges, looked
-# at, was off by up to four of them. Of 56 that were right and trusted one has more. A decimetre is no hinge of this part any more.
+# m that the path may be aside, and m. Two sigmas are what counts as success, 2 cm: where labels cut an
+# outline the path of open hinges, looked at, was off by up to four of them. Of 56 that were right and trusted
+# one has more. A decimetre is no hinge of this part any more.
 PIVOT_DOUBTFUL, PIVOT_REFUSED = 0.01, 0.1
 # The part's travel over what resting tracks seem to move by between the rests before and after it.
 DRIFT_DOUBTFUL, DRIFT_REFUSED, _FEWEST_TRACKS = 5.0, 2.0, 20
 # Share of the frames in which the part moves: a recording needs rest before and after.
 RESTLESS = 0.9
-# rad and m by which the state changes while the part rests. Right: up to 1 deg and 4 mm in 30; wrong: 5 deg and 29 mm in two whose path ran
-# on while nothing told of them. By us
+# rad and m by which the state changes while the part rests. Right: up to 1 deg and 4 mm in 30; wrong: 5 deg
+# and 29 mm in two whose path ran on while nothing told of them. By us
 CREEP_TURN, CREEP_SLIDE = np.radians(2.5), 0.01
 # m^2. Less than the palm that opens it.
 SMALL = 0.005
-# Share of the picture at rest with another depth than the twin's. 0 in eleven right runs and in four with a right joint and one fault
-# of a sensor, .0003 with time of flight; .007 and .010 at the two ends of one whose part was missed. All of them recordings that were
-# looked at while this was built.
+# Share of the picture at rest with another depth than the twin's. 0 in eleven right runs and in four with a
+# right joint and one fault of a sensor, .0003 with time of flight; .007 and .010 at the two ends of one whose
+# part was missed. All of them recordings that were looked at while this was built.
 UNEXPLAINED, UNEXPLAINED_REFUSED = 0.002, 0.05
-# Share of the area that moves across itself, by more than this sine, about the middle of the range (half a share of it to either side).
-# Sliding panels have .02 to .1, doors and drawers above .6; by us.
+# Share of the area that moves across itself, by more than this sine, about the middle of the range (half a
+# share of it to either side). Sliding panels have .02 to .1, doors and drawers above .6; by us.
 ACROSS, ACROSS_SINE, AJAR = 0.25, 0.25, 0.05
-# Share of the picture of any frame. Right: 0 in 27, .0005 in one; .0036 where another part was missed that is out of view at the end.
+# Share of the picture of any frame. Right: 0 in 27, .0005 in one; .0036 where another part was missed that is
+# out of view at the end.
 STATIC_THROUGH = 0.001
 # Label images. Of two, each may be the moment at which something else moved.
 FEWEST_LABELS = 3
@@ -117,8 +121,7 @@ def axis(e: PartEvidence) -> Reason | None:
 
 
 def _sideways(e: PartEvidence) -> float:
-    """Degrees by which a slide that depth alone tells may lean aside, where only the part's borders show it; 0 for others, and where the axis is
-    square to a front."""
+    """Degrees by which a slide that only borders in depth show may lean aside; 0 for all others."""
     joint = e.part.joint
     if joint.kind == "revolute" or e.tracks.type_source != "depth" or square_to_front(joint, e.mesh):
         return 0.0
@@ -126,7 +129,7 @@ def _sideways(e: PartEvidence) -> float:
 
 
 def pivot(e: PartEvidence) -> Reason | None:
-    """The hinge's place against its own sigma: how far it takes the part's path aside, by the chord of its range, at most by itself."""
+    """How far the sigma of the hinge's place takes the part's path aside: by the chord of its range."""
     joint = e.part.joint
     sigma = None if joint.sigma is None else joint.sigma.pivot
     if sigma is None:
@@ -210,7 +213,7 @@ def _at_rest(motion: Motion) -> list[Array]:
 
 
 def drift(e: PartEvidence) -> Reason | None:
-    """How far the part gets against how far the static scene seems to; None where too few tracks see both rests."""
+    """How far the part gets against the static scene; None where too few tracks see both rests."""
     drifted = _drift(e)
     if drifted is None or e.mesh is None or not len(e.mesh.vertices):
         return None
@@ -255,7 +258,7 @@ def surface(e: PartEvidence) -> Reason | None:
 
 
 def across_itself(e: PartEvidence) -> Reason | None:
-    """How much of the surface moves across itself, where no tracks tell the joint; None where it is told by tracks."""
+    """How much of the surface moves across itself; None where tracks tell the joint."""
     if e.tracks.type_source != "depth" or e.mesh is None or not len(e.mesh.faces):
         return None
     joint = e.part.joint
@@ -279,14 +282,14 @@ def labelled(e: PartEvidence) -> Reason | None:
 
 
 def explained(e: PartEvidence) -> Reason | None:
-    """The twin against the pixels of the frames at rest: against each part, as any of them may be the wrong one."""
+    """The twin against the pixels of the frames at rest: any of the parts may be the wrong one."""
     frame, share = e.scene.unexplained
     level = _graded(share > UNEXPLAINED, share > UNEXPLAINED_REFUSED)
     return None if level is None else Unexplained(level, frame, share, UNEXPLAINED)
 
 
 def static_stays(e: PartEvidence) -> Reason | None:
-    """The static scene against all frames: against each part, as what went may be a part of it or another one."""
+    """The static scene against all frames: what went may be a part of each part or another one."""
     frame, share = e.scene.static_seen_through
     return None if share <= STATIC_THROUGH else StaticSeenThrough("doubtful", frame, share, STATIC_THROUGH)
 

@@ -1,4 +1,5 @@
-"""The tracks of a part that are a witness of its joint: a hand that leads it goes along, and turns about the handle as it does."""
+"""The tracks of a part that are a witness of its joint: a hand that leads it goes along, and turns about the
+handle as it does."""
 
 from __future__ import annotations
 

@@ -19,16 +19,21 @@ from twin.geometry import Array
 from twin.scene import STATIC_LABEL, UNKNOWN_LABEL, Mesh, Trajectory
 
 WIDTH = 160  # px to which pictures are thinned out
-# m and multiples: another depth is one that differs by more than both. Six medians of the frame's own differences are 4 sigma.
+# m and multiples: another depth is one that differs by more than both. Six medians of the frame's own
+# differences are 4 sigma.
 GATE_M, GATE_MEDIANS = 0.03, 6.0
-_GAP_M = 0.025  # what is narrower is a gap that fusion closed, or an edge that it drew on; a joint's gap and twice a voxel; by us
-# Beside steps in depth (m, and share of the depth) a pixel of the mesh may be one of the picture's other side.
+# what is narrower is a gap that fusion closed, or an edge that it drew on; a joint's gap and twice a voxel;
+# by us
+_GAP_M = 0.025
+# Beside steps in depth (m, and share of the depth) a pixel of the mesh may be one of the picture's other
+# side.
 _STEP_M, _STEP_SHARE, _BESIDE = 0.05, 0.03, 5
 
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Depth (H, W) m along z, 0 where there is nothing, and owner (H, W): the label of the surface, 0 where there is none."""
+    """Depth (H, W) m along z, 0 where there is nothing, and owner (H, W): the label of the surface, 0 where
+    there is none."""
 
     depth: NDArray[np.float32]
     owner: NDArray[np.uint8]
@@ -36,7 +41,8 @@ class Expected:
 
 @dataclass(frozen=True, eq=False)
 class PosedTwin:
-    """A twin that can be looked at in any state. parts: with their meshes at state 0, None for one without a surface."""
+    """A twin that can be looked at in any state. parts: with their meshes at state 0, None for one without a
+    surface."""
 
     recording: Recording
     cameras: Trajectory
@@ -73,7 +79,8 @@ class PosedTwin:
         }
 
     def expected(self, frame: int, states: Mapping[int, float] | None = None) -> Expected:
-        """The view of a frame with a known camera. states: by part id; those of the frame where none are given, and then it is kept."""
+        """The view of a frame with a known camera. states: by part id; those of the frame where none are
+        given, and then it is kept."""
         if states is None:
             if frame not in self._kept:
                 self._kept[frame] = self.expected(frame, self.states(frame))
@@ -107,7 +114,8 @@ class PosedTwin:
 
 
 def gate(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> tuple[NDArray[np.bool_], float]:
-    """Pixels (H, W) that can be compared (known in both, not beside a step), and how far (m) depths must differ to be others."""
+    """Pixels (H, W) that can be compared (known in both, not beside a step), and how far (m) depths must
+    differ to be others."""
     both = (seen > 0) & (expected > 0)
     kernel = np.ones((_BESIDE, _BESIDE), np.uint8)
     jump = cv2.dilate(expected, kernel) - cv2.erode(expected, kernel)
@@ -118,8 +126,9 @@ def gate(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> tuple[NDAr
 
 
 def wide(mask: NDArray[np.bool_], depth: NDArray[np.float32], camera: Intrinsics) -> NDArray[np.bool_]:
-    """A mask (H, W) without what is narrower than `_GAP_M` at the median of its depths (H, W) m: fused surfaces close the gap beside a front,
-    and end a little beyond their edge. A strip at the picture's border is as narrow as it is seen."""
+    """A mask (H, W) without what is narrower than `_GAP_M` at the median of its depths (H, W) m: fused
+    surfaces close the gap beside a front, and end a little beyond their edge. A strip at the picture's border
+    is as narrow as it is seen."""
     if not mask.any():
         return mask
     px = _GAP_M * camera.fx / float(np.median(depth[mask]))
@@ -127,8 +136,8 @@ def wide(mask: NDArray[np.bool_], depth: NDArray[np.float32], camera: Intrinsics
 
 
 def opened(mask: NDArray[np.bool_], untold: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
-    """A mask (H, W) without single pixels. untold (H, W): pixels that are not known, which may be of it or not: a surface that is seen in
-    spots is no single pixel."""
+    """A mask (H, W) without single pixels. untold (H, W): pixels that are not known, which may be of it or
+    not: a surface that is seen in spots is no single pixel."""
     return np.asarray(mask & without_narrow(mask if untold is None else mask | untold, 3))
 
 
@@ -157,7 +166,8 @@ def _scene(mesh: Mesh) -> Any:
 
 
 def _cast(scene: Any, rays: Array, T_scene_cam: Array) -> NDArray[np.float32]:
-    """Depth (H, W) along z of the nearest surface, metres, 0 where there is none. rays (H, W, 3): points at 1 m depth."""
+    """Depth (H, W) along z of the nearest surface, metres, 0 where there is none. rays (H, W, 3): points at 1
+    m depth."""
     import open3d as o3d
 
     core: Any = o3d.core

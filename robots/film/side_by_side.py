@@ -1,5 +1,5 @@
-"""The lines under a film's pictures: the part's state, how fast time passes and what the robot stands on if nobody saw it; and
-person and robot side by side."""
+"""The lines under a film's pictures: the part's state, how fast time passes and what the robot stands on if
+nobody saw it; and person and robot side by side."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ _INK, _PAPER = (235, 235, 235), (28, 30, 33)
 
 
 def pace_text(seconds: float, frames: int, rate: float) -> str:
-    """How fast a film of so many frames at `rate` a second shows `seconds` of simulation, such as "1.6 x real time"."""
+    """How fast a film of so many frames at `rate` a second shows `seconds` of simulation, such as "1.6 x real
+    time"."""
     pace = seconds * rate / frames
     return "real time" if abs(pace - 1.0) < _REAL else f"{pace:.2g} x real time"
 
@@ -28,7 +29,8 @@ def pace_text(seconds: float, frames: int, rate: float) -> str:
 def alone(
     images: Sequence[Image], states: Array, trajectory: RobotTrajectory, part: Part, pace: str
 ) -> list[Image]:
-    """The robot's `images` (f of (H, W, 3)), under each the part's state out of `states` (f,), the pace, and an assumed floor."""
+    """The robot's `images` (f of (H, W, 3)), under each the part's state out of `states` (f,), the pace, and
+    an assumed floor."""
     floor = trajectory.floor
     told = f"floor {floor.text}, " if floor is not None and floor.source == "assumed" else ""
     return [
@@ -45,7 +47,8 @@ def side_by_side(
     demonstration: Demonstration,
     pace: str,
 ) -> list[Image]:
-    """The robot's `images` (f of (H, W, 3)), each to the right of the frame in which the person had the part at its state.
+    """The robot's `images` (f of (H, W, 3)), each to the right of the frame in which the person had the part
+    at its state.
 
     Args:
         states: (f,) the part's states in the images, m or rad.
@@ -85,7 +88,8 @@ def fitted(image: Image, height: int) -> Image:
 
 
 def captioned(image: Image, text: str, right: str = "") -> Image:
-    """The image with a line below it, of even height: a text, and one that ends at the right; both smaller where they would meet."""
+    """The image with a line below it, of even height: a text, and one that ends at the right; both smaller
+    where they would meet."""
     height, width = image.shape[:2]
     tall = max(2 * round(_LINE * height / 2), 12)
     line = np.full((tall, width, 3), _PAPER, dtype=np.uint8)

@@ -26,7 +26,8 @@ _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera: `eye` (3,) m in the world, azimuth and elevation (rad) of its direction as MuJoCo counts them."""
+    """A camera: `eye` (3,) m in the world, azimuth and elevation (rad) of its direction as MuJoCo counts
+    them."""
 
     eye: Array
     azimuth: float
@@ -64,9 +65,9 @@ def choose_view(
 ) -> View:
     """The view for joint positions `frames` (f, nq) in a picture of this size.
 
-    Each candidate direction gets the nearest eye from which robot, part and the points `also` (n, 3) are in the picture.
-    Of these the one from which the fingers and what they hold are least hidden wins; a view at the part's front, across the
-    part's way, from near and from a little above is preferred.
+    Each candidate direction gets the nearest eye from which robot, part and the points `also` (n, 3) are in
+    the picture. Of these the one from which the fingers and what they hold are least hidden wins; a view at
+    the part's front, across the part's way, from near and from a little above is preferred.
     """
     picked = np.unique(np.linspace(0, len(frames) - 1, _POSES).astype(int))
     moments = [_look(world, trajectory.part_id, q) for q in frames[picked]]
@@ -117,14 +118,16 @@ def fit(points: Array, azimuth: float, elevation: float, wide: float, high: floa
 
 
 def _edge(across: Array, depth: Array, slope: float) -> tuple[float, float]:
-    """Where across and how far along the eye must be, in the plane of one picture axis, for |across - x| <= slope (depth - z)."""
+    """Where across and how far along the eye must be, in the plane of one picture axis, for |across - x| <=
+    slope (depth - z)."""
     one, other = float((across - slope * depth).max()), float((-across - slope * depth).max())
     return (one - other) / 2, -(one + other) / (2 * slope)
 
 
 @dataclass(frozen=True, eq=False)
 class _Moment:
-    """One moment: hand, middle of the robot (3,), points of the grip (g, 3), corners of robot and part (n, 3)."""
+    """One moment: hand, middle of the robot (3,), points of the grip (g, 3), corners of robot and part (n,
+    3)."""
 
     data: mujoco.MjData
     hand: Array
@@ -152,8 +155,8 @@ def _look(world: World, part: int, qpos: Array) -> _Moment:
 def _visible(world: World, moments: list[_Moment], eye: Array) -> float:
     """How much of the grip is seen from the eye, 0..3, and whether walls hide the robot, 0..0.5.
 
-    By the root of the share that is seen: a hand hides half of what it holds from wherever the motion is seen well. The
-    worst moment weighs half as much as all.
+    By the root of the share that is seen: a hand hides half of what it holds from wherever the motion is seen
+    well. The worst moment weighs half as much as all.
     """
     hit: NDArray[np.int32] = np.array([-1], dtype=np.int32)
 

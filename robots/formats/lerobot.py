@@ -1,10 +1,12 @@
 """LeRobot dataset, layout v3.0, with the trajectory as its one episode. Needs pyarrow (extra `lerobot`).
 
-Source of the layout: LeRobot's documentation of LeRobotDataset v3.0 and huggingface/lerobot, src/lerobot/datasets/
-(dataset_metadata.py, feature_utils.py, io_utils.py): meta/info.json, meta/stats.json, meta/tasks.parquet (its pandas index
-is the task), meta/episodes and data in chunk-CCC/file-FFF.parquet, one row group an episode.
+Source of the layout: LeRobot's documentation of LeRobotDataset v3.0 and huggingface/lerobot,
+src/lerobot/datasets/ (dataset_metadata.py, feature_utils.py, io_utils.py): meta/info.json, meta/stats.json,
+meta/tasks.parquet (its pandas index is the task), meta/episodes and data in chunk-CCC/file-FFF.parquet, one
+row group an episode.
 
-The states are the planned ones, not measured: an episode to start from, to merge with others or to test a reader on.
+The states are the planned ones, not measured: an episode to start from, to merge with others or to test a
+reader on.
 """
 
 from __future__ import annotations
@@ -65,8 +67,9 @@ def render(source: PlannedMotion) -> dict[str, bytes]:
 def frames(source: PlannedMotion) -> tuple[dict[str, NDArray[Any]], dict[str, list[str] | None]]:
     """Columns (n,) or (n, d) at `FPS`, and the names of their d numbers.
 
-    observation.state: planned joints (rad, slides m) and gripper (m); action: those of the next frame, which are commanded now.
-    observation.tool_pose: in the twin's world, m and quaternion wxyz. phase: index in `robots.trajectory.PHASES`.
+    observation.state: planned joints (rad, slides m) and gripper (m); action: those of the next frame, which
+    are commanded now. observation.tool_pose: in the twin's world, m and quaternion wxyz. phase: index in
+    `robots.trajectory.PHASES`.
     """
     t = source.trajectory
     n = int(np.ceil(t.duration * FPS - 1e-9)) + 1
@@ -102,7 +105,8 @@ def frames(source: PlannedMotion) -> tuple[dict[str, NDArray[Any]], dict[str, li
 
 
 def statistics(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """What LeRobot normalises with, each (d,) over the frames, and their count (1,); extremes of integers are integers."""
+    """What LeRobot normalises with, each (d,) over the frames, and their count (1,); extremes of integers are
+    integers."""
     table = values.reshape(len(values), -1)
     if not np.issubdtype(table.dtype, np.integer):
         table = table.astype(np.float64)
@@ -113,7 +117,8 @@ def statistics(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
 
 
 def _tool(times: Array, poses: Array, at: Array) -> Array:
-    """Position and quaternion wxyz (m, 7) at times `at` (m,): linear, and along the shortest turn between samples."""
+    """Position and quaternion wxyz (m, 7) at times `at` (m,): linear, and along the shortest turn between
+    samples."""
     at = np.clip(at, times[0], times[-1])
     k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     u = ((at - times[k]) / (times[k + 1] - times[k]))[:, None]

@@ -1,11 +1,12 @@
 """trajectory_msgs/JointTrajectory as YAML, for `ros2 topic pub` or a joint trajectory controller.
 
 The joints of a planar base are no arm's: the way of the body that they carry is a file of its own, a
-trajectory_msgs/MultiDOFJointTrajectory, the message in which MoveIt too keeps planar joints apart from single ones.
+trajectory_msgs/MultiDOFJointTrajectory, the message in which MoveIt too keeps planar joints apart from single
+ones.
 
 Source of the fields: ros2/common_interfaces, trajectory_msgs/msg/{JointTrajectory,JointTrajectoryPoint,
-MultiDOFJointTrajectory,MultiDOFJointTrajectoryPoint}.msg, geometry_msgs/msg/{Transform,Twist}.msg, std_msgs/msg/Header.msg,
-builtin_interfaces/msg/{Time,Duration}.msg.
+MultiDOFJointTrajectory,MultiDOFJointTrajectoryPoint}.msg, geometry_msgs/msg/{Transform,Twist}.msg,
+std_msgs/msg/Header.msg, builtin_interfaces/msg/{Time,Duration}.msg.
 """
 
 from __future__ import annotations
@@ -30,9 +31,10 @@ FILES = ("joint_trajectory.yaml", "gripper_trajectory.yaml", "base_trajectory.ya
 def render(source: PlannedMotion) -> dict[str, bytes]:
     """The arm's trajectory, the gripper's and, of a planar base, that of the body; they share their clock.
 
-    Positions are in rad, velocities in rad/s, fingers that slide in m. Accelerations and efforts stay empty: a controller
-    that is given positions and velocities interpolates with cubics, which is what the replay did too. A stamp of 0 means
-    "start on receipt". The fingers' last value is a command, not a place: closed asks for full grip force.
+    Positions are in rad, velocities in rad/s, fingers that slide in m. Accelerations and efforts stay empty:
+    a controller that is given positions and velocities interpolates with cubics, which is what the replay did
+    too. A stamp of 0 means "start on receipt". The fingers' last value is a command, not a place: closed asks
+    for full grip force.
     """
     t, robot, n = source.trajectory, source.robot, source.base
     about = f"trajectory_msgs/msg/JointTrajectory: {source.title}"

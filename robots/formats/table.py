@@ -21,7 +21,8 @@ VERDICT = "verdict.json"  # beside the formats, most of which have no room for i
 
 @dataclass(frozen=True)
 class Format:
-    """One format: what it is, every file it may write (paths in the output folder), and the function that makes them.
+    """One format: what it is, every file it may write (paths in the output folder), and the function that
+    makes them.
 
     `render` returns the contents of those that this trajectory needs.
     """
@@ -58,9 +59,9 @@ def export_trajectory(
 ) -> dict[str, list[Path]]:
     """Write a trajectory in the named formats; returns the files of each, in the order asked for.
 
-    Everything is made before anything is written, then moved into place. Files of an earlier call are replaced; files.json in
-    the folder tells which those are. The verdict on a reconstructed part stands in verdict.json beside them, and within those
-    that have room for it.
+    Everything is made before anything is written, then moved into place. Files of an earlier call are
+    replaced; files.json in the folder tells which those are. The verdict on a reconstructed part stands in
+    verdict.json beside them, and within those that have room for it.
 
     Args:
         overwrite: also replace files that were changed since, and others of the same names.
@@ -68,8 +69,8 @@ def export_trajectory(
 
     Raises:
         InputError: an unknown format, or a folder that can't be written, holds something else where a format
-            has its own folder, or a file that would be replaced and is not, or no longer, what an earlier call wrote; or a
-            part that is not trusted.
+            has its own folder, or a file that would be replaced and is not, or no longer, what an earlier
+            call wrote; or a part that is not trusted.
         MissingDependencyError: a format needs an optional package; the message names the extra.
     """
     chosen = [_known(name) for name in dict.fromkeys(several(formats))]
@@ -101,7 +102,8 @@ def _known(name: str) -> str:
 
 
 def _refuse_strangers(folder: Path, name: str) -> None:
-    """A format's own folder is read as a whole, so a file of somebody else in it would be taken for a part."""
+    """A format's own folder is read as a whole, so a file of somebody else in it would be taken for a
+    part."""
     own = FORMATS[name].files
     for top in {path.split("/")[0] for path in own if "/" in path}:
         found = (p.relative_to(folder).as_posix() for p in (folder / top).rglob("*") if not p.is_dir())

@@ -1,4 +1,5 @@
-"""Where a part's shape alone offers something to hold: bars and knobs before the faces that a hand may meet, then rims."""
+"""Where a part's shape alone offers something to hold: bars and knobs before the faces that a hand may meet,
+then rims."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ from twin.mesh import joined, sample_surface
 from twin.scene import ContactPath, Mesh, Part, Revolute, Twin
 
 _SAMPLES = 30_000
-_FRONT = 0.05  # share of a slider's surface that faces its way, above which it is a drawer rather than a sliding door
+# share of a slider's surface that faces its way, above which it is a drawer rather than a sliding door
+_FRONT = 0.05
 _SAME = 0.9  # cosine between two ways out of one face
 _TRIED = 4  # handles or rims of one part
 _THINNEST = 0.003  # m; what protrudes and is thinner is a flake of a fused mesh, no handle
@@ -32,7 +34,8 @@ class NothingToHold(InputError):
 
 
 def solid_of(part: Part) -> Mesh:
-    """What there is of a part to hold, at state 0: its inferred pieces and what is shown beside them, else its seen mesh.
+    """What there is of a part to hold, at state 0: its inferred pieces and what is shown beside them, else
+    its seen mesh.
 
     A scan has ragged borders, below which fingers would close on nothing where the part ends as a board.
     """
@@ -42,8 +45,9 @@ def solid_of(part: Part) -> Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """A face of a part that a hand may meet. along: (3,), where a handle is expected to run. points: (n, 3) m, on the whole
-    part. standing: points of each thing that stands off the face. sure: whether the motion itself says that hands meet it."""
+    """A face of a part that a hand may meet. along: (3,), where a handle is expected to run. points: (n, 3)
+    m, on the whole part. standing: points of each thing that stands off the face. sure: whether the motion
+    itself says that hands meet it."""
 
     part: Part
     face: Face
@@ -60,7 +64,8 @@ class Side:
             yield contact_at(middle, self.along, self.face.normal)
 
     def rims(self) -> Iterator[ContactPath]:
-        """A contact on the middle of each border of the face, the one with most leverage first, none at the hinge."""
+        """A contact on the middle of each border of the face, the one with most leverage first, none at the
+        hinge."""
         flat = self.points[np.abs(self.face.height(self.points)) < self.face.skin]
         if len(flat) < 50:
             return
@@ -135,9 +140,9 @@ def _misfit(hold: Hold, spec: RobotSpec) -> str:
 def sides(twin: Twin, part: Part, seed: int = 0) -> list[Side]:
     """The faces of a part that a hand may meet, the likeliest first; none of a part without a surface.
 
-    A hinged part and a drawer open outwards; what slides in its own plane turns its back to the static scene. The share of
-    the surface that faces the motion says which is likelier. It does not decide: the edges of a thick sliding door and the
-    sides of a deep bar face the motion as well as a drawer's front.
+    A hinged part and a drawer open outwards; what slides in its own plane turns its back to the static scene.
+    The share of the surface that faces the motion says which is likelier. It does not decide: the edges of a
+    thick sliding door and the sides of a deep bar face the motion as well as a drawer's front.
     """
     rng = np.random.default_rng(seed)
     solid = solid_of(part)
@@ -172,7 +177,8 @@ def _ahead(part: Part, points: Array, normals: Array) -> Array:
 
 
 def _across(twin: Twin, part: Part, points: Array, normals: Array) -> Array:
-    """Unit direction (3,) across the joint's axis out of the largest such face, away from the static scene."""
+    """Unit direction (3,) across the joint's axis out of the largest such face, away from the static
+    scene."""
     _, vectors = np.linalg.eigh(normals.T @ normals)
     axis = part.joint.axis
     face = vectors[:, 2] - axis * (vectors[:, 2] @ axis)

@@ -1,8 +1,8 @@
 """Where and how the gripper takes hold: the human contact refined on the part's own geometry.
 
-A contact point lifted from a hand lies inside the fist and can be off by 3 cm, more than half a finger's length. What
-protrudes from the part's dominant plane near it, a bar or a knob, says better where the fingers belong; a part from
-which nothing protrudes is taken by its edge.
+A contact point lifted from a hand lies inside the fist and can be off by 3 cm, more than half a finger's
+length. What protrudes from the part's dominant plane near it, a bar or a knob, says better where the fingers
+belong; a part from which nothing protrudes is taken by its edge.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _SLACK = 0.004  # m that the open gripper needs beside what it holds
 class Hold:
     """Something the gripper can close on, in the world at state 0.
 
-    centre: (3,) m, middle of what is held. rotation: (3, 3), columns = closing direction, along the handle, out of the
-    part (the hand comes from there). thickness: m along the closing direction. depth: m from the middle to the surface
-    that faces the palm. stand_off: free depth in m behind the middle, as far as the fingers may reach. refined: found on
-    the mesh, not only told by the hand.
+    centre: (3,) m, middle of what is held. rotation: (3, 3), columns = closing direction, along the handle,
+    out of the part (the hand comes from there). thickness: m along the closing direction. depth: m from the
+    middle to the surface that faces the palm. stand_off: free depth in m behind the middle, as far as the
+    fingers may reach. refined: found on the mesh, not only told by the hand.
     """
 
     kind: Literal["bar", "knob", "edge", "contact"]
@@ -73,8 +73,8 @@ def widest(spec: RobotSpec) -> float:
 
 
 def shaped_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0) -> list[Hold]:
-    """What the mesh offers near a contact, best first, whether or not the gripper opens wide enough: bars and knobs,
-    or else rims."""
+    """What the mesh offers near a contact, best first, whether or not the gripper opens wide enough: bars and
+    knobs, or else rims."""
     rng = np.random.default_rng(seed)
     points, normals = sample_surface(mesh, _SAMPLES, rng)
     if not len(points):
@@ -87,8 +87,9 @@ def shaped_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 
 def dominant_face(points: Array, normals: Array, contact: ContactPath) -> Face:
     """The large flat face in front of which the contact lies.
 
-    Its normal is the mean of the normals that agree with the contact's outward direction, sharpened twice; its height
-    the outermost of the well-filled ones, so an inner wall of a drawer does not win over the front.
+    Its normal is the mean of the normals that agree with the contact's outward direction, sharpened twice;
+    its height the outermost of the well-filled ones, so an inner wall of a drawer does not win over the
+    front.
     """
     normal = np.array(contact.rotation[:, 2])
     for cone in (45.0, 25.0, 15.0):
@@ -103,8 +104,9 @@ def dominant_face(points: Array, normals: Array, contact: ContactPath) -> Face:
 def protruding(mesh: Mesh, face: Face, rng: np.random.Generator) -> list[Array]:
     """What of a mesh stands off a face: connected groups of points (n, 3) on it, each 1 cm across or more.
 
-    Only the surface that stands off is sampled: a share of the samples of a whole door would leave gaps in a thin handle.
-    What is too high for a handle is cut off a little above that height, where `Face.low_enough` still sees it.
+    Only the surface that stands off is sampled: a share of the samples of a whole door would leave gaps in a
+    thin handle. What is too high for a handle is cut off a little above that height, where `Face.low_enough`
+    still sees it.
     """
     _, above = cut(triangles_of(mesh), face.normal, face.offset + face.skin)
     off, _ = cut(above, face.normal, face.offset + TALLEST + CELL)
@@ -154,8 +156,8 @@ def _bar(local: Array, outer: Array, basis: Array, base: float, contact: Contact
     roomy = table[gap >= 0.6 * gap.max()]
     y, c0, c1, z0, z1 = roomy[np.argmin(np.abs(roomy[:, 0]))]
     thickness = float(np.median(roomy[:, 2] - roomy[:, 1]))
-    # A scan sees the front of a bar better than its back: it is at least as deep as half its thickness, and no deeper
-    # than the room it leaves; a bar melted into the panel counts as deep as it is thick.
+    # A scan sees the front of a bar better than its back: it is at least as deep as half its thickness, and
+    # no deeper than the room it leaves; a bar melted into the panel counts as deep as it is thick.
     depth = float(np.clip(z1 - z0, 0.5 * thickness, 1.2 * thickness))
     centre = np.array([0.5 * (c0 + c1), y, z1 - depth / 2])
     return Hold(
@@ -186,7 +188,8 @@ def _knobs(outer: Array, basis: Array, base: float, top: float, contact: Contact
 
 
 def _edges(points: Array, normal: Array, contact: ContactPath) -> list[Hold]:
-    """Rims that the fingers can pinch: as the hand held it, then the borders of the dominant face, nearest first."""
+    """Rims that the fingers can pinch: as the hand held it, then the borders of the dominant face, nearest
+    first."""
     told = contact.rotation[:, 1] - normal * (contact.rotation[:, 1] @ normal)
     along = geo.unit(told) if np.linalg.norm(told) > 0.3 else geo.orthogonal_basis(normal)[:, 0]
     side = np.cross(along, normal)

@@ -23,10 +23,11 @@ _TIP_ROOM = 0.004  # m that the fingertips keep from the surface behind a handle
 class Grasp:
     """A tool pose on a hold and how it follows the part.
 
-    T_world_tool: (4, 4) at state 0, tool axes x along the handle, y closing, z out of the hand. turn: share of a
-    revolute angle by which the hand lags behind the part, about the line `handle` (3,) through hold.centre. freedom: (3,)
-    orientation weights about the tool axes for inverse kinematics. room: m by which the open hand stays to the side (-y of
-    the tool) before it closes and after it opened. cost: what makes it less natural, 0 = best.
+    T_world_tool: (4, 4) at state 0, tool axes x along the handle, y closing, z out of the hand. turn: share
+    of a revolute angle by which the hand lags behind the part, about the line `handle` (3,) through
+    hold.centre. freedom: (3,) orientation weights about the tool axes for inverse kinematics. room: m by
+    which the open hand stays to the side (-y of the tool) before it closes and after it opened. cost: what
+    makes it less natural, 0 = best.
     """
 
     hold: Hold
@@ -57,11 +58,11 @@ def backed_off(T_world_tool: Array, distance: float, aside: float = 0.0) -> Arra
 def make_grasps(
     hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, rank: int = 0, way: float | None = None
 ) -> list[Grasp]:
-    """Both flips of the hand, leant as configured, with and without lag. rank: how many better holds there are.
-    way: length of the motion in m or rad, default the joint's whole range.
+    """Both flips of the hand, leant as configured, with and without lag. rank: how many better holds there
+    are. way: length of the motion in m or rad, default the joint's whole range.
 
-    Flat fingers that turn about a thick handle roll off its middle by half its thickness times the angle; so a lag costs
-    the more, the thicker the handle.
+    Flat fingers that turn about a thick handle roll off its middle by half its thickness times the angle; so
+    a lag costs the more, the thicker the handle.
 
     The tool point goes deeper than the middle of the handle, as far as the stand-off and the palm allow.
     """

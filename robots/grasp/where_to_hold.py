@@ -25,11 +25,12 @@ def holds_of(
     """Ways to hold a part, best first, never empty.
 
     Args:
-        contact: of a user, instead of the part's own: a ContactPath or a point (3,) in m on the part, world frame at
-            state 0.
+        contact: of a user, instead of the part's own: a ContactPath or a point (3,) in m on the part, world
+            frame at state 0.
 
     Raises:
-        InputError: the user's contact is off the part. NothingToHold: there is neither a contact nor anything to hold.
+        InputError: the user's contact is off the part. NothingToHold: there is neither a contact nor anything
+            to hold.
     """
     if contact is not None:
         told = [contact] if isinstance(contact, ContactPath) else _at_point(twin, part, contact)
@@ -65,7 +66,8 @@ def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> 
 
 
 def _at_point(twin: Twin, part: Part, point: Array) -> list[ContactPath]:
-    """A contact at a user's point for each face that a hand may meet, the likeliest first, its directions from the part."""
+    """A contact at a user's point for each face that a hand may meet, the likeliest first, its directions
+    from the part."""
     place = np.asarray(point, dtype=np.float64)
     if place.shape != (3,) or not np.all(np.isfinite(place)):
         raise InputError(

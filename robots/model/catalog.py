@@ -14,7 +14,8 @@ from twin.files.paths import AnyPath
 from twin.packages import to_install
 
 _LOG = logging.getLogger(__name__)
-# the real models' modules in the package robot_descriptions, which clones MuJoCo Menagerie when one is imported
+# the real models' modules in the package robot_descriptions, which clones MuJoCo Menagerie when one is
+# imported
 _FETCHED = {"franka": "panda_mj_description", "spot": "spot_mj_description"}
 
 
@@ -31,7 +32,8 @@ def resolve(robot: AnyPath) -> RobotSpec:
     """The robot of this name or file. What was taken is logged.
 
     Args:
-        robot: a bundled name (`names()`), a `.toml` robot file, or an MJCF or URDF file with its `.toml` beside it.
+        robot: a bundled name (`names()`), a `.toml` robot file, or an MJCF or URDF file with its `.toml`
+            beside it.
 
     Raises:
         InputError: nothing of that name; the message lists what exists.
@@ -59,10 +61,11 @@ def resolve(robot: AnyPath) -> RobotSpec:
 
 
 def fetch(robot: str) -> Path:
-    """Download the real model of a bundled robot, the only place where robots need a network; returns its file.
+    """Download the real model of a bundled robot, the only place where robots need a network; returns its
+    file.
 
-    It is done by the package robot_descriptions, which clones MuJoCo Menagerie into its cache; a robot file may then
-    name the model by its path in Menagerie.
+    It is done by the package robot_descriptions, which clones MuJoCo Menagerie into its cache; a robot file
+    may then name the model by its path in Menagerie.
 
     Raises:
         InputError: no such robot, or the download failed.

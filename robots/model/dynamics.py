@@ -1,7 +1,7 @@
 """Torques that a motion asks of the arm: its own weight and inertia, and the part that it carries along.
 
-The part is one degree of freedom. What moves it is taken as a force at the tool point along the tool's way, the
-smallest that does the same work; grip and friction forces across it cancel in the hand.
+The part is one degree of freedom. What moves it is taken as a force at the tool point along the tool's way,
+the smallest that does the same work; grip and friction forces across it cancel in the hand.
 """
 
 from __future__ import annotations
@@ -29,13 +29,15 @@ class Terms:
     inertial: Array
 
     def shortest(self, limit: Array) -> float:
-        """The least T from which on every torque is within +- limit (j,); infinite where `still` alone is not."""
+        """The least T from which on every torque is within +- limit (j,); infinite where `still` alone is
+        not."""
         a = np.concatenate([self.inertial, -self.inertial]).ravel()
         b = np.concatenate([self.viscous, -self.viscous]).ravel()
         c = (np.concatenate([self.still, -self.still]) - limit).ravel()
         if np.any(c >= 0):
             return float("inf")
-        # First x = 1 / T > 0 at which a x^2 + b x + c leaves the negative; in this form it holds for a = 0 as well.
+        # First x = 1 / T > 0 at which a x^2 + b x + c leaves the negative; in this form it holds for a = 0 as
+        # well.
         root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
         crosses = (b * b - 4 * a * c >= 0) & (b + root > 0)
         rate = np.full(len(c), np.inf)
@@ -47,8 +49,8 @@ class Terms:
 class PartLoad:
     """How a part resists: generalised force (N or N m) along its joint.
 
-    inertia: kg or kg m^2. damping: N s/m or N m s/rad. friction: N or N m. catch: of the closed part. Source of the values: the part's
-    physics and inertial properties.
+    inertia: kg or kg m^2. damping: N s/m or N m s/rad. friction: N or N m. catch: of the closed part. Source
+    of the values: the part's physics and inertial properties.
     """
 
     part: Part
@@ -58,7 +60,8 @@ class PartLoad:
     catch: Catch | None = None
 
     def still(self, states: Array, direction: float) -> Array:
-        """Force (n,) that moves the part slowly against dry friction, weight and catch; for a direction of 0 what its weight alone asks for."""
+        """Force (n,) that moves the part slowly against dry friction, weight and catch; for a direction of 0
+        what its weight alone asks for."""
         slowly = np.array([direction * self.friction + weight_load(self.part, s) for s in states])
         return slowly + self.caught(states) if direction else slowly
 
@@ -68,7 +71,8 @@ class PartLoad:
 
 
 def with_payload(twin: Twin, part: Part) -> Part:
-    """The part with mass, centre and inertia of its payload added: all parts that it carries, at rest where they are at state 0.
+    """The part with mass, centre and inertia of its payload added: all parts that it carries, at rest where
+    they are at state 0.
 
     A part that another one carries is moved while that one rests: nothing of its parent is added.
     """
@@ -91,7 +95,8 @@ def with_payload(twin: Twin, part: Part) -> Part:
 
 
 def part_load(part: Part) -> PartLoad:
-    """What a part's physics say about the force it takes to move it, without its payload (see `with_payload`)."""
+    """What a part's physics say about the force it takes to move it, without its payload (see
+    `with_payload`)."""
     resists, own = inertia_about(part.joint, inertial_of(part)), physics_of(part)
     return PartLoad(part, resists, own.damping.value, own.frictionloss.value, own.catch)
 
@@ -195,8 +200,9 @@ class ArmDynamics:
         states: Array,
         load: PartLoad | None,
     ) -> Array:
-        """Torques (n, j) of the same motion that gravity compensation does not give: the arm's inertia and damping, and
-        the part. Its dry friction and its catch set in with the motion: what does not move yet must not be pushed."""
+        """Torques (n, j) of the same motion that gravity compensation does not give: the arm's inertia and
+        damping, and the part. Its dry friction and its catch set in with the motion: what does not move yet
+        must not be pushed."""
         qd, qdd = first * rate[:, None], first * acceleration[:, None] + second * (rate**2)[:, None]
         arm = self.torque(q, qd, qdd) - self.torque(q, np.zeros_like(q), np.zeros_like(q))
         way = float(states[-1] - states[0])

@@ -1,8 +1,8 @@
 """Whether two models of a robot move alike, and where the bodies of one lie in those of the other.
 
-Body frames are a convention, joint axes are not. So the two are laid on each other by the axes of the joints that both have, at
-our home state, and must then agree there and at other joint states. What no axis tells, where a finger's or the first joint's
-zero is, must be told by body frames that are the same.
+Body frames are a convention, joint axes are not. So the two are laid on each other by the axes of the joints
+that both have, at our home state, and must then agree there and at other joint states. What no axis tells,
+where a finger's or the first joint's zero is, must be told by body frames that are the same.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 
-# How far axes and bodies may lie apart (chosen by us): what published models of one arm differ by is less, a link of another size more.
+# How far axes and bodies may lie apart (chosen by us): what published models of one arm differ by is less, a
+# link of another size more.
 APART = 1e-3  # m
 TURNED = float(np.deg2rad(0.5))  # rad
 _STATES = 8  # joint states that are compared beside the home state
@@ -104,7 +105,8 @@ class Pair:
     def frames(self) -> Array:
         """Where their bodies lie in ours: T_ours_theirs (b, 4, 4).
 
-        Raises InputError when joints or bodies lie more than `APART` or `TURNED` from each other in any of the states.
+        Raises InputError when joints or bodies lie more than `APART` or `TURNED` from each other in any of
+        the states.
         """
         j = len(self.joint_names)
         ours, theirs = self.ours.at(self.home), self.theirs.at(self.home[:j])
@@ -124,7 +126,8 @@ class Pair:
         return frames
 
     def _laid(self, ours: Pose, theirs: Pose) -> Array:
-        """Their anchor's frame in ours (4, 4), by the axes: their directions, and the lines on which hinges lie."""
+        """Their anchor's frame in ours (4, 4), by the axes: their directions, and the lines on which hinges
+        lie."""
         j, hinges = len(self.joint_names), self.hinges
         u, p = ours.axes[:j], ours.origins[:j]
         if j < 2 or np.linalg.svd(theirs.axes, compute_uv=False)[1] < _SPREAD:

@@ -1,9 +1,11 @@
-"""Forward kinematics, Jacobian and inverse kinematics of a serial arm for many configurations at once (numpy).
+"""Forward kinematics, Jacobian and inverse kinematics of a serial arm for many configurations at once
+(numpy).
 
-The joints of a planar base, two slides and a hinge, come first in the chain: base and arm are solved together.
+The joints of a planar base, two slides and a hinge, come first in the chain: base and arm are solved
+together.
 
-The planner screens hundreds of base poses with it; the final path comes from `robots.planning.ik`. The chain is read from the
-compiled MJCF model, so there is one description of the arm.
+The planner screens hundreds of base poses with it; the final path comes from `robots.planning.ik`. The chain
+is read from the compiled MJCF model, so there is one description of the arm.
 """
 
 from __future__ import annotations
@@ -19,9 +21,9 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 
-# A mobile base moves where the arm alone would end at its limits, and no farther: beside errors of weight 1 (1/m), a metre of
-# way costs what 3 cm of error do, and it damps steps as much as an arm joint with a lever of 17 cm would take (chosen
-# by us).
+# A mobile base moves where the arm alone would end at its limits, and no farther: beside errors of weight 1
+# (1/m), a metre of way costs what 3 cm of error do, and it damps steps as much as an arm joint with a lever
+# of 17 cm would take (chosen by us).
 _BASE_PULL = 1e-3
 _BASE_DAMPING = 3e-2
 
@@ -43,7 +45,8 @@ class Chain:
     base: int = 0
 
     def forward(self, q: Array) -> tuple[Array, Array]:
-        """Poses T_base_tool (B, 4, 4) and geometric Jacobians (B, 6, n) in tool axes (linear, angular), q (B, n)."""
+        """Poses T_base_tool (B, 4, 4) and geometric Jacobians (B, 6, n) in tool axes (linear, angular), q (B,
+        n)."""
         batch, n = q.shape
         r = np.broadcast_to(np.eye(3), (batch, 3, 3))
         p = np.zeros((batch, 3))
@@ -71,8 +74,8 @@ class Chain:
     def solve(self, q: Array, target: Array, weights: Array, steps: int) -> tuple[Array, Array]:
         """Damped least squares towards `target` (B, 4, 4) from q (B, n), inside the limits.
 
-        weights: (6,) of the error in tool axes (1/m, 1/rad). A weak pull to mid-range settles the redundancy (chosen
-        by us). Returns q (B, n) and the weighted error (B, 6) in m and rad after `steps` steps.
+        weights: (6,) of the error in tool axes (1/m, 1/rad). A weak pull to mid-range settles the redundancy
+        (chosen by us). Returns q (B, n) and the weighted error (B, 6) in m and rad after `steps` steps.
         """
         w2 = weights**2
         middle, span = (self.lower + self.upper) / 2, self.upper - self.lower

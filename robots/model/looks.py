@@ -22,8 +22,8 @@ class Looks:
 
     Attributes:
         model: its file, a path below a checkout of MuJoCo Menagerie such as "franka_emika_panda/panda.xml".
-        bodies: of each body of ours that is dressed, the bodies of that model whose visuals it wears; none where another
-            body's visuals show it already.
+        bodies: of each body of ours that is dressed, the bodies of that model whose visuals it wears; none
+            where another body's visuals show it already.
         joints: our joint -> theirs, of those whose names differ.
         hold: joint of theirs that we don't have -> where it stands, rad or m.
         left_out: bodies of theirs whose visuals nobody wears.
@@ -59,8 +59,8 @@ def read_looks(raw: object, path: Path) -> Looks:
     """The section [looks] of the robot file `path`.
 
     Raises:
-        InputError: a key is missing, not known, or has a value of the wrong kind; a body is named twice; a state is not
-            finite; the model's path leaves the folders it is looked for in.
+        InputError: a key is missing, not known, or has a value of the wrong kind; a body is named twice; a
+            state is not finite; the model's path leaves the folders it is looked for in.
     """
     if not isinstance(raw, dict):
         raise _wrong(path, "must be a section, [looks]")

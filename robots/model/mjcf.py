@@ -1,8 +1,8 @@
 """The MuJoCo model of a robot: the file as it is, plus what a robot file adds to it.
 
-A URDF has no actuators and no sites, and a published MJCF may press with a gripper too weak to open anything. So a robot
-file may say where the tool point is and how stiff the servos are; then the model's own actuators of these joints are
-replaced.
+A URDF has no actuators and no sites, and a published MJCF may press with a gripper too weak to open anything.
+So a robot file may say where the tool point is and how stiff the servos are; then the model's own actuators
+of these joints are replaced.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ _OVER = 0.01  # m of squeeze at which the gripper presses with its full force
 def robot_model(spec: RobotSpec) -> mujoco.MjSpec:
     """A fresh, editable model of the robot alone.
 
-    Raises InputError when the file is no XML or declares a document type (robot files may come from anywhere), MuJoCo
-    can't read it, or it lacks a body or joint that the robot file names.
+    Raises InputError when the file is no XML or declares a document type (robot files may come from
+    anywhere), MuJoCo can't read it, or it lacks a body or joint that the robot file names.
     """
     read_xml(spec.model)
     try:

@@ -1,8 +1,9 @@
 """A robot as it looks: the visuals of another model of it, worn by our own bodies.
 
-The other model is MuJoCo Menagerie's where that is on the machine. Only what is drawn comes from there: meshes, primitives and their
-materials. Bodies, joints, masses, shapes that touch and servos stay ours. Everything is taken from the compiled model, in which
-MuJoCo has resolved default classes, includes, scales and file names, so a dressed model needs none of its files any more.
+The other model is MuJoCo Menagerie's where that is on the machine. Only what is drawn comes from there:
+meshes, primitives and their materials. Bodies, joints, masses, shapes that touch and servos stay ours.
+Everything is taken from the compiled model, in which MuJoCo has resolved default classes, includes, scales
+and file names, so a dressed model needs none of its files any more.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """What a robot wears: the file it is from, its compiled model, the pieces, and our bodies whose own shapes are then hidden."""
+    """What a robot wears: the file it is from, its compiled model, the pieces, and our bodies whose own
+    shapes are then hidden."""
 
     source: Path
     model: mujoco.MjModel
@@ -54,8 +56,9 @@ class Skin:
 
 
 def skin_of(spec: RobotSpec) -> Skin | None:
-    """What the robot wears; None, its own shapes, where no such model is on this machine, or, after one warning, where it can't be
-    used: files are missing, it is malformed, or its joints are not where ours are. What was taken is logged."""
+    """What the robot wears; None, its own shapes, where no such model is on this machine, or, after one
+    warning, where it can't be used: files are missing, it is malformed, or its joints are not where ours are.
+    What was taken is logged."""
     try:
         skin = find_skin(spec)
     except InputError as e:
@@ -72,8 +75,8 @@ def find_skin(spec: RobotSpec) -> Skin | None:
     """What the robot wears, None where it asks for nothing or no folder has the model.
 
     Raises:
-        InputError: the model or one of its meshes can't be read, lacks a body or joint that [looks] names, has visuals that nobody
-            wears, or does not move as ours does.
+        InputError: the model or one of its meshes can't be read, lacks a body or joint that [looks] names,
+            has visuals that nobody wears, or does not move as ours does.
     """
     looks = spec.looks
     source = None if looks is None else find(looks.model, looks.folder)

@@ -18,7 +18,8 @@ from twin.geometry import Array
 BASE_KINDS = ("fixed", "planar")
 GRIPPER_KINDS = ("parallel", "claw")
 _SQUEEZE = 0.02  # m beyond closed; a command that saturates the gripper's force whatever it holds
-_JAW_ROOM = 0.020  # m, at most, between a handle and the jaw that does not move, before the hand closes (chosen by us)
+# m, at most, between a handle and the jaw that does not move, before the hand closes (chosen by us)
+_JAW_ROOM = 0.020
 
 _ARM = {"joints", "actuators", "velocity", "acceleration", "effort", "home", "stiffness", "damping"}
 _BASE = {"kind", "body", "footprint", "distance"}
@@ -33,24 +34,25 @@ _TOP = {"name", "description", "model", "arm", "base", "tool", "gripper", "looks
 class RobotSpec:
     """An arm with a gripper, on a fixed or a planar base.
 
-    Joint arrays are (n,) in the order of `arm_joints`: velocity rad/s, acceleration rad/s^2, effort N m, home rad. A
-    planar base is two slides and a hinge; they are the first three of `arm_joints` (m, N for the slides; home 0) and
-    repeated in `base_joints`, which is empty for a fixed base.
-    The tool frame is the MJCF site `tool`: z out of the hand, y the direction in which the fingers close, origin
-    between the finger pads. palm: free depth (m) from the tool point back to the palm, palm_width: its extent along x;
-    tip: how far the fingers reach
-    beyond the tool point; finger_width: extent of a finger along x. stroke: full opening (m); force: grip force (N).
-    footprint: radius (m) of the pedestal under a fixed base, or of what must be free around a planar one. distance:
-    nearest and farthest (m, horizontally) of the base from a handle that is worth trying.
+    Joint arrays are (n,) in the order of `arm_joints`: velocity rad/s, acceleration rad/s^2, effort N m, home
+    rad. A planar base is two slides and a hinge; they are the first three of `arm_joints` (m, N for the
+    slides; home 0) and repeated in `base_joints`, which is empty for a fixed base. The tool frame is the MJCF
+    site `tool`: z out of the hand, y the direction in which the fingers close, origin between the finger
+    pads. palm: free depth (m) from the tool point back to the palm, palm_width: its extent along x; tip: how
+    far the fingers reach beyond the tool point; finger_width: extent of a finger along x. stroke: full
+    opening (m); force: grip force (N). footprint: radius (m) of the pedestal under a fixed base, or of what
+    must be free around a planar one. distance: nearest and farthest (m, horizontally) of the base from a
+    handle that is worth trying.
 
-    A parallel gripper's actuator takes the opening in metres, shared evenly by its joints. A claw has one hinge whose
-    angle (rad) is `jaw_open` at full opening and `jaw_closed` when shut; its actuator takes the angle. lever: m from that
-    hinge to the tool point (1 for a parallel gripper); fixed_jaw: m from the tool point to the face of the jaw that does
-    not move, on the side of -y (0 for a parallel gripper).
+    A parallel gripper's actuator takes the opening in metres, shared evenly by its joints. A claw has one
+    hinge whose angle (rad) is `jaw_open` at full opening and `jaw_closed` when shut; its actuator takes the
+    angle. lever: m from that hinge to the tool point (1 for a parallel gripper); fixed_jaw: m from the tool
+    point to the face of the jaw that does not move, on the side of -y (0 for a parallel gripper).
 
-    A model without a tool site gets one: on `tool_body` (empty: it has one), at tool_position (3,) m, turned by
-    tool_quat_wxyz (4,). stiffness, damping: (n,) of servos that replace the model's actuators (N m/rad, N m s/rad), or
-    empty: it has its own. See robots/model/mjcf.py. looks: whose visuals it wears in a film, None for its own shapes.
+    A model without a tool site gets one: on `tool_body` (empty: it has one), at tool_position (3,) m, turned
+    by tool_quat_wxyz (4,). stiffness, damping: (n,) of servos that replace the model's actuators (N m/rad, N
+    m s/rad), or empty: it has its own. See robots/model/mjcf.py. looks: whose visuals it wears in a film,
+    None for its own shapes.
     """
 
     name: str
@@ -170,7 +172,8 @@ class RobotSpec:
         return np.full(len(self.gripper_joints), opening / len(self.gripper_joints))
 
     def gripper_command(self, opening: Array) -> Array:
-        """Actuator command (n,) for openings (n,) in m; where 0 is asked, one that presses with the full force."""
+        """Actuator command (n,) for openings (n,) in m; where 0 is asked, one that presses with the full
+        force."""
         if self.gripper_kind == "claw":
             span = self.jaw_open - self.jaw_closed
             squeeze = self.jaw_closed - np.sign(span) * 0.5  # rad
@@ -178,14 +181,16 @@ class RobotSpec:
         return np.where(opening > 1e-6, opening, -_SQUEEZE)
 
     def beside(self, thickness: float) -> float:
-        """How far (m, along y) the tool point stands off the middle of a handle of this thickness when it is held.
+        """How far (m, along y) the tool point stands off the middle of a handle of this thickness when it is
+        held.
 
         0 for fingers that close evenly; the jaw of a claw that does not move lies on the handle.
         """
         return 0.0 if self.gripper_kind == "parallel" else self.fixed_jaw - thickness / 2
 
     def room(self, thickness: float) -> float:
-        """How far (m, along -y) the hand stays from where it holds until it closes, so that both jaws clear the handle."""
+        """How far (m, along -y) the hand stays from where it holds until it closes, so that both jaws clear
+        the handle."""
         return (
             0.0 if self.gripper_kind == "parallel" else min(_JAW_ROOM, max(self.stroke - thickness, 0.0) / 2)
         )
@@ -198,8 +203,8 @@ def load_spec(path: Path) -> RobotSpec:
         path: the TOML file; `model` in it is relative to its folder.
 
     Raises:
-        InputError: the file is missing, not TOML, lacks a section (such as the gripper) or a key, or has one that
-            is not known.
+        InputError: the file is missing, not TOML, lacks a section (such as the gripper) or a key, or has one
+            that is not known.
     """
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))

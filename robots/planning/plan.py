@@ -58,27 +58,27 @@ def plan(
     """Plan how a robot opens or closes a part the way the person held it.
 
     Args:
-        twin: what it lacks of shapes, masses and friction is made; who goes on to replay gives a `completed` one.
+        twin: shapes, masses and friction that it lacks are made; for a replay give a `completed` one.
         part: id or name.
         robot: bundled name or robot file.
-        contact: instead of the part's own: a ContactPath, or a point (3,) in m on the part, world frame at state 0. A
-            part without contact is held where its shape offers a bar, a knob or a rim.
-        goal: "open", "close", a share of the demonstrated range (0.5 or "50%"), or a state with its unit ("15deg",
-            "0.2m"). Default: open.
+        contact: instead of the part's own: a ContactPath, or a point (3,) in m on the part, world frame at
+            state 0. A part without contact is held where its shape offers a bar, a knob or a rim.
+        goal: "open", "close", a share of the demonstrated range (0.5 or "50%"), or a state with its unit
+            ("15deg", "0.2m"). Default: open.
         from_state: the same. Default: the closed end, or the open end if the goal is closed.
         config: of the search.
-        floor: its height z in m, twin's world; by default the one that the twin shows, else it is assumed at the
-            scene's lowest point (`RobotTrajectory.floor` says which).
+        floor: its height z in m, twin's world; by default the one that the twin shows, else it is assumed at
+            the scene's lowest point (`RobotTrajectory.floor` says which).
 
     Returns:
-        A trajectory inside the robot's position, velocity and torque limits, with base pose, score and rejected bases.
+        A trajectory inside the robot's limits, with base pose, score and rejected bases.
 
     Raises:
         SceneError: no such part.
-        InputError: no such robot, a contact off the part, nothing to hold, a goal or from_state outside the joint's range, a
-            floor that is not finite.
-        PlanningError: no base reaches the part without touching anything, or the arm is too weak; says at which state
-            and by how much.
+        InputError: no such robot, a contact off the part, nothing to hold, a goal or from_state outside the
+            joint's range, a floor that is not finite.
+        PlanningError: no base reaches the part without touching anything, or the arm is too weak; says at
+            which state and by how much.
     """
     config = config or PlanConfig()
     target = twin.part(part)
@@ -117,7 +117,8 @@ def _planned(
     robot: AnyPath,
     floor: Floor,
 ) -> RobotTrajectory:
-    """The best trajectory that takes the part by one of the holds; rounds: closer looks around bases that nearly do.
+    """The best trajectory that takes the part by one of the holds; rounds: closer looks around bases that
+    nearly do.
 
     Raises PlanningError with the reason of the base that came nearest.
     """
@@ -162,7 +163,8 @@ def _planned(
 
 
 def _seeds(accepted: Sequence[Base], rejected: Sequence[Base]) -> list[Base]:
-    """Bases worth a closer look around: free ones, then those that nearly are, then those that nearly reach."""
+    """Bases worth a closer look around: free ones, then those that nearly are, then those that nearly
+    reach."""
     touching = sorted((b for b in rejected if b.clearance < 0), key=lambda b: -b.clearance)
     short = sorted(
         (b for b in rejected if b.clearance == 0 and np.isfinite(b.position_error)),
@@ -188,8 +190,8 @@ def _unlike(accepted: Sequence[Base], count: int) -> list[Base]:
 
 
 def _best(twin: Twin, candidates: list[RobotTrajectory], rehearse: bool, robot: AnyPath) -> RobotTrajectory:
-    """The first, by score, that succeeds in a rehearsal with half the slip allowed; else the success that slips least,
-    else the one that came nearest to the goal."""
+    """The first, by score, that succeeds in a rehearsal with half the slip allowed; else the success that
+    slips least, else the one that came nearest to the goal."""
     candidates = sorted(candidates, key=lambda t: -t.score)
     if not rehearse:
         return candidates[0]

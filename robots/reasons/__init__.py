@@ -1,6 +1,7 @@
 """Why a plan is refused or a replay failed: one type for each cause, which alone writes its text.
 
-Who wants to know what happened asks for the type; who counts causes counts `kind`, which leaves the numbers out.
+Who wants to know what happened asks for the type; who counts causes counts `kind`, which leaves the numbers
+out.
 """
 
 from robots.reasons.plans import InCollision, NoRoom, Reconfigures, TooWeak, Unlawful, Unreachable, reason_of

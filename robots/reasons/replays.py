@@ -72,7 +72,8 @@ class LostPart(Reason):
 
 @dataclass(frozen=True)
 class CameBack(Reason):
-    """The part was brought to the goal and did not stay there. done: "opened" or "closed"; peak, final: shares of the way."""
+    """The part was brought to the goal and did not stay there. done: "opened" or "closed"; peak, final:
+    shares of the way."""
 
     done: str
     peak: float
@@ -105,7 +106,8 @@ class ClosedByItself(Reason):
 
 @dataclass(frozen=True)
 class Stuck(Reason):
-    """The part was not brought to the goal; pressed: the two bodies that pressed against each other, if any did."""
+    """The part was not brought to the goal; pressed: the two bodies that pressed against each other, if any
+    did."""
 
     done: str
     peak: float

@@ -1,7 +1,7 @@
 """The MuJoCo scene of a replay: the twin's exported MJCF, with a robot on its pedestal attached to it.
 
-What a part weighs, how it resists, its shapes, the time step and the solver are the export's, so that the check of the exported asset
-holds for the replay. This file adds the robot, and says who meets whom.
+What a part weighs, how it resists, its shapes, the time step and the solver are the export's, so that the
+check of the exported asset holds for the replay. This file adds the robot, and says who meets whom.
 """
 
 from __future__ import annotations
@@ -32,22 +32,24 @@ from twin.physics import with_physics
 from twin.scene import Twin
 
 AnyArray = NDArray[Any]
-# Bits of MuJoCo's contact masks. The robot meets everything, itself included. Parts and static scene do not meet each other: their
-# reconstructed surfaces touch at the seams, and there a contact would brake what the hand moves.
+# Bits of MuJoCo's contact masks. The robot meets everything, itself included. Parts and static scene do not
+# meet each other: their reconstructed surfaces touch at the seams, and there a contact would brake what the
+# hand moves.
 ROBOT, PART, STATIC = 1, 2, 4
 # Twins' names hold no slash, so none of theirs is ever one of these.
 PREFIX = "robot/"
 PEDESTAL = "stand/pedestal"
-_HIDDEN = 5  # geom group that the film leaves out; the robot's own shapes are in the export's group of collision shapes
+# geom group that the film leaves out; the robot's own shapes are in the export's group of collision shapes
+_HIDDEN = 5
 
 
 @dataclass(frozen=True, eq=False)
 class World:
     """A compiled scene and where its pieces are.
 
-    part_qpos, part_dof: address of each part id's joint. arm_qpos, arm_dof (n,), gripper_qpos (k,): addresses.
-    arm_ctrl (n,), gripper_ctrl: actuators. tool: site id. owner: (ngeom,) 0 nothing, else ROBOT, PART or STATIC.
-    finger: (ngeom,) True on the fingers. geom_part: (ngeom,) part id or 0.
+    part_qpos, part_dof: address of each part id's joint. arm_qpos, arm_dof (n,), gripper_qpos (k,):
+    addresses. arm_ctrl (n,), gripper_ctrl: actuators. tool: site id. owner: (ngeom,) 0 nothing, else ROBOT,
+    PART or STATIC. finger: (ngeom,) True on the fingers. geom_part: (ngeom,) part id or 0.
     """
 
     model: mujoco.MjModel
@@ -71,7 +73,8 @@ class World:
         self.model.body_quat[self.mount] = geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
 
     def body_of(self, geom: int) -> str:
-        """Name of a geom's body, as the twin or the robot's own model has it; of an inferred piece with that piece's."""
+        """Name of a geom's body, as the twin or the robot's own model has it; of an inferred piece with that
+        piece's."""
         body = str(self.model.body(self.model.geom_bodyid[geom]).name).rpartition("/")[2]
         if self.owner[geom] not in (PART, STATIC):
             return body
@@ -80,14 +83,16 @@ class World:
         return f"{body}: inferred {piece}" if piece else body
 
     def set_stiffness(self, share: float) -> None:
-        """Scale the arm's servos: stiffness by `share`, damping by its square root, so that the damping ratio stays."""
+        """Scale the arm's servos: stiffness by `share`, damping by its square root, so that the damping ratio
+        stays."""
         self.model.actuator_gainprm[self.arm_ctrl, 0] *= share
         self.model.actuator_biasprm[self.arm_ctrl, 1] *= share
         self.model.actuator_biasprm[self.arm_ctrl, 2] *= np.sqrt(share)
 
 
 def completed(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
-    """The twin with collision shapes for its static part and every part, masses and friction: itself where it has them all.
+    """The twin with collision shapes for its static part and every part, masses and friction: itself where it
+    has them all.
 
     Who plans and replays makes it once and passes it on. cache_dir: where shapes are kept between runs.
     """
@@ -121,7 +126,8 @@ def build_world(
     """Compile the scene.
 
     Args:
-        twin: its parts need mass and friction (see `completed`); nothing touches what has no collision shapes.
+        twin: its parts need mass and friction (see `completed`); nothing touches what has no collision
+            shapes.
         T_world_base: base pose (4, 4).
         pedestal: height in metres of the column under the base (0: none).
         visual: with what is drawn, for a video.
@@ -217,7 +223,8 @@ def _add_robot(
     for name in spec.arm_actuators:  # commands carry velocity and torque too; the force stays limited
         child.actuator(name).ctrllimited = 0
     with warnings.catch_warnings():
-        # the scene is attached to nothing: files of the robot's meshes are read where they lie, those of a skin are in memory
+        # the scene is attached to nothing: files of the robot's meshes are read where they lie, those of a
+        # skin are in memory
         warnings.filterwarnings("ignore", "Attaching a child without asset dict")
         scene.attach(child, prefix=PREFIX, frame=mount.add_frame())
 

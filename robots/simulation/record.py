@@ -9,8 +9,8 @@ from twin.geometry import Array
 
 @dataclass(frozen=True)
 class Contact:
-    """The robot touches what it should not: time (s), its body and the other one, how deep (m), and whether that is the scene's
-    static part."""
+    """The robot touches what it should not: time (s), its body and the other one, how deep (m), and whether
+    that is the scene's static part."""
 
     time: float
     bodies: tuple[str, str]
@@ -20,9 +20,9 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What the simulation did, n samples. times (n,) s; phase (n,) index into PHASES, -1 while settling; state and
-    speed (n,) of the part; q (n, j); torque (n, j) N m, gravity compensation included; tool (n, 4, 4); grip (n,) N;
-    touching (n,) fingers that touch the part; contacts that should not be."""
+    """What the simulation did, n samples. times (n,) s; phase (n,) index into PHASES, -1 while settling;
+    state and speed (n,) of the part; q (n, j); torque (n, j) N m, gravity compensation included; tool (n, 4,
+    4); grip (n,) N; touching (n,) fingers that touch the part; contacts that should not be."""
 
     times: Array
     phase: Array

@@ -1,4 +1,5 @@
-"""Plays a trajectory back in MuJoCo: the arm's own servos, contact and friction, nothing else moves the part."""
+"""Plays a trajectory back in MuJoCo: the arm's own servos, contact and friction, nothing else moves the
+part."""
 
 from __future__ import annotations
 
@@ -55,14 +56,14 @@ def replay(
 
     Args:
         twin: the one that was planned for.
-        out: folder for trajectory.json, trajectory.npz, report.json, replay.mp4 and scene.xml with assets/ (usually
-            RUN/replay/<robot>/<part>), which change at once; nothing is written without it.
+        out: folder for trajectory.json, trajectory.npz, report.json, replay.mp4 and scene.xml with assets/
+            (usually RUN/replay/<robot>/<part>), which change at once; nothing is written without it.
         robot: name or robot file when it is not the trajectory's own name.
         video: write replay.mp4.
-        demonstration: the recording's frames; the film then shows the person beside the robot, at the same state.
+        demonstration: the recording's frames; the film shows the person beside the robot, at the same state.
 
     Raises:
-        SceneError: the twin has no such part. InputError: no such robot, another arm, or an unwritable folder.
+        SceneError: the twin has no such part. InputError: no such robot, another arm, unwritable folder.
         PlanningError: MuJoCo refuses the scene.
     """
     config = config or ReplayConfig()
@@ -104,9 +105,11 @@ def replay(
 
 
 def _dressed(world: World, twin: Twin, trajectory: RobotTrajectory) -> World:
-    """The scene for the film: with the real robot's visuals where they are on this machine, else the one that was simulated.
+    """The scene for the film: with the real robot's visuals where they are on this machine, else the one that
+    was simulated.
 
-    It is another scene, so that nothing of a skin can change what is simulated; their joint positions are the same.
+    It is another scene, so that nothing of a skin can change what is simulated; their joint positions are the
+    same.
     """
     skin = skin_of(world.spec)
     if skin is None:
@@ -126,10 +129,11 @@ def simulate(
     config: ReplayConfig,
     observe: Callable[[mujoco.MjData], None] | None = None,
 ) -> tuple[Record, Array]:
-    """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames moments.
+    """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames
+    moments.
 
-    The scene is left as it is: how the arm is driven is set on a copy.
-    observe: called with the simulation before each step, its commands set; it must leave the simulation as it is.
+    The scene is left as it is: how the arm is driven is set on a copy. observe: called with the simulation
+    before each step, its commands set; it must leave the simulation as it is.
     """
     world = replace(world, model=copy.copy(world.model))
     model, spec = world.model, world.spec
@@ -147,7 +151,8 @@ def simulate(
     data.qpos[world.gripper_qpos] = spec.jaws(float(trajectory.gripper[0]))
     mujoco.mj_forward(model, data)
     recorder = _Recorder(world, trajectory.part_id, spec)
-    # A trajectory without approach begins with the part in the hand: until the fingers have closed it is held still.
+    # A trajectory without approach begins with the part in the hand: until the fingers have closed it is held
+    # still.
     gripped = times[phases == PHASES.index("close")][-1] if trajectory.phases[0] == "close" else -1.0
     frame_at = set(np.linspace(0, steps - 1, config.video_frames).astype(int).tolist())
     frames = []
@@ -175,8 +180,8 @@ def simulate(
 
 
 def _commands(world: World, trajectory: RobotTrajectory, times: Array) -> Array:
-    """Actuator commands (steps, nu): q + kd/kp qd feeds the velocity forward through the servo's own damping, effort / kp
-    the torque that the motion is known to take through its stiffness."""
+    """Actuator commands (steps, nu): q + kd/kp qd feeds the velocity forward through the servo's own damping,
+    effort / kp the torque that the motion is known to take through its stiffness."""
     model = world.model
     q, qd, gripper = trajectory.at(times)
     effort = trajectory.effort_at(times)

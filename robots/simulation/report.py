@@ -27,9 +27,10 @@ STATIC_LINEAR, STATIC_ANGULAR = 0.1, 1.0  # m/s, rad/s: at rest, as ManiSkill3 d
 
 @dataclass(frozen=True)
 class PhaseRow:
-    """One phase: start and end (s); part state at its end, and the largest and the last opening as shares of the range;
-    at_rest: the part, at its end; largest slip since the grasp (mm, 0 while nothing is held), tool error (mm) and torque
-    share; fingers touching (mean of 0..2); unintended contact samples; reason: the first thing that went wrong in it."""
+    """One phase: start and end (s); part state at its end, and the largest and the last opening as shares of
+    the range; at_rest: the part, at its end; largest slip since the grasp (mm, 0 while nothing is held), tool
+    error (mm) and torque share; fingers touching (mean of 0..2); unintended contact samples; reason: the
+    first thing that went wrong in it."""
 
     phase: str
     start: float
@@ -60,13 +61,14 @@ class UnintendedContact:
 class ReplayReport:
     """Outcome of a replay. Openings are fractions of the demonstrated range (joint.upper).
 
-    start, goal: m or rad; reached: share of the way from start to goal that is done at the end, 1 = at the goal.
-    success_75: reached >= 0.75 and at rest (ManiSkill3); success_90: reached >= 0.90. For the default task, from closed
-    to the end of the demonstrated range, that is the share open; for closing, the share closed.
-    ok: success_90 with slip, torque and joint limits kept. slip_mm: largest displacement of the tool point in the
-    part's frame between grasp and release. torque_share, torque_peak: of the limits, per joint. limit_margin: rad.
-    tracking: of the tool against the plan while the part is moved. floor: what the robot stands on, see
-    `RobotTrajectory`. faults: what went wrong, causes first; empty when ok. verdict: on the part as it was reconstructed.
+    start, goal: m or rad; reached: share of the way from start to goal that is done at the end, 1 = at the
+    goal. success_75: reached >= 0.75 and at rest (ManiSkill3); success_90: reached >= 0.90. For the default
+    task, from closed to the end of the demonstrated range, that is the share open; for closing, the share
+    closed. ok: success_90 with slip, torque and joint limits kept. slip_mm: largest displacement of the tool
+    point in the part's frame between grasp and release. torque_share, torque_peak: of the limits, per joint.
+    limit_margin: rad. tracking: of the tool against the plan while the part is moved. floor: what the robot
+    stands on, see `RobotTrajectory`. faults: what went wrong, causes first; empty when ok. verdict: on the
+    part as it was reconstructed.
     """
 
     robot: str

@@ -39,11 +39,12 @@ def replay_all(
     group: int = GROUP,
     tell: Tell | None = None,
 ) -> list[ReplayReport]:
-    """Replay the trajectory in the scene of each draw; reports in the order of the draws, whatever the workers.
+    """Replay the trajectory in the scene of each draw; reports in the order of the draws, whatever the
+    workers.
 
-    The very simulation and measurement of a single replay runs in processes: a step of MuJoCo takes some 40 us, too
-    short for threads, which would wait for each other's interpreter. `group` draws are one worker's at a time; fewer do
-    not pay for starting any.
+    The very simulation and measurement of a single replay runs in processes: a step of MuJoCo takes some 40
+    us, too short for threads, which would wait for each other's interpreter. `group` draws are one worker's
+    at a time; fewer do not pay for starting any.
     """
     groups = [draws[k : k + group] for k in range(0, len(draws), group)]
     workers = min(workers or cores(), len(groups))

@@ -37,8 +37,8 @@ GRID = (
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One draw and what came of it. path_error: m, see `draws.path_error`. closes_itself: the drawn part's own weight
-    closes it when nothing holds it at the goal."""
+    """One draw and what came of it. path_error: m, see `draws.path_error`. closes_itself: the drawn part's
+    own weight closes it when nothing holds it at the goal."""
 
     drawn: Draw
     path_error: float
@@ -88,9 +88,9 @@ class Trial:
 class TrialRow:
     """The trials of one size of error; sizes None: the twin's own uncertainty.
 
-    success_75: at least 0.75 open and at rest; success_90: at least 0.90 open at the end; clean: success_90 with slip,
-    torque and joint limits kept; opening: mean share of the range at the end. reasons: of the trials that miss
-    success_75 or success_90, counted by their kind, most frequent first.
+    success_75: at least 0.75 open and at rest; success_90: at least 0.90 open at the end; clean: success_90
+    with slip, torque and joint limits kept; opening: mean share of the range at the end. reasons: of the
+    trials that miss success_75 or success_90, counted by their kind, most frequent first.
     """
 
     sizes: ErrorSizes | None
@@ -146,8 +146,8 @@ class TrialRow:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrialReport:
-    """All rows of one part; the twin's own uncertainty first. floor: what the robot stands on. assumed: what the twin did not
-    state."""
+    """All rows of one part; the twin's own uncertainty first. floor: what the robot stands on. assumed: what
+    the twin did not state."""
 
     robot: str
     twin: str

@@ -1,6 +1,7 @@
 """How often a plan made from the twin opens the real part, when the twin is only nearly right.
 
-The robot plans once, on the twin. Each trial replays that trajectory in a scene whose part differs from the twin.
+The robot plans once, on the twin. Each trial replays that trajectory in a scene whose part differs from the
+twin.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ def run_trials(
     Args:
         twin: the one that was planned for.
         out: folder for trials.json and trials.png; nothing is written without it.
-        trials: for the twin's own uncertainty, and as many for each size of error: all three kinds together, growing;
-            with `grid` each kind alone too.
+        trials: for the twin's own uncertainty, and as many for each size of error: all three kinds together,
+            growing; with `grid` each kind alone too.
         seed: of every draw.
         robot: when it is not the trajectory's own name.
         workers: processes; default one for each core. The result does not depend on them.

@@ -55,7 +55,8 @@ def mean(values: Sequence[float], confidence: float = CONFIDENCE) -> Estimate:
 
 
 def binned(errors: Sequence[float], successes: Sequence[bool], bins: int) -> list[tuple[float, Estimate]]:
-    """Success over error: trials sorted by error in equally full bins; (mean error, rate with interval) of each."""
+    """Success over error: trials sorted by error in equally full bins; (mean error, rate with interval) of
+    each."""
     order = np.argsort(np.asarray(errors), kind="stable")
     groups = [g for g in np.array_split(order, bins) if len(g)]
     return [

@@ -1,4 +1,5 @@
-"""The judge of completed assets: an exact one is whole and holds, and each planted fault is told by its figure and no other."""
+"""The judge of completed assets: an exact one is whole and holds, and each planted fault is told by its
+figure and no other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The benchmark of other people's files: what it takes, what it keeps, and that a judgement holds for one result alone."""
+"""The benchmark of other people's files: what it takes, what it keeps, and that a judgement holds for one
+result alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The tool that plants faults: what it draws, what it plants, and that it tells what tests notice from what they don't."""
+"""The tool that plants faults: what it draws, what it plants, and that it tells what tests notice from what
+they don't."""
 
 from __future__ import annotations
 
@@ -261,7 +262,8 @@ def test_a_fault_in_compiled_code_is_compiled(tiny: Path, tmp_path: Path) -> Non
 
 
 def test_a_copy_is_as_it_was_after_a_fault(tiny: Path, tmp_path: Path) -> None:
-    """Bytes and time stamp, so that Python and numba take their compiled code again; while planted, neither may."""
+    """Bytes and time stamp, so that Python and numba take their compiled code again; while planted, neither
+    may."""
     (tiny / "recon/hall").mkdir()
     (tiny / "recon/hall/user.py").write_text("import numba\nfrom recon.room.mod import double\n")
     (tiny / "recon/hall/other.py").write_text("import numba\n")

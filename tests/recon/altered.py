@@ -79,7 +79,8 @@ def with_border(e: PartEvidence, share: float) -> PartEvidence:
 
 
 def with_motion(e: PartEvidence, right: float, **shares: float) -> PartEvidence:
-    """Evidence of which this share of its pixels is seen to move as the twin says, with these shares of its surface."""
+    """Evidence of which this share of its pixels is seen to move as the twin says, with these shares of its
+    surface."""
     out = with_places(e, **shares)
     vars(out)["in_motion"] = InMotion(10_000, 0, round(10_000 * right), 0, 0)
     return out

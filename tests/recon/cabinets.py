@@ -1,4 +1,5 @@
-"""Recordings in memory of a cabinet with a door, a drawer or a sliding door that a fist opens, ray-cast in closed form."""
+"""Recordings in memory of a cabinet with a door, a drawer or a sliding door that a fist opens, ray-cast in
+closed form."""
 
 from __future__ import annotations
 
@@ -29,10 +30,11 @@ FRONT = -0.018  # y of the fronts
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A recording with what earlier stages would know of it, and the truth. part, mesh: counted from the first frame.
+    """A recording with what earlier stages would know of it, and the truth. part, mesh: counted from the
+    first frame.
 
-    true_joint: from the closed end, opening positive. opening (n,): true states. grip: (3,) in the part's frame at the
-    first frame, and its distance from the part's surface.
+    true_joint: from the closed end, opening positive. opening (n,): true states. grip: (3,) in the part's
+    frame at the first frame, and its distance from the part's surface.
     """
 
     recording: Recording
@@ -48,7 +50,8 @@ class Clip:
 
 
 def carcass() -> list[Mesh]:
-    """A hollow cabinet behind the front, and neighbours to its left and right whose fronts are level with its own."""
+    """A hollow cabinet behind the front, and neighbours to its left and right whose fronts are level with its
+    own."""
     return [
         box((-0.31, 0.2, 1.15), (0.018, 0.4, 0.72)),
         box((0.31, 0.2, 1.15), (0.018, 0.4, 0.72)),
@@ -139,7 +142,8 @@ def fist(grip: Array, upright: bool) -> Mesh:
 def make_clip(
     kind: Kind, grip: Grip = "bar", *, backwards: bool = False, hand: bool = True, axis_sign: int = 1
 ) -> Clip:
-    """A clip of `FRAMES` frames, every `EVERY`-th labelled. axis_sign -1 hands out the joint with its axis reversed."""
+    """A clip of `FRAMES` frames, every `EVERY`-th labelled. axis_sign -1 hands out the joint with its axis
+    reversed."""
     joint, mesh, static, at, upright = furniture(kind, grip)
     u = np.clip((np.arange(FRAMES) - 7) / 11.0, 0, 1)
     opening = TRAVEL[kind] * u**3 * (10 - 15 * u + 6 * u**2)

@@ -27,7 +27,8 @@ def part_of(clip: Clip) -> MovingPart:
 
 
 def movers_of(clip: Clip, background: float = 0.0) -> tuple[Movers, Any]:
-    """A track on each triangle of the part, exact, and as many in the room that shift by `background` m at half time."""
+    """A track on each triangle of the part, exact, and as many in the room that shift by `background` m at
+    half time."""
     rng = np.random.default_rng(0)
     on_part = clip.mesh.vertices[clip.mesh.faces].mean(axis=1)
     count = len(on_part)

@@ -97,7 +97,8 @@ def altered_bytes(path: Path, count: int, seed: int = 3) -> Iterator[None]:
 def same_pictures(
     found: recon.Recording, expected: recon.Recording, frames: dict[int, int] | None = None
 ) -> None:
-    """Every frame of `found` shows what its partner in `expected` does, more than what that one's neighbours do."""
+    """Every frame of `found` shows what its partner in `expected` does, more than what that one's neighbours
+    do."""
     for k, of in (frames or {k: k for k in range(len(found))}).items():
         off = [
             float(np.abs(found.color(k).astype(int) - expected.color(j)).mean())

@@ -1,4 +1,5 @@
-"""Arms among the surfaces that changed: long, narrow, free-standing and coming from the viewer; boards are not, however they stand."""
+"""Arms among the surfaces that changed: long, narrow, free-standing and coming from the viewer; boards are
+not, however they stand."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ WALL = 1.5
 def picture(
     corners: list[tuple[float, float, float]], wall: float = WALL
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32], Array]:
-    """A parallelogram (m, camera axes) of three corners before a wall: its mask, the depth image and its points, as a camera sees them."""
+    """A parallelogram (m, camera axes) of three corners before a wall: its mask, the depth image and its
+    points, as a camera sees them."""
     origin, along, across = (
         np.array(corners[0]),
         np.subtract(corners[1], corners[0]),

@@ -1,4 +1,5 @@
-"""The container of Azure Kinect recordings: walked as ffmpeg walks it, opened by its headers, and hostile files end soon."""
+"""The container of Azure Kinect recordings: walked as ffmpeg walks it, opened by its headers, and hostile
+files end soon."""
 
 from __future__ import annotations
 

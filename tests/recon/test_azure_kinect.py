@@ -1,4 +1,5 @@
-"""Azure Kinect recordings: read as they were written, in their formats and clocks, known by content, and cut off."""
+"""Azure Kinect recordings: read as they were written, in their formats and clocks, known by content, and cut
+off."""
 
 from __future__ import annotations
 

@@ -38,7 +38,8 @@ def _board(
     count: int = 400,
     width: float = WIDTH - 0.02,
 ) -> tuple[Array, Array]:
-    """Surfels of a 0.5 x 0.6 x 0.03 m door; its far face is turned by `step` about the hinge. A bar stands off the front."""
+    """Surfels of a 0.5 x 0.6 x 0.03 m door; its far face is turned by `step` about the hinge. A bar stands
+    off the front."""
     x, z = 0.02 + width * rng.random(2 * count), rng.uniform(0, 0.6, 2 * count)
     far = np.arange(2 * count) >= count
     points = np.stack([x, np.where(far, 0.5, -0.5) * THICK, z], axis=1)
@@ -100,7 +101,8 @@ def test_one_face_is_a_board_too_but_no_slide_and_no_tube() -> None:
 
 
 def test_a_narrow_board_says_nothing_and_noise_is_no_relief() -> None:
-    """Five centimetres tell no angle. A face is as flat as depth can show: what is rough for a good sensor is flat for a phone's."""
+    """Five centimetres tell no angle. A face is as flat as depth can show: what is rough for a good sensor is
+    flat for a phone's."""
     for width, known in ((0.05, False), (0.15, True)):
         points, normals = _board(np.random.default_rng(0), width=width)
         board = slice(0, 800)  # without the bar, which stands elsewhere
@@ -111,7 +113,8 @@ def test_a_narrow_board_says_nothing_and_noise_is_no_relief() -> None:
 
 
 def _seen(rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
-    """Terms, frames, world points and world normals: the front in the first 20 frames, the inside in the last 20, nothing between."""
+    """Terms, frames, world points and world normals: the front in the first 20 frames, the inside in the last
+    20, nothing between."""
     points, normals = _board(rng, noise=0.0)
     points, normals = points[:800], normals[:800]
     term = np.repeat(np.arange(800), 4)
@@ -141,8 +144,8 @@ def _terms(joint: Revolute, state: Array, rng: np.random.Generator) -> Terms:
     ("error_deg", "tilt"), [(-3.0, [0.02, 0.0]), (2.0, [-0.01, 0.03]), (0.0, [0.0, 0.0])]
 )
 def test_faces_that_no_frame_sees_together_hold_the_joint(error_deg: float, tilt: list[float]) -> None:
-    """Where the inside is seen all states are too large by the same error, and the axis leans: parallel again, both are right.
-    The truth itself stays where it is."""
+    """Where the inside is seen all states are too large by the same error, and the axis leans: parallel
+    again, both are right. The truth itself stays where it is."""
     start = TRUE + np.radians(error_deg) * np.interp(np.arange(FRAMES), [19, 30], [0.0, 1.0])
     lean = HINGE.plus(np.array([*tilt, 0.0, 0.0]))
     assert isinstance(lean, Revolute)
@@ -158,7 +161,8 @@ def test_faces_that_no_frame_sees_together_hold_the_joint(error_deg: float, tilt
 
 
 def test_a_board_fills_in_what_the_recording_leaves_open_and_nothing_else() -> None:
-    """A pivot known to a metre along the normal comes back to what boards are thick; one known to a tenth of a millimetre stays."""
+    """A pivot known to a metre along the normal comes back to what boards are thick; one known to a tenth of
+    a millimetre stays."""
     shifted = replace(HINGE, pivot=np.array([0.02, 0.04, 0.0]))
     terms = _terms(shifted, TRUE, np.random.default_rng(3))
     vague = np.diag([1e-8, 1e-8, 1.0, 1.0, *np.full(2 + FRAMES, 1e-10)])
@@ -182,7 +186,8 @@ def test_where_board_and_recording_contradict_each_other_neither_is_believed_as_
 
 
 def _shown(joint: Revolute, width: float = WIDTH, hand: bool = False) -> list[tuple[int, Array, Array]]:
-    """Each fifth frame at rest: points of the face it sees, in the frame of the part as the joint has it, and in the world."""
+    """Each fifth frame at rest: points of the face it sees, in the frame of the part as the joint has it, and
+    in the world."""
     x, z = np.meshgrid(np.arange(0.02, width, 0.004), np.arange(0.0, 0.6, 0.01))
     out = []
     for k in np.flatnonzero(REST)[::5]:
@@ -226,7 +231,8 @@ def _tie_away(joint: Revolute, shown: list[tuple[int, Array, Array]], inside: bo
 
 
 def test_the_outer_edge_is_the_same_closed_and_open() -> None:
-    """At the truth it is, also with a hand on it; a pivot 3 cm aside moves the one against the other by what the turn makes of that."""
+    """At the truth it is, also with a hand on it; a pivot 3 cm aside moves the one against the other by what
+    the turn makes of that."""
     aside = replace(HINGE, pivot=np.array([0.03, 0.0, 0.0]))
     assert _tie_away(HINGE, _shown(HINGE)) == pytest.approx(0.0, abs=1e-3)
     assert _tie_away(HINGE, _shown(HINGE, hand=True)) == pytest.approx(0.0, abs=1e-3)
@@ -253,8 +259,8 @@ def test_an_outline_is_as_unsure_as_its_frames_disagree() -> None:
 
 
 def test_what_an_arm_covers_is_no_edge() -> None:
-    """At rest closed an arm lies over most of the board's length, 12 cm from its edge on: where nothing covers the board it ends where it
-    does, and where too little of the edge is free nothing is told."""
+    """At rest closed an arm lies over most of the board's length, 12 cm from its edge on: where nothing
+    covers the board it ends where it does, and where too little of the edge is free nothing is told."""
 
     def behind(
         share: float,

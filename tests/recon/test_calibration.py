@@ -1,4 +1,5 @@
-"""Calibration: rendered boards with exact truth, real pictures of an Azure Kinect, and pictures that can't be used."""
+"""Calibration: rendered boards with exact truth, real pictures of an Azure Kinect, and pictures that can't be
+used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Calibration from real pictures: 8 of the 30 of an Azure Kinect that its makers publish with their own result."""
+"""Calibration from real pictures: 8 of the 30 of an Azure Kinect that its makers publish with their own
+result."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def test_azure_kinect_lens(azure: Pictures, folder: Path) -> None:
 
 
 def test_azure_kinect_left_out(azure: Pictures, folder: Path) -> None:
-    """Two pictures that the lens was not fitted to fit it nearly as well as their makers' lens, in most of the 28 pairs.
+    """Two pictures that the lens was not fitted to fit it nearly as well as their makers' lens, in most of
+    the 28 pairs.
 
     With eight coefficients, which all eight pictures bear; of six pictures alone some bear but five.
     """
@@ -65,7 +67,8 @@ def test_azure_kinect_left_out(azure: Pictures, folder: Path) -> None:
 
 
 def test_azure_kinect_pose(folder: Path) -> None:
-    """One pair of a colour and an infrared picture; the device's drawing has the cameras 32 mm and 6 degrees apart."""
+    """One pair of a colour and an infrared picture; the device's drawing has the cameras 32 mm and 6 degrees
+    apart."""
     known = replace(
         read_calibration(folder / "registration" / "calib_color.yml"),
         depth=read_calibration(folder / "registration" / "calib_ir.yml").color,

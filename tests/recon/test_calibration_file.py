@@ -1,4 +1,5 @@
-"""Calibration files: numbers come back, other programs' files are read, and a recording gets the cameras at its size."""
+"""Calibration files: numbers come back, other programs' files are read, and a recording gets the cameras at
+its size."""
 
 from __future__ import annotations
 
@@ -236,7 +237,8 @@ def test_depth_is_scaled() -> None:
 
 
 def test_straight_lines_become_straight() -> None:
-    """A recording with a calibration is undistorted: what the lens bends comes to the pinhole camera's place."""
+    """A recording with a calibration is undistorted: what the lens bends comes to the pinhole camera's
+    place."""
     plain = streams(Lens(COLOR.camera, ()))
     image = np.zeros((480, 640, 3), np.uint8)
     at = cv2.projectPoints(

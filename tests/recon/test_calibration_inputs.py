@@ -1,4 +1,5 @@
-"""Input that can't calibrate: pictures, depth maps and boards that are wrong, and pictures that don't belong together."""
+"""Input that can't calibrate: pictures, depth maps and boards that are wrong, and pictures that don't belong
+together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A path that holds sees one room from every side, whatever stands before what; one that does not sees two."""
+"""A path that holds sees one room from every side, whatever stands before what; one that does not sees
+two."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from twin.scene import Trajectory
 
 
 def beside_a_panel(first: float, second: float) -> PosedTwin:
-    """Six frames from `first` m to the right of a panel that stands square to a wall, then six from `second`, both looking at the wall."""
+    """Six frames from `first` m to the right of a panel that stands square to a wall, then six from `second`,
+    both looking at the wall."""
     clip = make_clip("door")
     wall, panel = box((0.0, 3.05, 1.0), (8.0, 0.1, 4.0)), box((0.0, 1.9, 1.0), (0.04, 2.2, 4.0))
     poses = np.tile(np.eye(4), (12, 1, 1))

@@ -53,7 +53,8 @@ def test_noise_and_moving_things_leave_the_poses_within_two_millimetres(moving: 
     assert len(found.frames) == FRAMES
     T_truth_found = geo.fit_rigid(found.T_world_cam[:, :3, 3], truth[:, :3, 3])
     error = geo.transform(T_truth_found, found.T_world_cam[:, :3, 3]) - truth[:, :3, 3]
-    # 3.6 mm of lateral noise a point (1 px at 1.5 m) over 300 points, turned into position by a 1.5 m lever: about 1 mm
+    # 3.6 mm of lateral noise a point (1 px at 1.5 m) over 300 points, turned into position by a 1.5 m lever:
+    # about 1 mm
     assert np.sqrt((error**2).sum(axis=1).mean()) < 2e-3
 
 

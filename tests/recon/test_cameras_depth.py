@@ -1,4 +1,5 @@
-"""Poses from depth beside tracks: planes in depth, what moves is not the camera, and what no frame can tell is said."""
+"""Poses from depth beside tracks: planes in depth, what moves is not the camera, and what no frame can tell
+is said."""
 
 from __future__ import annotations
 
@@ -73,7 +74,8 @@ def _recording(poses: Array, board: Array | None, noise: float = 0.0) -> Recordi
 
 
 def _tracks(poses: Array, board: Array | None, per_side: int, break_at: int | None = None) -> Tracks:
-    """Tracks of points that the first frame sees on a grid of pixels; all of them end where the path of tracks breaks."""
+    """Tracks of points that the first frame sees on a grid of pixels; all of them end where the path of
+    tracks breaks."""
     u, v = np.meshgrid(
         np.linspace(4, CAMERA.width - 5, per_side), np.linspace(4, CAMERA.height - 5, per_side)
     )

@@ -1,4 +1,5 @@
-"""Two rigid motions: a near panel that slides in its own plane before a flat cabinet, where depth tells nothing of the way."""
+"""Two rigid motions: a near panel that slides in its own plane before a flat cabinet, where depth tells
+nothing of the way."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What changed tells parts without a track: surfaces, joints and states on cabinets of closed form, and nothing where nothing moves."""
+"""What changed tells parts without a track: surfaces, joints and states on cabinets of closed form, and
+nothing where nothing moves."""
 
 from __future__ import annotations
 
@@ -201,7 +202,8 @@ def test_a_surface_that_is_seen_in_spots_is_one_surface() -> None:
 
 
 def _came(thing: np.ndarray) -> Depths:
-    """A wall at 2 m for ten frames, and then things (h, w) of this depth before it, 0 where there are none."""
+    """A wall at 2 m for ten frames, and then things (h, w) of this depth before it, 0 where there are
+    none."""
     wall = np.full(thing.shape, 2.0, np.float32)
     depth = np.stack([wall] * 10 + [np.where(thing > 0, thing, wall).astype(np.float32)] * 10)
     camera = Intrinsics(thing.shape[1], thing.shape[0], 130.0, 130.0, 79.5, 59.5)
@@ -269,7 +271,8 @@ def test_the_best_path_keeps_to_the_speed_limit() -> None:
 
 
 def test_what_could_not_be_seen_may_always_have_been_there() -> None:
-    """A wall, from a camera that goes aside: what comes into the picture is not new, what comes before the wall is."""
+    """A wall, from a camera that goes aside: what comes into the picture is not new, what comes before the
+    wall is."""
     clip = make_clip("door")
     wall, nearer = np.full((150, 200), 2.0, np.float32), np.full((150, 200), 2.0, np.float32)
     nearer[60:90, 90:110], wall[:20, 100:] = 1.5, 0.0

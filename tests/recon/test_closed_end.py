@@ -1,4 +1,5 @@
-"""The closed end: decided by the furniture around the part, whichever way the recording runs and the axis points."""
+"""The closed end: decided by the furniture around the part, whichever way the recording runs and the axis
+points."""
 
 from __future__ import annotations
 
@@ -113,7 +114,8 @@ def test_a_door_that_would_be_flush_past_both_ends_is_unsure() -> None:
 
 
 def test_frames_in_which_the_part_is_half_way_tell_nothing_of_the_cavity() -> None:
-    """There the part still covers most of it. A wall is put into their pictures, right behind the part's closed pose."""
+    """There the part still covers most of it. A wall is put into their pictures, right behind the part's
+    closed pose."""
     clip = make_clip("slide")
     share = clip.opening / clip.opening.max()
     between = (share > 0.05) & (share < 0.75)
@@ -134,7 +136,8 @@ def test_frames_in_which_the_part_is_half_way_tell_nothing_of_the_cavity() -> No
 def test_a_sliding_door_before_an_open_shelf_closes_at_the_wall(
     gap: float, backwards: bool, axis_sign: int
 ) -> None:
-    """It hides as much of the shelf wherever it stands: only the wall at which its edge stops tells the ends apart."""
+    """It hides as much of the shelf wherever it stands: only the wall at which its edge stops tells the ends
+    apart."""
     clip = make_clip("slide", backwards=backwards, axis_sign=axis_sign)
     at, joint = int(np.argmin(clip.opening)), clip.part.joint
     door = clip.mesh.transformed(joint.pose(float(clip.part.motion.state[at])))  # closed
@@ -165,7 +168,8 @@ def test_the_front_is_the_large_face_also_for_a_camera_far_aside(side: float) ->
 
 
 def test_a_small_piece_before_the_large_face_is_no_front() -> None:
-    """A strip beside the hinge that stands 24 deg off the door and nearer to the viewer: its rim is not the door's."""
+    """A strip beside the hinge that stands 24 deg off the door and nearer to the viewer: its rim is not the
+    door's."""
     joint = Revolute(np.array([0.0, 0.0, 1.0]), pivot=np.array([-0.35, 0.0, 1.0]))
     part = MovingPart(2, joint, Motion(np.arange(3), np.arange(3) / 15.0, np.zeros(3)))
     tilt = geo.make_pose(geo.exp_so3(np.array([0.0, 0.0, np.radians(24.0)])), [-0.25, -0.07, 1.0])

@@ -155,7 +155,8 @@ def test_noise_and_moulding_are_no_handle() -> None:
 
 
 def test_how_near_a_hand_is_counts_in_each_frame_by_itself() -> None:
-    """Frame 3 touches with ten points, the other ten are the palm; frame 4 hovers 2 cm off; frame 5 is elsewhere."""
+    """Frame 3 touches with ten points, the other ten are the palm; frame 4 hovers 2 cm off; frame 5 is
+    elsewhere."""
     distance = np.repeat([0.0, 0.04, 0.02, 0.2], 10)
     hand = HandPoints(np.zeros((40, 3)), np.repeat([3, 3, 4, 5], 10), distance)
     kept = _close(hand, distance)

@@ -1,4 +1,5 @@
-"""The judge: exact is exact, a moved world changes nothing, every mistake is seen, every failure is charged."""
+"""The judge: exact is exact, a moved world changes nothing, every mistake is seen, every failure is
+charged."""
 
 from __future__ import annotations
 

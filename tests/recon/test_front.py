@@ -36,7 +36,8 @@ def drawer(rng: np.random.Generator, floor: int = 0) -> tuple[Array, Array]:
 
 
 def seen(joint: Joint, rng: np.random.Generator) -> Terms:
-    """What every frame sees of a front that truly slides along its normal, as terms of a joint; with what is known of it."""
+    """What every frame sees of a front that truly slides along its normal, as terms of a joint; with what is
+    known of it."""
     points, normals = drawer(rng)
     term = np.repeat(np.arange(len(points)), 6)
     frame = rng.integers(0, FRAMES, len(term))
@@ -89,7 +90,8 @@ def test_a_plain_front_holds_the_axis_to_its_normal(lean_deg: float) -> None:
 
 
 def test_what_is_known_of_fronts_counts_where_the_recording_says_less() -> None:
-    """An axis known to 10 degrees comes to the normal, and is known to a degree; one known to a tenth stays, a degree askew."""
+    """An axis known to 10 degrees comes to the normal, and is known to a degree; one known to a tenth stays,
+    a degree askew."""
     joint = leaning(1.0)
     terms = seen(joint, np.random.default_rng(3))
     for sigma_deg, off, stated in ((10.0, 0.0, 1.0), (0.1, 1.0, 0.1)):

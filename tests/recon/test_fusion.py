@@ -24,7 +24,8 @@ CAMERA = Intrinsics(160, 120, 200.0, 200.0, 79.5, 59.5)
 
 
 def plane(tilt: float, distance: float = 1.0) -> tuple[Array, Array]:
-    """Depth (120, 160) of a plane turned by `tilt` rad about the camera's y axis through (0, 0, distance); its normal."""
+    """Depth (120, 160) of a plane turned by `tilt` rad about the camera's y axis through (0, 0, distance);
+    its normal."""
     x = (np.arange(160) - CAMERA.cx) / CAMERA.fx
     normal = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     depth = distance * np.cos(tilt) / (normal[0] * x + normal[2])
@@ -66,7 +67,8 @@ def test_budgets_and_colours(door: tuple[Recording, Truth, FusedScene]) -> None:
     assert 250 < len(small.static.faces) <= 500
     colors = fused.parts[2].colors
     assert colors is not None
-    # the part is drawn in shades of (150 + n, 150 + n, 150 + n) or its like: seen vertices are not left grey by default
+    # the part is drawn in shades of (150 + n, 150 + n, 150 + n) or its like: seen vertices are not left grey
+    # by default
     assert len(np.unique(colors, axis=0)) > 20
 
 

@@ -1,4 +1,5 @@
-"""A name that a part was given stays with it in every later run of the recording, whatever number the part gets there."""
+"""A name that a part was given stays with it in every later run of the recording, whatever number the part
+gets there."""
 
 from __future__ import annotations
 

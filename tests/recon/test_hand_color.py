@@ -32,7 +32,8 @@ LABELS = (HAND_LABEL, 2, 1)
 
 
 def _tracks(folder: Path) -> Tracks:
-    """One track that stays on the hand, one on the door, one on the wall, wherever a label image shows them."""
+    """One track that stays on the hand, one on the door, one on the wall, wherever a label image shows
+    them."""
     visible = np.zeros((FRAMES, len(LABELS)), dtype=bool)
     pixels = np.full((FRAMES, len(LABELS), 2), np.nan)
     rng = np.random.default_rng(0)
@@ -65,7 +66,8 @@ def test_no_hand_in_view_means_no_hand_tracks(door: Path) -> None:
 
 
 def test_colours_are_blurred_by_one_bin() -> None:
-    """A single colour of the hand speaks half as much for the next colour on one axis, and a quarter for that on two."""
+    """A single colour of the hand speaks half as much for the next colour on one axis, and a quarter for that
+    on two."""
     hand, rest = np.zeros((8, 8, 8)), np.ones((8, 8, 8))
     hand[3, 4, 2] = 1.0
     odds = np.exp(_smooth_log_odds(hand.ravel(), rest.ravel(), 8)).reshape(8, 8, 8)

@@ -1,4 +1,5 @@
-"""How thick a bar is by its outline in photographs, ray cast in closed form: its true width comes back, or nothing does."""
+"""How thick a bar is by its outline in photographs, ray cast in closed form: its true width comes back, or
+nothing does."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def pose(frame: int) -> Array:
 
 
 def picture(part: Part, thickness: float, plain: bool, frame: int) -> Array:
-    """(H, W, 3) of a front with a bar before it, both moved as the part is in this frame; plain: in one colour."""
+    """(H, W, 3) of a front with a bar before it, both moved as the part is in this frame; plain: in one
+    colour."""
     at = np.interp(frame, part.motion.frames, part.motion.state)
     T = geo.invert_pose(part.joint.pose(float(at))) @ pose(frame)
     u, v = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))

@@ -23,7 +23,8 @@ SPOT = np.array([100.0, 40.0])  # x, y of the hand in the picture
 
 
 class SpotDetector:
-    """Stands in for the detector: sees a hand whose keypoints all lie on the white spot, when the spot is large."""
+    """Stands in for the detector: sees a hand whose keypoints all lie on the white spot, when the spot is
+    large."""
 
     def __init__(self, least: int) -> None:
         self.least = least

@@ -50,7 +50,8 @@ def stretch(recording: Recording) -> Stretch:
 def changed(
     stretch: Stretch, frames: NDArray[np.int64] | None = None, focal: float = 1.0, depth: Any = None
 ) -> Stretch:
-    """A stretch of some frames, with another focal length or other depth; tracks and cameras are those of the whole one."""
+    """A stretch of some frames, with another focal length or other depth; tracks and cameras are those of the
+    whole one."""
     kept = np.arange(len(stretch.small)) if frames is None else frames
     k = stretch.small.intrinsics
     read = depth or stretch.small.depth

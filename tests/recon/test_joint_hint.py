@@ -1,4 +1,5 @@
-"""Hints about joint types: they tip what motion leaves open, clear motion overrules them, and bad ones are named."""
+"""Hints about joint types: they tip what motion leaves open, clear motion overrules them, and bad ones are
+named."""
 
 from __future__ import annotations
 
@@ -91,7 +92,8 @@ def test_a_hint_is_about_what_moves_in_its_frames() -> None:
 
 
 def test_the_parts_of_a_recording_take_hints(tmp_path: Path) -> None:
-    """A door that opens a crack only, once without and once with a hint; the hint of another time changes nothing."""
+    """A door that opens a crack only, once without and once with a hint; the hint of another time changes
+    nothing."""
     frames = 60
     folder = tiny.write_recording(tmp_path / "still", ("door",), frames=frames, scale=2, still=True)
     recording = open_recording(folder)

@@ -110,8 +110,8 @@ def test_the_number_of_threads_changes_nothing(monkeypatch: pytest.MonkeyPatch) 
 
 
 def naive_axis(points: Array, visible: NDArray[np.bool_]) -> Array:
-    """The fit that must not come back: chained frame-to-frame motions start a soft_l1 refinement against each track's
-    first observation."""
+    """The fit that must not come back: chained frame-to-frame motions start a soft_l1 refinement against each
+    track's first observation."""
     frames = len(points)
     pose, poses = np.eye(4), [np.eye(4)]
     for frame in range(frames - 1):
@@ -230,7 +230,8 @@ def test_a_joint_that_carries_too_small_a_share_of_what_moves_is_refused() -> No
 
 @pytest.mark.parametrize("part", ["door", "drawer"])
 def test_all_of_what_is_only_noisy_agrees(part: str) -> None:
-    """Less than 1 in 10 000 of normal errors in three coordinates is beyond 5.2 standard deviations of one."""
+    """Less than 1 in 10 000 of normal errors in three coordinates is beyond 5.2 standard deviations of
+    one."""
     scene = track_scene(part, "none", seed=2)  # type: ignore[arg-type]
     assert fit(scene).inliers > 0.995
 

@@ -1,4 +1,5 @@
-"""What is no hand, what lies behind a drawer's front, and what is seen edge-on: laws of the labels on closed-form pictures."""
+"""What is no hand, what lies behind a drawer's front, and what is seen edge-on: laws of the labels on
+closed-form pictures."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ def _belief(hand: np.ndarray) -> F32:
 def _hand_left(
     spot: tuple[slice, slice], there: Sequence[int], frame: int, holes: tuple[slice, slice] | None = None
 ) -> bool:
-    """Whether a piece that is labelled hand in a frame and seen at its place in others stays one; else it is the part's."""
+    """Whether a piece that is labelled hand in a frame and seen at its place in others stays one; else it is
+    the part's."""
     depth = np.full(SHAPE, 2.0, np.float32)
     depth[spot] = 1.5
     if holes is not None:
@@ -130,7 +132,8 @@ def _front(thick: float = 0.02) -> F32:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_what_a_front_drags_behind_it_is_inside_the_drawer(sign: float, seed: int) -> None:
-    """Whichever way the axis points and however the scene lies; what is beside, under or before the front is not."""
+    """Whichever way the axis points and however the scene lies; what is beside, under or before the front is
+    not."""
     rng = np.random.default_rng(seed)
     T = geo.make_pose(geo.exp_so3(rng.normal(size=3)), rng.normal(size=3))
     eye, floor = geo.transform(T, [[0.1, -1.5, 0.8], [0.0, 0.3, 0.02]])
@@ -152,7 +155,8 @@ def test_a_panel_that_slides_along_itself_drags_nothing() -> None:
 
 @pytest.mark.parametrize(("cosine", "weight"), [(0.05, 0.0), (0.25, 0.5), (0.6, 1.0), (None, 1.0)])
 def test_what_is_seen_edge_on_is_hardly_seen_through(cosine: float | None, weight: float) -> None:
-    """A point 1 m away, a wall read 0.2 m behind it; its own surface leans so far from the ray. None: its normal is not known."""
+    """A point 1 m away, a wall read 0.2 m behind it; its own surface leans so far from the ray. None: its
+    normal is not known."""
     shape = (9, 9)
     normals = np.zeros((*shape, 3), np.float32)
     if cosine is not None:
@@ -169,7 +173,8 @@ def test_what_is_seen_edge_on_is_hardly_seen_through(cosine: float | None, weigh
 
 @pytest.mark.parametrize(("slow", "through"), [(0.0, True), (1.0, False)])
 def test_errors_that_stay_alike_are_not_surer_in_many_references(slow: float, through: bool) -> None:
-    """Six references read the wall two standard deviations behind a point: as fresh errors hardly all of them would, as one error it may be."""
+    """Six references read the wall two standard deviations behind a point: as fresh errors hardly all of them
+    would, as one error it may be."""
     noise, camera = DepthNoise(0.006, 0.0, slow, 0.0), Intrinsics(9, 9, 500.0, 500.0, 4.0, 4.0)
     shape, moves = (9, 9), np.repeat(np.eye(4)[None, :3], 6, axis=0)
     off = 2.0 * np.hypot(np.sqrt(2.0) * 0.006, 0.003)
@@ -217,7 +222,8 @@ def test_what_has_no_depth_beside_a_hand_is_rather_none_unless_it_has_its_colour
 
 @pytest.mark.parametrize("turns", [True, False], ids=["hinge", "slide"])
 def test_what_lies_far_from_a_part_that_turns_is_none_of_it_but_where_it_moved(turns: bool) -> None:
-    """A floor that turns within itself goes along as well as it stays. What slides is sure to move at its edges only."""
+    """A floor that turns within itself goes along as well as it stays. What slides is sure to move at its
+    edges only."""
     depth = np.full(SHAPE, 1.0, np.float32)
     depth[:, 30:] = 2.0
     door, floor, gone = (np.zeros(SHAPE, bool) for _ in range(3))

@@ -34,7 +34,8 @@ Scene = tuple[Recording, Truth, tuple[MovingPart, ...]]
 
 
 def true_parts(truth: Truth, times: Array) -> tuple[MovingPart, ...]:
-    """The parts as the motion stages would hand them over, without error and with state 0 at the first frame."""
+    """The parts as the motion stages would hand them over, without error and with state 0 at the first
+    frame."""
     return tuple(
         MovingPart(p.id, p.joint, Motion(np.arange(truth.frames), times, p.states, p.spans))
         for p in truth.parts
@@ -91,7 +92,8 @@ def test_part_and_hand_are_found(single: Scene) -> None:
 
 
 def test_a_camera_without_depth_on_plain_surfaces_loses_no_part(single: Scene) -> None:
-    """As a stereo camera: spots without depth, larger than what neighbours settle, on half of every picture."""
+    """As a stereo camera: spots without depth, larger than what neighbours settle, on half of every
+    picture."""
     recording, truth, parts = single
     rng = np.random.default_rng(3)
     rough = cv2.GaussianBlur(rng.normal(size=(144, 192)), (0, 0), 6.0)
@@ -175,7 +177,8 @@ def test_what_lands_in_the_plane_of_a_camera_tells_nothing() -> None:
 
 
 def compared(wall: float, move: Array) -> NDArray[np.float32]:
-    """Evidence of a wall 1 m away, by a reference that a move (4, 4) leads to and that sees one so far away."""
+    """Evidence of a wall 1 m away, by a reference that a move (4, 4) leads to and that sees one so far
+    away."""
     shape = (9, 9)
     color = np.zeros((*shape, 3), np.float32)
     out = np.zeros((4, *shape), np.float32)
@@ -315,7 +318,8 @@ def test_what_is_seen_at_its_place_at_other_states_weighs_against_being_seen_thr
 
 
 def test_colour_counts_in_units_of_its_scale() -> None:
-    """Twice the contrast at twice the scale, equal labels; the same contrast at a tenth of the scale, other ones."""
+    """Twice the contrast at twice the scale, equal labels; the same contrast at a tenth of the scale, other
+    ones."""
     rng = np.random.default_rng(0)
     scores = rng.normal(size=(2, 12, 16)).astype(np.float32)
     color = rng.normal(0, 4.0, (12, 16, 3)).astype(np.float32)

@@ -1,4 +1,5 @@
-"""Files as they arrive: whole ones are recognised and opened by every verb, broken ones are told in one line and change nothing."""
+"""Files as they arrive: whole ones are recognised and opened by every verb, broken ones are told in one line
+and change nothing."""
 
 from __future__ import annotations
 
@@ -117,7 +118,8 @@ def test_broken_files_are_told_or_left_out(
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Whatever file of a layout is broken: one line and exit code 1, or a recording that was read without it, with whole frames."""
+    """Whatever file of a layout is broken: one line and exit code 1, or a recording that was read without it,
+    with whole frames."""
     folder, path = samples[case]
     told = 0
     for n, victim in enumerate(files_of(folder / path)):
@@ -300,7 +302,8 @@ def test_what_people_and_attackers_send(
 
 
 def flips(count: int, samples: dict[str, tuple[Path, Path]], tmp_path: Path) -> int:
-    """Flip one to eight bytes of a file of a layout at a time, open it, decode two frames; how often they were whole ones."""
+    """Flip one to eight bytes of a file of a layout at a time, open it, decode two frames; how often they
+    were whole ones."""
     read = 0
     rng = np.random.default_rng(20)
     names = list(samples)

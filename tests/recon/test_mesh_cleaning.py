@@ -16,7 +16,8 @@ def _kept(gap: float, share: float, max_gap: float = np.inf) -> int:
 
 
 def test_pieces_stay_by_area_and_by_distance() -> None:
-    # areas are 6 and 0.54 m^2; corners, not faces, measure the gap, so that it is larger than the 0.1 m between planes
+    # areas are 6 and 0.54 m^2; corners, not faces, measure the gap, so that it is larger than the 0.1 m
+    # between planes
     assert _kept(0.1, share=0.05) == 24
     assert _kept(0.1, share=0.2) == 12
     assert _kept(5.0, share=0.05) == 24

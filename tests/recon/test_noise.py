@@ -16,8 +16,9 @@ FRAMES = 16
 
 
 def clip(fresh: Array, fixed: Array, mover: bool = False) -> tuple[Recording, Trajectory]:
-    """A room's corner of a wall turned away, 0.8 to 3 m off, seen by a camera that moves sideways. fresh, fixed (2,): noise base + slope z^2
-    drawn in each pixel of each frame, and once for all frames. mover: a box takes a quarter of the picture from the middle on."""
+    """A room's corner of a wall turned away, 0.8 to 3 m off, seen by a camera that moves sideways. fresh,
+    fixed (2,): noise base + slope z^2 drawn in each pixel of each frame, and once for all frames. mover: a
+    box takes a quarter of the picture from the middle on."""
     rng = np.random.default_rng(0)
     x = (np.arange(160) - CAMERA.cx) / CAMERA.fx
     pose = np.tile(np.eye(4), (FRAMES, 1, 1))
@@ -62,7 +63,8 @@ def test_what_a_frame_is_off_by_as_a_whole_is_its_drift(size: float) -> None:
 
 
 def test_what_a_tile_is_off_by_is_drift_though_the_whole_frame_is_right() -> None:
-    """Depth that swings twice across the picture, drawn anew in each frame: on the whole it is right, a quarter of its width is off by 2 / pi."""
+    """Depth that swings twice across the picture, drawn anew in each frame: on the whole it is right, a
+    quarter of its width is off by 2 / pi."""
     recording, cameras = clip(np.array([0.001, 0.0]), np.zeros(2))
     swing = np.sin(2 * np.pi * np.linspace(-1.0, 1.0, recording.intrinsics.width))
     colour, found = np.zeros((FRAMES, 120, 160, 3), np.uint8), []
@@ -73,7 +75,8 @@ def test_what_a_tile_is_off_by_is_drift_though_the_whole_frame_is_right() -> Non
 
 
 def test_the_mean_of_readings_that_share_their_error_is_as_unsure_as_one() -> None:
-    """Kish: n readings of one error tell as much as one, of fresh errors as n; a sensor better than reckoned with tells no slow error."""
+    """Kish: n readings of one error tell as much as one, of fresh errors as n; a sensor better than reckoned
+    with tells no slow error."""
     assert DepthNoise(0.01, 0.0, 1.0, 0.0).of_mean(6) == pytest.approx(np.sqrt(6.0))
     assert DepthNoise(0.01, 0.0, 0.0, 0.0).of_mean(6) == 1.0
     assert DepthNoise(1e-6, 0.0, 1.0, 0.0).of_mean(6) == pytest.approx(1.0, abs=1e-3)

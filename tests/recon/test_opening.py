@@ -1,4 +1,5 @@
-"""What `open_recording` is told beside the path: a part of the recording, cameras, topics; and that a run remembers it."""
+"""What `open_recording` is told beside the path: a part of the recording, cameras, topics; and that a run
+remembers it."""
 
 from __future__ import annotations
 

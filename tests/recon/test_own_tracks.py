@@ -17,7 +17,8 @@ CAMERA = Intrinsics(100, 80, 90.0, 90.0, 49.5, 39.5)
 
 
 def test_tracks_labelled_hand_more_often_than_part_are_left_out() -> None:
-    """Left a quarter of the picture is hand, then part, and static at the right; in the last labelled frame hand and part are exchanged."""
+    """Left a quarter of the picture is hand, then part, and static at the right; in the last labelled frame
+    hand and part are exchanged."""
     part = make_clip("door").part
     image = np.full((80, 100), STATIC_LABEL, np.uint8)
     image[:, :25], image[:, 25:50] = HAND_LABEL, part.id

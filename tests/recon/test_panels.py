@@ -1,4 +1,5 @@
-"""Panels that slide in their own plane: the strips that leave and come are told to be one panel, and its way is the true one."""
+"""Panels that slide in their own plane: the strips that leave and come are told to be one panel, and its way
+is the true one."""
 
 from __future__ import annotations
 
@@ -111,7 +112,8 @@ def test_strips_of_one_panel_may_be_hidden_in_part() -> None:
 
 
 def test_what_is_no_panel_is_none() -> None:
-    """A thing that was carried aside leaves nothing between; strips of two planes, or of unlike widths, are none of one panel."""
+    """A thing that was carried aside leaves nothing between; strips of two planes, or of unlike widths, are
+    none of one panel."""
     first, last = sliding(WAY)[0], sliding(WAY)[-1]
     assert told(sliding(WAY)) == [True, True]
     assert not any(told(sliding(0.25, -0.25, -0.1)))  # it goes past its own width
@@ -129,7 +131,8 @@ def test_where_the_plane_between_is_seen_through_there_is_no_panel() -> None:
 
 
 def test_a_part_that_is_in_view_for_a_fifth_of_the_time_is_found() -> None:
-    """A drawer comes out by 12 cm; before and after it the camera looks at a wall beside it, for most of the recording."""
+    """A drawer comes out by 12 cm; before and after it the camera looks at a wall beside it, for most of the
+    recording."""
     count, there = 100, {*range(4), *range(43, 55), *range(96, 100)}
     away = geo.make_pose(geo.exp_so3([0.0, np.pi / 2, 0.0]), [0.0, 0.0, 0.0])
     poses = np.stack([np.eye(4) if f in there else away for f in range(count)])

@@ -1,4 +1,5 @@
-"""Which fits are a further part, which are one that is known already, and what surely rests: one test for every condition."""
+"""Which fits are a further part, which are one that is known already, and what surely rests: one test for
+every condition."""
 
 from __future__ import annotations
 

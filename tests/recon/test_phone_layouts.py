@@ -1,4 +1,5 @@
-"""Record3D's EXR export, Polycam, 3D Scanner App and ARKitScenes: what each writes comes back, and what is refused."""
+"""Record3D's EXR export, Polycam, 3D Scanner App and ARKitScenes: what each writes comes back, and what is
+refused."""
 
 from __future__ import annotations
 
@@ -121,7 +122,8 @@ def test_a_picture_held_upright_comes_back(original: recon.Recording, tmp_path: 
 
 
 def turned(recording: recon.Recording) -> Recording:
-    """A recording with the camera turned by a quarter about its view: its x is the old -y, its y the old x."""
+    """A recording with the camera turned by a quarter about its view: its x is the old -y, its y the old
+    x."""
     k = recording.intrinsics
     assert recording.poses is not None
     T_old_new = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])

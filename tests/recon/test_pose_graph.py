@@ -64,7 +64,8 @@ def line_error(graph: PoseGraph, joint: Prismatic | Revolute) -> tuple[float, fl
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_edge_convention(kind: Kind) -> None:
-    """T_parti_partj = T_world_parti^-1 T_world_partj leaves no residual; its inverse leaves twice the motion."""
+    """T_parti_partj = T_world_parti^-1 T_world_partj leaves no residual; its inverse leaves twice the
+    motion."""
     joint, state, edges = world_edges(kind)
     poses = joint.poses(state)
     i, j = int(edges.first[40]), int(edges.second[40])
@@ -132,7 +133,8 @@ def test_jacobians_match_differences(kind: Kind) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_confidences_are_the_minimisers_of_the_paper_s_terms(kind: Kind) -> None:
-    """Those of the solved graph, edge by edge: loops as l f + mu (sqrt(l) - 1)^2 has its least, consecutive edges fully trusted."""
+    """Those of the solved graph, edge by edge: loops as l f + mu (sqrt(l) - 1)^2 has its least, consecutive
+    edges fully trusted."""
     _, state, edges = world_edges(kind, seed=3, noise=0.004, noise_rad=0.01)
     config = PoseGraphConfig()
     graph = solve_pose_graph(edges, len(state), kind, config)
@@ -241,7 +243,8 @@ def test_errors_that_repeat_from_pose_to_pose_widen_the_covariance(rho: float) -
 
 
 def test_poses_are_refined_until_nothing_changes() -> None:
-    """From starts a fraction of the noise away, so near that the noise itself has settled, to one solution."""
+    """From starts a fraction of the noise away, so near that the noise itself has settled, to one
+    solution."""
     rng = np.random.default_rng(10)
     joint, state = random_joint(rng, "revolute"), 1.2 * minimum_jerk(60)
     assert isinstance(joint, Revolute)
@@ -289,7 +292,8 @@ def test_pairs_hold_every_consecutive_one_and_never_a_frame_twice() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_joint_of_tracks_by_the_pose_graph(kind: Kind) -> None:
-    """`joints.method = "pose_graph"` finds the exact joint of exact tracks, and under noise one within its own sigma."""
+    """`joints.method = "pose_graph"` finds the exact joint of exact tracks, and under noise one within its
+    own sigma."""
     rng = np.random.default_rng(11)
     joint = random_joint(rng, kind)
     state = (0.3 if kind == "prismatic" else 1.0) * minimum_jerk(30)
@@ -309,7 +313,8 @@ def test_the_joint_of_tracks_by_the_pose_graph(kind: Kind) -> None:
 
 
 def test_frames_that_share_no_tracks_with_the_others_leave_the_graph() -> None:
-    """Tracks that end at frame 20 and others that begin there: the larger piece is fitted, the states of the rest are held."""
+    """Tracks that end at frame 20 and others that begin there: the larger piece is fitted, the states of the
+    rest are held."""
     rng = np.random.default_rng(12)
     joint = random_joint(rng, "prismatic")
     state = 0.3 * minimum_jerk(30)

@@ -39,7 +39,8 @@ PLAIN = Stratum("ideal", size=(96, 72))
 
 @pytest.fixture(scope="module", autouse=True)
 def plain_surfaces() -> Iterator[None]:
-    """Nothing here looks at textures, whose painting takes most of the time; what is rendered needs its size."""
+    """Nothing here looks at textures, whose painting takes most of the time; what is rendered needs its
+    size."""
 
     def even(_: np.random.Generator, colour: Array) -> NDArray[np.float32]:
         size = SIZE if rendered else 8
@@ -207,7 +208,8 @@ def _volume(triangles: Array) -> float:
 @pytest.mark.parametrize("handle", HANDLES)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_draw_makes_furniture_that_ends_behind_its_front(kind: str, handle: str) -> None:
-    """The lowest drawers with an overhanging front leave no height for sides: one draw of 400 had ended in an error."""
+    """The lowest drawers with an overhanging front leave no height for sides: one draw of 400 had ended in an
+    error."""
     rng = np.random.default_rng(3)
     for _ in range(400):
         made = KINDS[kind](rng, handle)

@@ -151,7 +151,8 @@ def test_fingerprint_is_of_the_content_alone(native: Path, tmp_path: Path) -> No
 
 
 def tum_folder(folder: Path, native: Path, delay: float = 0.007) -> Path:
-    """The recording as TUM RGB-D, its depth images `delay` later, and a mocap at 100 Hz for the first second."""
+    """The recording as TUM RGB-D, its depth images `delay` later, and a mocap at 100 Hz for the first
+    second."""
     (folder / "rgb").mkdir(parents=True)
     (folder / "depth").mkdir()
     lists: dict[str, list[str]] = {"rgb": ["# colour"], "depth": ["# depth"]}

@@ -19,7 +19,8 @@ from twin.errors import InputError, MissingDependencyError
 
 
 def write_r3d(path: Path, quaternions: Any = None, count: int = 12, **changes: Any) -> Path:
-    """A .r3d of a slanted plane: colour 192x256 (portrait), raw depth 48x64, confidence low in the first row."""
+    """A .r3d of a slanted plane: colour 192x256 (portrait), raw depth 48x64, confidence low in the first
+    row."""
     q = np.tile([0.0, 0, 0, 1], (count, 1)) if quaternions is None else np.asarray(quaternions)
     positions = np.column_stack([np.arange(count) * 0.1, np.full(count, 1.5), np.zeros(count)])
     meta: dict[str, Any] = {

@@ -53,7 +53,8 @@ def test_a_wrong_start_comes_back_to_the_truth_and_says_how_sure_it_is(door: Pat
     assert np.degrees(geo.angle_between(found.joint.axis, true_joint.axis)) < 0.5
     assert geo.line_distance(found.joint.pivot, found.joint.axis, true_joint.pivot, true_joint.axis) < 0.005
     error = np.abs(found.motion.state - state)
-    # at the end the door is edge-on to the camera and nothing of it is seen: the start, 5 % short, must hold there
+    # at the end the door is edge-on to the camera and nothing of it is seen: the start, 5 % short, must hold
+    # there
     assert np.median(error) < np.radians(1.0)
     assert error.max() < 0.1
     assert found.joint.sigma is not None
@@ -66,7 +67,8 @@ def test_a_wrong_start_comes_back_to_the_truth_and_says_how_sure_it_is(door: Pat
 
 
 def test_cameras_that_drift_slowly_are_part_of_the_uncertainty(door: Path) -> None:
-    """Such a drift leaves no residual: only the stated size of it can tell that the joint is off by as much."""
+    """Such a drift leaves no residual: only the stated size of it can tell that the joint is off by as
+    much."""
     recording = open_recording(door)
     n = len(recording)
     joint, _, _ = tiny.JOINTS["door"]
@@ -112,8 +114,9 @@ def test_a_part_at_rest_does_not_creep_where_nothing_of_it_is_seen(door: Path) -
 
 
 def test_a_frame_that_is_hardly_seen_comes_along() -> None:
-    """A board whose planes are all tilted by the same 6 deg: turning it about its hinge fits them better, and the first frame, in which a hand
-    hides most of it, must turn as the others do. All start at the true states."""
+    """A board whose planes are all tilted by the same 6 deg: turning it about its hinge fits them better, and
+    the first frame, in which a hand hides most of it, must turn as the others do. All start at the true
+    states."""
     rng = np.random.default_rng(0)
     joint = Revolute(np.array([0.0, 0.0, 1.0]), upper=1.0, pivot=np.array([0.2, 0.0, 0.1]))
     frames, planes = 60, 60

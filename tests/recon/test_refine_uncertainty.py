@@ -27,8 +27,9 @@ STATE = minimum_jerk(FRAMES)
 def observed(
     joint: Joint, state: Array, rng: np.random.Generator, noise: float, shared: float, slow: float = 0.0
 ) -> Terms:
-    """Points of surfels that look every way, each seen in half of the frames. noise: m, of every observation; shared: m, of all
-    observations of eight neighbouring frames, along one direction; slow: m, of a shift of everything, half a cosine over all frames."""
+    """Points of surfels that look every way, each seen in half of the frames. noise: m, of every observation;
+    shared: m, of all observations of eight neighbouring frames, along one direction; slow: m, of a shift of
+    everything, half a cosine over all frames."""
     points = rng.uniform(-0.3, 0.3, (TERMS, 3))
     normals = geo.unit(rng.normal(size=(TERMS, 3)))
     term, frame = np.array(np.nonzero(rng.random((TERMS, FRAMES)) < 0.5))
@@ -61,16 +62,17 @@ def refined(
     ("noise", "shared"), [(0.010, 0.0), (0.003, 0.002)], ids=["own noise", "shared noise"]
 )
 def test_a_refined_joint_is_as_far_off_as_it_says(name: str, noise: float, shared: float) -> None:
-    """The error over the stated one, root mean square over all directions: .59 and .45 with each observation's own noise, .70 and
-    .61 with noise that frames share (measured). It errs on the careful side: the information of the data alone is added to
-    the spread of the spans' scores, since with few spans (5 instead of 15) these say too little, and the ratio is 2.3."""
+    """The error over the stated one, root mean square over all directions: .59 and .45 with each
+    observation's own noise, .70 and .61 with noise that frames share (measured). It errs on the careful side:
+    the information of the data alone is added to the spread of the spans' scores, since with few spans (5
+    instead of 15) these say too little, and the ratio is 2.3."""
     assert 0.4 < _ratio(name, noise, shared, STATE) < 1.2
 
 
 @pytest.mark.parametrize("name", JOINTS)
 def test_a_motion_within_frames_that_share_their_error_is_no_surer_for_it(name: str) -> None:
-    """All of the motion lies in the eight frames of one shared error, which it fits without a residual: 1.6 and 1.3 by the residuals
-    alone, 1.1 and 1.0 with the error that the other spans show (measured)."""
+    """All of the motion lies in the eight frames of one shared error, which it fits without a residual: 1.6
+    and 1.3 by the residuals alone, 1.1 and 1.0 with the error that the other spans show (measured)."""
     swift = np.concatenate([np.zeros(56), minimum_jerk(8), np.ones(FRAMES - 64)])
     assert 0.4 < _ratio(name, 0.001, 0.002, swift) < 1.25
 

@@ -1,4 +1,5 @@
-"""Depth registered to colour: exact where it is already, on the surface everywhere, and nothing seen through anything."""
+"""Depth registered to colour: exact where it is already, on the surface everywhere, and nothing seen through
+anything."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ BESIDE = make_pose(exp_so3([0.01, -0.02, 0.015]), [-0.05, 0.01, 0.004])
 
 
 def plane_depth(lens: Lens, T_color_depth: Array, offset: float = -1.5) -> NDArray[np.float32]:
-    """Depth of the plane NORMAL . p = offset of the colour camera, as the depth camera sees it, by its rays."""
+    """Depth of the plane NORMAL . p = offset of the colour camera, as the depth camera sees it, by its
+    rays."""
     ray = np.concatenate([rays(lens), np.ones((lens.camera.height, lens.camera.width, 1))], axis=-1)
     n = T_color_depth[:3, :3].T @ NORMAL
     return np.nan_to_num((offset - NORMAL @ T_color_depth[:3, 3]) / (ray @ n)).astype(np.float32)
@@ -99,7 +101,8 @@ def test_two_surfaces_are_never_mixed_and_unknown_stays_unknown() -> None:
 
 
 def test_what_stands_before_hides_what_is_behind() -> None:
-    """The colour camera stands 20 cm beside: it sees less of the wall behind a board than the depth camera does, and no hole in the board."""
+    """The colour camera stands 20 cm beside: it sees less of the wall behind a board than the depth camera
+    does, and no hole in the board."""
     T = make_pose(translation=[0.2, 0.0, 0.0])
     depth = np.full((72, 96), 3.0, np.float32)
     depth[20:52, 30:60] = 1.0

@@ -1,4 +1,5 @@
-"""The renderer's light has closed forms, and its pictures depend on the scene alone: not on orders, threads or frames before."""
+"""The renderer's light has closed forms, and its pictures depend on the scene alone: not on orders, threads
+or frames before."""
 
 from __future__ import annotations
 

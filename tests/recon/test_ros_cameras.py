@@ -1,4 +1,5 @@
-"""Cameras of ROS bags: lenses, where two cameras stand to each other, RealSense's recorder, and known poses."""
+"""Cameras of ROS bags: lenses, where two cameras stand to each other, RealSense's recorder, and known
+poses."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ NORMAL, DISTANCE = np.array([0.3, -0.2, 0.933]) / np.linalg.norm([0.3, -0.2, 0.9
 
 
 def plane_depth(camera: Intrinsics, T_color_cam: Array) -> Array:
-    """Depth (H, W) m of the plane NORMAL . X = DISTANCE (colour camera's axes) as a camera at `T_color_cam` sees it."""
+    """Depth (H, W) m of the plane NORMAL . X = DISTANCE (colour camera's axes) as a camera at `T_color_cam`
+    sees it."""
     y, x = np.mgrid[0 : camera.height, 0 : camera.width].astype(np.float64)
     rays = camera.backproject(np.stack([x, y], axis=-1), np.ones(x.shape))
     normal = T_color_cam[:3, :3].T @ NORMAL
@@ -44,7 +46,8 @@ def streams_rig(path: Path) -> Rig:
 
 
 def plane_error(path: Path) -> tuple[float, float]:
-    """Greatest distance (m) of the registered depth from the plane in the colour picture, and the part of it that is known."""
+    """Greatest distance (m) of the registered depth from the plane in the colour picture, and the part of it
+    that is known."""
     depth = recording_of(RosReader().streams(path)).depth(3)
     known = depth > 0
     return float(np.abs(depth - plane_depth(CAMERA, np.eye(4)))[known].max()), float(known.mean())

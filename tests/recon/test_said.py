@@ -1,4 +1,5 @@
-"""The user's word: parts that are pointed at, intervals, joint types, up; what can't be meant; runs that repeat it."""
+"""The user's word: parts that are pointed at, intervals, joint types, up; what can't be meant; runs that
+repeat it."""
 
 from __future__ import annotations
 
@@ -162,7 +163,8 @@ def test_a_point_where_nothing_moves_gives_a_warning_and_no_part() -> None:
 
 
 def test_a_type_that_is_said_overrules_motion() -> None:
-    """A door that opens a crack looks like a slide; one that opens wide is no slide, and yet is taken as said."""
+    """A door that opens a crack looks like a slide; one that opens wide is no slide, and yet is taken as
+    said."""
     crack = replace(DOOR, upper=float(np.radians(2.5)))
     body = moving(crack, 20, 40, np.array([0.25, 0.3, 0.02]), np.array([-0.3, 0.0, 1.5]), 60, 1)
     (without,) = find(*seen(body)).parts

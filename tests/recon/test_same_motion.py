@@ -19,7 +19,8 @@ def part(kind: Kind) -> MovingPart:
 
 
 def again(p: MovingPart, aside: float = 0.0, tilt: float = 0.0, noise: float = 0.0) -> MovingPart:
-    """The same part with another id: its hinge shifted, its axis tilted (rad), its states with noise and another zero."""
+    """The same part with another id: its hinge shifted, its axis tilted (rad), its states with noise and
+    another zero."""
     across = geo.orthogonal_basis(p.joint.axis)[:, 0]
     joint = replace(p.joint, axis=geo.exp_so3(tilt * across) @ p.joint.axis, covariance=None)
     if isinstance(joint, Revolute):

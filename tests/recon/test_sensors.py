@@ -1,4 +1,5 @@
-"""Simulated cameras have the errors that were published for the real ones, and keep over a recording what real ones keep."""
+"""Simulated cameras have the errors that were published for the real ones, and keep over a recording what
+real ones keep."""
 
 from __future__ import annotations
 
@@ -108,7 +109,8 @@ def test_a_plane_is_measured_as_well_as_the_published_figures_say() -> None:
 
 
 def test_time_of_flight_stays_within_its_specification() -> None:
-    """Random error at most 17 mm at 15 to 95 % reflectivity, systematic error below 11 mm + 0.1 % (Azure Kinect DK)."""
+    """Random error at most 17 mm at 15 to 95 % reflectivity, systematic error below 11 mm + 0.1 % (Azure
+    Kinect DK)."""
     for z, tone in ((0.7, 0.95), (2.1, 0.5), (3.2, 0.15)):
         camera = DepthCamera("time_of_flight", MIDDLE, 1.0, 5)
         images = np.stack([camera.image(plane(z, tone=tone, index=i)) for i in range(5)])
@@ -299,7 +301,8 @@ def test_ideal_depth_and_scale_zero_are_exact(name: str) -> None:
 
 
 def test_structured_light_and_colour_are_what_they_were() -> None:
-    """Values of an independent run: recordings that were made before there were other sensors can be made again."""
+    """Values of an independent run: recordings that were made before there were other sensors can be made
+    again."""
     y, x = np.mgrid[0:60, 0:80]
     depth = np.where(x < 40, 0.9, 1.6 + 0.004 * y)
     rays = np.stack([(x - 39.5) / 60, (y - 29.5) / 60, np.ones(x.shape)], axis=-1)

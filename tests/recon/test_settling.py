@@ -30,7 +30,8 @@ def towards(joint: Joint, state: Array, share: Array, seen: list[float]):  # typ
 
 @pytest.mark.parametrize("name", JOINTS)
 def test_a_joint_that_creeps_along_a_valley_arrives(name: str) -> None:
-    """A twentieth of the way a round in one direction, as a plain flap whose pivot is off along the plane that halves its turn."""
+    """A twentieth of the way a round in one direction, as a plain flap whose pivot is off along the plane
+    that halves its turn."""
     joint, state = JOINTS[name], JOINTS[name].upper * STATE
     n = len(joint.minus(joint))
     off = np.array([0.03, -0.02, 0.05, 0.02])[:n]

@@ -141,7 +141,8 @@ def test_a_surface_that_comes_nearer_has_no_cracks() -> None:
 
 
 def test_motion_passes_through_the_true_places_before_and_after() -> None:
-    """A door that turns and a wall, seen by a camera that moves and turns: where pixels go is where their points are seen."""
+    """A door that turns and a wall, seen by a camera that moves and turns: where pixels go is where their
+    points are seen."""
     _, u = np.mgrid[0 : SIZE[0], 0 : SIZE[1]]
     depth = np.where(u < 60, 1.0, 2.5).astype(np.float32)
     body = np.where(u < 60, 1, 0).astype(np.int32)
@@ -187,7 +188,8 @@ def test_a_picture_that_leaves_itself_is_refused() -> None:
 def test_a_recording_with_every_fault_keeps_its_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Depth and labels are those of the exact rendering at the frame's time; the true intrinsics are kept beside the wrong ones."""
+    """Depth and labels are those of the exact rendering at the frame's time; the true intrinsics are kept
+    beside the wrong ones."""
     faults = PictureConfig(100, 0.02, 0.15, 0.25, 0.6, 0.02, 0.01, 4.0, 0.02)
     config = SimulateConfig(
         width=64,
@@ -230,7 +232,8 @@ def test_a_recording_with_every_fault_keeps_its_truth(
 
 
 def test_values_become_levels_by_the_gamma() -> None:
-    """Without noise, below the shoulder, in the middle where no light is lost; the least value is the least level's border."""
+    """Without noise, below the shoulder, in the middle where no light is lost; the least value is the least
+    level's border."""
     values = np.r_[0.0, np.geomspace(1e-7, 0.6, 2000)].astype(np.float32)
     one = np.random.default_rng(0)
     levels = [colour_image(np.full((2, 2, 3), v), 1.0, 0.0, one)[1, 1, 0] for v in values]

@@ -1,4 +1,5 @@
-"""The simulator's truth is exact: what it writes agrees with what it renders and with the joint's own laws."""
+"""The simulator's truth is exact: what it writes agrees with what it renders and with the joint's own
+laws."""
 
 from __future__ import annotations
 
@@ -121,7 +122,8 @@ def test_true_meshes_at_true_poses_give_the_depth_and_the_labels(recording: Path
         labels = image(recording, "truth/labels", i).reshape(-1)
         depth = image(recording, "depth", i).reshape(-1) / 1000.0
         seen = labels != 255
-        # meshes are stored as float32 and trajectories with nine digits: rays on an edge may fall to either side
+        # meshes are stored as float32 and trajectories with nine digits: rays on an edge may fall to either
+        # side
         assert np.mean(np.abs(depth - hits.t)[seen] > 0.0006) < 0.002
         assert np.mean((labels == 2)[seen] != (hits.mesh == 1)[seen]) < 0.002
         assert (labels == 2).sum() > 200

@@ -1,4 +1,5 @@
-"""Recordings on which a reconstruction goes wrong, one cause each: whatever comes out, nothing wrong is called trusted.
+"""Recordings on which a reconstruction goes wrong, one cause each: whatever comes out, nothing wrong is
+called trusted.
 
 Drawn from open seeds, rendered at half size. They say that a failure is told, not that it is mended.
 """

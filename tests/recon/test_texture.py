@@ -1,4 +1,5 @@
-"""Photo textures of a painted cube, seen by a ray caster in closed form: the paint comes back, and the hand never does."""
+"""Photo textures of a painted cube, seen by a ray caster in closed form: the paint comes back, and the hand
+never does."""
 
 from __future__ import annotations
 
@@ -72,7 +73,8 @@ def eyes() -> Array:
 
 
 def cast(pose: Array) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Points (H, W, 3) where the rays of a camera meet the cube, whether they do, and their depth (H, W) m."""
+    """Points (H, W, 3) where the rays of a camera meet the cube, whether they do, and their depth (H, W)
+    m."""
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     ahead = CAMERA.backproject(np.stack([u, v], axis=-1).astype(float), np.ones(u.shape)) @ pose[:3, :3].T
     with np.errstate(divide="ignore"):
@@ -83,8 +85,8 @@ def cast(pose: Array) -> tuple[Array, NDArray[np.bool_], Array]:
 
 
 class Scene:
-    """Recording of the cube, its cameras and labels. shift (FRAMES,): how far it stands along y in each frame, m; light (FRAMES,): factors of
-    the colours; hand: whether a red hand covers part of each frame."""
+    """Recording of the cube, its cameras and labels. shift (FRAMES,): how far it stands along y in each
+    frame, m; light (FRAMES,): factors of the colours; hand: whether a red hand covers part of each frame."""
 
     def __init__(
         self,
@@ -120,7 +122,8 @@ class Scene:
 
 
 def read(mesh: Mesh, texture: Texture) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Points (n, 3) of the mesh, the texture's colours there (n, 3), and whether they were seen: the middle of each face and others."""
+    """Points (n, 3) of the mesh, the texture's colours there (n, 3), and whether they were seen: the middle
+    of each face and others."""
     h, w = texture.image.shape[:2]
     out = []
     for weights in ([1 / 3, 1 / 3, 1 / 3], [0.6, 0.2, 0.2], [0.2, 0.6, 0.2]):
@@ -198,7 +201,8 @@ def test_threads_change_no_byte(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_charts_share_no_texel_and_keep_their_size() -> None:
-    """A folded strip whose two sheets would lie on each other is cut; areas on the image are those of the faces."""
+    """A folded strip whose two sheets would lie on each other is cut; areas on the image are those of the
+    faces."""
     mesh = cube()
     second = mesh.transformed(geo.make_pose(np.eye(3), [0.0, 0.0, 0.05]))
     both = Mesh(

@@ -69,7 +69,8 @@ def test_tracks_first_give_the_same_fit_with_a_warning() -> None:
 
 
 def test_an_order_that_can_not_be_told_is_refused_with_both_ways_out() -> None:
-    """A door's tracks sorted by height and given first: each neighbour is as near as a frame of a fast motion."""
+    """A door's tracks sorted by height and given first: each neighbour is as near as a frame of a fast
+    motion."""
     s = scene("door", "none")
     points = sorted_by_height(s.points).swapaxes(0, 1)
     assert first_axis(points) == "unclear"

@@ -67,8 +67,8 @@ def test_smoothness_only_speaks_where_data_are_silent() -> None:
 
 
 def test_smoothness_is_as_strong_as_well_observed_frames_are_smooth() -> None:
-    """Twice the root mean square of their second differences is what the prior allows; where an unseen frame's state happens
-    to be says nothing."""
+    """Twice the root mean square of their second differences is what the prior allows; where an unseen
+    frame's state happens to be says nothing."""
     state, information = np.sin(np.linspace(0, 3, 30)), np.full(30, 1e12)
     information[10] = 0.0
     second = np.delete(np.diff(state, 2), [8, 9, 10])
@@ -82,7 +82,8 @@ def test_smoothness_is_as_strong_as_well_observed_frames_are_smooth() -> None:
 
 @pytest.mark.parametrize("rho", [0.0, 0.6])
 def test_repeated_errors_count_once(rho: float) -> None:
-    """First-order autoregressive errors, whose sum has (1 + rho) / (1 - rho) times the variance of independent ones."""
+    """First-order autoregressive errors, whose sum has (1 + rho) / (1 - rho) times the variance of
+    independent ones."""
     rng = np.random.default_rng(4)
     noise = rng.normal(0, 0.003, (80, 200, 3))
     for t in range(1, len(noise)):

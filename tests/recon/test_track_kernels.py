@@ -1,4 +1,5 @@
-"""The kernels beneath the fits to tracks, against closed forms and numpy: states, landmarks, noise, which tracks follow."""
+"""The kernels beneath the fits to tracks, against closed forms and numpy: states, landmarks, noise, which
+tracks follow."""
 
 from __future__ import annotations
 
@@ -103,8 +104,8 @@ def test_the_travel_of_a_hinge_is_a_chord() -> None:
 
 
 def test_tracks_that_creep_as_all_do_follow_and_what_rests_has_no_say() -> None:
-    """Points of a part creep by some millimetres over its motion, each its own way; twice as many tracks are seen only while
-    it rests, and can't creep."""
+    """Points of a part creep by some millimetres over its motion, each its own way; twice as many tracks are
+    seen only while it rests, and can't creep."""
     rng = np.random.default_rng(6)
     state = 0.3 * minimum_jerk(40)
     ways = rng.normal(size=(40, 3))
@@ -122,7 +123,8 @@ def test_tracks_that_creep_as_all_do_follow_and_what_rests_has_no_say() -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_noise_does_not_end_the_first_rest(seed: int) -> None:
-    """The zero is the mean over the rest, so the states' sigma says how many frames it had: at least twelve of fifteen."""
+    """The zero is the mean over the rest, so the states' sigma says how many frames it had: at least twelve
+    of fifteen."""
     sigma = 0.001
     state = 0.3 * minimum_jerk(60, 15, 45) + np.random.default_rng(seed).normal(0, sigma, 60)
     covariance = np.diag(np.r_[[1e-6, 1e-6], np.full(60, sigma**2)])

@@ -1,4 +1,5 @@
-"""Parts by two witnesses, tracks and depth: which of them is believed where they differ, on cabinets of closed form."""
+"""Parts by two witnesses, tracks and depth: which of them is believed where they differ, on cabinets of
+closed form."""
 
 from __future__ import annotations
 
@@ -76,7 +77,8 @@ def firmly(part: MovingPart, tracks: int, degrees: float) -> PartTracks:
 
 
 def test_many_tracks_that_know_their_axis_need_no_other_witness() -> None:
-    """Depth has a door that hardly opens turn about another line; what moves at another time is another part."""
+    """Depth has a door that hardly opens turn about another line; what moves at another time is another
+    part."""
     clip = make_clip("door")
     hinge = cast("Revolute", clip.part.joint)
     elsewhere = replace(clip.part, joint=replace(hinge, pivot=hinge.pivot + [0.4, 0.3, 0.0]))
@@ -100,8 +102,8 @@ def with_states(clip: Clip, state: Array) -> MovingPart:
 
 
 def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) -> None:
-    """Tracks that slip along a part go too short a way, a hand that comes along the part's axis sets out too early. Where a strip of a panel is all
-    that changed, depth only tells how far it goes."""
+    """Tracks that slip along a part go too short a way, a hand that comes along the part's axis sets out too
+    early. Where a strip of a panel is all that changed, depth only tells how far it goes."""
     none, true = np.zeros(0, bool), clip.part.motion.state
     early = np.interp(np.arange(26) + 5, np.arange(26), true)
     strip = (
@@ -116,7 +118,8 @@ def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) 
 
 
 def test_states_that_run_on_out_of_view_are_none_of_the_part() -> None:
-    """In the first frames no depth is known, so that all other frames agree with whatever the tracks say of them."""
+    """In the first frames no depth is known, so that all other frames agree with whatever the tracks say of
+    them."""
     clip = make_clip("drawer")
     read, true = clip.recording.read_depth, clip.part.motion.state
     blind = replace(clip.recording, read_depth=lambda f: read(f) * np.float32(f >= 4))
@@ -140,8 +143,8 @@ def test_depth_says_how_well_it_agrees_with_the_states_of_tracks(clip: Clip) -> 
 
 
 def test_a_hand_that_goes_along_with_a_part_is_none_and_a_second_drawer_is_one(clip: Clip) -> None:
-    """All by the same axis: the drawer agrees with the tracks; the hand goes as far while the drawer does, and farther before; the second
-    drawer moves at another time."""
+    """All by the same axis: the drawer agrees with the tracks; the hand goes as far while the drawer does,
+    and farther before; the second drawer moves at another time."""
     time, axis = np.arange(100), clip.part.joint
     none = np.zeros(0, bool)
     drawer = Witnessed(axis, np.interp(time, [40, 60], [0.0, 0.3]), none, 0, 0.9)

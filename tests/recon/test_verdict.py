@@ -152,7 +152,8 @@ def test_a_half_sure_axis_with_a_half_sure_range_is_refused(evidence: PartEviden
 
 
 def test_a_surface_that_is_seen_to_move_is_a_part_however_unsure_its_range(evidence: PartEvidence) -> None:
-    """Then range and half-sure axis only doubt it; one of these signs alone is not enough, and an axis that is not known at all refuses."""
+    """Then range and half-sure axis only doubt it; one of these signs alone is not enough, and an axis that
+    is not known at all refuses."""
     unsure = with_sigma(evidence, axis=np.radians(1.1 * of_parts.AXIS_DOUBTFUL), state=SPAN / 5)
 
     def levels(e: PartEvidence) -> list[str | None]:
@@ -264,7 +265,8 @@ def test_a_twin_with_the_part_explains_the_rests_and_one_without_does_not(
 def test_what_never_moves_is_not_seen_through_but_what_was_missed_is(
     evidence: PartEvidence, clip: Clip
 ) -> None:
-    """The closed door in the static scene, as where it was missed: it opens in the middle of the recording."""
+    """The closed door in the static scene, as where it was missed: it opens in the middle of the
+    recording."""
     assert evidence.scene.static_seen_through[1] < of_parts.STATIC_THROUGH / 2
     assert of_parts.static_stays(evidence) is None
     room, door = clip.static, clip.mesh
@@ -318,7 +320,8 @@ def test_a_short_slide_told_by_depth_may_lean_aside(span: float, told: bool, evi
 
 
 def test_a_short_drawer_is_square_to_its_front(evidence: PartEvidence, clip: Clip) -> None:
-    """What the borders leave open its front tells, unless the axis leaves the normal or the surface is mostly something else."""
+    """What the borders leave open its front tells, unless the axis leaves the normal or the surface is mostly
+    something else."""
     short = ranging(evidence, 0.1, Prismatic)
     by_depth = replace(short, tracks=replace(short.tracks, type_source="depth"))
     normals, area = geo.triangle_normals(clip.mesh.vertices[clip.mesh.faces])

@@ -1,4 +1,5 @@
-"""A part ends at an edge of the picture: labels that end in the middle of an even face are no outline to fit a joint to."""
+"""A part ends at an edge of the picture: labels that end in the middle of an even face are no outline to fit
+a joint to."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def grey(level: float = 120.0) -> Array:
 def told(
     picture: Array, depth: Array, labels: NDArray[np.uint8] | None = None, moving: int = 6
 ) -> float | None:
-    """The share of the part's border that is no edge, where all frames look like this and the part moves in two of them."""
+    """The share of the part's border that is no edge, where all frames look like this and the part moves in
+    two of them."""
     return of_frames([picture] * FRAMES, depth, labels, moving)
 
 

@@ -28,7 +28,8 @@ def hand_labels(clip: Clip, last: int) -> dict[int, Any]:
 
 @pytest.mark.parametrize("kind", ["door", "slide"])
 def test_a_true_hand_at_an_end_is_no_reason(kind: Kind) -> None:
-    """The recording ends while the hand moves the part, with half an arm in view that does not reach the border."""
+    """The recording ends while the hand moves the part, with half an arm in view that does not reach the
+    border."""
     clip = make_clip(kind)
     for last in (10, 12, 14, 16):
         labels = hand_labels(clip, last)
@@ -42,7 +43,8 @@ def painted(clip: Clip, frame: int, what: Any) -> dict[int, Any]:
 
 
 def block(clip: Clip, share: float) -> Any:
-    """A block (H, W) in the middle of the picture that covers a share of it, rounded to whole pixels of the thinned one."""
+    """A block (H, W) in the middle of the picture that covers a share of it, rounded to whole pixels of the
+    thinned one."""
     image = np.zeros(next(iter(clip.labels.values())).shape, bool)
     high, wide = (round(n * np.sqrt(share)) for n in image.shape)
     image[70 : 70 + high, 110 : 110 + wide] = True
@@ -127,7 +129,8 @@ def ending(e: PartEvidence, last: int) -> PartEvidence:
 
 @pytest.mark.parametrize("kind", ["door", "slide"])
 def test_a_hand_that_moves_at_an_end_needs_no_explanation(kind: Kind) -> None:
-    """While it moves; without its label, or as a thing that rests, it is a depth that the twin does not have."""
+    """While it moves; without its label, or as a thing that rests, it is a depth that the twin does not
+    have."""
     clip = make_clip(kind)
     e = ending(perfect(clip, hand_labels(clip, 14)), 14)
     assert of_parts.explained(e) is None
@@ -162,7 +165,8 @@ def test_an_arm_that_rests_reaches_in_and_a_board_at_the_border_does_not(
 
 @pytest.mark.parametrize("kind", ["door", "slide"])
 def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
-    """The true hand's does; were the part to rest or only to shake meanwhile, something would be missing. A short look in is no visit."""
+    """The true hand's does; were the part to rest or only to shake meanwhile, something would be missing. A
+    short look in is no visit."""
     clip = make_clip(kind)
     e = perfect(clip)
     assert of_video.hand_moves_something(e) is None
@@ -193,7 +197,8 @@ def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
 def test_a_hand_that_stays_beside_a_motion_may_have_moved_something_else(
     seconds: float, idle: bool, before: bool
 ) -> None:
-    """Ten frames a second; the part moves while the hand has been in view for so long, or is still in view for so long."""
+    """Ten frames a second; the part moves while the hand has been in view for so long, or is still in view
+    for so long."""
     clip = make_clip("door")
     e = perfect(clip)
     (part, _), *_ = e.scene.parts
@@ -240,7 +245,8 @@ def test_between_two_motions_a_hand_leaves_one_part_and_reaches_for_the_next(
 def test_a_board_that_is_labelled_hand_at_rest_is_none(
     frame: int, share: float, border_m: float, told: bool
 ) -> None:
-    """It lies still, 1 m away, and as far where it meets the border of the picture; an arm that comes from the side is nearer there."""
+    """It lies still, 1 m away, and as far where it meets the border of the picture; an arm that comes from
+    the side is nearer there."""
     clip = make_clip("drawer")
     image = np.zeros(clip.labels[0].shape, bool)
     high = image.shape[0] // 3
@@ -260,7 +266,8 @@ def test_a_board_that_is_labelled_hand_at_rest_is_none(
 
 @pytest.mark.parametrize(("columns", "near", "told"), [(18, 0.4, False), (60, 0.4, True), (18, 0.95, True)])
 def test_an_arm_that_rests_is_one_though_labels_lost_its_end(columns: int, near: float, told: bool) -> None:
-    """Narrow and nearer towards the border it is an arm; as wide as a board, or as far at both ends, it is none."""
+    """Narrow and nearer towards the border it is an arm; as wide as a board, or as far at both ends, it is
+    none."""
     clip = make_clip("drawer")
     image = np.zeros(clip.labels[0].shape, bool)
     image[60:125, 80 : 80 + columns] = True

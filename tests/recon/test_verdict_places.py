@@ -1,4 +1,5 @@
-"""Places of a part's surface: those of the true part were seen to move, what is not the part's is contradicted by its share."""
+"""Places of a part's surface: those of the true part were seen to move, what is not the part's is
+contradicted by its share."""
 
 from __future__ import annotations
 

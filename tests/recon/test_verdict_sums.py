@@ -57,7 +57,8 @@ def test_what_is_refused_for_itself_is_not_refused_for_its_doubts(clip: Clip) ->
 
 
 def test_what_a_missed_part_makes_wrong_is_one_doubt(clip: Clip) -> None:
-    """Resting hand, idle hand, another depth at rest and a static scene that is seen through; together with one doubt they don't refuse."""
+    """Resting hand, idle hand, another depth at rest and a static scene that is seen through; together with
+    one doubt they don't refuse."""
     for times, level in ((1, "doubtful"), (2, "refused")):
         e = doubted(clip, times)
         scene = copy(e.scene)
@@ -119,7 +120,8 @@ def test_what_moves_together_with_what_was_refused_is_doubtful(clip: Clip) -> No
 
 @pytest.mark.parametrize("level", ["trusted", "doubtful", "refused"])
 def test_what_moves_together_with_a_doubtful_part_is_doubtful(level: Level, clip: Clip) -> None:
-    """As where one door was found as two, each with half of its motion. Two that are trusted may move together: a person has two hands."""
+    """As where one door was found as two, each with half of its motion. Two that are trusted may move
+    together: a person has two hands."""
     one, other = clip.part, replace(clip.part, id=clip.part.id + 1)
     doubt = () if level == "trusted" else (ClosedEndUnsure(level, 0.0, 0.25),)
     verdicts = _beside_doubted((one, other), {one.id: Verdict(()), other.id: Verdict(doubt)})

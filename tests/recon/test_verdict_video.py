@@ -84,7 +84,8 @@ def test_wrong_states_and_wrong_axes_are_seen_through_and_do_not_explain_what_ch
 
 
 def test_a_part_that_stays_while_the_twin_has_it_gone_does_not_explain_the_motion() -> None:
-    """Of a drawer that closes: farther in the twin than seen, as if a hand were before it, but where it was at rest."""
+    """Of a drawer that closes: farther in the twin than seen, as if a hand were before it, but where it was
+    at rest."""
     e = perfect(make_clip("drawer", backwards=True))
     frames = np.arange(FRAMES)
     early = with_state(
@@ -137,7 +138,8 @@ def test_what_no_square_within_the_picture_fits_into_is_narrow(size: int) -> Non
 
 
 def test_a_part_that_is_seen_in_spots_is_seen_to_move(door: PartEvidence) -> None:
-    """As by a stereo camera, which has no depth on plain surfaces: two of three rows and columns of pixels are lost."""
+    """As by a stereo camera, which has no depth on plain surfaces: two of three rows and columns of pixels
+    are lost."""
 
     def spotted(depth: Array) -> Array:
         step = PosedTwin(door.scene.recording, door.scene.cameras, door.scene.static, ()).step
@@ -190,7 +192,8 @@ def test_frames_are_spread_by_travel_not_by_time(door: PartEvidence) -> None:
 
 
 def bent(e: PartEvidence, tilt: float, shift: float, noise: float = 0.0) -> PartEvidence:
-    """Tracks whose second half of motion goes about an axis that is tilted by `tilt` deg and `shift` m aside."""
+    """Tracks whose second half of motion goes about an axis that is tilted by `tilt` deg and `shift` m
+    aside."""
     joint, state = e.part.joint, e.part.motion.state
     aside = geo.unit(np.cross(joint.axis, [0.3, 0.5, 0.81]))
     axis = geo.unit(joint.axis + np.tan(np.radians(tilt)) * aside)
@@ -225,7 +228,8 @@ def test_halves_with_different_hinges_disagree(door: PartEvidence) -> None:
 
 
 def test_tracks_scatter_farther_about_a_joint_that_is_not_theirs(door: PartEvidence) -> None:
-    """1 mm of noise: as far as about the halves' own joints where the joint holds for both, some times farther where it does not."""
+    """1 mm of noise: as far as about the halves' own joints where the joint holds for both, some times
+    farther where it does not."""
     same, apart = (bent(door, deg, 0.0, 0.001).halves for deg in (0.0, 12.0))
     assert same is not None
     assert apart is not None
@@ -297,7 +301,8 @@ def with_seen(e: PartEvidence, seen: Any) -> PartEvidence:
 
 D, P = np.radians, 0.001
 BOTH_SIDES: dict[str, tuple[Callable[[PartEvidence], Reason | None], Any, Any]] = {
-    # evidence: no reason, a reason. As numbers, not as multiples of the limits, so that a limit that was changed is noticed.
+    # evidence: no reason, a reason. As numbers, not as multiples of the limits, so that a limit that was
+    # changed is noticed.
     "through": (of_video.seen_through, InMotion(1000, 4, 500, 0, 7), InMotion(1000, 6, 500, 0, 7)),
     "through, in view": (of_video.seen_through, InMotion(0, 500, 0, 0, 7), InMotion(1000, 500, 0, 0, 7)),
     "explained": (of_video.motion_explained, InMotion(9000, 0, 810, 190, 7), InMotion(9000, 0, 790, 210, 7)),

@@ -1,4 +1,5 @@
-"""A tiny recording with exact truth, ray-cast in closed form: a room corner with a door and a drawer, and a hand."""
+"""A tiny recording with exact truth, ray-cast in closed form: a room corner with a door and a drawer, and a
+hand."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Makes a folder that is laid out as a checkout of MuJoCo Menagerie: its body names, joints and frames, and small meshes of our own.
+"""Makes a folder that is laid out as a checkout of MuJoCo Menagerie: its body names, joints and frames, and
+small meshes of our own.
 
-The frames are those of franka_emika_panda/panda.xml and boston_dynamics_spot/spot_arm.xml; what hangs in them is not.
+The frames are those of franka_emika_panda/panda.xml and boston_dynamics_spot/spot_arm.xml; what hangs in them
+is not.
 """
 
 from __future__ import annotations
@@ -93,10 +95,10 @@ LINKS = {"franka": PANDA, "spot": SPOT}
 class Changes:
     """How the checkout differs from what it should be.
 
-    frames: body -> pose (4, 4) of its new frame in its old one; joints, shapes and children stay where they are.
-    moved: body -> pose (4, 4), in its frame, where it is instead with all that hangs on it. joints: name -> new name. backwards, slides: joints that go
-    the other way, or slide where they should turn.
-    body: MJCF text that is added to the first body.
+    frames: body -> pose (4, 4) of its new frame in its old one; joints, shapes and children stay where they
+    are. moved: body -> pose (4, 4), in its frame, where it is instead with all that hangs on it. joints: name
+    -> new name. backwards, slides: joints that go the other way, or slide where they should turn. body: MJCF
+    text that is added to the first body.
     """
 
     frames: Mapping[str, np.ndarray] = field(default_factory=dict)

@@ -1,7 +1,7 @@
 """Message definitions of other projects as tables of fields, and a judge that knows nothing of our writers.
 
-A type ending in [] is an array; [6] fixes its length. ROS: every field must be there. Protobuf's JSON: fields may be
-left out, and none may be there that the definition lacks.
+A type ending in [] is an array; [6] fixes its length. ROS: every field must be there. Protobuf's JSON: fields
+may be left out, and none may be there that the definition lacks.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ SPOT_FILES = {
     "body": "SE2TrajectoryCommand.Request",
 }
 
-# Spot SDK 5: protos/bosdyn/api/{arm_command,basic_command,trajectory,geometry}.proto, in protobuf's JSON spelling.
+# Spot SDK 5: protos/bosdyn/api/{arm_command,basic_command,trajectory,geometry}.proto, in protobuf's JSON
+# spelling.
 BOSDYN: dict[str, dict[str, str]] = {
     "ArmImpedanceCommand.Request": {
         "rootFrameName": "string",

@@ -10,7 +10,8 @@ import robots
 
 
 def check_opened(report):
-    """The part is open, and was opened as it should be: held throughout, within the robot's limits, nothing else touched."""
+    """The part is open, and was opened as it should be: held throughout, within the robot's limits, nothing
+    else touched."""
     assert report.ok, report.reason
     assert report.opening_final >= 0.90
     assert report.success_75
@@ -23,7 +24,8 @@ def check_opened(report):
 
 
 def check_open_hand_gets_no_hold(twin, trajectory, opening):
-    """The same way with the hand left open by `opening` metres moves nothing: what opens the part is the grip alone."""
+    """The same way with the hand left open by `opening` metres moves nothing: what opens the part is the grip
+    alone."""
     open_hand = replace(trajectory, gripper=np.full(len(trajectory.times), opening))
     report = robots.replay(twin, open_hand, video=False)
     assert not report.ok

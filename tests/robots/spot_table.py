@@ -15,7 +15,8 @@ ARM = [
 ]
 HAND = (0.19557, 0.0, 0.0)  # of the hand frame in the last link
 
-# link of our model, mass, centre, principal moments and the roll, pitch, yaw of their axes: spot_description of the ROS 2 driver
+# link of our model, mass, centre, principal moments and the roll, pitch, yaw of their axes: spot_description
+# of the ROS 2 driver
 INERTIALS = [
     ("shoulder", 2.3364, (-0.01237, -0.00005, -0.02103), (0.009014, 0.005835, 0.007787), (0.001, -0.1543, 0.007)),
     ("upper_arm", 0.2596, (0.00002, 0.0, -0.00001), (0.000203, 0.000171, 0.000204), (0.010, -0.5123, 0.002)),

@@ -1,4 +1,5 @@
-"""Wrong orders to `twin replay` and `twin trajectory`: one line with what exists and what to try, and nothing is written."""
+"""Wrong orders to `twin replay` and `twin trajectory`: one line with what exists and what to try, and nothing
+is written."""
 
 from __future__ import annotations
 

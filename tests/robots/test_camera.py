@@ -1,4 +1,5 @@
-"""Where the film is seen from: everything that matters is in the picture, and the axis is drawn where the joint has it."""
+"""Where the film is seen from: everything that matters is in the picture, and the axis is drawn where the
+joint has it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Robots and catches: what a catch asks for is in the plan, the scene holds the part with it, and what is too strong is told."""
+"""Robots and catches: what a catch asks for is in the plan, the scene holds the part with it, and what is too
+strong is told."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The film of a replay: beside the robot stands the frame in which the person had the part at the robot's state."""
+"""The film of a replay: beside the robot stands the frame in which the person had the part at the robot's
+state."""
 
 from __future__ import annotations
 

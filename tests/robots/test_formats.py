@@ -135,7 +135,8 @@ def test_ros2_files_are_the_messages_field_by_field(source, folder):
 
 
 def test_a_joint_controller_would_take_the_arm(source, folder):
-    """What ros2_controllers' joint_trajectory_controller refuses: uneven lengths, times that don't grow, an end in motion."""
+    """What ros2_controllers' joint_trajectory_controller refuses: uneven lengths, times that don't grow, an
+    end in motion."""
     t, message = source.trajectory, read_yaml(folder / "joint_trajectory.yaml")
     q = np.array([p["positions"] for p in message["points"]])
     qd = np.array([p["velocities"] for p in message["points"]])

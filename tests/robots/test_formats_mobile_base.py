@@ -1,6 +1,7 @@
 """A mobile base that moves while its arm does: its files together put the tool where the plan has it.
 
-The judge is Pinocchio with the published table of Spot's arm; the arm's joints and the body's way come from the files.
+The judge is Pinocchio with the published table of Spot's arm; the arm's joints and the body's way come from
+the files.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Files for ROS and Spot against their messages: committed tables of fields, and the makers' own where installed."""
+"""Files for ROS and Spot against their messages: committed tables of fields, and the makers' own where
+installed."""
 
 from __future__ import annotations
 
@@ -145,7 +146,8 @@ def test_spots_own_library_takes_the_files_and_gives_back_the_same(handed):
 
 
 def same(ours, theirs, where=""):
-    """Where a value of ours is not the library's; seconds are compared as numbers, it drops trailing zeros."""
+    """Where a value of ours is not the library's; seconds are compared as numbers, it drops trailing
+    zeros."""
     if isinstance(ours, dict):
         return [f for k, v in ours.items() for f in same(v, theirs.get(k), f"{where}.{k}")]
     if isinstance(ours, list):

@@ -57,7 +57,8 @@ def test_spot_files_are_the_message_field_by_field(source, folder):
 
 
 def test_spot_follows_the_tool_from_where_it_starts(source, folder):
-    """Placed where the plan has the first pose, the legs lead the tool along the trajectory, without a gap."""
+    """Placed where the plan has the first pose, the legs lead the tool along the trajectory, without a
+    gap."""
     t, legs = source.trajectory, read_spot(folder)
     for name, message in legs.items():
         points = message["taskTformDesiredTool"]["points"]

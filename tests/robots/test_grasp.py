@@ -182,7 +182,8 @@ def test_only_rims_are_taken_far_aslant(franka):
 
 
 def test_a_completed_part_is_held_where_it_is_solid(franka):
-    """A scan blurs the bar of 12 mm to 24; what is closed on is the bar that the asset has, as thick as photographs told."""
+    """A scan blurs the bar of 12 mm to 24; what is closed on is the bar that the asset has, as thick as
+    photographs told."""
     held = scans.part_of(scans.drawer().mesh, scans.drawer().joint, np.array([0.0, -0.044, 0.686]))
     section = HandleSection(np.array([0.0, -0.050, 0.686]), 0.012, 5)
     whole = infer(scans.twin_of(replace(held, handle=section)))

@@ -146,7 +146,8 @@ def test_another_control_is_refused_by_name():
 
 
 def test_a_scene_is_as_it_was_after_a_replay_whatever_drove_the_arm(planned):
-    """One scene replayed stiffly, at half the stiffness, softly and stiffly again: first and last are the same."""
+    """One scene replayed stiffly, at half the stiffness, softly and stiffly again: first and last are the
+    same."""
     twin, trajectory, spec = planned
     world = build_world(twin, spec, trajectory.T_world_base, trajectory.pedestal)
     stiff = ReplayConfig(control="position")

@@ -1,4 +1,5 @@
-"""A robot wears the visuals of the real one where they are on the machine: they follow its bodies and change no number."""
+"""A robot wears the visuals of the real one where they are on the machine: they follow its bodies and change
+no number."""
 
 from __future__ import annotations
 
@@ -65,7 +66,8 @@ def worn(world: World) -> np.ndarray:
 
 
 def other_frames(name: str) -> Changes:
-    """Their bodies have frames of their own, but for what only frames can tell: the first body and the fingers."""
+    """Their bodies have frames of their own, but for what only frames can tell: the first body and the
+    fingers."""
     told = {"link0", "left_finger", "right_finger", "body", "arm_link_fngr"}
     rng = np.random.default_rng(3)
     return Changes(
@@ -79,7 +81,8 @@ def other_frames(name: str) -> Changes:
 @pytest.mark.parametrize("frames", ["published frames", "other frames"])
 @pytest.mark.parametrize("name", NAMES)
 def test_visuals_stand_where_the_real_robots_stand_at_every_joint_state(name, frames, checkout):
-    """Truth: the other model alone, moved by the same joint states, told from the body that both begin with."""
+    """Truth: the other model alone, moved by the same joint states, told from the body that both begin
+    with."""
     spec = robots.resolve(name)
     file = write_checkout(checkout, spec, other_frames(name) if frames == "other frames" else None)
     theirs = mujoco.MjModel.from_xml_path(str(file))

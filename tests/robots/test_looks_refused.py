@@ -1,4 +1,5 @@
-"""Visuals of a checkout that doesn't fit the robot: not worn, with one warning that says why, or a clear error in the robot's file."""
+"""Visuals of a checkout that doesn't fit the robot: not worn, with one warning that says why, or a clear
+error in the robot's file."""
 
 from __future__ import annotations
 

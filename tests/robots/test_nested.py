@@ -1,4 +1,5 @@
-"""Parts that other parts carry, and what a part resists with, judged by MuJoCo's mass matrix and bias forces."""
+"""Parts that other parts carry, and what a part resists with, judged by MuJoCo's mass matrix and bias
+forces."""
 
 from __future__ import annotations
 
@@ -50,7 +51,8 @@ TWINS = {
 
 @pytest.mark.parametrize("case", TWINS)
 def test_the_load_is_what_the_scene_resists_with(case):
-    """Inertia: the mass matrix' diagonal. Weight: the bias force, at rest, with all other parts at state 0."""
+    """Inertia: the mass matrix' diagonal. Weight: the bias force, at rest, with all other parts at state
+    0."""
     twin = TWINS[case]()
     world = build_world(twin, resolve("franka"), np.eye(4), 0.0)
     model, data = world.model, mujoco.MjData(world.model)

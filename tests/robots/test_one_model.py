@@ -1,4 +1,5 @@
-"""What a replay simulates is what was exported: the scene without the robot equals the file, number by number."""
+"""What a replay simulates is what was exported: the scene without the robot equals the file, number by
+number."""
 
 from __future__ import annotations
 
@@ -45,7 +46,8 @@ def exported(twin, tmp_path):
 
 
 def table(model: mujoco.MjModel, kind: str) -> dict[str, dict[str, np.ndarray]]:
-    """Name -> field -> numbers of all bodies, joints, degrees of freedom, geoms or sites that are not the robot's."""
+    """Name -> field -> numbers of all bodies, joints, degrees of freedom, geoms or sites that are not the
+    robot's."""
     count = {
         "body": model.nbody,
         "jnt": model.njnt,
@@ -74,7 +76,8 @@ def options(model: mujoco.MjModel) -> dict[str, np.ndarray]:
 
 
 def links(model: mujoco.MjModel) -> tuple[dict[str, str], dict[str, str], set[frozenset[str]]]:
-    """Parent of each body, body of each geom, and the pairs of bodies that never touch, of what is not the robot's."""
+    """Parent of each body, body of each geom, and the pairs of bodies that never touch, of what is not the
+    robot's."""
     own = [b for b in range(model.nbody) if not model.body(b).name.startswith((PREFIX, PEDESTAL))]
     parents = {model.body(b).name: model.body(model.body_parentid[b]).name for b in own}
     geoms = {
@@ -184,7 +187,8 @@ def unfinished() -> Twin:
 
 
 def test_the_verb_makes_shapes_once_and_hands_them_on(tmp_path, monkeypatch):
-    """Plan, replay and trials of every part get one completed twin, and its shapes are kept where `twin export` keeps them."""
+    """Plan, replay and trials of every part get one completed twin, and its shapes are kept where `twin
+    export` keeps them."""
     bare = unfinished()
     save(bare, tmp_path / "twin")
     seen = []

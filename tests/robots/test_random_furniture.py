@@ -1,4 +1,5 @@
-"""The random cabinets that replays are measured on are what they say: movable, held at their surface, in nobody's way."""
+"""The random cabinets that replays are measured on are what they say: movable, held at their surface, in
+nobody's way."""
 
 from __future__ import annotations
 

@@ -315,7 +315,8 @@ def test_furniture_of_every_kind_opens(case):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's way to draw without a screen")
 def test_a_driver_named_after_mujoco_was_imported_is_heard() -> None:
-    """The command line sets MUJOCO_GL; in a process that had imported MuJoCo before, that alone has no effect."""
+    """The command line sets MUJOCO_GL; in a process that had imported MuJoCo before, that alone has no
+    effect."""
     program = (
         "import mujoco, os; os.environ['MUJOCO_GL'] = 'egl'; from robots.film.video import _renderer; "
         "_renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), (64, 48)).close()"

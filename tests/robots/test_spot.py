@@ -1,4 +1,5 @@
-"""The bundled Spot against an independent computation of the published table (Pinocchio), and what it opens."""
+"""The bundled Spot against an independent computation of the published table (Pinocchio), and what it
+opens."""
 
 from __future__ import annotations
 
@@ -154,7 +155,8 @@ def test_the_claw_closes_on_its_tool_point(spot):
 
 @pytest.mark.parametrize("thickness", [0.006, 0.014, 0.03, 0.096])
 def test_the_jaw_that_does_not_move_lies_on_the_handle_it_holds_and_clears_it_before(spot, thickness):
-    """In the tool's y, where `beside` puts a handle and `room` takes the hand; jaws measured in the model, opened."""
+    """In the tool's y, where `beside` puts a handle and `room` takes the hand; jaws measured in the model,
+    opened."""
     spec, model, _ = spot
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -233,7 +235,8 @@ def test_an_arm_trajectory_is_not_replayed_by_another_robot(door):
 
 
 def test_the_claw_comes_with_room_for_both_jaws_and_closes_on_the_handle(spot):
-    """Its lower jaw does not move: the hand brings it to the handle while the upper one closes, and away again."""
+    """Its lower jaw does not move: the hand brings it to the handle while the upper one closes, and away
+    again."""
     spec = spot[0]
     twin = furniture.drawer()
     trajectory = robots.plan(twin, 2, "spot", config=replace(FAST, rehearse=False))
@@ -258,7 +261,8 @@ def test_feet_stand_on_the_floor(drawer):
 
 @pytest.mark.parametrize("robot", ["spot", "franka"])
 def test_inverse_kinematics_starts_turned_towards_the_target(robot):
-    """A target turned about the shoulder's vertical axis turns that joint alone; a mobile base stays where it was put."""
+    """A target turned about the shoulder's vertical axis turns that joint alone; a mobile base stays where it
+    was put."""
     spec = resolve(robot)
     chain = read_chain(mujoco.MjModel.from_xml_path(str(spec.model)), spec)
     shoulder, turn = (3 if spec.planar else 0), 0.3

@@ -249,7 +249,8 @@ def test_nothing_to_hold_is_one_line():
 
 
 def test_a_lag_costs_more_about_a_thick_handle(franka):
-    """Fingers that turn by an angle about a handle roll off its middle by half its thickness times the angle."""
+    """Fingers that turn by an angle about a handle roll off its middle by half its thickness times the
+    angle."""
     part = furniture.door().parts[0]
     hold = find_holds(part.mesh, part.contact, franka)[0]
 

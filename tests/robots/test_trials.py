@@ -1,4 +1,5 @@
-"""Trials on parts that differ from the twin: laws of the draws and of the statistics, and the nominal replay as a limit."""
+"""Trials on parts that differ from the twin: laws of the draws and of the statistics, and the nominal replay
+as a limit."""
 
 from __future__ import annotations
 
@@ -161,7 +162,8 @@ def test_no_error_is_the_nominal_replay_exactly(drawer):
 
 @pytest.mark.parametrize("along", [0.0, 0.6, -3.0])
 def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged, along):
-    """Changing the compiled scene equals compiling the changed part, wherever on its axis (m) the twin has the pivot."""
+    """Changing the compiled scene equals compiling the changed part, wherever on its axis (m) the twin has
+    the pivot."""
     joint = hinged.joint
     hinged = replace(hinged, joint=joint.with_pivot(joint.pivot + along * joint.axis))
     twin = replace(furniture.door("left"), parts=(hinged,))
@@ -195,7 +197,8 @@ def test_a_perturbed_scene_is_the_scene_of_the_perturbed_part(hinged, along):
     ):  # fmt: skip
         ours, theirs = (getattr(m, name)[moves if name.startswith("body") else ...] for m in models)
         assert ours == pytest.approx(theirs, abs=1e-9), name
-    # frames of bodies are on the twin's hinge in the one and on the drawn one in the other: what they mean is compared
+    # frames of bodies are on the twin's hinge in the one and on the drawn one in the other: what they mean is
+    # compared
     both = [mujoco.MjData(m) for m in models]
     for state in np.linspace(0.0, drawn.joint.upper, 4):
         for m, d in zip(models, both, strict=True):
@@ -244,7 +247,8 @@ def test_what_the_twin_does_not_state_is_said(hinged):
 
 
 def test_a_part_that_falls_shut_after_the_release_is_told_from_one_that_the_hand_pushed(drawer):
-    """What the judge of replays really says, not a text that it once wrote: the part is driven shut after the release."""
+    """What the judge of replays really says, not a text that it once wrote: the part is driven shut after the
+    release."""
     twin, trajectory = drawer
     part = twin.parts[0]
     world = build_world(twin, resolve("franka"), trajectory.T_world_base, trajectory.pedestal)

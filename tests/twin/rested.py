@@ -1,4 +1,5 @@
-"""Closed-form cabinets as a recording would leave them: a part is opened by a hand and rests there, alone in view."""
+"""Closed-form cabinets as a recording would leave them: a part is opened by a hand and rests there, alone in
+view."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ def only(twin: Twin, *names: str) -> Twin:
 
 
 def left_at(twin: Twin, name: str, state: float, start: float = 0.0) -> Twin:
-    """The twin with the exact masses that it has and no friction yet, in whose recording that part alone was moved from `start` to `state`."""
+    """The twin with the exact masses that it has and no friction yet, in whose recording that part alone was
+    moved from `start` to `state`."""
     parts = [
         replace(p, physics=None, motion=motion(start, state) if p.name == name else motion(0.0, 0.0))
         for p in twin.parts

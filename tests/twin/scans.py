@@ -1,4 +1,5 @@
-"""Closed-form scans of furniture: chosen faces of boxes as open surfaces that end 5 mm before their edges, as fused ones do."""
+"""Closed-form scans of furniture: chosen faces of boxes as open surfaces that end 5 mm before their edges, as
+fused ones do."""
 
 from __future__ import annotations
 
@@ -68,7 +69,8 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(np.concatenate([m.vertices for m in meshes]), faces, colors)
 
 
-# A drawer of 500 x 170 mm in a cabinet, seen from the room (-y) when it was open: fronts, floor, the inner faces of its sides and back.
+# A drawer of 500 x 170 mm in a cabinet, seen from the room (-y) when it was open: fronts, floor, the inner
+# faces of its sides and back.
 FRONT = ((-0.25, 0.0, 0.60), (0.25, 0.018, 0.77))
 FLOOR = ((-0.22, 0.018, 0.62), (0.22, 0.45, 0.63))
 LEFT = ((-0.22, 0.018, 0.63), (-0.208, 0.45, 0.72))
@@ -95,7 +97,8 @@ ROOM = (((-2.0, -1.5, -0.02), (2.0, 0.57, 0.0), "+z"), ((-2.0, 0.57, 0.0), (2.0,
 
 
 def part_of(mesh: Mesh, joint: Joint, contact: Array | None = None) -> Part:
-    """A part that moved from 0 to its upper limit; contact: a point (3,) on it, held across z before a front that looks to -y."""
+    """A part that moved from 0 to its upper limit; contact: a point (3,) on it, held across z before a front
+    that looks to -y."""
     n = 30
     state = joint.upper * np.clip((np.arange(n) - 5) / 20, 0, 1)
     held = None

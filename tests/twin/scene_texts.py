@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-# A box body with a door that the file has half open, a flap on it, and a drawer that opens against its axis; `ref` shifts what
-# MuJoCo counts from.
+# A box body with a door that the file has half open, a flap on it, and a drawer that opens against its axis;
+# `ref` shifts what MuJoCo counts from.
 LADEN = """<mujoco model="laden"><compiler angle="radian"/><worldbody>
  <body name="body" pos="0.4 0.1 0.2" euler="0 0 0.4"><geom type="box" size="0.3 0.25 0.4"/>
   <body name="door" pos="-0.3 -0.27 0" euler="0 0 -0.5">
@@ -43,7 +43,8 @@ def board(low: ArrayLike, high: ArrayLike, attributes: str = "") -> str:
 
 
 def carcass(depth: float, attributes: str = "") -> str:
-    """Geoms of an open box, 0.6 x `depth` x 0.3 m of 18 mm boards and a back of 3 mm, its opening in the plane y = 0."""
+    """Geoms of an open box, 0.6 x `depth` x 0.3 m of 18 mm boards and a back of 3 mm, its opening in the
+    plane y = 0."""
     t, w, h = 0.018, 0.6, 0.3
     corners = [
         ((0, 0, 0), (t, depth, h)),

@@ -1,4 +1,5 @@
-"""What was seen is exported to the byte as it was before anything was inferred: the digests stem from code that knew of no inferred layer."""
+"""What was seen is exported to the byte as it was before anything was inferred: the digests stem from code
+that knew of no inferred layer."""
 
 from __future__ import annotations
 

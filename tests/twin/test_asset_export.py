@@ -1,4 +1,5 @@
-"""Assets with an inferred layer: each piece is told apart in every format, engines agree on them, and a drawer holds what falls into it."""
+"""Assets with an inferred layer: each piece is told apart in every format, engines agree on them, and a
+drawer holds what falls into it."""
 
 from __future__ import annotations
 

@@ -95,7 +95,8 @@ def test_friction_short_limits_and_negative_damping_turn_their_own_rows_red(
 def test_a_state_that_may_be_off_excuses_no_deviation_but_one_that_trembles_does(
     cabinet: tuple[Twin, Exported],
 ) -> None:
-    """A drawer known to 5 cm is asked for what one known exactly is; a door whose states tremble by 0.6 deg can't be followed as near."""
+    """A drawer known to 5 cm is asked for what one known exactly is; a door whose states tremble by 0.6 deg
+    can't be followed as near."""
     twin, exported = cabinet
     unsure = with_joint(twin, "drawer", sigma=JointSigma(0.1, None, 0.05))
     noise = np.random.default_rng(4).normal(0.0, 0.01, len(twin.part("door").motion.state))
@@ -125,7 +126,8 @@ def test_an_obstacle_is_met_also_where_a_format_keeps_the_pair_apart(
 
 
 def test_a_leaning_door_without_friction_does_not_rest(tmp_path: Path) -> None:
-    """Its far corner sinks by 11 mm as it opens, below the cabinet: the floor of scene.xml has to be out of its way."""
+    """Its far corner sinks by 11 mm as it opens, below the cabinet: the floor of scene.xml has to be out of
+    its way."""
     twin = cabinet_twin()
     door = twin.part("door")
     lean = geo.exp_so3(np.deg2rad(1.5) * geo.unit(world_from_cabinet()[:3, 0]))

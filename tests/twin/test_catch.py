@@ -1,4 +1,5 @@
-"""Catches: closed forms of what MuJoCo does with one, what other formats say of it, and how it follows rests and the check."""
+"""Catches: closed forms of what MuJoCo does with one, what other formats say of it, and how it follows rests
+and the check."""
 
 from __future__ import annotations
 
@@ -65,7 +66,8 @@ class Simulated:
         return float(data.qpos[self.at]), float(data.qvel[self.dof])
 
     def opens_at(self, guess: float, width: float) -> float:
-        """Least steady pull, within an eightieth of `guess`, that takes the closed part past its catch in 5 s."""
+        """Least steady pull, within an eightieth of `guess`, that takes the closed part past its catch in 5
+        s."""
         held, gone = 0.5 * guess, 2.0 * guess
         while gone - held > guess / 80:
             middle = (held + gone) / 2
@@ -74,7 +76,8 @@ class Simulated:
         return gone
 
     def hold_at(self, state: float, most: float) -> float:
-        """Greatest pull up to `most` under which the part, at rest at a state and without friction, does not begin to open."""
+        """Greatest pull up to `most` under which the part, at rest at a state and without friction, does not
+        begin to open."""
         loss, least = self.model.dof_frictionloss.copy(), 0.0
         self.model.dof_frictionloss[:] = 0.0
         for _ in range(20):
@@ -217,7 +220,8 @@ def test_the_check_states_pull_and_hold_and_asks_mjcf_alone_for_it(tmp_path: Pat
 
 
 def test_a_part_that_rested_closed_by_its_catch_needs_no_more_friction(tmp_path: Path) -> None:
-    """A drawer that leans out by 3 degrees rolls open by itself; it was closed for a second with no hand in view, and put back."""
+    """A drawer that leans out by 3 degrees rolls open by itself; it was closed for a second with no hand in
+    view, and put back."""
     out = leaning(only(cabinet(), "drawer"), "drawer", np.deg2rad(3.0), np.array([1.0, 0.0, 0.0]))
     twin = with_physics(left_at(out, "drawer", 0.0, start=0.0))
     pull = hold(twin, twin.part("drawer"), 0.0).pull

@@ -1,4 +1,5 @@
-"""The reference obeys the laws of mechanics, and a comparison tells what agrees, what does not, and what is known."""
+"""The reference obeys the laws of mechanics, and a comparison tells what agrees, what does not, and what is
+known."""
 
 from __future__ import annotations
 

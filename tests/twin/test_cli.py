@@ -1,4 +1,5 @@
-"""The command line: quick to answer, one line for what the user can mend, and exit codes that scripts can trust."""
+"""The command line: quick to answer, one line for what the user can mend, and exit codes that scripts can
+trust."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""`twin config`: every setting with what it means and what gives it, here and of a run; names of earlier versions are told once."""
+"""`twin config`: every setting with what it means and what gives it, here and of a run; names of earlier
+versions are told once."""
 
 from __future__ import annotations
 

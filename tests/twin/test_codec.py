@@ -1,4 +1,5 @@
-"""Values survive the disk exactly, equal values give equal bytes, and nothing foreign is stored or imported."""
+"""Values survive the disk exactly, equal values give equal bytes, and nothing foreign is stored or
+imported."""
 
 from __future__ import annotations
 
@@ -68,8 +69,8 @@ def test_equal_values_give_equal_bytes(tmp_path: Path) -> None:
 
 
 def test_layout_does_not_matter() -> None:
-    """Sums depend on memory order in their last bits, so a value that came from the disk and one that did not must
-    lie in memory alike."""
+    """Sums depend on memory order in their last bits, so a value that came from the disk and one that did not
+    must lie in memory alike."""
     value = TreeCodec().settle(np.asfortranarray(np.ones((3, 4))))
     assert value.flags.c_contiguous
 

@@ -65,7 +65,8 @@ def volume(shapes: tuple[Collision, ...] | list[Collision]) -> float:
 
 
 def behind_handle(center: tuple[float, float, float], along: int) -> np.ndarray:
-    """World points in the gap between bar and panel, where fingers go: 30 % to 70 % of its depth and of its length."""
+    """World points in the gap between bar and panel, where fingers go: 30 % to 70 % of its depth and of its
+    length."""
     depth, length = np.meshgrid(np.linspace(-0.024, -0.010, 4), np.linspace(-0.05, 0.05, 7))
     points = np.tile(np.array(center), (depth.size, 1))
     points[:, 1] += depth.ravel()
@@ -131,7 +132,8 @@ def test_nothing_touches_while_a_part_opens(bare: Twin, shaped: Twin) -> None:
 
 @pytest.mark.parametrize("name", ["drawer", "door"])
 def test_a_thin_edge_between_two_sampled_states_is_not_missed(name: str) -> None:
-    """A blade of 2 mm on the part passes a static one of 2 mm; both sampled states have it well to one side."""
+    """A blade of 2 mm on the part passes a static one of 2 mm; both sampled states have it well to one
+    side."""
     twin = cabinet_twin(T)
     part = twin.part(name)
     states = sweep_states(part, CONFIG.step)
@@ -155,7 +157,8 @@ def test_a_thin_edge_between_two_sampled_states_is_not_missed(name: str) -> None
 
 
 def test_the_exported_shapes_keep_apart_in_the_engine_in_between_too(shaped: Twin, tmp_path: Path) -> None:
-    """MuJoCo's distance of all pairs in the URDF, which has no exclusions, in states of no relation to the sweep's."""
+    """MuJoCo's distance of all pairs in the URDF, which has no exclusions, in states of no relation to the
+    sweep's."""
     import mujoco
 
     export(shaped, tmp_path, ("urdf",))
@@ -178,7 +181,8 @@ def test_the_exported_shapes_keep_apart_in_the_engine_in_between_too(shaped: Twi
 
 
 def test_a_static_ghost_of_the_door_gives_way(bare: Twin) -> None:
-    """A fused scene may keep a surface where the closed door was: the recorded opening proves that space free."""
+    """A fused scene may keep a surface where the closed door was: the recorded opening proves that space
+    free."""
     ghost = boards_mesh([Board((-0.25, -0.02, 0.05), (0.25, -0.012, 0.5))], T)
     exact = cabinet_twin(T)
     twin = replace(

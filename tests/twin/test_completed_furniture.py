@@ -1,4 +1,5 @@
-"""Completion of furniture: carcasses and neighbours as large as was seen, colliders, frames and views of a finished twin."""
+"""Completion of furniture: carcasses and neighbours as large as was seen, colliders, frames and views of a
+finished twin."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ def test_a_neighbour_that_the_picture_cut_off_is_as_wide_as_what_is_below_it(wal
 
 
 def test_a_strip_that_would_hang_between_others_is_none_of_a_cabinet() -> None:
-    """A neighbour from 0.1 to 0.8 m, beside which fronts stand below and above: what is free between them is not its."""
+    """A neighbour from 0.1 to 0.8 m, beside which fronts stand below and above: what is free between them is
+    not its."""
 
     def board(low: scans.Corner, high: scans.Corner, name: str) -> Board:
         return Board(name, "neighbour", np.array(low), np.array(high), "assumed", "front seen")
@@ -63,7 +65,8 @@ def test_a_strip_that_would_hang_between_others_is_none_of_a_cabinet() -> None:
 
 @pytest.mark.parametrize("content", [False, True])
 def test_a_board_over_which_the_front_hangs_is_where_it_was_seen(content: bool) -> None:
-    """A door that ends 5 cm below its cabinet's bottom, which is seen from below; what is small and lies deep inside is no bottom."""
+    """A door that ends 5 cm below its cabinet's bottom, which is seen from below; what is small and lies deep
+    inside is no bottom."""
     below = ((-0.268, 0.022, 0.42), (0.268, 0.55, 0.438), "-z")
     box = ((-0.05, 0.30, 0.42), (0.05, 0.45, 0.5), "-z")
     static = (*scans.CABINET[:2], box if content else below, *scans.ROOM)
@@ -119,7 +122,8 @@ def test_where_the_hand_held_the_closed_part_the_furniture_is_free() -> None:
 
 
 def test_slivers_of_clutter_that_gives_way_are_left_out_beyond_the_most_shapes() -> None:
-    """Crumpled sheets all along a drawer's way fall to pieces; those that stay are nearly all of their volume."""
+    """Crumpled sheets all along a drawer's way fall to pieces; those that stay are nearly all of their
+    volume."""
     rng = np.random.default_rng(4)
     sheets = []
     for k in range(9):

@@ -1,4 +1,5 @@
-"""Completion of parts: the boards of a scanned drawer and door are those they were scanned from, and say what they rest on."""
+"""Completion of parts: the boards of a scanned drawer and door are those they were scanned from, and say what
+they rest on."""
 
 from __future__ import annotations
 
@@ -88,7 +89,8 @@ def test_a_rim_deeper_than_boards_are_tells_nothing(rim: float, assumed: bool) -
 
 
 def test_what_lies_beside_a_door_and_behind_it_is_none_of_it() -> None:
-    """A strip of the furniture around it, which labels took for it; before its face, as a handle that stands out beside, is its own."""
+    """A strip of the furniture around it, which labels took for it; before its face, as a handle that stands
+    out beside, is its own."""
     below = ((-0.2, 0.016, 0.30), (0.2, 0.03, 0.37), "-y")
     before = ((0.23, -0.012, 0.5), (0.32, -0.002, 0.6), "-y")
     shown = layer(infer(scans.twin_of(door_of(0.018, "-y +y", below, before))).parts[0]).shown

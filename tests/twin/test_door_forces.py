@@ -1,4 +1,5 @@
-"""The friction of hinges comes from logs of real doors: the method on a closed-form log, and the table against the logs."""
+"""The friction of hinges comes from logs of real doors: the method on a closed-form log, and the table
+against the logs."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from twin.physics import read_materials
 
 
 def write_log(path: Path, friction: float, arm: float, turn: float, catch: float = 8.0) -> None:
-    """A door of radius 0.4 m: a catch up to 0.3 rad, then `friction` N m; the joint torques hold `arm` N more."""
+    """A door of radius 0.4 m: a catch up to 0.3 rad, then `friction` N m; the joint torques hold `arm` N
+    more."""
     angle = np.concatenate([np.zeros(20), 1.6 * np.linspace(0, 1, 500) ** 1.5])
     there = np.pi / 3 + turn * angle
     out = np.stack([np.cos(there), np.sin(there), 0 * there], axis=1)

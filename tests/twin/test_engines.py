@@ -1,4 +1,5 @@
-"""Environments of other programs: named when they are missing, made only when asked, half-made ones don't count."""
+"""Environments of other programs: named when they are missing, made only when asked, half-made ones don't
+count."""
 
 from __future__ import annotations
 

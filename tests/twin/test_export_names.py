@@ -49,7 +49,8 @@ def hostile_twin(seed: int) -> Twin:
 
 
 def require_whole(twin: Twin, exported: Exported, folder: Path) -> list[tuple[str, Path]]:
-    """Files for a disk that knows no case, stages in which every body and joint is itself; returns what engines shall load."""
+    """Files for a disk that knows no case, stages in which every body and joint is itself; returns what
+    engines shall load."""
     below = [str(p.relative_to(folder)).lower() for p in folder.rglob("*")]
     assert len(set(below)) == len(below)
     for stage_file in (exported["usd"], exported["usd"].with_name(f"{twin.name}_physx.usda")):

@@ -41,7 +41,8 @@ def heavier(twin: Twin, factor: float) -> Twin:
 
 
 def leaning(degrees: float) -> Twin:
-    """The cabinet leaning forward: door and drawer open by their weight once it is more than friction holds."""
+    """The cabinet leaning forward: door and drawer open by their weight once it is more than friction
+    holds."""
     return cabinet_twin(geo.make_pose(geo.exp_so3([np.deg2rad(degrees), 0.0, 0.0]), [0.9, 0.35, 0.15]))
 
 
@@ -78,7 +79,8 @@ def test_stray_vertices_are_no_surface(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("factor", [1e-4, 30.0], ids=["parts of 0.2 g", "a door of 160 kg"])
 def test_light_and_heavy_parts_move_as_they_should(factor: float, tmp_path: Path) -> None:
-    """An explicit integrator of fixed step broke down on a door's damping at a part of a gram, and never ended."""
+    """An explicit integrator of fixed step broke down on a door's damping at a part of a gram, and never
+    ended."""
     twin = heavier(cabinet_twin(), factor)
     report = check(twin, export(twin, tmp_path))
     assert (report.warnings, report.failures) == ((), ())
@@ -122,7 +124,8 @@ def test_what_leans_back_or_lies_on_its_stop_stays(tmp_path: Path) -> None:
 
 
 def test_friction_that_holds_creeps_in_mujoco_and_it_is_said(tmp_path: Path) -> None:
-    """A drawer that leans by 0.5 deg is held by friction; MuJoCo's friction is soft and lets it go by 0.9 mm in 10 s."""
+    """A drawer that leans by 0.5 deg is held by friction; MuJoCo's friction is soft and lets it go by 0.9 mm
+    in 10 s."""
     twin = leaning(0.5)
     drawer = twin.part("drawer")
     assert drawer.physics is not None

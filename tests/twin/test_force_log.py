@@ -1,4 +1,5 @@
-"""The catch in a log of forces: closed forms, laws of offset and scale, logs of real doors, and logs that are none."""
+"""The catch in a log of forces: closed forms, laws of offset and scale, logs of real doors, and logs that are
+none."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ from twin.storage import load, save
 
 
 def opening(seed: int = 0, noise: float = 0.0, offset: float = 0.0, spikes: int = 0) -> tuple[Array, Array]:
-    """States (n,) rad and torques (n,) N m: 1 N m of friction and a catch of 6 N m that falls evenly between 0.1 and 0.2 rad."""
+    """States (n,) rad and torques (n,) N m: 1 N m of friction and a catch of 6 N m that falls evenly between
+    0.1 and 0.2 rad."""
     rng = np.random.default_rng(seed)
     state = np.linspace(0.0, 1.4, 400)
     force = 1.0 + 6.0 * np.clip((0.2 - state) / 0.1, 0.0, 1.0) + offset + noise * rng.standard_normal(400)
@@ -73,7 +75,8 @@ def test_without_a_peak_near_closed_there_is_none(force: Callable[[Array], Array
 
 
 def test_real_doors_peak_near_closed(funtwin_data: Path) -> None:
-    """What the data's own page says of the IKEA door: 23 to 27 N near 0.1 rad, then 7 to 14 N, and 10 N before anything moves."""
+    """What the data's own page says of the IKEA door: 23 to 27 N near 0.1 rad, then 7 to 14 N, and 10 N
+    before anything moves."""
     found = {}
     for name in ("ikea_cabinet_2", "ikea_cabinet_log"):
         log = read_force_log(funtwin_data / "door_forces" / f"{name}.npz")

@@ -1,4 +1,5 @@
-"""Fronts beside those of the parts: apart where one saw in between, closed by the sides of the parts' cabinets, and as deep as these."""
+"""Fronts beside those of the parts: apart where one saw in between, closed by the sides of the parts'
+cabinets, and as deep as these."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Twins written by hand through the command line: no traceback, nothing lost in silence, every refusal one line that names it."""
+"""Twins written by hand through the command line: no traceback, nothing lost in silence, every refusal one
+line that names it."""
 
 from __future__ import annotations
 
@@ -99,7 +100,8 @@ def unsaid(was: Any, now: Any, at: str = "twin.json") -> list[str]:
 
 
 def misstated(document: dict[str, Any], urdf: Path) -> list[str]:
-    """Where an exported URDF does not state what twin.json stated: masses, ranges, and how many collision shapes."""
+    """Where an exported URDF does not state what twin.json stated: masses, ranges, and how many collision
+    shapes."""
     root = ET.parse(urdf).getroot()  # noqa: S314  (a file that we just wrote)
     wrong = []
     for part in document["parts"]:

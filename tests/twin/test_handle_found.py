@@ -1,4 +1,5 @@
-"""Which protrusion before a front is its handle: what the hand held, else a bar, else, since a contact may be wrong, what is like a knob."""
+"""Which protrusion before a front is its handle: what the hand held, else a bar, else, since a contact may be
+wrong, what is like a knob."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The one finder of handles: faces under noise and before inner walls, what stands off, bars and knobs, in any place."""
+"""The one finder of handles: faces under noise and before inner walls, what stands off, bars and knobs, in
+any place."""
 
 from __future__ import annotations
 

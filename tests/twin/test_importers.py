@@ -1,4 +1,5 @@
-"""Articulated scenes from elsewhere become twins: what the file says is what the twin does, and nothing is lost unsaid."""
+"""Articulated scenes from elsewhere become twins: what the file says is what the twin does, and nothing is
+lost unsaid."""
 
 from __future__ import annotations
 
@@ -165,7 +166,8 @@ def test_a_scene_that_is_moved_gives_a_twin_that_is_moved(fmt: str, tmp_path: Pa
 def test_parts_move_as_the_file_moves_them_wherever_closed_is(
     closed: dict[str, float | str], door: tuple[float, float], drawer: tuple[float, float], tmp_path: Path
 ) -> None:
-    """Every geom's pose in MuJoCo at random positions of all joints, against the twin's surface at the same states.
+    """Every geom's pose in MuJoCo at random positions of all joints, against the twin's surface at the same
+    states.
 
     door, drawer: where each is closed in the file, and the sign in which it opens.
     """

@@ -1,4 +1,5 @@
-"""The inferred layer stands apart from the seen one: its types refuse what they can't hold, and it comes back from the disk as it was."""
+"""The inferred layer stands apart from the seen one: its types refuse what they can't hold, and it comes back
+from the disk as it was."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ def piece(name: str = "floor", basis: str = "evidence") -> Inferred:
 
 
 def completed() -> Twin:
-    """A cabinet with an inferred layer on its scene and on its first part, hulls and boxes among the shapes."""
+    """A cabinet with an inferred layer on its scene and on its first part, hulls and boxes among the
+    shapes."""
     twin = cabinet_twin(nested=True)
     static, part = twin.static, twin.parts[0]
     of_part = Completion(

@@ -1,4 +1,5 @@
-"""Shapes of complete USD assets are instances: nothing else draws or collides, they are what the other writers' are, and copies share them."""
+"""Shapes of complete USD assets are instances: nothing else draws or collides, they are what the other
+writers' are, and copies share them."""
 
 from __future__ import annotations
 

@@ -84,7 +84,8 @@ BUSY = {
 
 @contextmanager
 def command(tmp_path: Path, body: str) -> Iterator[subprocess.Popen[str]]:
-    """The command line with a verb that does `body`, in a session of its own; what is left of it at the end is killed."""
+    """The command line with a verb that does `body`, in a session of its own; what is left of it at the end
+    is killed."""
     (tmp_path / "busy.py").write_text(
         "def ready():\n    print('ready', flush=True)\n\ndef busy(**_):\n"
         + textwrap.indent(textwrap.dedent(body), "    ")
@@ -181,7 +182,8 @@ def test_ctrl_c_when_all_is_done_keeps_the_exit_code(when: str) -> None:
 def test_an_interruption_that_comes_back_while_the_first_is_dropped_waits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The timer ran out inside of the hook that had set it: "Exception ignored in: sys.unraisablehook" and a traceback."""
+    """The timer ran out inside of the hook that had set it: "Exception ignored in: sys.unraisablehook" and a
+    traceback."""
     alarms = []
 
     def at_once(_kind: int, seconds: float) -> None:

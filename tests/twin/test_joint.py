@@ -36,7 +36,8 @@ def same_line(a: Joint, b: Joint, tolerance: float = 1e-9) -> bool:
 
 
 def spread(joint: Joint) -> Array:
-    """The covariance as it is whatever the basis: of the axis' tilt vector and of its shift vector, in the world (3, 3) each."""
+    """The covariance as it is whatever the basis: of the axis' tilt vector and of its shift vector, in the
+    world (3, 3) each."""
     assert joint.covariance is not None
     both = np.kron(np.eye(len(joint.covariance) // 2), joint.basis)
     return np.asarray(both @ joint.covariance @ both.T)

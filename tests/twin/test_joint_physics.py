@@ -1,4 +1,5 @@
-"""Armature, damping and dry friction of a joint follow from what the part weighs, from a 1-gram lid to a 200-kg door."""
+"""Armature, damping and dry friction of a joint follow from what the part weighs, from a 1-gram lid to a
+200-kg door."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Scans of many faces are exported: on fewer triangles where that gives the same answer, with the visual mesh as given."""
+"""Scans of many faces are exported: on fewer triangles where that gives the same answer, with the visual mesh
+as given."""
 
 from __future__ import annotations
 
@@ -70,7 +71,8 @@ def test_mass_of_a_mesh_of_50k_faces_is_that_of_its_boards(make: Callable[[int],
 
 
 def test_the_union_of_a_large_mesh_is_that_of_its_bodies_with_fewer_faces() -> None:
-    """Every fold of the noise was a cut between bodies: 75 s and more at 800,000 faces, twice in each export."""
+    """Every fold of the noise was a cut between bodies: 75 s and more at 800,000 faces, twice in each
+    export."""
     whole = united(fine_boards(50_000))
     assert whole is not None
     assert len(whole.mesh.faces) < 50_000
@@ -110,7 +112,8 @@ def test_a_part_of_a_millimetre_has_a_shape() -> None:
 def test_a_mesh_whose_edges_cannot_be_collapsed_becomes_small_all_the_same(
     make: Callable[[int], Mesh],
 ) -> None:
-    """Edge collapse keeps borders, of which T-junctions are full, and left 12,000 of 54,000 faces (200,000 of 500,000)."""
+    """Edge collapse keeps borders, of which T-junctions are full, and left 12,000 of 54,000 faces (200,000 of
+    500,000)."""
     mesh = make(20_000)
     small = decimated(mesh, 2000)
     assert len(small.faces) <= 2 * 2000

@@ -1,4 +1,5 @@
-"""Other limits for a part: in the units that people use, and never such that they cut off the motion that was recorded."""
+"""Other limits for a part: in the units that people use, and never such that they cut off the motion that was
+recorded."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ def test_limits_are_numbers_or_texts_with_a_unit() -> None:
 
 
 def test_limits_that_cut_off_the_recorded_motion_are_refused_by_name() -> None:
-    """The door was opened by 1.4 rad: what replays its motion would run into such a limit without a word about the cause."""
+    """The door was opened by 1.4 rad: what replays its motion would run into such a limit without a word
+    about the cause."""
     told = r"the limits 0\.000\.\.1\.000 rad of part 'door' cut off its recorded motion, which goes from 0\.000 to 1\.4"
     with pytest.raises(SceneError, match=told):
         twin.with_limits(cabinet_twin(), "door", upper=1.0)
@@ -68,7 +70,8 @@ def test_what_is_no_limit_is_told(told: dict[str, float | str], words: str) -> N
 
 
 def test_what_depends_on_the_range_is_made_anew() -> None:
-    """Shapes keep clear over the whole range, so those of a reconstruction don't hold for another one; stated ones stay."""
+    """Shapes keep clear over the whole range, so those of a reconstruction don't hold for another one; stated
+    ones stay."""
     scanned = doubted()
     assert twin.with_limits(scanned, "door", upper=1.6).static.collision == ()
     assert all(p.collision for p in twin.with_limits(cabinet_twin(), "door", upper=1.6).parts)

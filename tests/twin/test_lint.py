@@ -41,7 +41,8 @@ def test_our_exports_have_no_finding(clean: Exported) -> None:
 
 
 def test_what_a_file_says_does_not_depend_on_loaded_schemas(clean: Exported, tmp_path: Path) -> None:
-    """MuJoCo's collision schema, once this process knows it, brings UsdPhysics' along where the file does not say so."""
+    """MuJoCo's collision schema, once this process knows it, brings UsdPhysics' along where the file does not
+    say so."""
     (mutation,) = (m for m in MUTATIONS if m.id == "usd-collider-missing-none")
     path = planted(clean, mutation, tmp_path)
     code = (
@@ -203,7 +204,8 @@ ODD = {
 
 @pytest.mark.parametrize("name", ODD)
 def test_what_is_odd_is_looked_at_all_the_same(name: str, tmp_path: Path) -> None:
-    """Joints of other kinds, bodies without a joint, files without a model: findings perhaps, a crash never."""
+    """Joints of other kinds, bodies without a joint, files without a model: findings perhaps, a crash
+    never."""
     path = tmp_path / name
     path.write_text(ODD[name], encoding="utf-8")
     report = lint([path])

@@ -21,7 +21,8 @@ SEEDS = 150
 
 
 def scaled(twin: Twin, factor: float, density: bool = False) -> Twin:
-    """All lengths times `factor`; masses stay, unless `density` does. Friction and damping are estimated anew."""
+    """All lengths times `factor`; masses stay, unless `density` does. Friction and damping are estimated
+    anew."""
 
     def shape(piece: Collision) -> Collision:
         if isinstance(piece, Mesh):
@@ -93,7 +94,8 @@ def test_what_the_check_says_no_to_is_so(first: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("factor", [0.027, 0.01])
 def test_a_cabinet_of_millimetres_loads_and_moves_in_every_format(factor: float, tmp_path: Path) -> None:
-    """A cube of 1 m shrunk to a handle of 0.3 mm has a determinant of 3e-11, which OpenUSD takes for singular."""
+    """A cube of 1 m shrunk to a handle of 0.3 mm has a determinant of 3e-11, which OpenUSD takes for
+    singular."""
     twin = scaled(cabinet_twin(), factor, density=True)
     files = export(twin, tmp_path)
     report, moves = check(twin, files), behave(twin, files)
@@ -102,7 +104,8 @@ def test_a_cabinet_of_millimetres_loads_and_moves_in_every_format(factor: float,
 
 
 def test_a_light_part_that_carries_a_heavy_one_stays_where_it_is_left(tmp_path: Path) -> None:
-    """Put back after every step, a falling 300-kg part threw the one beneath it by 77 mm where nothing pulled."""
+    """Put back after every step, a falling 300-kg part threw the one beneath it by 77 mm where nothing
+    pulled."""
     twin = random_twin(1)
     moves = behave(twin, export(twin, tmp_path, ["mjcf"]))
     wrong = {"rest_m", "rest_half_open_m", "slides_m", "energy"}

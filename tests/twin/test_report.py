@@ -40,7 +40,8 @@ class Outside(HTMLParser):
 
 
 def seen(twin: Twin, count: int = 12) -> Twin:
-    """The twin with a camera that stands before it, and labels: the left half is part 2, a corner is the hand."""
+    """The twin with a camera that stands before it, and labels: the left half is part 2, a corner is the
+    hand."""
     vertices = np.concatenate([p.mesh.vertices for p in twin.parts])
     centre = (vertices.min(0) + vertices.max(0)) / 2
     contact = twin.parts[0].contact

@@ -1,4 +1,5 @@
-"""A part that rested where its weight pulls is held there: by how much, from closed forms, in MuJoCo, and when there is no evidence."""
+"""A part that rested where its weight pulls is held there: by how much, from closed forms, in MuJoCo, and
+when there is no evidence."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ def mass(part: Part) -> float:
 
 
 def lid_pull() -> float:
-    """N m by which the lid at 60 degrees wants to close: its weight times how far its centre is in front of the hinge."""
+    """N m by which the lid at 60 degrees wants to close: its weight times how far its centre is in front of
+    the hinge."""
     arm = DEPTH / 2 * np.cos(SIXTY) + BOARD / 2 * np.sin(SIXTY)
     return float(mass(cabinet(lid=True).part("lid")) * G * arm)
 
@@ -122,7 +124,8 @@ def test_check_fails_where_the_user_states_less_than_the_recording_shows(lid: Tw
 
 @pytest.mark.parametrize("degrees", [1.0, 4.0])
 def test_a_door_on_a_leaning_hinge_that_rested_half_open(degrees: float) -> None:
-    """The default law holds a door that is a carpenter's degree off; four degrees need more, by virtual work."""
+    """The default law holds a door that is a carpenter's degree off; four degrees need more, by virtual
+    work."""
     twin = left_at(leaning(cabinet(), "door", np.deg2rad(degrees), X), "door", 0.7)
     door = twin.part("door")
 
@@ -147,7 +150,8 @@ def test_a_door_on_a_leaning_hinge_that_rested_half_open(degrees: float) -> None
     ("degrees", "rested", "held"), [(3.0, 0.0, True), (-3.0, 0.0, False), (-3.0, 0.2, True)]
 )
 def test_a_drawer_on_a_slope(degrees: float, rested: float, held: bool) -> None:
-    """Closed and pulled open by its weight it needs holding, pulled shut it is at its stop, and left open it needs it again."""
+    """Closed and pulled open by its weight it needs holding, pulled shut it is at its stop, and left open it
+    needs it again."""
     twin = leaning(cabinet(), "drawer", np.deg2rad(degrees), X)
     opened = 0.3 if degrees > 0 else rested  # at the stop that the pull is against
     twin = with_physics(left_at(twin, "drawer", opened, start=rested))

@@ -1,4 +1,5 @@
-"""Laws of robust statistics: true constants, noise of normal samples with and without outliers, limits of the weights."""
+"""Laws of robust statistics: true constants, noise of normal samples with and without outliers, limits of the
+weights."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ def test_constants_are_those_of_the_distributions() -> None:
 
 
 def test_the_cauchy_scale_keeps_95_percent_of_the_efficiency() -> None:
-    """Asymptotic efficiency of an M-estimator of a mean: E[psi']^2 / E[psi^2] under the normal (Huber 1981)."""
+    """Asymptotic efficiency of an M-estimator of a mean: E[psi']^2 / E[psi^2] under the normal (Huber
+    1981)."""
     x = np.linspace(-12, 12, 200_001)
     density, step = stats.norm.pdf(x), x[1] - x[0]
     psi = x * robust.cauchy(x**2, robust.CAUCHY_95**2)

@@ -1,4 +1,5 @@
-"""A row of kitchen cabinets in closed form, of which a scan shows strips: worktop, plinth and the front that the picture cuts off."""
+"""A row of kitchen cabinets in closed form, of which a scan shows strips: worktop, plinth and the front that
+the picture cuts off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Configuration: what is written is read back, what is wrong is named, and what settings were called before is understood."""
+"""Configuration: what is written is read back, what is wrong is named, and what settings were called before
+is understood."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A part without a body is named, bodies that overlap are told; touching boards and a scanner's folds are fine."""
+"""A part without a body is named, bodies that overlap are told; touching boards and a scanner's folds are
+fine."""
 
 from __future__ import annotations
 
@@ -87,7 +88,8 @@ def test_a_surface_through_itself_that_is_no_body_is_told_as_such() -> None:
 
 
 def test_a_fold_of_a_fine_surface_is_no_harm() -> None:
-    """One corner of a fine, noisy sheet is pushed through a second sheet behind it; pushed in a little it crosses nothing."""
+    """One corner of a fine, noisy sheet is pushed through a second sheet behind it; pushed in a little it
+    crosses nothing."""
     sheet = trimesh.creation.box((0.4, 0.4, 0.02)).subdivide_to_size(0.02)
     top = int(np.argmax(np.array(sheet.vertices) @ [0.01, 0.02, 1.0]))
     for push, crosses in ((0.04, True), (0.004, False)):

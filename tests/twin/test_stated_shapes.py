@@ -1,4 +1,5 @@
-"""Collision shapes that the user stated stay as they are, what is made gives way to them, and what is not convex is named."""
+"""Collision shapes that the user stated stay as they are, what is made gives way to them, and what is not
+convex is named."""
 
 from __future__ import annotations
 
@@ -64,7 +65,8 @@ def test_export_leaves_the_files_of_stated_shapes_byte_for_byte(exact: Twin, tmp
 
 
 def test_made_shapes_give_way_to_stated_ones(exact: Twin) -> None:
-    """The door's shapes, stated 5 mm too large, reach into the walls beside it: the walls, made, give way all the more."""
+    """The door's shapes, stated 5 mm too large, reach into the walls beside it: the walls, made, give way all
+    the more."""
     door = tuple(grown(s, 0.005) if isinstance(s, Box) else s for s in exact.part("door").collision)
     twin = with_collision(with_shapes(exact, door=door))
     assert twin.part("door").collision == door

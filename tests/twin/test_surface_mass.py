@@ -1,4 +1,5 @@
-"""Mass and inertia of surfaces against closed forms: every board counts once, whichever of its sides were seen."""
+"""Mass and inertia of surfaces against closed forms: every board counts once, whichever of its sides were
+seen."""
 
 from __future__ import annotations
 
@@ -155,7 +156,8 @@ def test_any_surface_gives_a_lawful_inertia_that_turns_with_it(seed: int) -> Non
     ("seed", "seen"), [(0, "all"), (1, "not the back"), (2, "the front alone"), (3, "tray"), (4, "tray")]
 )
 def test_intervals_hold_whatever_each_board_is_made_of(seed: int, seen: str) -> None:
-    """Boards of one part have each their own density and thickness, of which the table knows only the bounds."""
+    """Boards of one part have each their own density and thickness, of which the table knows only the
+    bounds."""
     rng = np.random.default_rng(seed)
     material = read_materials().material("furniture_board")
     t, other = rng.uniform(*material.thickness.interval, 2)

@@ -1,4 +1,5 @@
-"""Photo textures keep their laws in memory, come back from the disk as they were, and change nothing else of a twin."""
+"""Photo textures keep their laws in memory, come back from the disk as they were, and change nothing else of
+a twin."""
 
 from __future__ import annotations
 

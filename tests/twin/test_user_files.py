@@ -309,7 +309,8 @@ def test_a_list_of_the_user_that_bears_the_name_of_ours_is_not_replaced(tmp_path
 
 
 def test_folders_that_may_not_be_written_leave_nothing_behind(tmp_path: Path) -> None:
-    """The old folder's links are removed after the new one took its place; a read-only folder in it kept them."""
+    """The old folder's links are removed after the new one took its place; a read-only folder in it kept
+    them."""
     twin = cabinet_twin()
     save(twin, tmp_path / "twin")
     locked = tmp_path / "twin" / "archive"

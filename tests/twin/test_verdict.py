@@ -119,7 +119,8 @@ def test_a_twin_keeps_its_verdict_on_disk(tmp_path: Path) -> None:
 
 
 def test_without_a_verdict_nothing_is_claimed(tmp_path: Path) -> None:
-    """Neither of twins that somebody stated, nor of those of earlier versions, whose files don't have the key."""
+    """Neither of twins that somebody stated, nor of those of earlier versions, whose files don't have the
+    key."""
     save(cabinet_twin(), tmp_path / "twin")
     file = tmp_path / "twin" / "twin.json"
     document = json.loads(file.read_text())
@@ -135,7 +136,8 @@ def test_without_a_verdict_nothing_is_claimed(tmp_path: Path) -> None:
 
 
 def test_the_digest_knows_verdicts_and_that_there_was_none() -> None:
-    """A twin of an earlier version is not taken for one that its user changed; another verdict is another result."""
+    """A twin of an earlier version is not taken for one that its user changed; another verdict is another
+    result."""
     from twin.storage.document import twin_document
 
     plain = cabinet_twin()

@@ -129,7 +129,8 @@ CODES = [("trusted", 0), ("doubtful", 2), ("refused", 2)]
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> dict[str, Twin]:
-    """Twins by their verdicts, one of which is found whatever is reconstructed: that under the recording's name."""
+    """Twins by their verdicts, one of which is found whatever is reconstructed: that under the recording's
+    name."""
     trusted = replace(cabinet_twin(), verdict=Verdict())
     twins = {"trusted": trusted, "doubtful": doubted(), "refused": bare()}
 

@@ -187,7 +187,8 @@ def test_two_opinions_combine_as_log_normals_do() -> None:
 
 
 def test_the_interval_of_both_opinions_covers_the_truth() -> None:
-    """Truths drawn from geometry x table, models that err as pictures do: 95 % of the intervals hold the truth."""
+    """Truths drawn from geometry x table, models that err as pictures do: 95 % of the intervals hold the
+    truth."""
     rng = np.random.default_rng(1)
     own = float(np.log(1.8)) / 1.96
     held = []

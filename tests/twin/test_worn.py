@@ -1,4 +1,5 @@
-"""Inferred pieces wear the photographs of what was seen on them, and of their like where nothing was; which is marked."""
+"""Inferred pieces wear the photographs of what was seen on them, and of their like where nothing was; which
+is marked."""
 
 from __future__ import annotations
 
@@ -78,7 +79,8 @@ def test_boards_wear_the_photographs_of_what_was_seen_on_them(complete: Twin) ->
 
 
 def test_what_no_photograph_shows_wears_its_like_and_is_marked(complete: Twin) -> None:
-    """A neighbour's outer side, which no camera saw, has the bands of its front; what lies behind the handle is filled."""
+    """A neighbour's outer side, which no camera saw, has the bands of its front; what lies behind the handle
+    is filled."""
     found = pieces(complete)
     neighbour = next(p for p in found.values() if p.role == "neighbour")
     ends = neighbour.mesh.vertices[:, 0].max()
@@ -161,7 +163,8 @@ def test_a_scan_that_hangs_over_the_gap_between_two_boards_is_cut_back() -> None
 
 
 def test_a_face_of_which_a_part_was_seen_goes_on_in_its_light() -> None:
-    """A ramp of light over bands: what fills a hole differs from what would be there by no more than the bands do."""
+    """A ramp of light over bands: what fills a hole differs from what would be there by no more than the
+    bands do."""
     x, y = np.meshgrid(np.arange(200), np.arange(120))
     true = np.repeat((90 + 0.4 * x + 12 * np.sin(y / 4))[..., None], 3, axis=2).astype(np.float32)
     seen = np.ones(x.shape, bool)

@@ -54,8 +54,8 @@ raise SystemExit(0 if renderer.render().max() > 0 else 3)
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at. `needed` is False for extras; `remedy` tells what brings what is missing, or it follows from
-    `debian` and `python`: the system and Python packages that lack."""
+    """One thing looked at. `needed` is False for extras; `remedy` tells what brings what is missing, or it
+    follows from `debian` and `python`: the system and Python packages that lack."""
 
     name: str
     ok: bool
@@ -71,7 +71,8 @@ class Finding:
 
 
 def diagnose() -> list[Finding]:
-    """Look at Python, packages, shipped files, system libraries, rendering and extras; slow imports happen in a child process."""
+    """Look at Python, packages, shipped files, system libraries, rendering and extras; slow imports happen in
+    a child process."""
     findings = [check_python(sys.version_info[:2]), *check_packages(), *check_libraries()]
     gl_ready = all(f.ok for f in findings)
     if gl_ready:
@@ -84,7 +85,8 @@ def diagnose() -> list[Finding]:
 
 
 def remedies(findings: Iterable[Finding]) -> list[str]:
-    """What brings everything needed which is missing: one line for all system packages, one for all Python packages."""
+    """What brings everything needed which is missing: one line for all system packages, one for all Python
+    packages."""
     missing = [f for f in findings if not f.ok and f.needed]
     debian = _apt(dict.fromkeys(p for f in missing for p in f.debian))
     python = _packages(dict.fromkeys(p for f in missing for p in f.python))
@@ -137,7 +139,8 @@ def check_libraries(load: Callable[[str], object] = ctypes.CDLL) -> list[Finding
 
 
 def check_rendering(timeout_s: float = 120.0) -> Finding:
-    """Draw one picture with MuJoCo without a screen, in a child process, as a broken driver may end the process."""
+    """Draw one picture with MuJoCo without a screen, in a child process, as a broken driver may end the
+    process."""
     env = os.environ | {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
     drivers = ("libgl1-mesa-dri", "libegl1")
     try:

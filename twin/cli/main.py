@@ -1,7 +1,7 @@
 """The command `twin`: parses arguments, then imports what the verb needs.
 
-Exit codes: 0 done and every check or goal met; 1 bad input or environment, told in one line; 2 ran, but a check failed or
-a goal was missed; 130 interrupted. Errors in the program keep their traceback.
+Exit codes: 0 done and every check or goal met; 1 bad input or environment, told in one line; 2 ran, but a
+check failed or a goal was missed; 130 interrupted. Errors in the program keep their traceback.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _ended(error: BaseException, as_json: bool) -> int:
-    """Tell the error in one line and return the exit code; what is an error in the program is raised again."""
+    """Tell the error in one line and return the exit code; what is an error in the program is raised
+    again."""
     if isinstance(error, KeyboardInterrupt) or interrupt.happened():
         _fail(interrupt.MESSAGE, interrupt.REMEDY, as_json)
         return interrupt.code()

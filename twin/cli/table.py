@@ -1,4 +1,5 @@
-"""What the command line names and imports when it is called: the twin's packages know neither reconstruction nor robots.
+"""What the command line names and imports when it is called: the twin's packages know neither reconstruction
+nor robots.
 
 These are the only functions that are named by text; tests/twin/test_cli.py resolves each.
 """
@@ -77,7 +78,8 @@ WORDS = {
     "robots": "robots.model.catalog:names",
     "trajectory --format": "robots.formats:FORMATS",
 }
-# Frames for a robot's film and for a question about a part: whoever asks does not know how recordings are read.
+# Frames for a robot's film and for a question about a part: whoever asks does not know how recordings are
+# read.
 OPEN_RECORDING = "recon.readers:open_recording"
 
 

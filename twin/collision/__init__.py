@@ -1,8 +1,9 @@
 """Collision shapes: boxes for boards, convex hulls for the rest, clear of one another over the whole opening.
 
 A piece of a mesh that is closed is a body: one box or hull where it is convex, CoACD's pieces where it is not
-(twin.collision.closed_pieces). What a camera saw is open: there boards are found first (twin.collision.boards) and the rest is split
-(twin.collision.splitting). CoACD would close such a surface with voxels first, which thickens it: benchmarks/collision.md.
+(twin.collision.closed_pieces). What a camera saw is open: there boards are found first
+(twin.collision.boards) and the rest is split (twin.collision.splitting). CoACD would close such a surface
+with voxels first, which thickens it: benchmarks/collision.md.
 """
 
 from __future__ import annotations
@@ -86,8 +87,9 @@ def collision_config(settings: Mapping[str, Any] | None = None) -> CollisionConf
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """Shapes of one part before anything gives way, the seconds they took on the clock, and, of the area of its boards, the
-    shares whose thickness is that of their edges or of the table because no camera saw their back."""
+    """Shapes of one part before anything gives way, the seconds they took on the clock, and, of the area of
+    its boards, the shares whose thickness is that of their edges or of the table because no camera saw their
+    back."""
 
     shapes: tuple[Collision, ...]
     seconds: float = 0.0
@@ -100,15 +102,18 @@ def with_collision(
 ) -> Twin:
     """Give the static scene and every part that has no collision shapes some, in the world frame at state 0.
 
-    The shapes of a part keep `clearance` from those of the static scene over its whole range: static shapes give way,
-    because the recording showed that the part moves there. Shapes that the twin has already stay as they are, and what is
-    made gives way to them, except in filtered pairs. A part that would lose all its shapes keeps them, or nothing could
-    touch it. Where shapes overlap is left to `twin.collision.meetings` to say.
+    The shapes of a part keep `clearance` from those of the static scene over its whole range: static shapes
+    give way, because the recording showed that the part moves there. Shapes that the twin has already stay as
+    they are, and what is made gives way to them, except in filtered pairs. A part that would lose all its
+    shapes keeps them, or nothing could touch it. Where shapes overlap is left to `twin.collision.meetings` to
+    say.
 
     Args:
-        cache_dir: shapes are kept there and read back when mesh and config match, each part's by itself, and all again
-            after they gave way to one another, under a key of all meshes, joints and shapes that the twin has.
-        renew: replace shapes that the twin has already; otherwise a twin in which everything has shapes is returned as is.
+        cache_dir: shapes are kept there and read back when mesh and config match, each part's by itself, and
+            all again after they gave way to one another, under a key of all meshes, joints and shapes that
+            the twin has.
+        renew: replace shapes that the twin has already; otherwise a twin in which everything has shapes is
+            returned as is.
     """
     config = CollisionConfig() if config is None else config
     given = [twin.static.collision, *(p.collision for p in twin.parts)]
@@ -161,8 +166,8 @@ def part_shapes(mesh: Mesh, config: CollisionConfig) -> list[Collision]:
 
 
 def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
-    """Shapes of one part, at most `part_pieces`: boxes and hulls of its closed pieces; of what is open boxes where it is
-    made of boards, hulls elsewhere."""
+    """Shapes of one part, at most `part_pieces`: boxes and hulls of its closed pieces; of what is open boxes
+    where it is made of boards, hulls elsewhere."""
     shapes: list[Collision] = []
     rest: list[Mesh] = []
     pieces = sorted(pieces_of(mesh), key=lambda row: -row[0].area)
@@ -193,7 +198,8 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
 
 
 def whole_hull(mesh: Mesh, config: CollisionConfig) -> tuple[Collision, ...]:
-    """The hull of a mesh too small or too ragged for pieces, so that whatever has a surface can be touched."""
+    """The hull of a mesh too small or too ragged for pieces, so that whatever has a surface can be
+    touched."""
     small = decimated(mesh, config.part_faces)
     hull = thick_hull(small.vertices[small.faces], config.thickness) if len(small.faces) else None
     return () if hull is None else (hull.mesh,)
@@ -223,7 +229,8 @@ def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Col
 
 
 def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Collision], list[Board]]:
-    """At most `most` boxes and hulls of a part's open surface (n, 3, 3), and the boards that the boxes are."""
+    """At most `most` boxes and hulls of a part's open surface (n, 3, 3), and the boards that the boxes
+    are."""
     search = config.part_boards
     boards, rest = find_boards(triangles, outline_axes(triangles), search)
     boards = boards[:most]
@@ -233,7 +240,8 @@ def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Co
 
 
 def surface_hulls(triangles: Array, config: CollisionConfig, most: int) -> list[Collision]:
-    """Hulls of an open surface (n, 3, 3); what would take more than `most`, the smallest, is left out rather than bulge."""
+    """Hulls of an open surface (n, 3, 3); what would take more than `most`, the smallest, is left out rather
+    than bulge."""
     filled = config.part_boards.deepest / 2
     pieces = decompose(triangles, config.tolerance, config.thickness, 2 * config.part_pieces, filled)
     pieces = merge(pieces, config.tolerance, config.thickness, filled)

@@ -1,4 +1,5 @@
-"""Keeps collision shapes between runs: one file a part, and one for the whole twin after its shapes gave way."""
+"""Keeps collision shapes between runs: one file a part, and one for the whole twin after its shapes gave
+way."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ class ShapeCache:
         return f"part_{h.hexdigest()[:24]}"
 
     def key_of_twin(self, twin: Twin, stated: Sequence[Sequence[Collision]]) -> str:
-        """Key of all shapes: every mesh and joint, filtered pairs, the shapes that are stated (static first), and the config."""
+        """Key of all shapes: every mesh and joint, filtered pairs, the shapes that are stated (static first),
+        and the config."""
         h = hashlib.sha256(self._config)
         for mesh in (twin.static.mesh, *(p.mesh for p in twin.parts)):
             h.update(mesh.vertices.tobytes() + mesh.faces.tobytes())

@@ -1,8 +1,8 @@
 """Makes collision shapes give way where a moving part would touch them.
 
-MuJoCo's own collision detection finds the contacts over each part's range, also between the sampled states. The shape that
-has to give way loses what lies beyond the contact plane; a large shape is split first, so that only its piece at the
-contact gives way.
+MuJoCo's own collision detection finds the contacts over each part's range, also between the sampled states.
+The shape that has to give way loses what lies beyond the contact plane; a large shape is split first, so that
+only its piece at the contact gives way.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ Owners = frozenset[int]
 
 @dataclass(frozen=True)
 class Touch:
-    """Shape `index` of `owner` (0 static, then parts) comes nearer than allowed: it must keep to normal . x <= offset."""
+    """Shape `index` of `owner` (0 static, then parts) comes nearer than allowed: it must keep to normal . x
+    <= offset."""
 
     owner: int
     index: int
@@ -58,8 +59,8 @@ def _radius(joint: Revolute, points: Array) -> float:
 class Yielding:
     """Who gives way to whom; an owner is 0, the static scene, or 1 and more, a part.
 
-    fixed: owners whose shapes somebody stated: nothing of them is cut, what they touch gives way. ignored: pairs of owners
-    that may touch. only: where given, the pairs of owners that may not.
+    fixed: owners whose shapes somebody stated: nothing of them is cut, what they touch gives way. ignored:
+    pairs of owners that may touch. only: where given, the pairs of owners that may not.
     """
 
     fixed: Set[int] = frozenset()
@@ -73,7 +74,8 @@ class Yielding:
         return wanted and not pair <= self.fixed
 
     def yields(self, one: int, other: int) -> bool:
-        """Whether the first of two owners gives way to the second: the static scene to parts, the later of two parts."""
+        """Whether the first of two owners gives way to the second: the static scene to parts, the later of
+        two parts."""
         if (one in self.fixed) != (other in self.fixed):
             return other in self.fixed
         return one == 0 or one > other > 0
@@ -85,10 +87,11 @@ EVERYTHING = Yielding()  # all shapes were made, and no pair may touch
 def make_clear(
     twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, yielding: Yielding = EVERYTHING
 ) -> list[list[Collision]]:
-    """Cut shapes (static first, then one list per part) until parts keep `clearance` from others over their range.
+    """Cut shapes (static first, then one list per part) until parts keep `clearance` from others over their
+    range.
 
-    A part and the part that it is mounted on may touch. Shapes that overlapped can be cut down to the same rest: it stays
-    once.
+    A part and the part that it is mounted on may touch. Shapes that overlapped can be cut down to the same
+    rest: it stays once.
     """
     shapes = [list(s) for s in shapes]
     touches = find_touches(twin, shapes, clearance, step, yielding)
@@ -155,11 +158,12 @@ def _split_around(hull: Hull, point: Array) -> list[Hull]:
 def find_touches(
     twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, yielding: Yielding = EVERYTHING
 ) -> list[Touch]:
-    """The deepest touch of every shape that comes nearer than `clearance` and has to give way, one part opened at a time.
+    """The deepest touch of every shape that comes nearer than `clearance` and has to give way, one part
+    opened at a time.
 
-    Between two states of the sweep a thin edge could slip past unseen, so what moves is tested as the hull of each shape at
-    both ends of the step: it holds the shape in every state between them (of a turning one all but the rise of its arcs
-    above their chords, which is added to the clearance).
+    Between two states of the sweep a thin edge could slip past unseen, so what moves is tested as the hull of
+    each shape at both ends of the step: it holds the shape in every state between them (of a turning one all
+    but the rise of its arcs above their chords, which is added to the clearance).
     """
     worst: dict[tuple[int, int], Touch] = {}
     for part in twin.parts:
@@ -218,7 +222,8 @@ def _touch(
     twin: Twin, key: tuple[int, int], piece: Collision, depth: float, surface: Array, toward: Array, margin: float,
     part: Part, states: Array, state: float,
 ) -> Touch:  # fmt: skip
-    """The touch in the coordinates of state 0 of the shape that gives way, at that end of the step where it reaches further."""
+    """The touch in the coordinates of state 0 of the shape that gives way, at that end of the step where it
+    reaches further."""
     if key[0] not in carried(twin, part):
         return Touch(key[0], key[1], depth, surface, toward, float(toward @ surface) - margin)
     delta = part.joint.pose(float(states[1] - states[0]))

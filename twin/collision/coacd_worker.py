@@ -1,4 +1,5 @@
-"""Runs CoACD on one mesh, as a program: coacd_worker.py MESH.npz PIECES.npz SECONDS (of processor time, then it is ended)."""
+"""Runs CoACD on one mesh, as a program: coacd_worker.py MESH.npz PIECES.npz SECONDS (of processor time, then
+it is ended)."""
 
 from __future__ import annotations
 
@@ -9,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-# preprocess off: the mesh is closed already. real_metric: the threshold is in metres, not a share of the body's size.
-# 60 search steps, less than the default 150, find the same pieces of furniture in half the time.
+# preprocess off: the mesh is closed already. real_metric: the threshold is in metres, not a share of the
+# body's size. 60 search steps, less than the default 150, find the same pieces of furniture in half the time.
 SETTINGS: dict[str, Any] = {"preprocess_mode": "off", "real_metric": True, "mcts_iterations": 60, "seed": 0}
 
 

@@ -1,8 +1,9 @@
-"""Large meshes with fewer triangles: quadric edge collapse (Garland and Heckbert 1997), as fast-simplification does it.
+"""Large meshes with fewer triangles: quadric edge collapse (Garland and Heckbert 1997), as
+fast-simplification does it.
 
-It keeps borders, so a surface in shreds, or one cut by T-junctions, stays large, and the time it takes grows with the square of
-the faces around one corner. There, and in what it leaves too large, corners are joined cell by cell (Rossignac and Borrel 1993),
-which ends on any mesh.
+It keeps borders, so a surface in shreds, or one cut by T-junctions, stays large, and the time it takes grows
+with the square of the faces around one corner. There, and in what it leaves too large, corners are joined
+cell by cell (Rossignac and Borrel 1993), which ends on any mesh.
 """
 
 from __future__ import annotations
@@ -19,14 +20,17 @@ from twin.scene import Mesh
 
 _SAME_VOLUME = 0.02  # share, chosen by us: what the noise of a scan takes from a body
 _MORE = 1.2  # times the triangles asked for, chosen by us: collapses come a few hundred at a time
-_FINER = 2  # times the triangles asked for, chosen by us: cells of a centimetre on a door, so that it keeps its handle
-_SHREDS = 0.2  # share of edges with one face, chosen by us: 0.01-0.05 on a scan with holes, 0.45 where T-junctions cut it
-_CROWDED = 500  # mean number of faces around the corners of a face, chosen by us: 7 on a scan, 60 at the poles of a fine ball
+# times the triangles asked for, chosen by us: cells of a centimetre on a door, so that it keeps its handle
+_FINER = 2
+# share of edges with one face, chosen by us: 0.01-0.05 on a scan with holes, 0.45 where T-junctions cut it
+_SHREDS = 0.2
+# mean number of faces around the corners of a face, chosen by us: 7 on a scan, 60 at the poles of a fine ball
+_CROWDED = 500
 
 
 def decimated(mesh: Mesh, faces: int) -> Mesh:
-    """The mesh with about `faces` triangles, twice as many where it is in shreds; corners at the same place are one and those of
-    no face are left out."""
+    """The mesh with about `faces` triangles, twice as many where it is in shreds; corners at the same place
+    are one and those of no face are left out."""
     if len(mesh.faces) <= faces:
         return mesh
     welded = _welded(mesh)
@@ -43,7 +47,8 @@ def decimated(mesh: Mesh, faces: int) -> Mesh:
 
 
 def decimated_body(body: Mesh, faces: int) -> Mesh | None:
-    """A closed piece with at most about `faces` triangles that is one closed piece again and holds as much; else None."""
+    """A closed piece with at most about `faces` triangles that is one closed piece again and holds as much;
+    else None."""
     if len(body.faces) <= faces:
         return body
     hull = hull_of(body.vertices)
@@ -91,9 +96,11 @@ def _crowding(mesh: Mesh) -> float:
 
 
 def _clustered(mesh: Mesh, faces: int) -> Mesh:
-    """At most `faces` triangles: the corners in each cell of a grid become their mean, in cells as small as that allows.
+    """At most `faces` triangles: the corners in each cell of a grid become their mean, in cells as small as
+    that allows.
 
-    Of triangles with the same three corners one is left, so that a board thinner than a cell keeps its surface.
+    Of triangles with the same three corners one is left, so that a board thinner than a cell keeps its
+    surface.
     """
     low = mesh.vertices.min(axis=0)
     cell = max(0.5 * float(np.sqrt(mesh.area / faces)), 1e-6 * float(np.ptp(mesh.vertices)), 1e-12)

@@ -17,10 +17,11 @@ _POINTS = 20_000  # on each side: a 95th percentile then rests on a thousand poi
 class Fit:
     """Shapes against what they stand for; distances are 95th percentiles in metres.
 
-    ratio: volume of the shapes' union over that of the solid, None where the surface encloses none. surface: from the
-    outside of the shapes to the surface, whichever side. outside: by how much it stands out of the solid, 0 within and
-    behind the faces of an open piece. buried: by how much it lies within the solid, 0 outside; None without a closed
-    piece. missed: from the surface to the nearest shape, 0 where one covers it.
+    ratio: volume of the shapes' union over that of the solid, None where the surface encloses none. surface:
+    from the outside of the shapes to the surface, whichever side. outside: by how much it stands out of the
+    solid, 0 within and behind the faces of an open piece. buried: by how much it lies within the solid, 0
+    outside; None without a closed piece. missed: from the surface to the nearest shape, 0 where one covers
+    it.
     """
 
     shapes: int
@@ -39,7 +40,8 @@ def fit_of(shapes: Sequence[Collision], of: Solid, volume: float | None = None) 
     """Measure shapes against a solid that lies in the same frame.
 
     Args:
-        volume: what the shapes' volume is compared with (m^3); by default the solid's own when all of it is closed.
+        volume: what the shapes' volume is compared with (m^3); by default the solid's own when all of it is
+            closed.
     """
     union = Solid.of_shapes(shapes)
     if volume is None and of.closed and not of.open:

@@ -1,5 +1,5 @@
-"""Where the collision shapes of a twin overlap while its parts open, and which pairs of them give way in a format that can't
-filter pairs."""
+"""Where the collision shapes of a twin overlap while its parts open, and which pairs of them give way in a
+format that can't filter pairs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from twin.scene import Collision, Part, StaticPart, Twin
 _MEET = 1e-4
 # m, as CollisionConfig.step.
 _STEP = 0.02
-# m, chosen by us: the clearance of made shapes (CollisionConfig.clearance). Where nothing excludes the contact, MuJoCo throws a door
-# without friction 0.2 rad open at 1 mm, 1.0 rad at 2 mm, 1.5 rad from 3 mm on.
+# m, chosen by us: the clearance of made shapes (CollisionConfig.clearance). Where nothing excludes the
+# contact, MuJoCo throws a door without friction 0.2 rad open at 1 mm, 1.0 rad at 2 mm, 1.5 rad from 3 mm on.
 AT_REST = 0.002
 
 
@@ -29,7 +29,8 @@ class Meeting:
         depth: m, the deepest overlap while one part opens, and `where` that is, in words.
         at_rest: m, the overlap with every part closed.
         filtered: the two are a filtered pair of the twin, which don't collide.
-        clear: the part and the state (m or rad, with its unit) from which on it keeps clear of the other; None where it never does.
+        clear: the part and the state (m or rad, with its unit) from which on it keeps clear of the other;
+            None where it never does.
         made: which of the two have shapes that were made here; the others were stated.
     """
 
@@ -70,7 +71,8 @@ class Meeting:
 
 
 def shapes_of(owner: StaticPart | Part) -> tuple[Collision, ...]:
-    """The collision shapes that are written of a body: those of its inferred layer where it has one, the room's included."""
+    """The collision shapes that are written of a body: those of its inferred layer where it has one, the
+    room's included."""
     layer = owner.completion
     return owner.collision if layer is None else (*layer.shapes, *layer.room_collision)
 
@@ -82,7 +84,8 @@ def filtered_owners(twin: Twin) -> frozenset[Owners]:
 
 
 def meetings(twin: Twin, made: Set[str] = frozenset()) -> list[Meeting]:
-    """Every two bodies whose collision shapes overlap while a part opens. A part and the part that carries it may touch.
+    """Every two bodies whose collision shapes overlap while a part opens. A part and the part that carries it
+    may touch.
 
     made: names of the parts and the static scene whose shapes were made here; the others were stated.
     """
@@ -152,11 +155,11 @@ def _overlaps(twin: Twin) -> Iterator[tuple[tuple[int, int], float, Part, float]
 
 
 def with_pairs_cut(twin: Twin, met: Sequence[Meeting]) -> tuple[Twin, list[str]]:
-    """The twin in which pairs that must not collide keep clear because their shapes give way, and a line for each body that lost
-    some: for a format that can't filter pairs.
+    """The twin in which pairs that must not collide keep clear because their shapes give way, and a line for
+    each body that lost some: for a format that can't filter pairs.
 
-    These are the filtered pairs, and each part with what it is mounted on. What doesn't overlap stays as it is, and so do
-    inferred layers. met: the meetings of the twin.
+    These are the filtered pairs, and each part with what it is mounted on. What doesn't overlap stays as it
+    is, and so do inferred layers. met: the meetings of the twin.
     """
     number = {owner.name: k for k, owner in enumerate(twin.owners)}
     mounted = {

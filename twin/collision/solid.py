@@ -1,8 +1,10 @@
-"""What a surface encloses: volume, signed distance, points of its outside. The measuring side of collision shapes.
+"""What a surface encloses: volume, signed distance, points of its outside. The measuring side of collision
+shapes.
 
-A mesh is often several surfaces at once: the boards of a drawer that run into one another, a panel and a handle, one of
-them wound inside out. The solid is the union of what its closed pieces enclose, each taken by itself and whichever way
-it is wound. Pieces with an edge of their own (open ones) enclose nothing; they count as surface.
+A mesh is often several surfaces at once: the boards of a drawer that run into one another, a panel and a
+handle, one of them wound inside out. The solid is the union of what its closed pieces enclose, each taken by
+itself and whichever way it is wound. Pieces with an edge of their own (open ones) enclose nothing; they count
+as surface.
 """
 
 from __future__ import annotations
@@ -53,8 +55,9 @@ class Solid:
     def signed_distance(self, points: Array) -> Array:
         """Distance (n,) m of points (n, 3) from the solid, negative inside.
 
-        Outside it is exact; inside it is the depth in the deepest of the pieces that hold the point, which at seams of
-        overlapping pieces is less than that in their union. Open pieces have no inside. Infinite without a surface.
+        Outside it is exact; inside it is the depth in the deepest of the pieces that hold the point, which at
+        seams of overlapping pieces is less than that in their union. Open pieces have no inside. Infinite
+        without a surface.
         """
         out = np.full(len(points), np.inf)
         for k, scene in enumerate(self._scenes):
@@ -62,7 +65,8 @@ class Solid:
         return out
 
     def behind(self, points: Array) -> NDArray[np.bool_]:
-        """Whether points (n, 3) lie behind the nearest face, or, before closed pieces, inside: where material is."""
+        """Whether points (n, 3) lie behind the nearest face, or, before closed pieces, inside: where material
+        is."""
         nearest = np.full(len(points), np.inf)
         out = np.zeros(len(points), bool)
         for k, scene in enumerate(self._scenes):
@@ -72,7 +76,8 @@ class Solid:
         return out
 
     def surface(self, count: int) -> Array:
-        """About `count` points evenly on the outside of the union and on the open pieces; the same every time."""
+        """About `count` points evenly on the outside of the union and on the open pieces; the same every
+        time."""
         total = sum(float(geo.triangle_areas(m.vertices[m.faces]).sum()) for m in (*self.closed, *self.open))
         out = []
         for k, mesh in enumerate((*self.closed, *self.open)):
@@ -94,8 +99,8 @@ class Solid:
         return out
 
     def volume(self, spacing: float = 0.0015) -> float:
-        """Volume (m^3) of the union, from parallel lines `spacing` (m) apart: what each has inside, times the area it
-        stands for. That is a sum over voxels which along one direction are infinitely short.
+        """Volume (m^3) of the union, from parallel lines `spacing` (m) apart: what each has inside, times the
+        area it stands for. That is a sum over voxels which along one direction are infinitely short.
         """
         if not self.closed:
             return 0.0
@@ -165,8 +170,8 @@ def hull_of_shape(shape: Collision) -> Hull | None:
 def spread(corners: Array, count: float) -> tuple[Array, Array]:
     """About `count` points (n, 3) evenly on triangles (F, 3, 3), and the unit normals (n, 3) of those.
 
-    The quasi-random sequence of Roberts (2018, "The unreasonable effectiveness of quasirandom sequences", R3) spreads
-    them more evenly than chance and needs no seed.
+    The quasi-random sequence of Roberts (2018, "The unreasonable effectiveness of quasirandom sequences", R3)
+    spreads them more evenly than chance and needs no seed.
     """
     normal, size = geo.triangle_normals(corners)
     edge = np.cumsum(size)
@@ -182,8 +187,8 @@ def _inside_spans(
 ) -> Array:
     """Spans (n, 3) of number of line, start and end along z (m) that a closed surface has inside it.
 
-    Lines run along z through the middles of a grid of squares from `low` on, `columns` of them in y. A line that meets
-    the surface an odd number of times grazes it; it loses its last hit.
+    Lines run along z through the middles of a grid of squares from `low` on, `columns` of them in y. A line
+    that meets the surface an odd number of times grazes it; it loses its last hit.
     """
     corners = vertices[faces] - low
     xy = corners[:, :, :2] / spacing - 0.5

@@ -1,8 +1,9 @@
-"""Covers a triangle surface with convex pieces. Made for reconstructed surfaces: open, noisy, one or two-sided.
+"""Covers a triangle surface with convex pieces. Made for reconstructed surfaces: open, noisy, one or
+two-sided.
 
-The surface is split by planes until the hull of every piece stays within a tolerance of the surface it covers ("bulge"), so
-no hull fills free space such as the gap behind a handle. Splitting works on the surface itself, without making it
-watertight first, and is deterministic.
+The surface is split by planes until the hull of every piece stays within a tolerance of the surface it covers
+("bulge"), so no hull fills free space such as the gap behind a handle. Splitting works on the surface itself,
+without making it watertight first, and is deterministic.
 """
 
 from __future__ import annotations
@@ -19,14 +20,17 @@ from twin.collision.main_axes import main_axes
 from twin.geometry import Array
 
 _BOARD = 0.02  # m: a usual board is thinner than this
-_BEHIND = 0.5  # cosine: nearer to the plane of a face, whether a point is before or behind it is the noise of the face
+# cosine: nearer to the plane of a face, whether a point is before or behind it is the noise of the face
+_BEHIND = 0.5
 
 
 def bulge(hull: Hull, triangles: Array, tolerance: float, filled: float = 0.0) -> float:
-    """Greatest distance (m) of the hull's surface from the triangles it covers, good to about half the tolerance.
+    """Greatest distance (m) of the hull's surface from the triangles it covers, good to about half the
+    tolerance.
 
     Args:
-        filled: what lies behind the surface by up to this (m) is the body, whose other side was not seen, and no bulge.
+        filled: what lies behind the surface by up to this (m) is the body, whose other side was not seen, and
+            no bulge.
     """
     shell = hull.vertices[hull.faces]
     spacing = max(tolerance / 2, float(np.sqrt(geo.triangle_areas(shell).sum() / 2000.0)))
@@ -44,7 +48,8 @@ def bulge(hull: Hull, triangles: Array, tolerance: float, filled: float = 0.0) -
 
 
 def _thinned(points: Array, cell: float) -> NDArray[np.int64]:
-    """Index (m,) of one point of each grid cell; many equal points would make nearest-neighbour search slow."""
+    """Index (m,) of one point of each grid cell; many equal points would make nearest-neighbour search
+    slow."""
     key = np.floor((points - points.min(axis=0)) / cell).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
     return np.asarray(np.unique(key, return_index=True)[1])
 
@@ -52,7 +57,8 @@ def _thinned(points: Array, cell: float) -> NDArray[np.int64]:
 def decompose(
     triangles: Array, tolerance: float, thickness: float, max_pieces: int, filled: float = 0.0
 ) -> list[Array]:
-    """Split triangles (n, 3, 3) into pieces whose hulls stay within `tolerance` (m) of the surface, or behind it by `filled`.
+    """Split triangles (n, 3, 3) into pieces whose hulls stay within `tolerance` (m) of the surface, or behind
+    it by `filled`.
 
     The worst piece is split first, until all are good or there are `max_pieces`.
     """
@@ -84,7 +90,8 @@ def decompose(
 
 
 def merge(pieces: list[Array], tolerance: float, thickness: float, filled: float = 0.0) -> list[Array]:
-    """Join neighbouring pieces wherever the joint hull still keeps within the tolerance, small pieces first."""
+    """Join neighbouring pieces wherever the joint hull still keeps within the tolerance, small pieces
+    first."""
     pieces = sorted(pieces, key=lambda p: float(geo.triangle_areas(p).sum()))
     hulls = [thick_hull(p, thickness) for p in pieces]
     k = 0
@@ -134,7 +141,8 @@ def _best_split(piece: Array, axes: Array, thickness: float) -> tuple[Array, Arr
 
 
 def _offsets(piece: Array, axis: Array, low: float, high: float, thickness: float) -> Array:
-    """Where to try planes across `axis`: evenly, and on both sides of each plane in which much of the surface lies."""
+    """Where to try planes across `axis`: evenly, and on both sides of each plane in which much of the surface
+    lies."""
     if high - low < 2 * thickness:
         return np.zeros(0)
     even = np.linspace(low, high, 9)[1:-1]
@@ -165,8 +173,8 @@ _DIRECTIONS = np.array(
 
 
 def _rough_volume(triangles: Array) -> float:
-    """Hull volume from the extreme points in 60 directions (from below), plus that of a skin as thick as half a board,
-    which keeps the two sides of a board together."""
+    """Hull volume from the extreme points in 60 directions (from below), plus that of a skin as thick as half
+    a board, which keeps the two sides of a board together."""
     points = triangles.reshape(-1, 3)
     points = points[:: max(1, len(points) // 1500)]
     if len(points) > 200:

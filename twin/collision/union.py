@@ -1,4 +1,5 @@
-"""Bodies of one mesh that overlap, as in most CAD models, joined into one: what they share then counts once."""
+"""Bodies of one mesh that overlap, as in most CAD models, joined into one: what they share then counts
+once."""
 
 from __future__ import annotations
 
@@ -12,21 +13,24 @@ from twin.collision.pieces import pieces_of
 from twin.mesh import joined
 from twin.scene import Mesh
 
-_FACES = 20_000  # of all bodies, chosen by us: more are decimated, for the union of a million noisy faces takes minutes
+# of all bodies, chosen by us: more are decimated, for the union of a million noisy faces takes minutes
+_FACES = 20_000
 OVERLAP = 0.001  # share of the bodies' volume, chosen by us: less is the rounding of boards that touch
 
 
 @dataclass(frozen=True, eq=False)
 class Union:
-    """A mesh in which closed bodies are joined, the open pieces beside them; share of the bodies' volume that overlapped."""
+    """A mesh in which closed bodies are joined, the open pieces beside them; share of the bodies' volume that
+    overlapped."""
 
     mesh: Mesh
     share: float
 
 
 def united(mesh: Mesh) -> Union | None:
-    """The union of the closed bodies of a mesh (Manifold's exact-topology booleans); None where it has fewer than two
-    of them, or one is not a body, as one that passes through itself. Of large meshes, the union of bodies of fewer faces."""
+    """The union of the closed bodies of a mesh (Manifold's exact-topology booleans); None where it has fewer
+    than two of them, or one is not a body, as one that passes through itself. Of large meshes, the union of
+    bodies of fewer faces."""
     pieces = pieces_of(mesh)
     bodies = [piece for piece, closed in pieces if closed]
     if len(bodies) < 2:

@@ -1,9 +1,12 @@
-"""What no camera saw of furniture, inferred from what one did: boards closed as boxes, drawers with sides and back, cabinets, handles.
+"""What no camera saw of furniture, inferred from what one did: boards closed as boxes, drawers with sides and
+back, cabinets, handles.
 
-The seen meshes stay as they are; what is inferred stands beside them (twin.inferred), each piece with its reason, and exports write
-one layer or both. A part without a flat front is left as it was seen: nothing is inferred of what is not understood.
+The seen meshes stay as they are; what is inferred stands beside them (twin.inferred), each piece with its
+reason, and exports write one layer or both. A part without a flat front is left as it was seen: nothing is
+inferred of what is not understood.
 
-The seam for a learned model is `infer` (twin/completion/infer.py): whatever gives the same layer for a twin can stand in its place.
+The seam for a learned model is `infer` (twin/completion/infer.py): whatever gives the same layer for a twin
+can stand in its place.
 """
 
 from __future__ import annotations
@@ -19,10 +22,11 @@ from twin.scene import Twin
 
 
 def with_completion(twin: Twin, collision: Mapping[str, Any] | None = None) -> Twin:
-    """The twin with the inferred layer of its static scene and every part, collision shapes included; itself where it has one that the
-    program of today inferred.
+    """The twin with the inferred layer of its static scene and every part, collision shapes included; itself
+    where it has one that the program of today inferred.
 
-    A twin that was not made from a recording was stated by somebody, whole as it is: nothing is inferred. collision: settings of the shapes, by name.
+    A twin that was not made from a recording was stated by somebody, whole as it is: nothing is inferred.
+    collision: settings of the shapes, by name.
     """
     if not (is_reconstructed(twin) and twin.parts) or has_completion(twin):
         return twin
@@ -41,7 +45,8 @@ def has_completion(twin: Twin) -> bool:
 
 
 def without_shapes(twin: Twin, inferred: bool = True) -> Twin:
-    """A reconstructed twin without the collision shapes that the program made for it, and without its inferred layer if `inferred`.
+    """A reconstructed twin without the collision shapes that the program made for it, and without its
+    inferred layer if `inferred`.
 
     Raises InputError for a stated twin that has all its shapes: nothing is left to make.
     """

@@ -30,9 +30,10 @@ _FORMAT = "funtwin-asset/1"
 class AssetView:
     """What an exported asset shows of a twin.
 
-    geometry: "seen": what cameras saw; "bounded": with what is inferred and bounded by what was seen; "complete": with what is assumed,
-    too. room: whether what is no furniture of the parts stays. origin: "furniture": on the floor under the first part's front, x to its
-    right, y into the furniture; "camera": the twin's own world.
+    geometry: "seen": what cameras saw; "bounded": with what is inferred and bounded by what was seen;
+    "complete": with what is assumed, too. room: whether what is no furniture of the parts stays. origin:
+    "furniture": on the floor under the first part's front, x to its right, y into the furniture; "camera":
+    the twin's own world.
     """
 
     geometry: Geometry = "complete"
@@ -48,7 +49,8 @@ class AssetView:
                 )
 
     def but(self, told: Mapping[str, str | None]) -> AssetView:
-        """The view with what is told of it, by the names of its fields. Raises InputError for a word that is not known."""
+        """The view with what is told of it, by the names of its fields. Raises InputError for a word that is
+        not known."""
         said: dict[str, Any] = {k: v for k, v in told.items() if v is not None}
         return replace(self, **said)
 
@@ -85,7 +87,8 @@ class AssetView:
         return replace(twin, static=static, parts=parts)
 
     def pose(self, twin: Twin) -> Array:
-        """T_asset_twin (4, 4): from the twin's world, in which trajectories of robots are, into the asset's."""
+        """T_asset_twin (4, 4): from the twin's world, in which trajectories of robots are, into the
+        asset's."""
         return np.eye(4) if self.origin == "camera" else asset_pose(twin)
 
     def write(self, twin: Twin, folder: Path) -> None:
@@ -105,18 +108,21 @@ AS_SEEN = AssetView("seen", "keep", "camera")
 
 
 def usual_view(twin: Twin) -> AssetView:
-    """How a twin is exported unless somebody says otherwise: complete, apart from the room, in the furniture's frame. One that is not of
-    our reconstruction, which always judges, is whole as it was stated, and stays where it is."""
+    """How a twin is exported unless somebody says otherwise: complete, apart from the room, in the
+    furniture's frame. One that is not of our reconstruction, which always judges, is whole as it was stated,
+    and stays where it is."""
     return AssetView() if is_reconstructed(twin) else AS_SEEN
 
 
 def is_reconstructed(twin: Twin) -> bool:
-    """Whether a twin was made from a recording, and so shows no more than cameras saw: what was stated bears no verdict."""
+    """Whether a twin was made from a recording, and so shows no more than cameras saw: what was stated bears
+    no verdict."""
     return twin.recorded is not None and twin.verdict is not None
 
 
 def view_of(files: Iterable[Path]) -> AssetView:
-    """What exported files show of their twin. Raises InputError where they differ in it, or where FILE beside them can't be read."""
+    """What exported files show of their twin. Raises InputError where they differ in it, or where FILE beside
+    them can't be read."""
     found = {_read(file.parent) for file in files}
     if len(found) > 1:
         raise InputError(
@@ -139,8 +145,9 @@ def _read(folder: Path) -> AssetView:
 def asset_pose(twin: Twin) -> Array:
     """T_asset_twin (4, 4): from the twin's world into that of an asset in the furniture's frame.
 
-    The origin is on the floor, or below what is lowest where no floor was seen, under the middle of the first part's front; x points to
-    the right of who stands before it, y into the furniture, z up. The identity for a twin without parts.
+    The origin is on the floor, or below what is lowest where no floor was seen, under the middle of the first
+    part's front; x points to the right of who stands before it, y into the furniture, z up. The identity for
+    a twin without parts.
     """
     if not twin.parts:
         return np.eye(4)
@@ -170,7 +177,8 @@ def _lowest(twin: Twin) -> float:
 
 
 def _as_seen(twin: Twin, mesh: Mesh) -> Mesh:
-    """A mesh of a reconstruction without its photographs, which are made for the inferred layer; another as it was stated."""
+    """A mesh of a reconstruction without its photographs, which are made for the inferred layer; another as
+    it was stated."""
     return replace(mesh, texture=None) if is_reconstructed(twin) else mesh
 
 

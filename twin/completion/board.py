@@ -13,7 +13,9 @@ from twin.geometry import Array
 from twin.inferred import Basis, Inferred, box_mesh
 from twin.scene import Box
 
-INSET = 0.0003  # m by which a board is drawn inside its faces, so that the seen surface lies before it, and more than a 24-bit depth buffer tells apart at 3 m
+# m by which a board is drawn inside its faces, so that the seen surface lies before it, and more than a
+# 24-bit depth buffer tells apart at 3 m
+INSET = 0.0003
 _SURE = 0.01  # m: a seen surface that lies deeper in a board than noise says that the board is not there
 _CONTRADICTED = 0.15  # share of a board's largest face that such a surface may have; chosen by us
 _THINNEST = 0.003  # m
@@ -21,7 +23,8 @@ _THINNEST = 0.003  # m
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """A box from corner low (3,) to high (3,) m in a frame; role, basis and reason as of an inferred piece."""
+    """A box from corner low (3,) to high (3,) m in a frame; role, basis and reason as of an inferred
+    piece."""
 
     name: str
     role: str

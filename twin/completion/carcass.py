@@ -1,4 +1,5 @@
-"""The cabinet around a part: two sides, top, bottom and back, from the faces of its inside and outside that were seen."""
+"""The cabinet around a part: two sides, top, bottom and back, from the faces of its inside and outside that
+were seen."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from twin.inferred import Basis
 BOARD = 0.018  # m, the usual thickness of chipboard
 _AS_BOARDS = f"thickness assumed, {1000 * BOARD:.0f} mm as boards have"
 DEPTH = 0.50  # m, usual depth of a cabinet, where nothing was seen of it
-_OVERLAY = 0.009  # m from a front's edge to the inner face of the board that it covers half of, where no face was seen
+# m from a front's edge to the inner face of the board that it covers half of, where no face was seen
+_OVERLAY = 0.009
 _AROUND = 0.035  # m outside the front's edges within which the inner face of a board may lie
 _INWARD = 0.12  # m inside them
 _LEAST = 0.004  # m^2 of a face
@@ -35,7 +37,8 @@ _NAMES = {(SIDE, -1): "left", (SIDE, 1): "right", (UP, -1): "bottom", (UP, 1): "
 
 @dataclass(frozen=True, eq=False)
 class Carcass:
-    """Boards in the front's frame, the inside from corner low (3,) to high (3,), and whether any face of it was seen."""
+    """Boards in the front's frame, the inside from corner low (3,) to high (3,), and whether any face of it
+    was seen."""
 
     boards: tuple[Board, ...]
     low: Array
@@ -64,7 +67,8 @@ def find_carcass(front: Front, cloud: Cloud, wall: float | None, opening: Array,
     Args:
         front: of the part.
         cloud: the furniture's seen surface in the front's frame.
-        wall: where (m along out, negative) a wall of the room or the floor ends the furniture, None where none was seen.
+        wall: where (m along out, negative) a wall of the room or the floor ends the furniture, None where
+            none was seen.
         opening: corners (2, 2) in side and up of what the part covers and moves before.
         name: of the part, with which the names of the pieces begin.
     """
@@ -124,7 +128,8 @@ def _inside(cloud: Cloud, opening: Array, start: float) -> Cloud:
 
 
 def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start: float) -> _Wall:
-    """The board on one side of the opening: by its inner face, else by its outer one, else at the front's edge."""
+    """The board on one side of the opening: by its inner face, else by its outer one, else at the front's
+    edge."""
     edge = float(opening[(s + 1) // 2, axis])
     faces = (
         [k for k in layers(inside, axis, -s, _LEAST) if s * (k.offset - edge) > -_INWARD]
@@ -159,8 +164,8 @@ def _outer(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, start: 
 
 
 def _overhung(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, start: float) -> Layer | None:
-    """The outer face of a board over which the front hangs, as a chest's lid does: farther in, along much of the opening, and seen from
-    close behind the front."""
+    """The outer face of a board over which the front hangs, as a chest's lid does: farther in, along much of
+    the opening, and seen from close behind the front."""
     other = UP if axis == SIDE else SIDE
     for k in _looking_away(cloud, opening, axis, s, (edge - s * _HANGS_OVER, edge), start):
         points = k.cloud.points
@@ -209,7 +214,8 @@ def _rear(
 
 
 def _reach(cloud: Cloud, opening: Array, around: float, start: float) -> float:
-    """How far back (m along out) surface was seen that belongs to a cabinet or stands within `around` m of it: its sides and top."""
+    """How far back (m along out) surface was seen that belongs to a cabinet or stands within `around` m of
+    it: its sides and top."""
     low = np.array([*(opening[0] - around), -_DEEPEST])
     high = np.array([*(opening[1] + around), start])
     sides = cloud.where(cloud.within(low, high) & ~cloud.facing(OUT, 1))

@@ -1,8 +1,9 @@
 """The handle of a front: a bar on posts or a knob on a neck, fitted to what stands off the front.
 
-Where it is, how long it is and how far it stands off are measured; how thick it is, is not: a fused surface thickens a bar of 12 mm to
-15 to 30 mm, the more the noisier the sensor. So a bar is as thick as its outline in photographs says, and where none tells as bars are,
-unless what was seen is wider than noise makes one. What photographs don't tell is assumed.
+Where it is, how long it is and how far it stands off are measured; how thick it is, is not: a fused surface
+thickens a bar of 12 mm to 15 to 30 mm, the more the noisier the sensor. So a bar is as thick as its outline
+in photographs says, and where none tells as bars are, unless what was seen is wider than noise makes one.
+What photographs don't tell is assumed.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ def find_handles(
     name: str = "handle",
     section: HandleSection | None = None,
 ) -> list[Handle]:
-    """Handles before a front, that at the contact first; where none is, the largest of a knob's size: a contact may be wrong.
+    """Handles before a front, that at the contact first; where none is, the largest of a knob's size: a
+    contact may be wrong.
 
     Args:
         cloud: the surface in the front's frame.
@@ -89,7 +91,8 @@ def find_handles(
 
 
 def _is_knob(piece: Array, leaf: Leaf) -> bool:
-    """Whether a piece (n, 3) that no hand touched is as wide and stands as far off as knobs, well inside a front."""
+    """Whether a piece (n, 3) that no hand touched is as wide and stands as far off as knobs, well inside a
+    front."""
     low, high = piece.min(axis=0), piece.max(axis=0)
     inside = np.all((low[:2] > leaf.corners[0] + _MARGIN) & (high[:2] < leaf.corners[1] - _MARGIN))
     return bool(inside and (high - low)[:2].max() < _WIDEST and high[OUT] > _KNOB_OFF)

@@ -1,4 +1,5 @@
-"""The inferred layer of a whole twin: fronts, what is furniture, cabinets, parts, and what stands still around them."""
+"""The inferred layer of a whole twin: fronts, what is furniture, cabinets, parts, and what stands still
+around them."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from twin.scene import Twin
 
 
 def infer(twin: Twin) -> Twin:
-    """The twin with the inferred layer of its static scene and every part, without collision shapes of what lies in no piece.
+    """The twin with the inferred layer of its static scene and every part, without collision shapes of what
+    lies in no piece.
 
     It has at least one part.
     """

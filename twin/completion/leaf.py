@@ -17,7 +17,8 @@ _DEEPEST = 0.06  # m, no front is thicker
 _THINNEST = 0.006  # m
 _BACK = 0.08  # share of the front whose back tells its thickness
 _BOARDS = (0.012, 0.022)  # m, of fronts (assets/materials.toml)
-_BLUR = 0.006  # m by which a fused board may seem thicker or thinner than it is: more is no board of the usual thickness
+# m by which a fused board may seem thicker or thinner than it is: more is no board of the usual thickness
+_BLUR = 0.006
 _AS_BOARDS = f"thickness assumed, {1000 * FRONT_THICKNESS:.0f} mm as boards have"
 _RIM = 0.0006  # m^2 of rim that tell it
 _NEAR_RIM = 0.015  # m
@@ -27,7 +28,8 @@ _ON_PLANE = 0.012  # m
 
 @dataclass(frozen=True, eq=False)
 class Leaf:
-    """The front: corners (2, 2) of its rectangle in side and up, thickness m with its basis, and words that say where that is from."""
+    """The front: corners (2, 2) of its rectangle in side and up, thickness m with its basis, and words that
+    say where that is from."""
 
     corners: Array
     thickness: float

@@ -33,7 +33,8 @@ _FEW = 30  # vertices that tell none
 
 
 def front_of(part: Part, eye: Array | None) -> Front | None:
-    """The frame of a part and its front; None where no flat face fills a rectangle. eye: where the viewer stood (3,)."""
+    """The frame of a part and its front; None where no flat face fills a rectangle. eye: where the viewer
+    stood (3,)."""
     frame = part_frame(part, eye)
     leaf = None if frame is None else find_leaf(Cloud.of(part.mesh, frame.T_world_frame))
     return None if frame is None or leaf is None else Front(frame, leaf)
@@ -45,7 +46,8 @@ def complete_part(part: Part, found: Front | None, rear_limit: float | None) -> 
     Args:
         part: its seen mesh, joint and contact are read.
         found: its front; None where it has none, and then nothing is inferred.
-        rear_limit: where (m along out, negative) the furniture ends behind the front, None where that was not seen.
+        rear_limit: where (m along out, negative) the furniture ends behind the front, None where that was not
+            seen.
     """
     if found is None:
         return Completion(without_shreds(part.mesh))
@@ -94,7 +96,8 @@ def _layer(
 def color_near(
     mesh: Mesh, board: Board, T_world_frame: Array, otherwise: NDArray[np.uint8] | None = None
 ) -> NDArray[np.uint8]:
-    """Median colour (3,) of the seen vertices around a board; where few lie there, another one, by default that of the whole mesh."""
+    """Median colour (3,) of the seen vertices around a board; where few lie there, another one, by default
+    that of the whole mesh."""
     if mesh.colors is None or not len(mesh.colors):
         return np.array(PLAIN, np.uint8) if otherwise is None else otherwise
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)

@@ -1,4 +1,5 @@
-"""Names of a furniture's parts: what kind of part it is and, where there are several of a kind, its place among them."""
+"""Names of a furniture's parts: what kind of part it is and, where there are several of a kind, its place
+among them."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ from twin.scene import Part
 _ROWS = ("lower", "middle", "upper")
 _COLUMNS = ("left", "middle", "right")
 _UP = np.array([0.0, 0.0, 1.0])
-# Share of the smaller extent by which the middles of two parts are apart that lie in different rows; chosen by us: those of one
-# row differ by less than a tenth, those of stacked parts by all of it.
+# Share of the smaller extent by which the middles of two parts are apart that lie in different rows; chosen
+# by us: those of one row differ by less than a tenth, those of stacked parts by all of it.
 _APART = 0.5
 # Upward share of a unit normal above which a face is level; chosen by us: halfway between upright and level.
 _LEVEL = 0.7
@@ -33,7 +34,8 @@ def part_names(
     given: Mapping[int, str] | None = None,
     taken: Iterable[str] = (),
 ) -> dict[int, str]:
-    """A name for every part id: `drawer`, of several `drawer_upper` and `drawer_lower`, `drawer_lower_left`; a namesake gets `_2`.
+    """A name for every part id: `drawer`, of several `drawer_upper` and `drawer_lower`, `drawer_lower_left`;
+    a namesake gets `_2`.
 
     Args:
         parts: at state 0; their own names are not asked.
@@ -56,14 +58,16 @@ def part_names(
 
 
 def _kind(part: Part, frame: PartFrame | None) -> Kind:
-    """What the part is called: what slides along a face that looks up is a low drawer, whose floor is larger than its front."""
+    """What the part is called: what slides along a face that looks up is a low drawer, whose floor is larger
+    than its front."""
     if frame is None or (frame.kind == "sliding_door" and abs(frame.T_world_frame[2, 2]) > _LEVEL):
         return kind_by_joint(part.joint)
     return frame.kind
 
 
 def _places(parts: Sequence[Part], right: Array) -> list[list[str]]:
-    """Words for the place of each part among the others: its row, and its column in the row, where there are several."""
+    """Words for the place of each part among the others: its row, and its column in the row, where there are
+    several."""
     places: list[list[str]] = [[] for _ in parts]
     rows = _groups([_span(p, _UP) for p in parts])
     for row, of_row in zip(_words(len(rows), _ROWS), rows, strict=True):

@@ -15,18 +15,21 @@ from twin.scene import Mesh, Texture
 
 # m that a texel is wide: photo textures have 1.3 to 2.0 mm (benchmarks/look.md).
 TEXEL = 0.0015
-# m from the border of what was seen on a face within which colours are another surface's. Chosen by us: twice what a
-# fused surface bends away from its plane before its edge (twin.completion.leaf.BENT).
+# m from the border of what was seen on a face within which colours are another surface's. Chosen by us: twice
+# what a fused surface bends away from its plane before its edge (twin.completion.leaf.BENT).
 _BENT = 0.010
-# Share of a narrow face's width that its border may take on each side. Chosen by us: the middle half of an edge stays.
+# Share of a narrow face's width that its border may take on each side. Chosen by us: the middle half of an
+# edge stays.
 _NARROW = 0.25
-# Texels of a picture between those that are looked up first. Chosen by us: 6 mm, less than what a face holds at least.
+# Texels of a picture between those that are looked up first. Chosen by us: 6 mm, less than what a face holds
+# at least.
 _STEP = 4
 # Texels that tell a colour. Chosen by us: 2 cm^2.
 FEW = 90
 # Texels of a tile's shorter side at least, 3 cm. Chosen by us: the grain of wood shows.
 _TILE = 20
-# Share of a cell that was seen, and cells along a face, by which the largest rectangle is looked for. Chosen by us.
+# Share of a cell that was seen, and cells along a face, by which the largest rectangle is looked for. Chosen
+# by us.
 _SEEN = 0.98
 _CELLS = 80
 # Texels of the blur that parts a tile's grain from its light. Chosen by us: 4 cm.
@@ -35,8 +38,8 @@ _LIGHT = 27.0
 _SOFT = 7.0
 # Share of what lies around a texel that must have been seen to tell its light. Chosen by us.
 _TOLD = 0.2
-# Of the view of a surface from its side: no camera saw it from less, and what seems to be there is the skirt that a fused
-# surface has around what hides it. Chosen by us: 75 deg.
+# Of the view of a surface from its side: no camera saw it from less, and what seems to be there is the skirt
+# that a fused surface has around what hides it. Chosen by us: 75 deg.
 ASKEW = float(np.cos(np.radians(75.0)))
 
 F32 = NDArray[np.float32]
@@ -46,7 +49,8 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A rectangle in the world: its corner (3,), its sides across and up (3,) m, its outward normal (3,), and its picture.
+    """A rectangle in the world: its corner (3,), its sides across and up (3,) m, its outward normal (3,), and
+    its picture.
 
     color: (H, W, 3) sRGB of 0..255, the row at the corner first. seen: (H, W), where photographs show it.
     """
@@ -65,7 +69,8 @@ class Face:
         return size * float(self.seen.mean())
 
     def where(self, holds: Callable[[Array], Mask], more: bool = False) -> Mask:
-        """Texels (H, W) at which something `holds` of their middles (n, 3), by every few of them; more: and around these."""
+        """Texels (H, W) at which something `holds` of their middles (n, 3), by every few of them; more: and
+        around these."""
         points = self.points(_STEP)
         coarse = holds(points.reshape(-1, 3)).reshape(points.shape[:2])
         coarse = _grown(coarse) if more else coarse
@@ -125,7 +130,8 @@ class Seen:
         return found if found.seen.sum() > FEW else face
 
     def _nearest(self, points: Array, normal: Array) -> tuple[Mask, Array]:
-        """Whether the surface nearest to points (n, 3) lies on a face with that normal, and its texture coordinates (n, 2)."""
+        """Whether the surface nearest to points (n, 3) lies on a face with that normal, and its texture
+        coordinates (n, 2)."""
         import open3d as o3d
 
         at = o3d.core.Tensor.from_numpy(np.ascontiguousarray(points, np.float32))
@@ -147,7 +153,8 @@ class Seen:
 
 
 def faced(mesh: Mesh, eyes: Array) -> Mask:
-    """Which triangles (F,) look towards one of the cameras, which stood at eyes (n, 3), no more askew than ASKEW."""
+    """Which triangles (F,) look towards one of the cameras, which stood at eyes (n, 3), no more askew than
+    ASKEW."""
     corners = mesh.vertices[mesh.faces]
     normals, middles = geo.triangle_normals(corners)[0], corners.mean(axis=1)
     best = np.full(len(middles), -1.0)
@@ -164,7 +171,8 @@ def _grown(mask: Mask) -> Mask:
 
 
 def _settled(face: Face) -> Face:
-    """The face without the border of what was seen, along its own and along holes, and with what is between texels that were."""
+    """The face without the border of what was seen, along its own and along holes, and with what is between
+    texels that were."""
     import cv2
 
     rows, columns = face.seen.shape
@@ -186,7 +194,8 @@ def _settled(face: Face) -> Face:
 
 
 def tile_of(face: Face) -> F32 | None:
-    """The picture of the largest rectangle of the face that was seen, None where it is narrower than _TILE texels."""
+    """The picture of the largest rectangle of the face that was seen, None where it is narrower than _TILE
+    texels."""
     cell = max(_STEP, -(-max(face.seen.shape) // _CELLS))
     rows, columns = (n // cell for n in face.seen.shape)
     cut = face.seen[: rows * cell, : columns * cell].reshape(rows, cell, columns, cell)
@@ -217,8 +226,9 @@ def _largest(cells: Mask) -> tuple[int, int, int, int]:
 def filled(face: Face, tile: F32 | None, color: Array | None, plain: Array) -> U8:
     """The picture (H, W, 3) of a face: photographs where they show it, else a tile, mirrored over and over.
 
-    tile: of the face itself or of its like. Its light is that around it on the face; of a face of which nothing was seen
-    it is that of `color` (3,), and of the tile's own where that is None. plain: colour (3,) where there is no tile.
+    tile: of the face itself or of its like. Its light is that around it on the face; of a face of which
+    nothing was seen it is that of `color` (3,), and of the tile's own where that is None. plain: colour (3,)
+    where there is no tile.
     """
     high, wide = face.seen.shape
     if face.seen.all():
@@ -240,7 +250,8 @@ def filled(face: Face, tile: F32 | None, color: Array | None, plain: Array) -> U
 
 
 def _feathered(seen: Mask) -> Array:
-    """Share (H, W) of a photograph: 0 where none shows a texel, and rising to 1 over _SOFT texels inside of that."""
+    """Share (H, W) of a photograph: 0 where none shows a texel, and rising to 1 over _SOFT texels inside of
+    that."""
     import cv2
 
     apart = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 3)
@@ -265,7 +276,8 @@ def _blurred(picture: F32, sigma: float, outside: int | None = None) -> F32:
 
 
 def light_of(face: Face) -> F32:
-    """The light (H, W, 3) of a face of which something was seen: means around each texel, over ever less where enough was seen."""
+    """The light (H, W, 3) of a face of which something was seen: means around each texel, over ever less
+    where enough was seen."""
     weight = face.seen.astype(np.float32)
     value = face.color * weight[..., None]
     light = np.broadcast_to(value.sum(axis=(0, 1)) / weight.sum(), value.shape)

@@ -46,7 +46,8 @@ class Front:
         return geo.transform(geo.invert_pose(self.frame.T_world_frame), points)
 
     def behind(self, points: Array, margin: float, before: float = 0.0) -> NDArray[np.bool_]:
-        """Which world points (n, 3) lie behind the front, up to `margin` m outside its edges and `before` m before its plane."""
+        """Which world points (n, 3) lie behind the front, up to `margin` m outside its edges and `before` m
+        before its plane."""
         p = self.local(points)
         corners = self.leaf.corners + np.array([[-margin], [margin]])
         inside = np.all((p[:, :2] > corners[0]) & (p[:, :2] < corners[1]), axis=1)
@@ -63,7 +64,8 @@ class Bound:
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """The triangles (F,) of the static scene that belong to the furniture, and the room's bounds, the floor first where it was seen."""
+    """The triangles (F,) of the static scene that belong to the furniture, and the room's bounds, the floor
+    first where it was seen."""
 
     furniture: NDArray[np.bool_]
     bounds: tuple[Bound, ...]
@@ -71,9 +73,11 @@ class Apart:
 
 
 def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
-    """Furniture is what hangs together with the surroundings of the fronts, once floor and walls are taken away.
+    """Furniture is what hangs together with the surroundings of the fronts, once floor and walls are taken
+    away.
 
-    A wall is a large upright face behind which next to nothing lies, a floor a level one below which nothing lies.
+    A wall is a large upright face behind which next to nothing lies, a floor a level one below which nothing
+    lies.
     """
     corners = mesh.vertices[mesh.faces]
     normals, _ = geo.triangle_normals(corners)
@@ -105,7 +109,8 @@ def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
 
 
 def _below(front: Front, floor: Bound, furniture: Array, points: Array) -> NDArray[np.bool_]:
-    """Which points (n, 3) are low ones under the furniture (m, 3): a plinth, or legs, that hang together with it nowhere in sight."""
+    """Which points (n, 3) are low ones under the furniture (m, 3): a plinth, or legs, that hang together with
+    it nowhere in sight."""
     ours, theirs = front.local(furniture), front.local(points)
     low, high = np.quantile(ours, 0.01, axis=0) - _AROUND, np.quantile(ours, 0.99, axis=0) + _AROUND
     axes = [0, 1, 2]

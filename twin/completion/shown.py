@@ -1,4 +1,5 @@
-"""What of a seen surface is drawn beside the boards: flat where a board's face is flat, without shreds and what a board stands in for."""
+"""What of a seen surface is drawn beside the boards: flat where a board's face is flat, without shreds and
+what a board stands in for."""
 
 from __future__ import annotations
 
@@ -34,9 +35,10 @@ def shown_surface(
 ) -> Mesh:
     """Seen triangles that are drawn beside the boards.
 
-    A triangle on a board's face is put into its plane and ends where the board ends. One that merely surrounds a board, as a fused
-    surface's skirt does, and one in a box (low, high) of `fitted`, for which other pieces stand, is left out; so are shreds. front: a
-    part's front, whose skirt hangs far behind: before it lies what the part moves away from.
+    A triangle on a board's face is put into its plane and ends where the board ends. One that merely
+    surrounds a board, as a fused surface's skirt does, and one in a box (low, high) of `fitted`, for which
+    other pieces stand, is left out; so are shreds. front: a part's front, whose skirt hangs far behind:
+    before it lies what the part moves away from.
     """
     if not len(mesh.faces):
         return mesh
@@ -67,7 +69,8 @@ def shown_surface(
 
 
 def _skirt(local: Array, front: Board) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie beside and behind the border of a front: noise that the fusion draws from it to what is farther away."""
+    """Which points (n, 3) lie beside and behind the border of a front: noise that the fusion draws from it to
+    what is farther away."""
     beside = _BESIDE + ON_FACE
     around = np.all(
         (local[:, :2] > front.low[:2] - beside) & (local[:, :2] < front.high[:2] + beside), axis=1
@@ -99,9 +102,11 @@ def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plan
 def without_floaters(
     mesh: Mesh, boards: Sequence[Board], T_world_frame: Array, opening: Board | None = None
 ) -> Mesh:
-    """The mesh without loose pieces that touch no board: what hangs in the air is none of a part made of these.
+    """The mesh without loose pieces that touch no board: what hangs in the air is none of a part made of
+    these.
 
-    opening: a drawer's front. What stands behind it must pass the opening that it covers: a piece much of which lies beside does not.
+    opening: a drawer's front. What stands behind it must pass the opening that it covers: a piece much of
+    which lies beside does not.
     """
     if not len(mesh.faces):
         return mesh
@@ -126,8 +131,8 @@ def passing(mesh: Mesh, front: Board, T_world_frame: Array) -> Mesh:
 
 
 def without_surroundings(mesh: Mesh, panel: Board, T_world_frame: Array) -> Mesh:
-    """The surface of a door without what lies beside its panel and behind the panel's middle: a board ends there, and what goes on is the
-    furniture around it, which labels took for the door."""
+    """The surface of a door without what lies beside its panel and behind the panel's middle: a board ends
+    there, and what goes on is the furniture around it, which labels took for the door."""
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
@@ -137,7 +142,8 @@ def without_surroundings(mesh: Mesh, panel: Board, T_world_frame: Array) -> Mesh
 
 
 def up_to(mesh: Mesh, rear: float, T_world_frame: Array) -> Mesh:
-    """The surface of a drawer up to the rear (m along out) of its back: what lies behind is the furniture, which labels took for it."""
+    """The surface of a drawer up to the rear (m along out) of its back: what lies behind is the furniture,
+    which labels took for it."""
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
@@ -146,7 +152,8 @@ def up_to(mesh: Mesh, rear: float, T_world_frame: Array) -> Mesh:
 
 
 def without_shreds(mesh: Mesh) -> Mesh:
-    """The mesh without loose pieces that are too small to be anything, and without faces that have no area."""
+    """The mesh without loose pieces that are too small to be anything, and without faces that have no
+    area."""
     if not len(mesh.faces):
         return mesh
     area = geo.triangle_areas(mesh.vertices[mesh.faces])

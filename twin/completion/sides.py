@@ -1,4 +1,5 @@
-"""Sides of a part's cabinet that go on along the neighbours above and below it: one board closes a column of drawers."""
+"""Sides of a part's cabinet that go on along the neighbours above and below it: one board closes a column of
+drawers."""
 
 from __future__ import annotations
 
@@ -21,12 +22,14 @@ _LEAST = 0.05  # m, less goes on nowhere
 def continued(
     sides: Sequence[tuple[Board, int]], boards: Sequence[Board], sight: Sight, T_world_frame: Array
 ) -> list[Board]:
-    """The boards with the sides of the parts' cabinets gone on beside them, where a piece of that was seen or nothing says that it is free.
+    """The boards with the sides of the parts' cabinets gone on beside them, where a piece of that was seen or
+    nothing says that it is free.
 
     Neighbours that end short of such a side reach it; a board that is a piece of it is left out.
 
     Args:
-        sides: sides of the parts' cabinets that were seen, each with the direction in which it looks outwards (-1 left, 1 right).
+        sides: sides of the parts' cabinets that were seen, each with the direction in which it looks outwards
+            (-1 left, 1 right).
         boards: of the furniture, in one frame.
         sight: what cameras saw, in the world.
         T_world_frame: pose (4, 4) of the frame.
@@ -48,7 +51,8 @@ def continued(
 
 
 def _column(side: Board, sign: int, inner: float, up: int, boards: Sequence[Board]) -> list[Board]:
-    """The neighbours that end at a side, one next to the other from the side's lower (up = -1) or upper end on."""
+    """The neighbours that end at a side, one next to the other from the side's lower (up = -1) or upper end
+    on."""
     ends = [
         b
         for b in boards

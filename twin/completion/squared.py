@@ -1,5 +1,5 @@
-"""Neighbours, plinths and worktops that a picture's border cut off, made as wide as what is beside, below and above: furniture has straight
-sides."""
+"""Neighbours, plinths and worktops that a picture's border cut off, made as wide as what is beside, below and
+above: furniture has straight sides."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ class Sight:
 def squared(
     boards: Sequence[Board], cabinets: Sequence[Board], sight: Sight, T_world_frame: Array
 ) -> list[Board]:
-    """The boards, of which neighbours, plinths and worktops reach to the side as far as what they are in line with, where nothing says
-    that this is free; by themselves or by a board beside them.
+    """The boards, of which neighbours, plinths and worktops reach to the side as far as what they are in line
+    with, where nothing says that this is free; by themselves or by a board beside them.
 
     Args:
         boards: of the furniture, in one frame.
@@ -91,7 +91,8 @@ def squared(
 
 
 def _added(board: Board, others: Sequence[Board], cabinets: Sequence[Board], sign: int) -> Board | None:
-    """What is missing of a board to one side, up to the farthest that it is in line with; None where nothing is, or something stands there."""
+    """What is missing of a board to one side, up to the farthest that it is in line with; None where nothing
+    is, or something stands there."""
     edge, beside = max(_ends(board, others, cabinets, sign), default=(-np.inf, ""))
     mine = _end(board, sign)
     if not _NARROW < edge - mine < _WIDEST:
@@ -124,8 +125,8 @@ def _end(board: Board, sign: int) -> float:
 def _ends(
     board: Board, boards: Sequence[Board], cabinets: Sequence[Board], sign: int
 ) -> list[tuple[float, str]]:
-    """How far what a board is in line with reaches to one side, and what that is: fronts in its plane; of a neighbour the plinth below and
-    the worktop above; of these the neighbours."""
+    """How far what a board is in line with reaches to one side, and what that is: fronts in its plane; of a
+    neighbour the plinth below and the worktop above; of these the neighbours."""
     found = []
     fronts = [b for b in boards if b.role == "neighbour"]
     if board.role == "neighbour":
@@ -172,8 +173,8 @@ def stands_on(front: Board, plinth: Board) -> bool:
 
 
 def _beside(strip: Board, boards: Sequence[Board]) -> Board | None:
-    """The highest piece of a strip that no board takes, None where little is left, or neither its upper nor its lower end: what hangs
-    between others is none of a cabinet."""
+    """The highest piece of a strip that no board takes, None where little is left, or neither its upper nor
+    its lower end: what hangs between others is none of a cabinet."""
     taken = [(float(b.low[UP]), float(b.high[UP])) for b in boards if overlap(strip, b)]
     edges = sorted([(float(strip.low[UP]),) * 2, *taken, (float(strip.high[UP]),) * 2])
     best, reached = (0.0, 0.0), edges[0][1]

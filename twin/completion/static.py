@@ -1,4 +1,5 @@
-"""The inferred layer of what stands still: the cabinets of the parts, boards behind the faces that were seen, and the room apart from it."""
+"""The inferred layer of what stands still: the cabinets of the parts, boards behind the faces that were seen,
+and the room apart from it."""
 
 from __future__ import annotations
 
@@ -76,8 +77,8 @@ def openings(
 
 
 def wall_behind(front: Front, bounds: Sequence[Bound]) -> float | None:
-    """Where (m along out, negative) a wall or the floor lies behind a front; None where none was seen. Where a wall is clad, as with tiles
-    above a worktop, the furniture stands at the wall."""
+    """Where (m along out, negative) a wall or the floor lies behind a front; None where none was seen. Where
+    a wall is clad, as with tiles above a worktop, the furniture stands at the wall."""
     T = front.frame.T_world_frame
     found = [b.offset - float(b.normal @ T[:3, 3]) for b in bounds if b.normal @ T[:3, OUT] > _ALIGNED]
     behind = [h for h in found if h < -0.05]
@@ -142,8 +143,8 @@ def _interiors(opened: Sequence[Opening]) -> tuple[Interior, ...]:
 def _panels(
     furniture: Mesh, left: Array, opened: Sequence[Opening], swept: Array, sight: Sight | None, most: int
 ) -> list[Board]:
-    """Boards and solid neighbours behind the faces (n, 3, 3) that belong to no cabinet of a part, `most` less what is kept for handles,
-    the largest faces first; in the frame of the first part's front."""
+    """Boards and solid neighbours behind the faces (n, 3, 3) that belong to no cabinet of a part, `most` less
+    what is kept for handles, the largest faces first; in the frame of the first part's front."""
     first = opened[0]
     T, passed = first.front.frame.T_world_frame, first.front.local(swept)
     cloud = Cloud.of(furniture, T)
@@ -172,7 +173,8 @@ def _panels(
 
 
 def _sides(opened: Sequence[Opening]) -> list[tuple[Board, int]]:
-    """Sides of the parts' cabinets that were seen, in the frame of the first part's front, and where they look outwards."""
+    """Sides of the parts' cabinets that were seen, in the frame of the first part's front, and where they
+    look outwards."""
     out = []
     for o in opened:
         inside = _inside_of(o, opened[0])
@@ -187,8 +189,8 @@ def _sides(opened: Sequence[Opening]) -> list[tuple[Board, int]]:
 def _clear_piece(
     board: Board, T_world_frame: Array, furniture: Mesh, passed: Array, color: NDArray[np.uint8] | None = None
 ) -> Inferred:
-    """A board as a piece whose shape keeps clear of where the parts pass (n, 3), as a shorter box if it can: shapes that are cut there
-    later fall to many pieces."""
+    """A board as a piece whose shape keeps clear of where the parts pass (n, 3), as a shorter box if it can:
+    shapes that are cut there later fall to many pieces."""
     piece = board.piece(T_world_frame, color_near(furniture, board, T_world_frame, color))
     shorter = out_of_the_way(board, passed, -_CLEAR)
     return (
@@ -217,7 +219,8 @@ def _is_front(board: Board) -> bool:
 
 
 def _neighbour(board: Board, opened: Sequence[Opening], cloud: Cloud) -> Board:
-    """A front beside those of the parts stands for its whole cabinet, as deep as theirs, which nobody saw from inside."""
+    """A front beside those of the parts stands for its whole cabinet, as deep as theirs, which nobody saw
+    from inside."""
     rear = max(o.carcass.rear for o in opened)
     if not _is_front(board) or board.high[OUT] - rear < _SOLID:
         return board
@@ -255,7 +258,8 @@ def _in_first(board: Board, o: Opening, first: Opening) -> Board:
 
 
 def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:
-    """Handles before fronts that stand still, found on all in one plane at once: a front may be several boards."""
+    """Handles before fronts that stand still, found on all in one plane at once: a front may be several
+    boards."""
     found: list[Handle] = []
     left = sorted(fronts, key=lambda b: -float(b.high[OUT]))
     while left:

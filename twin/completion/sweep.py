@@ -1,4 +1,5 @@
-"""Where moving parts go: what is inferred of the furniture must leave that free, as the recording shows that they move there."""
+"""Where moving parts go: what is inferred of the furniture must leave that free, as the recording shows that
+they move there."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ _WORTH = 0.5  # share of a board that must be left of it
 
 
 def swept_points(part: Part, layer: Completion) -> Array:
-    """Points (n, 3) m of a part's pieces and of what is shown of its seen surface over its whole range, in the world."""
+    """Points (n, 3) m of a part's pieces and of what is shown of its seen surface over its whole range, in
+    the world."""
     from twin.collision.solid import spread
 
     clouds = [layer.shown.vertices]
@@ -33,7 +35,8 @@ def swept_points(part: Part, layer: Completion) -> Array:
 
 
 def held_points(part: Part) -> Array:
-    """Points (n, 3) m that two fingers filled beside what they held of the closed part, in the world; none where no hand held it."""
+    """Points (n, 3) m that two fingers filled beside what they held of the closed part, in the world; none
+    where no hand held it."""
     contact = part.contact
     if contact is None:
         return np.zeros((0, 3))
@@ -49,7 +52,8 @@ def held_points(part: Part) -> Array:
 
 
 def out_of_the_way(board: Board, swept: Array, into: float = _INTO) -> Board | None:
-    """The board, or the largest part of it that is free of points (n, 3) in its frame; None where too little would be left.
+    """The board, or the largest part of it that is free of points (n, 3) in its frame; None where too little
+    would be left.
 
     into: m that points may come into it; below zero they keep that far away.
     """

@@ -29,12 +29,14 @@ _MUCH = 2.0  # times the surface of its inner face from which a side's outer one
 _BORDER, _HANGS = 0.008, 0.12  # m inside a front's edges and behind it that its skirt takes
 _WIDE = 0.3  # share of the front's width that a floor has at least
 _SHORTEST = 0.03  # m of a drawer's side
-_APART = 0.035  # m that a drawer keeps from the back of its cabinet: boxes come in steps of 5 cm and need 1 cm behind them
+# m that a drawer keeps from the back of its cabinet: boxes come in steps of 5 cm and need 1 cm behind them
+_APART = 0.035
 
 
 @dataclass(frozen=True, eq=False)
 class Tray:
-    """Boards behind a drawer's front, and its inside from corner low (3,) to high (3,) in the part's frame."""
+    """Boards behind a drawer's front, and its inside from corner low (3,) to high (3,) in the part's
+    frame."""
 
     boards: tuple[Board, ...]
     low: Array
@@ -43,8 +45,8 @@ class Tray:
 
 @dataclass(frozen=True, eq=False)
 class _Wall:
-    """One side: where its inner face is (m along side), how thick it is, whether it was seen, how far back (m along out), how high and
-    low (m along up)."""
+    """One side: where its inner face is (m along side), how thick it is, whether it was seen, how far back (m
+    along out), how high and low (m along up)."""
 
     inner: float
     thickness: float
@@ -95,23 +97,25 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
 
 
 def _skirt(cloud: Cloud, leaf: Leaf) -> Mask:
-    """Which points lie right behind the front's border, where a fused surface hangs on to what was farther away."""
+    """Which points lie right behind the front's border, where a fused surface hangs on to what was farther
+    away."""
     p = cloud.points
     inside = np.all((p[:, :2] > leaf.corners[0] + _BORDER) & (p[:, :2] < leaf.corners[1] - _BORDER), axis=1)
     return np.asarray(~inside & (p[:, OUT] > -_HANGS))
 
 
 def _backs(behind: Cloud, top: float, rears: list[float]) -> list[Layer]:
-    """Layers that face the viewer and may be the back, the largest first: most of it below the sides' upper edges, and not before where
-    these end (m along out). Of a drawer that stands open, its cabinet's front edge lies there, which labels may take for it."""
+    """Layers that face the viewer and may be the back, the largest first: most of it below the sides' upper
+    edges, and not before where these end (m along out). Of a drawer that stands open, its cabinet's front
+    edge lies there, which labels may take for it."""
     found = layers(behind, OUT, 1, _LEAST) if len(behind) else []
     found = [k for k in found if k.offset < -_REAR and np.median(k.cloud.points[:, UP]) < top]
     return [k for k in found if k.offset < max(rears, default=0.0) + _PAST]
 
 
 def _floor(behind: Cloud, leaf: Leaf, rear: float = -np.inf) -> Layer | None:
-    """The lowest of the large layers that face up, below the skirt of the front's rim and wider than the rim of a side, and not
-    behind where the sides end (m along out)."""
+    """The lowest of the large layers that face up, below the skirt of the front's rim and wider than the rim
+    of a side, and not behind where the sides end (m along out)."""
     below, wide = float(leaf.corners[1, 1]) - _BELOW_RIM, _WIDE * float(leaf.size[0])
     found = layers(behind, UP, 1, _LEAST) if len(behind) else []
     found = [k for k in found if k.offset < below and _spans(k.cloud.points[:, SIDE], leaf, wide)]
@@ -121,7 +125,8 @@ def _floor(behind: Cloud, leaf: Leaf, rear: float = -np.inf) -> Layer | None:
 
 
 def _spans(along: Array, leaf: Leaf, wide: float) -> bool:
-    """Whether a layer at these places (n,) m along the side is a floor: wide, and not the rims of two sides with nothing between."""
+    """Whether a layer at these places (n,) m along the side is a floor: wide, and not the rims of two sides
+    with nothing between."""
     middle = np.abs(along - leaf.corners[:, 0].mean()) < leaf.size[0] / 4
     return bool(np.ptp(np.quantile(along, [0.05, 0.95])) > wide and middle.mean() > _MIDDLE)
 
@@ -158,7 +163,8 @@ def _sides(behind: Cloud, leaf: Leaf, floor: Layer | None) -> tuple[_Wall, _Wall
 
 
 def _side(behind: Cloud, s: int, middle: float) -> _Wall | None:
-    """The side on the left (-1) or right (1): its inner face looks to the middle, its outer one away; the larger of what was seen tells."""
+    """The side on the left (-1) or right (1): its inner face looks to the middle, its outer one away; the
+    larger of what was seen tells."""
     beyond = [k for k in layers(behind, SIDE, -s, _LEAST) if s * (k.offset - middle) > 0.04]
     away = [k for k in layers(behind, SIDE, s, _LEAST / 3) if s * (k.offset - middle) > 0.04]
     if not beyond and not (away and away[0].cloud.size > _LEAST):

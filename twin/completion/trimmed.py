@@ -1,4 +1,5 @@
-"""What is drawn of a scan beside boards that wear its photographs: nothing that hangs over the gaps between them, no skirts."""
+"""What is drawn of a scan beside boards that wear its photographs: nothing that hangs over the gaps between
+them, no skirts."""
 
 from __future__ import annotations
 
@@ -18,10 +19,11 @@ _ON = 1e-4
 
 
 def trimmed(shown: Mesh, boards: Sequence[Box], eyes: Array) -> Mesh:
-    """The seen triangles without those that bridge two boards, and, beside the boards, without those that no camera faced.
+    """The seen triangles without those that bridge two boards, and, beside the boards, without those that no
+    camera faced.
 
-    A fused surface spans the gap between two fronts, and hangs a skirt from the outline of what stands before something
-    else; its triangles look aside. boards: in the world. eyes (n, 3): where the cameras stood.
+    A fused surface spans the gap between two fronts, and hangs a skirt from the outline of what stands before
+    something else; its triangles look aside. boards: in the world. eyes (n, 3): where the cameras stood.
     """
     if not len(shown.faces):
         return shown

@@ -20,14 +20,16 @@ from twin.scene import Box, Mesh, Part, Texture, Twin
 
 # m^2 of a face that must have been seen to tell what its like look like. Chosen by us: a square of 10 cm.
 _TELLS = 0.01
-# m by which a piece with photographs is drawn outside its faces: the seen surface, whose photographs it wears, ends ragged
-# and lies behind it. As far as a plain one is drawn inside.
+# m by which a piece with photographs is drawn outside its faces: the seen surface, whose photographs it
+# wears, ends ragged and lies behind it. As far as a plain one is drawn inside.
 _OUTSET = INSET
 # Frames between those whose cameras are asked what they saw. Chosen by us: a quarter of a second.
 _EVERY = 8
-# Distance of two sRGB colours of 0..255 below which one may stand for the other. Chosen by us: wood in light and in shade.
+# Distance of two sRGB colours of 0..255 below which one may stand for the other. Chosen by us: wood in light
+# and in shade.
 _ALIKE = 60.0
-# m by which faces of two boards that lie in one plane are apart at most. Chosen by us: less than a board is thick.
+# m by which faces of two boards that lie in one plane are apart at most. Chosen by us: less than a board is
+# thick.
 _FLUSH = 0.002
 # Share of a face in that of a larger board with which it counts as a part of that one. Chosen by us.
 _MOSTLY = 0.5
@@ -37,8 +39,9 @@ _BLUR = 0.020
 
 @dataclass(frozen=True, eq=False)
 class _Dress:
-    """A piece with its six faces, in the order of `_faces`, the tile of its most seen one, None where none was seen enough,
-    and its colour (3,), None where too little was. before: which faces stand before what was seen, and not in another's."""
+    """A piece with its six faces, in the order of `_faces`, the tile of its most seen one, None where none
+    was seen enough, and its colour (3,), None where too little was. before: which faces stand before what was
+    seen, and not in another's."""
 
     piece: Inferred
     faces: tuple[Face, ...]
@@ -55,8 +58,9 @@ class _Dress:
 def worn(twin: Twin) -> Twin:
     """The twin whose inferred pieces wear photographs, where its bodies have some.
 
-    A texel that no photograph shows is marked in the texture's mask, and a piece of which none shows anything says in its
-    reason whose picture it wears. Handles keep their plain colour: they are slimmer than what was seen.
+    A texel that no photograph shows is marked in the texture's mask, and a piece of which none shows anything
+    says in its reason whose picture it wears. Handles keep their plain colour: they are slimmer than what was
+    seen.
     """
     if twin.cameras is None:
         return twin
@@ -147,9 +151,11 @@ def _texel(pieces: Sequence[Inferred]) -> float:
 
 
 def _faces(box: Mesh) -> list[tuple[Array, Array, Array, Array]]:
-    """Corner, side across, side up and outward normal of the faces of a box as `box_mesh` makes it: two along each of its axes.
+    """Corner, side across, side up and outward normal of the faces of a box as `box_mesh` makes it: two along
+    each of its axes.
 
-    Upright faces have plumb for their side up, level ones the box's last axis, so that grain runs the same way on all.
+    Upright faces have plumb for their side up, level ones the box's last axis, so that grain runs the same
+    way on all.
     """
     v = box.vertices
     axes = [v[4] - v[0], v[2] - v[0], v[1] - v[0]]
@@ -167,8 +173,9 @@ def _faces(box: Mesh) -> list[tuple[Array, Array, Array, Array]]:
 
 
 def _like(dress: _Dress, body: Sequence[_Dress], fronts: Sequence[_Dress]) -> _Dress | None:
-    """Whose picture a piece wears: its own where enough of it was seen, else that of the piece that it goes on from, of what is
-    nearest in colour, or, where none of it was seen, of its kind, of the fronts, of the most seen. None where no colour is near."""
+    """Whose picture a piece wears: its own where enough of it was seen, else that of the piece that it goes
+    on from, of what is nearest in colour, or, where none of it was seen, of its kind, of the fronts, of the
+    most seen. None where no colour is near."""
     if dress.tile is not None:
         return dress
     shown = sorted((d for d in body if d.tile is not None), key=lambda d: -d.area)
@@ -193,8 +200,8 @@ def _goes_on(one: _Dress, other: _Dress) -> bool:
 
 
 def _color(dress: _Dress, face: int, body: Sequence[_Dress]) -> Array | None:
-    """Colour (3,) of a face of a piece of which nothing was seen: of the same face of a piece that it goes on from or that goes on
-    from it, else of the piece itself, of such another, or of one of its kind."""
+    """Colour (3,) of a face of a piece of which nothing was seen: of the same face of a piece that it goes on
+    from or that goes on from it, else of the piece itself, of such another, or of one of its kind."""
     others = [d for d in body if d is not dress]
     akin = [d for d in others if _goes_on(dress, d)]
     kind = [d for d in others if d.piece.role == dress.piece.role]
@@ -246,7 +253,8 @@ def board_of(piece: Inferred) -> Box:
 def _packed(
     pictures: Sequence[NDArray[np.uint8]], masks: Sequence[NDArray[np.bool_]]
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_], Array]:
-    """One image, top row first, its mask, and the place (n, 4) of each picture in it: left, bottom, width, height in 0..1."""
+    """One image, top row first, its mask, and the place (n, 4) of each picture in it: left, bottom, width,
+    height in 0..1."""
     size = np.array([p.shape[1::-1] for p in pictures])
     at, _ = shelves(size + 2 * BORDER)
     wide, high = (at + size + 2 * BORDER).max(axis=0)
@@ -269,7 +277,8 @@ def _covered(
     image: NDArray[np.uint8],
     seen: NDArray[np.bool_],
 ) -> Mesh:
-    """The mesh of a piece with its texture, drawn outside those of its faces that stand before what was seen."""
+    """The mesh of a piece with its texture, drawn outside those of its faces that stand before what was
+    seen."""
     board = board_of(piece)
     out = np.where(before, _OUTSET, -INSET).reshape(3, 2)
     middle = geo.make_pose(translation=(out[:, 1] - out[:, 0]) / 2)

@@ -1,7 +1,7 @@
 """Environments of the independent programs that judge an export and can't share ours.
 
-Each is a virtual environment of its own under `cache_root()`, made once by `twin engines --install` from the pinned packages
-in twin/engines/<name>.txt. Nothing is fetched unless the user asks for it.
+Each is a virtual environment of its own under `cache_root()`, made once by `twin engines --install` from the
+pinned packages in twin/engines/<name>.txt. Nothing is fetched unless the user asks for it.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ def interpreter(name: str) -> Path:
 
 
 def install(names: Sequence[str]) -> None:
-    """Create the environments that are not there yet. Raises InputError when one can't be made; needs the network."""
+    """Create the environments that are not there yet. Raises InputError when one can't be made; needs the
+    network."""
     for name in names:
         e = engine(name)
         if e.installed:

@@ -36,7 +36,8 @@ FORMATS: tuple[Format, ...] = get_args(Format)
 class Exported(Mapping[str, Path]):
     """Format -> main file, with a warning for everything a format can't carry.
 
-    overlaps: bodies whose collision shapes overlap by more than 2 mm with every part closed; an engine throws them apart.
+    overlaps: bodies whose collision shapes overlap by more than 2 mm with every part closed; an engine throws
+    them apart.
     """
 
     files: Mapping[str, Path]
@@ -65,24 +66,24 @@ def export(
     view: AssetView | None = None,
     collision: Mapping[str, Any] | None = None,
 ) -> Exported:
-    """Write `formats`: folder/urdf/<name>.urdf, folder/mjcf/<name>.xml with scene.xml, and folder/usd/<name>.usda.
+    """Write `formats`: folder/urdf/<name>.urdf, folder/mjcf/<name>.xml, scene.xml, folder/usd/<name>.usda.
 
-    Each format's folder is complete in itself, with notes on importing it (README.md) and a list of what was exported (files.json). All
-    are written before the first is changed; files of others stay. Mass, friction and collision shapes that the twin lacks are made first.
+    Each format's folder is complete in itself, with notes on importing it (README.md) and a list of what was
+    exported (files.json). All are written before the first is changed; files of others stay.
 
     Args:
-        package: ROS package name: makes folder/urdf that package, with a second URDF whose mesh paths are package://.
+        package: makes folder/urdf a ROS package of this name, with a second URDF of package:// paths.
         cache_dir: where collision shapes are kept between runs.
-        asset: author, licence, kind and date that the files state.
+        asset: author, licence, kind and date, as files state.
         overwrite: also replace exported files that were changed since, and others of the same names.
-        view: which layer is written, with the room or without, in which frame; `twin.completion.asset.usual_view` by default.
-        collision: settings of the collision shapes that are made, by name: {"part_pieces": 8}.
+        view: layer, room and frame; `twin.completion.asset.usual_view` by default.
+        collision: settings of collision shapes, by name: {"part_pieces": 8}.
 
     Returns:
-        the main file of every format, warnings about what a format can't carry, and the overlaps that are to be mended.
+        Each format's main file, warnings about what a format can't carry, and overlaps to be mended.
 
     Raises:
-        InputError: unknown format, illegal package name, an unwritable folder, or a file in it that was changed since its export.
+        InputError: unknown format, illegal package name, an unwritable folder, a changed file.
         SceneError: a part that can't be simulated.
     """
     folder, formats = Path(folder), several(formats)
@@ -138,7 +139,8 @@ def _meetings(twin: Twin, ready: Twin) -> list[Meeting]:
 def _trees(
     ready: Twin, tree: Tree, formats: Sequence[str], met: Sequence[Meeting]
 ) -> tuple[dict[str, Tree], list[str]]:
-    """The tree of each format, and a line for each body whose shapes are cut in URDF, which can't filter pairs."""
+    """The tree of each format, and a line for each body whose shapes are cut in URDF, which can't filter
+    pairs."""
     from twin.collision.meetings import meetings, with_pairs_cut
 
     cut, told = with_pairs_cut(ready, met) if "urdf" in formats else (ready, [])
@@ -180,10 +182,12 @@ def complete(
     view: AssetView | None = None,
     collision: Mapping[str, Any] | None = None,
 ) -> Twin:
-    """The twin with mass, friction and collision shapes wherever they were missing, joints that hold its parts where they rested, and the
-    inferred layer that a view asks for, by default that of `usual_view`. collision: settings of the shapes that are made, by name.
+    """The twin with mass, friction and collision shapes wherever they were missing, joints that hold its
+    parts where they rested, and the inferred layer that a view asks for, by default that of `usual_view`.
+    collision: settings of the shapes that are made, by name.
 
-    Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not convex.
+    Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not
+    convex.
     """
     from twin.collision.stated import require_convex
 

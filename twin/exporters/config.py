@@ -10,6 +10,7 @@ from twin.runs.setting import Settings, group
 
 @dataclass(frozen=True)
 class ExportConfig(Settings):
-    """How `twin export` makes what a twin lacks. With settings other than the defaults, shapes that were made before are made anew."""
+    """How `twin export` makes what a twin lacks. With settings other than the defaults, shapes that were made
+    before are made anew."""
 
     collision: CollisionConfig = group(CollisionConfig, "collision shapes")

@@ -1,4 +1,5 @@
-"""MJCF writer, in the manner of MuJoCo Menagerie: default classes, explicit inertials, a separate scene.xml."""
+"""MJCF writer, in the manner of MuJoCo Menagerie: default classes, explicit inertials, a separate
+scene.xml."""
 
 from __future__ import annotations
 
@@ -24,13 +25,15 @@ _MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
 
 @dataclass(frozen=True)
 class Document:
-    """A model as MJCF in memory: its XML, and the content of each file that it names, which lie in assets/ beside it."""
+    """A model as MJCF in memory: its XML, and the content of each file that it names, which lie in assets/
+    beside it."""
 
     xml: str
     assets: Mapping[str, bytes]
 
     def spec(self) -> Any:
-        """A fresh mujoco.MjSpec of it, to be edited or attached to. Raises ValueError where MuJoCo can't read it."""
+        """A fresh mujoco.MjSpec of it, to be edited or attached to. Raises ValueError where MuJoCo can't read
+        it."""
         import mujoco
 
         return mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))
@@ -61,8 +64,8 @@ def document(tree: Tree) -> Document:
 
 
 def write(tree: Tree, folder: Path, _asset: AssetInfo) -> tuple[Path, list[str]]:
-    """Write `<name>.xml`, its scene (scene.xml) and assets/ into `folder`; returns the model's path and warnings (none: MJCF carries
-    everything a tree holds)."""
+    """Write `<name>.xml`, its scene (scene.xml) and assets/ into `folder`; returns the model's path and
+    warnings (none: MJCF carries everything a tree holds)."""
     assets = folder / "assets"
     assets.mkdir(parents=True, exist_ok=True)
     model = document(tree)

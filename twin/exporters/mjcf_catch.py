@@ -1,8 +1,9 @@
 """Catches in MJCF: a contact that can pull, between a magnet on the part and a plate on what carries it.
 
-MuJoCo (3.11 and later) lets a pair of geoms stick: up to the force `adhesion` it holds, and across `gap` it pulls with that force
-(its documentation, Computation, "Adhesion"). The two geoms are in no collision but this one, and nobody sees them. The plate of a hinge faces
-the way that the magnet has in the middle of its width w: there the lever is r, at both ends r cos(w / 2).
+MuJoCo (3.11 and later) lets a pair of geoms stick: up to the force `adhesion` it holds, and across `gap` it
+pulls with that force (its documentation, Computation, "Adhesion"). The two geoms are in no collision but this
+one, and nobody sees them. The plate of a hinge faces the way that the magnet has in the middle of its width
+w: there the lever is r, at both ends r cos(w / 2).
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from twin.exporters.links import Link, Tree, TreeCatch, TreeJoint, numbers
 from twin.geometry import Array
 from twin.physics.simulation import HOLDING_IMPEDANCE
 
-# m, chosen by us: so small that a viewer who shows them sees where they are; the plate is as wide as the magnet's way and this.
+# m, chosen by us: so small that a viewer who shows them sees where they are; the plate is as wide as the
+# magnet's way and this.
 _RADIUS, _THICK, _MARGIN = 0.002, 0.002, 0.005
 
 

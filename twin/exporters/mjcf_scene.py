@@ -14,14 +14,16 @@ from twin.geometry import Array
 from twin.scene import Mesh
 
 _ASIDE = 25.0  # deg: the scene's first view is not straight from the front
-# Shares of a surface's own colour that each light shows: together 0.98, so that white stays below 255 wherever it faces; what
-# faces the camera alone has 0.83, what faces no light 0.5. Highlights would add to that and are left out. Chosen by us.
+# Shares of a surface's own colour that each light shows: together 0.98, so that white stays below 255
+# wherever it faces; what faces the camera alone has 0.83, what faces no light 0.5. Highlights would add to
+# that and are left out. Chosen by us.
 _HEADLIGHT = {"ambient": 0.5, "diffuse": 0.33, "specular": 0.0}
 _LAMP = 0.15
 
 
 def remarks(tree: Tree) -> list[Any]:
-    """The verdict as the first comment of a file, without the two minuses that no comment may hold; none of a twin that has none."""
+    """The verdict as the first comment of a file, without the two minuses that no comment may hold; none of a
+    twin that has none."""
     return [] if tree.verdict is None else [ET.Comment(f" {re.sub('-{2,}', '-', tree.told)} ")]
 
 
@@ -80,7 +82,8 @@ def scene(tree: Tree) -> ET.Element:
 
 
 def _lowest(tree: Tree) -> float:
-    """Lowest z (m) of any collision shape of a moving part, one part opened alone or all together; inf without one."""
+    """Lowest z (m) of any collision shape of a moving part, one part opened alone or all together; inf
+    without one."""
     shares = np.linspace(0.0, 1.0, 21)
     rows = [
         {k.name: s for k in chosen} for chosen in [tree.moving, *([k] for k in tree.moving)] for s in shares

@@ -1,4 +1,5 @@
-"""Wavefront OBJ meshes with their vertex colours baked into a small texture (most simulators ignore vertex colours)."""
+"""Wavefront OBJ meshes with their vertex colours baked into a small texture (most simulators ignore vertex
+colours)."""
 
 from __future__ import annotations
 
@@ -17,14 +18,16 @@ from twin.mesh import GREY
 from twin.scene import Mesh
 
 _CREASE = np.cos(np.deg2rad(40.0))  # chosen by us: faces that meet at more keep their edge sharp
-_CROWDED = 200  # faces around one vertex, chosen by us: where they are more, those that face alike are taken together
+# faces around one vertex, chosen by us: where they are more, those that face alike are taken together
+_CROWDED = 200
 _WAYS = 16  # steps of a unit normal's components within which faces face alike: 4 degrees, chosen by us
 _AT_ONCE = 1 << 21  # pairs of faces at a time: some hundred megabytes
 
 
 @dataclass(frozen=True)
 class Textured:
-    """A mesh as files: name -> content; which is its .obj, which its texture, and its mean colour (r, g, b) in 0..1."""
+    """A mesh as files: name -> content; which is its .obj, which its texture, and its mean colour (r, g, b)
+    in 0..1."""
 
     files: Mapping[str, bytes]
     obj: str
@@ -38,7 +41,8 @@ def hull(mesh: Mesh) -> bytes:
 
 
 def textured(mesh: Mesh, name: str, plain: tuple[float, float, float] | None = None) -> Textured:
-    """The mesh as name.obj, name.mtl and, when it has colours, name.png; plain: the colour (r, g, b) in 0..1 of one that has none."""
+    """The mesh as name.obj, name.mtl and, when it has colours, name.png; plain: the colour (r, g, b) in 0..1
+    of one that has none."""
     dressed = dress(mesh)
     baked, normals, normal_index = dressed.baked, dressed.normals, dressed.corners
     faces = mesh.faces[baked.order]
@@ -70,8 +74,8 @@ def _text(lines: list[str]) -> bytes:
 
 @dataclass(frozen=True)
 class Baked:
-    """Faces in texture order: `order` (F,) into the mesh's faces, `uv` (3 F, 2) of their corners (v up) and the texture
-    `image` (side, side, 3), top row first; None without colours."""
+    """Faces in texture order: `order` (F,) into the mesh's faces, `uv` (3 F, 2) of their corners (v up) and
+    the texture `image` (side, side, 3), top row first; None without colours."""
 
     order: NDArray[np.int64]
     uv: Array
@@ -80,7 +84,8 @@ class Baked:
 
 @dataclass(frozen=True, eq=False)
 class Dressed:
-    """Texture of a mesh, and normals (M, 3) with the index (F, 3) of each corner's, faces in texture order."""
+    """Texture of a mesh, and normals (M, 3) with the index (F, 3) of each corner's, faces in texture
+    order."""
 
     baked: Baked
     normals: Array
@@ -101,7 +106,8 @@ def dress(mesh: Mesh) -> Dressed:
 
 
 def bake(mesh: Mesh) -> Baked:
-    """The photo texture of a mesh that has one, with an image that its faces use; else vertex colours baked into one."""
+    """The photo texture of a mesh that has one, with an image that its faces use; else vertex colours baked
+    into one."""
     if mesh.texture is not None and len(mesh.faces):
         from twin.exporters.texture import photo_atlas  # here: it makes what this module defines
 
@@ -135,8 +141,8 @@ def mean_color(mesh: Mesh) -> tuple[float, float, float]:
 
 
 def _spatial_order(mesh: Mesh) -> NDArray[np.int64]:
-    """Faces along a Morton curve, so that neighbours on the surface are neighbours in the texture (coarse mipmaps mix
-    neighbouring texels)."""
+    """Faces along a Morton curve, so that neighbours on the surface are neighbours in the texture (coarse
+    mipmaps mix neighbouring texels)."""
     if not len(mesh.faces):
         return np.zeros(0, np.int64)
     c = mesh.vertices[mesh.faces].mean(axis=1)
@@ -150,7 +156,8 @@ def _spatial_order(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int64]]:
-    """Normals (M, 3) and the index (F, 3) of each face corner's: smooth over the surface, sharp at creases."""
+    """Normals (M, 3) and the index (F, 3) of each face corner's: smooth over the surface, sharp at
+    creases."""
     n = len(faces)
     if n == 0:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
@@ -167,8 +174,8 @@ def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, ND
 
 
 def _facing_alike(corner: NDArray[np.int32], directed: Array, unit: Array) -> Array:
-    """For each face corner (3 F,), given by its vertex, the sum (3 F, 3) of vector areas (F, 3) over the faces around that vertex
-    which face (`unit`) within a crease of its own."""
+    """For each face corner (3 F,), given by its vertex, the sum (3 F, 3) of vector areas (F, 3) over the
+    faces around that vertex which face (`unit`) within a crease of its own."""
     owner = np.arange(len(corner)) // 3
     crowded = np.bincount(corner)[corner] > _CROWDED
     way = np.where(crowded[:, None], np.round(unit[owner] * _WAYS), 0.0).astype(np.int64)

@@ -1,4 +1,5 @@
-"""What `twin export` tells about collision shapes: how many, how well they fit, how long they took, what was assumed."""
+"""What `twin export` tells about collision shapes: how many, how well they fit, how long they took, what was
+assumed."""
 
 from __future__ import annotations
 
@@ -22,8 +23,9 @@ _TOLD = 0.1  # share of the boards' area from which an unseen back is worth a wa
 class ShapeReport:
     """A part's shapes against its own mesh.
 
-    closed: the fit's volume ratio refers to what the closed mesh encloses, else to area x thickness as its mass does.
-    seconds: on the clock when the shapes were made, None where that is not known. warning: of thickness that no camera saw.
+    closed: the fit's volume ratio refers to what the closed mesh encloses, else to area x thickness as its
+    mass does. seconds: on the clock when the shapes were made, None where that is not known. warning: of
+    thickness that no camera saw.
     """
 
     part: str
@@ -53,13 +55,15 @@ COLUMNS = ["part", "shapes", "boxes", "volume ratio", "stands out, p95", "uncove
 def collision_reports(
     twin: Twin, cache_dir: Path | None = None, config: CollisionConfig | None = None
 ) -> list[ShapeReport]:
-    """One report for every part that has shapes; seconds and thickness come from what `with_collision` kept in cache_dir."""
+    """One report for every part that has shapes; seconds and thickness come from what `with_collision` kept
+    in cache_dir."""
     cache = ShapeCache(cache_dir, asdict(CollisionConfig() if config is None else config))
     return [_report(p, cache) for p in twin.parts if shapes_of(p) and len(p.mesh.faces)]
 
 
 def inferred_tables(twin: Twin) -> list[Table]:
-    """A row for every inferred piece, what it rests on and why it is there; no table where nothing is inferred."""
+    """A row for every inferred piece, what it rests on and why it is there; no table where nothing is
+    inferred."""
     owners = [(twin.static.name, twin.static.completion), *((p.name, p.completion) for p in twin.parts)]
     rows = [
         [name, p.name, p.role, p.basis, p.reason]
@@ -83,7 +87,8 @@ def _report(part: Part, cache: ShapeCache) -> ShapeReport:
 
 
 def _slabs(mesh: Mesh) -> float | None:
-    """Volume (m^3) of an open mesh as its mass is estimated: area x thickness of the table's default material."""
+    """Volume (m^3) of an open mesh as its mass is estimated: area x thickness of the table's default
+    material."""
     table = read_materials()
     material = table.material(table.default)
     if mesh.area < 1e-9:

@@ -1,4 +1,5 @@
-"""Photo textures for the writers: of a whole mesh, or of some of its faces with an image that holds no more than these need."""
+"""Photo textures for the writers: of a whole mesh, or of some of its faces with an image that holds no more
+than these need."""
 
 from __future__ import annotations
 
@@ -18,8 +19,9 @@ I64 = NDArray[np.int64]
 def photo_atlas(mesh: Mesh, keep: NDArray[np.integer] | None = None) -> Baked:
     """The photo texture of the faces `keep` (n,) of a mesh with one, all where None, in their order.
 
-    Texels are copied, never sampled again. The image is the mesh's own, the very array, unless a smaller one holds all charts of `keep`:
-    so several writers, or the two halves of a mesh, can share one file. Raises ValueError for a mesh without texture.
+    Texels are copied, never sampled again. The image is the mesh's own, the very array, unless a smaller one
+    holds all charts of `keep`: so several writers, or the two halves of a mesh, can share one file. Raises
+    ValueError for a mesh without texture.
     """
     if mesh.texture is None:
         raise ValueError("the mesh has no texture")
@@ -55,7 +57,8 @@ def _charts(uv: NDArray[np.float64]) -> I64:
 
 
 def _frames(texels: NDArray[np.float64], chart: I64, most: tuple[int, int]) -> tuple[I64, I64]:
-    """First texel (C, 2) and texels (C, 2), across and down, of each chart with its border, within an image of `most`."""
+    """First texel (C, 2) and texels (C, 2), across and down, of each chart with its border, within an image
+    of `most`."""
     count = int(chart.max()) + 1
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, chart, texels.min(axis=1))

@@ -1,8 +1,8 @@
 """The one intermediate model that all writers read: links, joint frames, inertials, shapes.
 
-Every link frame has the axes of the twin's world at state 0, so axes, tensors and meshes need no rotation: the frame of a
-revolute part sits on its hinge, at the foot of its mesh's centroid; that of a prismatic part at the centroid.
-The root link is the static scene and its frame is the world.
+Every link frame has the axes of the twin's world at state 0, so axes, tensors and meshes need no rotation:
+the frame of a revolute part sits on its hinge, at the foot of its mesh's centroid; that of a prismatic part
+at the centroid. The root link is the static scene and its frame is the world.
 """
 
 from __future__ import annotations
@@ -29,10 +29,12 @@ from twin.physics.catches import lever_of, require_catch
 from twin.scene import Part, Revolute, Twin
 from twin.verdict import verdict_line
 
-# URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand does.
+# URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand
+# does.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
-# Far above double precision and far below any scene, chosen by us: m or rad of limits, share of a tensor's trace; kg m^2.
+# Far above double precision and far below any scene, chosen by us: m or rad of limits, share of a tensor's
+# trace; kg m^2.
 _ROUNDING, _LEAST = 1e-9, 1e-9
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
@@ -40,7 +42,8 @@ _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 def build_tree(twin: Twin, visual: bool = True) -> Tree:
     """Turn a twin into links. Raises SceneError when a part lacks what simulation needs.
 
-    visual: with what is drawn, which nothing touches and whose making takes a third of the time; else links show nothing.
+    visual: with what is drawn, which nothing touches and whose making takes a third of the time; else links
+    show nothing.
     """
     require_ranges(twin)
     mass, com, inertia = _static_mass(twin)
@@ -84,8 +87,9 @@ def build_tree(twin: Twin, visual: bool = True) -> Tree:
 
 
 def _filtered(twin: Twin, links: list[Link]) -> tuple[tuple[str, str], ...]:
-    """Pairs of links that don't collide: a part and what it is mounted on, since hinges and runners are not modelled as
-    contact, and the twin's filtered pairs; what is filtered against the static scene is so against all that stands still."""
+    """Pairs of links that don't collide: a part and what it is mounted on, since hinges and runners are not
+    modelled as contact, and the twin's filtered pairs; what is filtered against the static scene is so
+    against all that stands still."""
     mounted = [(str(k.parent), k.name) for k in links if k.joint is not None]
     standing = [k.name for k in links if k.parent is None]
     stated = [
@@ -95,7 +99,8 @@ def _filtered(twin: Twin, links: list[Link]) -> tuple[tuple[str, str], ...]:
 
 
 def require_ranges(twin: Twin) -> None:
-    """Raises SceneError for a part that can't move, or whose closed state, in which all files show it, is none of its own."""
+    """Raises SceneError for a part that can't move, or whose closed state, in which all files show it, is
+    none of its own."""
     for part in twin.parts:
         if part.joint.upper <= part.joint.lower:
             raise SceneError(
@@ -124,8 +129,8 @@ def link_origin(part: Part) -> Array:
 def _static_mass(twin: Twin) -> tuple[float, Array, Array]:
     """Mass (kg), centre (3,) and tensor (3, 3) about it of the static scene.
 
-    It is fixed to the world, so its mass has no effect, but readers want one of every body: it counts as a surface that
-    weighs as much per area as the parts do.
+    It is fixed to the world, so its mass has no effect, but readers want one of every body: it counts as a
+    surface that weighs as much per area as the parts do.
     """
     mesh = twin.static.mesh
     weighed = [(p.inertial.mass.value, p.mesh.area) for p in twin.parts if p.inertial is not None]

@@ -1,7 +1,7 @@
 """Files and folders that change at once: the new content is written beside the old, then takes its place.
 
-Whenever the process dies, the old or the new content stands under the name, whole. What is not ours in a folder goes along
-into the new one: it is linked, not copied, so its bytes, names and times stay.
+Whenever the process dies, the old or the new content stands under the name, whole. What is not ours in a
+folder goes along into the new one: it is linked, not copied, so its bytes, names and times stay.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ _AT_CWD = -100  # AT_FDCWD
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a file, in a folder that is made if need be; one that is there is replaced at once and gives its mode.
+    """Write a file, in a folder that is made if need be; one that is there is replaced at once and gives its
+    mode.
 
     Raises OSError that names the file.
     """
@@ -65,9 +66,11 @@ def put(staged: Path, folder: Path, ours: Collection[str]) -> None:
 
     Args:
         staged: from `staging(folder)`.
-        ours: paths in `folder` (relative, with /) that the new content replaces or drops; everything else in it stays.
+        ours: paths in `folder` (relative, with /) that the new content replaces or drops; everything else in
+            it stays.
 
-    Raises OSError, FileExistsError where a path that is not ours is also in `staged`; the folder is then as it was.
+    Raises OSError, FileExistsError where a path that is not ours is also in `staged`; the folder is then as
+    it was.
     """
     if not folder.exists():
         staged.rename(folder)
@@ -81,7 +84,8 @@ def put(staged: Path, folder: Path, ours: Collection[str]) -> None:
 
 
 def contents(folder: Path) -> list[str]:
-    """Everything in a folder but folders that hold something: relative paths with /, sorted. Links are not followed.
+    """Everything in a folder but folders that hold something: relative paths with /, sorted. Links are not
+    followed.
 
     Raises OSError for a folder that can't be listed.
     """
@@ -156,7 +160,8 @@ def _remove(folder: Path) -> None:
 def tidy(path: Path) -> None:
     """Remove what killed processes left beside a path; a lock on each tells whether its process lives.
 
-    Where one died between setting a folder aside and putting the new one in its place, the old one comes back.
+    Where one died between setting a folder aside and putting the new one in its place, the old one comes
+    back.
     """
     for left in path.parent.glob(f".{glob.escape(path.name)}-*.tmp"):
         with suppress(OSError):

@@ -1,4 +1,5 @@
-"""Which files of a folder we wrote: a list with their hashes, so that nobody else's work is replaced or removed."""
+"""Which files of a folder we wrote: a list with their hashes, so that nobody else's work is replaced or
+removed."""
 
 from __future__ import annotations
 
@@ -16,11 +17,14 @@ _FORMAT = "funtwin-files/1"
 
 
 def replace_own(staged: Path, folder: Path, overwrite: bool = False) -> None:
-    """Put the files written into `staged` (from `twin.files.atomic.staging`) in the place of those that we wrote into `folder` before.
+    """Put the files written into `staged` (from `twin.files.atomic.staging`) in the place of those that we
+    wrote into `folder` before.
 
-    What we wrote before and don't write any more goes; everything else in `folder` stays. LIST in the folder says what is ours.
+    What we wrote before and don't write any more goes; everything else in `folder` stays. LIST in the folder
+    says what is ours.
 
-    Raises InputError like `refuse_edited`; OSError when the folder can't be written. Nothing has changed then.
+    Raises InputError like `refuse_edited`; OSError when the folder can't be written. Nothing has changed
+    then.
     """
     folder = folder.resolve()
     fresh = hashes(staged)
@@ -32,9 +36,11 @@ def replace_own(staged: Path, folder: Path, overwrite: bool = False) -> None:
 
 
 def place_own(staged: Path, folder: Path, scope: Collection[str], overwrite: bool = False) -> None:
-    """Like `replace_own`, for a folder that is not ours: it stays itself, and each file in it changes at once.
+    """Like `replace_own`, for a folder that is not ours: it stays itself, and each file in it changes at
+    once.
 
-    scope: every path that such a call may write. What calls with another scope wrote stays, and stays on the list.
+    scope: every path that such a call may write. What calls with another scope wrote stays, and stays on the
+    list.
     """
     folder.mkdir(parents=True, exist_ok=True)
     fresh = hashes(staged)
@@ -53,8 +59,9 @@ def place_own(staged: Path, folder: Path, scope: Collection[str], overwrite: boo
 
 
 def refuse_edited(folder: Path, fresh: Mapping[str, str], scope: Collection[str] | None = None) -> None:
-    """Raise InputError when writing the files `fresh` (path -> SHA-256) into `folder` would lose what somebody else wrote: a
-    file of ours that was changed since, or another one of the same name. Files that say what would be written are no loss.
+    """Raise InputError when writing the files `fresh` (path -> SHA-256) into `folder` would lose what
+    somebody else wrote: a file of ours that was changed since, or another one of the same name. Files that
+    say what would be written are no loss.
 
     scope: the paths that are looked at, beside `fresh`; None: all that the folder holds.
     """

@@ -1,4 +1,5 @@
-"""Reads MJCF: MuJoCo compiles it, so that defaults, includes, primitives and masses are what MuJoCo takes them for."""
+"""Reads MJCF: MuJoCo compiles it, so that defaults, includes, primitives and masses are what MuJoCo takes
+them for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a geom of a compiled MJCF model looks like: its colour, and its picture as MuJoCo 4 lays it on the shape."""
+"""What a geom of a compiled MJCF model looks like: its colour, and its picture as MuJoCo 4 lays it on the
+shape."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ _UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that states none; its
 
 
 def rgba(model: Any, g: int) -> Array:
-    """Colour (4,) of 0..1 that MuJoCo draws a geom in, or multiplies its picture with: its own before its material's."""
+    """Colour (4,) of 0..1 that MuJoCo draws a geom in, or multiplies its picture with: its own before its
+    material's."""
     own, material = np.asarray(model.geom_rgba[g], np.float64), int(model.geom_matid[g])
     if material < 0 or not np.allclose(own, _UNSET):
         return own
@@ -29,8 +31,8 @@ def rgba(model: Any, g: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Picture:
-    """A colour texture of a material. image: (H, W, 3), top row first, of a cube map its sides one below the other.
-    times (2,): how often it repeats, per half metre of a side where `uniform`."""
+    """A colour texture of a material. image: (H, W, 3), top row first, of a cube map its sides one below the
+    other. times (2,): how often it repeats, per half metre of a side where `uniform`."""
 
     name: str
     image: NDArray[np.uint8]
@@ -41,7 +43,8 @@ class _Picture:
 
 
 def looking(model: Any, g: int, surface: Mesh, lost: Lost) -> Mesh:
-    """The surface of a geom, in its own frame, in its colour or picture; `lost` is told what of that is not carried."""
+    """The surface of a geom, in its own frame, in its colour or picture; `lost` is told what of that is not
+    carried."""
     owner = f"geom {str(model.geom(g).name)!r}" if model.geom(g).name else f"geom {g}"
     tell, color, picture = lost.by(owner), rgba(model, g), _picture(model, g)
     mesh = int(model.geom_dataid[g]) if int(model.geom_type[g]) == _GEOM.mjGEOM_MESH else -1
@@ -67,7 +70,8 @@ def looking(model: Any, g: int, surface: Mesh, lost: Lost) -> Mesh:
 
 
 def mesh_arrays(model: Any, mesh: int) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (V, 3) m and faces (F, 3) as MuJoCo keeps a mesh: centred, turned to its axes, single precision."""
+    """Vertices (V, 3) m and faces (F, 3) as MuJoCo keeps a mesh: centred, turned to its axes, single
+    precision."""
     v0, f0 = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
     vertices = np.asarray(model.mesh_vert[v0 : v0 + int(model.mesh_vertnum[mesh])], np.float64)
     return vertices, np.asarray(model.mesh_face[f0 : f0 + int(model.mesh_facenum[mesh])], np.int64)

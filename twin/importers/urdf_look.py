@@ -1,4 +1,5 @@
-"""What a URDF link looks like: its materials, pictures on primitives, and meshes whose files say that y points up."""
+"""What a URDF link looks like: its materials, pictures on primitives, and meshes whose files say that y
+points up."""
 
 from __future__ import annotations
 
@@ -18,10 +19,12 @@ from twin.scene import Mesh
 
 Placed = Callable[[Any, bool], Array]
 _GLTF = (".glb", ".gltf")
-# How much better the box around a link's visuals must fit that around its collision shapes, as intersection over union,
-# to tell which way up they are. Chosen by us: a cabinet half as deep as high is twice as good the right way up.
+# How much better the box around a link's visuals must fit that around its collision shapes, as intersection
+# over union, to tell which way up they are. Chosen by us: a cabinet half as deep as high is twice as good the
+# right way up.
 _CLEARLY = 1.5
-# Share of its longest side by which a box is made larger, so that a sheet has a volume. Chosen by us: a door's half.
+# Share of its longest side by which a box is made larger, so that a sheet has a volume. Chosen by us: a
+# door's half.
 _SHEET = 0.02
 
 
@@ -74,11 +77,11 @@ def primitive(kind: str, surface: Mesh, color: Array | None, picture: U8 | None,
 def turned_upright(path: Path, link: Any, placed: Placed, notes: list[str]) -> frozenset[Path]:
     """Mesh files of a link that are turned from y up to z up.
 
-    glTF's y points up, and RViz, Drake, Meshcat and Blender turn it (ros2/rviz#1482). COLLADA's `up_axis` is followed by
-    Gazebo and PyBullet and ignored by RViz and MoveIt (ros-visualization/rviz#1045, moveit/geometric_shapes#52), since
-    many files state it wrongly: it is ignored. Where the other way fits the link's collision shapes clearly better, that
-    one is taken; where they don't tell, a note says so. placed: points (n, 3) m of a shape in its link's frame, its mesh
-    turned upright or not.
+    glTF's y points up, and RViz, Drake, Meshcat and Blender turn it (ros2/rviz#1482). COLLADA's `up_axis` is
+    followed by Gazebo and PyBullet and ignored by RViz and MoveIt (ros-visualization/rviz#1045,
+    moveit/geometric_shapes#52), since many files state it wrongly: it is ignored. Where the other way fits
+    the link's collision shapes clearly better, that one is taken; where they don't tell, a note says so.
+    placed: points (n, 3) m of a shape in its link's frame, its mesh turned upright or not.
     """
     shapes = [*link.visuals, *link.collisions]
     meshes = {id(s): s.geometry.mesh for s in shapes if s.geometry.mesh is not None}

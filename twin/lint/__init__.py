@@ -1,7 +1,7 @@
 """Faults in simulation files that their readers don't report. For any URDF, MJCF or USD file, ours or not.
 
-Readers fill one neutral model (twin.lint.model), rules look at it (twin.lint.rules), and MuJoCo runs it in a process of its own
-(twin.lint.simulate). Nothing is repaired.
+Readers fill one neutral model (twin.lint.model), rules look at it (twin.lint.rules), and MuJoCo runs it in a
+process of its own (twin.lint.simulate). Nothing is repaired.
 """
 
 from __future__ import annotations
@@ -67,11 +67,12 @@ def lint(paths: AnyPath | Sequence[AnyPath], ignore: str | Sequence[str] = ()) -
         ignore: names of rules to leave out.
 
     Returns:
-        what was found. Rules that need the file to run are asked only when no error stands in their way (Rule.stops): a wrong
-        limit can't be reached, and one fault shall give one finding.
+        what was found. Rules that need the file to run are asked only when no error stands in their way
+        (Rule.stops): a wrong limit can't be reached, and one fault shall give one finding.
 
     Raises:
-        InputError: a file can't be read or is none of the formats, a folder holds no export, a rule is not known.
+        InputError: a file can't be read or is none of the formats, a folder holds no export, a rule is not
+            known.
     """
     paths = [paths] if isinstance(paths, str | PathLike) else paths
     ignore = several(ignore)
@@ -167,7 +168,8 @@ def _files(path: Path) -> list[Path]:
     found: list[Path] = []
     for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*")):
         files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file()]
-        # beside the main file lie stages for other runtimes, <name>_physx.usda, whose friction only those know
+        # beside the main file lie stages for other runtimes, <name>_physx.usda, whose friction only those
+        # know
         files.sort(key=lambda f: (len(f.name), f.name))
         scenes = {f: f.with_name(scene_file(f.stem)) for f in files if fmt == "mjcf"}
         whole = [[f, scene] for f, scene in scenes.items() if scene.is_file()]

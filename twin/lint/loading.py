@@ -17,7 +17,8 @@ _READABLE = (".obj", ".stl", ".msh")
 
 
 def load(path: Path, fmt: str) -> Any:
-    """The specification, nothing fused or discarded. Raises ValueError as MuJoCo says it; LookupError where we don't ask."""
+    """The specification, nothing fused or discarded. Raises ValueError as MuJoCo says it; LookupError where
+    we don't ask."""
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
     if fmt == "urdf":

@@ -20,8 +20,9 @@ _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # two letters at least: C: is
 def locate(written: str, folder: Path) -> Path | None:
     """Where a file name that is written in a description in `folder` points to.
 
-    package://NAME/REST is looked for in the nearest folder above the description that is the package NAME by its package.xml or by its own
-    name, in a folder NAME beside those, and at last as REST in `folder`. None for other addresses and for packages that are not there.
+    package://NAME/REST is looked for in the nearest folder above the description that is the package NAME by
+    its package.xml or by its own name, in a folder NAME beside those, and at last as REST in `folder`. None
+    for other addresses and for packages that are not there.
     """
     if written.startswith(("package://", "model://")):
         name, _, rest = written.split("://", 1)[1].partition("/")
@@ -56,8 +57,8 @@ def is_absolute(written: str) -> bool:
 
 
 def load_surface(path: Path) -> tuple[Surface | None, str]:
-    """The mesh in a file, or why it can't be read. Scenes are joined into one mesh in their common frame; COLLADA's unit is
-    followed, its `up_axis` is not."""
+    """The mesh in a file, or why it can't be read. Scenes are joined into one mesh in their common frame;
+    COLLADA's unit is followed, its `up_axis` is not."""
     import trimesh
 
     if not path.is_file():
@@ -86,7 +87,8 @@ def counts_y_up(path: Path) -> bool:
 
 
 def surface_problem(surface: Surface) -> str:
-    """What makes a mesh useless for collision: no face, no extent, numbers that are none, faces that name no vertex."""
+    """What makes a mesh useless for collision: no face, no extent, numbers that are none, faces that name no
+    vertex."""
     v, f = surface.vertices, surface.faces
     if not len(f):
         return "it has no faces"
@@ -110,11 +112,13 @@ def open_edges(surface: Surface) -> int:
 
 
 _MOST_FACES = 5000  # Open3D compares every pair of triangles: about a second at this count
-_SHARE = 0.01  # of the area, chosen by us: a tenth of what is told of our own parts (twin.soundness), whose noise is known
+# of the area, chosen by us: a tenth of what is told of our own parts (twin.soundness), whose noise is known
+_SHARE = 0.01
 
 
 def crosses_itself(surface: Surface) -> bool:
-    """True when the mesh passes through itself (twin.soundness.crossing). A mesh of over 5000 faces is not judged."""
+    """True when the mesh passes through itself (twin.soundness.crossing). A mesh of over 5000 faces is not
+    judged."""
     if len(surface.faces) > _MOST_FACES:
         return False
     return crossing(Mesh(surface.vertices, surface.faces.astype(np.int32)))[0] > _SHARE

@@ -1,7 +1,8 @@
 """The one neutral description that all readers fill and all rules read.
 
-It keeps what is *written*: a limit in radians where the format wants degrees stays in radians, an absolute path stays absolute. Poses,
-axes, pivots and points are in the file's world at rest (every joint at zero), metres; None where they can't be known.
+It keeps what is *written*: a limit in radians where the format wants degrees stays in radians, an absolute
+path stays absolute. Poses, axes, pivots and points are in the file's world at rest (every joint at zero),
+metres; None where they can't be known.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Geometry of a body. `points` (N, 3) span it in the world; `surface` is set for meshes that can be read, `problem` says
-    why one can't. `approximation` is USD's token, empty when none is written, None in other formats. `scale` (3,) is what the
-    scene does to it. `upright` (N, 3) are the points of a mesh whose file counts y upwards when a reader turns it to z, None
-    for others."""
+    """Geometry of a body. `points` (N, 3) span it in the world; `surface` is set for meshes that can be read,
+    `problem` says why one can't. `approximation` is USD's token, empty when none is written, None in other
+    formats. `scale` (3,) is what the scene does to it. `upright` (N, 3) are the points of a mesh whose file
+    counts y upwards when a reader turns it to z, None for others."""
 
     element: str
     body: str
@@ -51,10 +52,12 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rigid body. `mass`, `com` and `inertia` (3, 3 about the com, axes that don't matter) as written, None when not written.
+    """A rigid body. `mass`, `com` and `inertia` (3, 3 about the com, axes that don't matter) as written, None
+    when not written.
 
-    `inferred` names what the mass comes from when it is not written ("default density", "density"), empty when nothing does.
-    `weightless` says why its shapes weigh nothing. `scale` (3,) are the lengths of its axes in the world.
+    `inferred` names what the mass comes from when it is not written ("default density", "density"), empty
+    when nothing does. `weightless` says why its shapes weigh nothing. `scale` (3,) are the lengths of its
+    axes in the world.
     """
 
     name: str
@@ -68,10 +71,11 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint from `parent` to `child`. `lower` and `upper` as written, in `unit`; None when not written. `axis` (3,) as
-    written; `axis_world`, `pivot_world` (3,) at rest. `gap` (m, rad) is how far apart the two bodies see the joint's frame (USD
-    writes it twice). `missing` names fields that the format demands. `loop`: closes a loop on purpose. `implied`: not
-    in the file, but what readers do: they fix a URDF's root to the world."""
+    """A joint from `parent` to `child`. `lower` and `upper` as written, in `unit`; None when not written.
+    `axis` (3,) as written; `axis_world`, `pivot_world` (3,) at rest. `gap` (m, rad) is how far apart the two
+    bodies see the joint's frame (USD writes it twice). `missing` names fields that the format demands.
+    `loop`: closes a loop on purpose. `implied`: not in the file, but what readers do: they fix a URDF's root
+    to the world."""
 
     name: str
     element: str
@@ -92,8 +96,8 @@ class Joint:
 
 @dataclass(frozen=True)
 class Reference:
-    """Another file that this one names. `path` is where it is looked for, None when that can't be told (a web address, a package
-    that is not beside the file)."""
+    """Another file that this one names. `path` is where it is looked for, None when that can't be told (a web
+    address, a package that is not beside the file)."""
 
     element: str
     written: str
@@ -102,8 +106,8 @@ class Reference:
 
 @dataclass(frozen=True)
 class StageUnits:
-    """What a USD stage says about its units; None where it says nothing. `others` are (layer, key, value) of the layers it is made
-    of where they say something else: USD does not convert between them."""
+    """What a USD stage says about its units; None where it says nothing. `others` are (layer, key, value) of
+    the layers it is made of where they say something else: USD does not convert between them."""
 
     metres: float | None
     kilograms: float | None
@@ -124,8 +128,8 @@ class Fault:
 
 @dataclass(frozen=True)
 class Behaviour:
-    """What MuJoCo said and did with the file; see twin.lint.simulate. `refused` is its reason not to load it, `skipped` ours not to
-    ask. The lists hold faults."""
+    """What MuJoCo said and did with the file; see twin.lint.simulate. `refused` is its reason not to load it,
+    `skipped` ours not to ask. The lists hold faults."""
 
     refused: str = ""
     skipped: str = ""
@@ -136,8 +140,8 @@ class Behaviour:
 
 @dataclass(frozen=True, eq=False)
 class LintModel:
-    """A file as read. `names` are (kind, name, element): names must differ within a kind. `unread` are texts that should be numbers
-    and are not: (element, text)."""
+    """A file as read. `names` are (kind, name, element): names must differ within a kind. `unread` are texts
+    that should be numbers and are not: (element, text)."""
 
     path: Path
     format: Format

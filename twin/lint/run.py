@@ -1,9 +1,9 @@
 """Runs one file in MuJoCo: python -m twin.lint.run FILE FORMAT ANSWER.json. See twin.lint.simulate.
 
-The probe stands for a hand: 10 N on a slide, 2 N m on a hinge (a door of 0.4 m pulled with 5 N at its edge), on what is heavy a tenth of
-its weight on its lever, as `twin check` asks (twin/verification/behaviour.py), gravity left out so that a
-heavy lid is not taken for a stuck one, all other joints held. Joints with a motor, or coupled to others, are left to their
-controllers.
+The probe stands for a hand: 10 N on a slide, 2 N m on a hinge (a door of 0.4 m pulled with 5 N at its edge),
+on what is heavy a tenth of its weight on its lever, as `twin check` asks (twin/verification/behaviour.py),
+gravity left out so that a heavy lid is not taken for a stuck one, all other joints held. Joints with a motor,
+or coupled to others, are left to their controllers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ _HEAVY = 0.1 * 9.81  # m/s^2
 _DEEP = 1e-3  # m
 _DRIFT = 1e-3  # m
 _SECONDS = 10.0  # of simulated time
-_PUSHED = 60.0  # s, chosen by us: a gate of 10 m whose damping stops it in a second takes 15 s; what is stuck stands still long before
+# s, chosen by us: a gate of 10 m whose damping stops it in a second takes 15 s; what is stuck stands still
+# long before
+_PUSHED = 60.0
 _REACHED = 0.01  # share of the range that may be left: limits are soft
 _NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 _STALLED = 1e-5  # share of the range per step; slower for half a second is standing still
@@ -89,7 +91,8 @@ class Scene:
                 d.qpos[at] = np.clip(d.qpos[at], *m.jnt_range[j])
 
     def forget_parts_of(self, bodies: set[int]) -> None:
-        """Leave out parts whose shapes overlap others: they are stuck or driven off by that, which is one fault and not three."""
+        """Leave out parts whose shapes overlap others: they are stuck or driven off by that, which is one
+        fault and not three."""
         self.parts = [j for j in self.parts if not bodies & set(self.carries(j))]
 
     def settled_by_hand(self, j: int) -> bool:
@@ -122,7 +125,8 @@ def contacts(scene: Scene) -> dict[tuple[int, int], float]:
 
 
 def overlaps(spec: Any, scene: Scene, pushing: dict[tuple[int, int], float]) -> Iterator[list[str]]:
-    """Pairs that push each other, and pairs in which a part is kept from touching what it is mounted on only by this file."""
+    """Pairs that push each other, and pairs in which a part is kept from touching what it is mounted on only
+    by this file."""
     for (a, b), depth in pushing.items():
         yield [
             "error", f"{scene.body(a)}, {scene.body(b)}", f"{depth * 1000:.3g} mm", "their collision shapes overlap at rest",
@@ -175,7 +179,8 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
 
 
 def _pull(scene: Scene, j: int) -> float:
-    """The probe's force (N or N m); the lever of a hinge is the radius of gyration about it, sqrt(inertia / mass)."""
+    """The probe's force (N or N m); the lever of a hinge is the radius of gyration about it, sqrt(inertia /
+    mass)."""
     m = scene.model
     mass, inertia = float(m.body_subtreemass[m.jnt_bodyid[j]]), float(m.dof_M0[m.jnt_dofadr[j]])
     return max(_FORCE[int(m.jnt_type[j])], _HEAVY * float(np.sqrt(mass * inertia)))
@@ -242,7 +247,8 @@ def drifts(scene: Scene) -> Iterator[list[str]]:
 
 
 def _corners(m: Any, d: Any, bodies: list[int], part: int) -> Array:
-    """Corners (n, 3) of the boxes around the geoms of bodies, their origins where they have none; seen from the parent of `part`."""
+    """Corners (n, 3) of the boxes around the geoms of bodies, their origins where they have none; seen from
+    the parent of `part`."""
     mine = np.isin(m.geom_bodyid, bodies) & (m.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     box = m.geom_aabb[mine]

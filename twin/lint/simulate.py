@@ -1,5 +1,5 @@
-"""Asks MuJoCo what it makes of a file, in a process of its own: a crash, a hang or its log file stay there, and its USD reader
-must be imported before any other use of pxr."""
+"""Asks MuJoCo what it makes of a file, in a process of its own: a crash, a hang or its log file stay there,
+and its USD reader must be imported before any other use of pxr."""
 
 from __future__ import annotations
 

@@ -32,8 +32,8 @@ def body_of(prim: Any, rigid: set[Any]) -> str:
 
 
 def has(prim: Any, schema: str) -> bool:
-    """Whether the file applies a schema. `HasAPI` also counts what another schema brings along, which depends on the plugins
-    that this process has loaded: MuJoCo's collision schema brings UsdPhysics' with it."""
+    """Whether the file applies a schema. `HasAPI` also counts what another schema brings along, which depends
+    on the plugins that this process has loaded: MuJoCo's collision schema brings UsdPhysics' with it."""
     return schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()
 
 

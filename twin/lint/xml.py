@@ -15,8 +15,8 @@ _MOST = 256 * 2**20  # bytes; the largest public robot description is a thousand
 def read_xml(path: Path) -> tuple[ET.Element, dict[ET.Element, int]]:
     """The root element, and the line of every element.
 
-    Raises InputError when the file can't be read, is not well-formed or declares a document type (through which entities can
-    name other files or grow without bound).
+    Raises InputError when the file can't be read, is not well-formed or declares a document type (through
+    which entities can name other files or grow without bound).
     """
     try:
         if path.stat().st_size > _MOST:

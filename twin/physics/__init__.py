@@ -1,4 +1,5 @@
-"""Mass, inertia, friction and joint resistance of parts: filled in from their surface and a table of materials."""
+"""Mass, inertia, friction and joint resistance of parts: filled in from their surface and a table of
+materials."""
 
 from __future__ import annotations
 
@@ -35,13 +36,14 @@ def with_physics(
     table: MaterialTable | None = None,
     renew: bool = False,
 ) -> Twin:
-    """Give every moving part mass, inertia, friction and joint resistance, enough of it to stay where it rested in the recording.
+    """Give every moving part mass, inertia, friction and joint resistance, enough of it to stay where it
+    rested in the recording.
 
     Args:
         materials: part name -> material name; parts that are not named get the table's default.
         table: the table of materials, by default assets/materials.toml.
-        renew: replace values that the twin has already, unless the user measured or stated them; otherwise only missing
-            ones are filled.
+        renew: replace values that the twin has already, unless the user measured or stated them; otherwise
+            only missing ones are filled.
     """
     table = read_materials() if table is None else table
     chosen = dict(materials or {})
@@ -66,9 +68,11 @@ def with_physics(
 def joint_and_contact(
     part: Part, material: Material, table: MaterialTable, chosen_by: str = ""
 ) -> PartPhysics:
-    """Friction and density of a material, and by the law of the joint's type damping and frictionloss, all from the table.
+    """Friction and density of a material, and by the law of the joint's type damping and frictionloss, all
+    from the table.
 
-    chosen_by: who named the material, kept in the density's source. Raises SceneError for a part without a mass.
+    chosen_by: who named the material, kept in the density's source. Raises SceneError for a part without a
+    mass.
     """
     resists = resistance(part.joint, inertial_of(part), table.joints[part.joint.kind])
     word, _, detail = material.density.source.partition(": ")
@@ -80,7 +84,8 @@ def joint_and_contact(
 def weighed(part: Part, inertial: Inertial, table: MaterialTable | None = None) -> Part:
     """The part with another mass; a damping or frictionloss that nobody stated follows it, by the table.
 
-    A frictionloss that rests ask for grows with the weight on its lever; `with_rests` finds it again where there are labels.
+    A frictionloss that rests ask for grows with the weight on its lever; `with_rests` finds it again where
+    there are labels.
     """
     before, part = part.inertial, replace(part, inertial=inertial)
     if part.physics is None:
@@ -100,8 +105,8 @@ def weighed(part: Part, inertial: Inertial, table: MaterialTable | None = None) 
 
 
 def with_known(part: Part, earlier: Part, table: MaterialTable | None = None) -> Part:
-    """The part with those numbers of an earlier state of it that the user measured or stated, and what others added to it;
-    the tensor grows with the mass."""
+    """The part with those numbers of an earlier state of it that the user measured or stated, and what others
+    added to it; the tensor grows with the mass."""
     before = earlier.inertial
     known_mass = before is not None and before.mass.origin in KEPT
     if before is not None and known_mass and part.inertial is not None and part.inertial.mass != before.mass:
@@ -114,7 +119,8 @@ def with_known(part: Part, earlier: Part, table: MaterialTable | None = None) ->
 
 
 def static_friction(twin: Twin) -> float:
-    """Sliding friction of the static scene, which is not estimated: the parts' mean, or that of the table's default material."""
+    """Sliding friction of the static scene, which is not estimated: the parts' mean, or that of the table's
+    default material."""
     values = [p.physics.friction.value for p in twin.parts if p.physics is not None]
     if values:
         return float(np.mean(values))
@@ -123,7 +129,8 @@ def static_friction(twin: Twin) -> float:
 
 
 def keep_known(twin: Twin, earlier: Twin) -> Twin:
-    """A twin made again, with what the user measured, stated or added to the earlier one from the same recording.
+    """A twin made again, with what the user measured, stated or added to the earlier one from the same
+    recording.
 
     Parts are the same that have the same name and joint type.
     """

@@ -1,4 +1,5 @@
-"""Numbers that a user gives: a weighed mass, a material, friction and joint resistance, each kept with its source."""
+"""Numbers that a user gives: a weighed mass, a material, friction and joint resistance, each kept with its
+source."""
 
 from __future__ import annotations
 
@@ -17,8 +18,9 @@ from twin.quantities import Inertial, Quantity
 from twin.scene import Part, Twin
 from twin.units import UNITS
 
-# Half width of the interval of a number that came without one, as a share of it; chosen by us. A kitchen or luggage scale
-# is good to 2 %, a force or friction measured by hand to 10 %, a number from memory or a data sheet of another model to 20 %.
+# Half width of the interval of a number that came without one, as a share of it; chosen by us. A kitchen or
+# luggage scale is good to 2 %, a force or friction measured by hand to 10 %, a number from memory or a data
+# sheet of another model to 20 %.
 _MEASURED = {"mass": 0.02}
 _MEASURED_ELSE, _STATED = 0.10, 0.20
 
@@ -50,8 +52,8 @@ def given(
     note: str = "",
     unit: str = "",
 ) -> Quantity:
-    """A number from the user; without an interval, 2 % around a weighed mass, 10 % around another measurement, 20 % around
-    what is only stated.
+    """A number from the user; without an interval, 2 % around a weighed mass, 10 % around another
+    measurement, 20 % around what is only stated.
 
     Args:
         name: one of `UNITS`, or what the user calls it.
@@ -61,8 +63,8 @@ def given(
         note: where it comes from, for people.
         unit: of a name that is none of `UNITS`.
 
-    Raises InputError: the value is not finite, negative (of a mass, and what has no place in `UNITS`, also zero), or not inside its
-    interval.
+    Raises InputError: the value is not finite, negative (of a mass, and what has no place in `UNITS`, also
+    zero), or not inside its interval.
     """
     some = name == "mass" or name not in UNITS
     unit = unit or UNITS[name]
@@ -96,11 +98,11 @@ def set_physics(
     Args:
         key: name or id of the part.
         values: "mass", "friction", "damping", "frictionloss", from `given`.
-        material: a name of the table; how mass is spread, density and friction then come from it, and so does the mass
-            unless it was measured or stated by the user.
+        material: a name of the table; how mass is spread, density and friction then come from it, and so does
+            the mass unless it was measured or stated by the user.
 
-    The centre and the tensor keep the shape that the surface gives and grow with the mass, and so do a damping and a
-    frictionloss that nobody stated.
+    The centre and the tensor keep the shape that the surface gives and grow with the mass, and so do a
+    damping and a frictionloss that nobody stated.
 
     Raises SceneError, ConfigError for an unknown part or material; InputError for an unknown quantity.
     """
@@ -138,7 +140,8 @@ def with_part(twin: Twin, new: Part, table: MaterialTable) -> Twin:
 
 
 def followed(before: Twin, after: Twin, edited: Part) -> tuple[str, ...]:
-    """What else a change of one part brought, each in one line: other joints that follow it, and that it will not stay where it rested."""
+    """What else a change of one part brought, each in one line: other joints that follow it, and that it will
+    not stay where it rested."""
     pairs = zip(before.parts, after.parts, strict=True)
     others = ((b.name, c) for a, b in pairs if b.id != edited.id for c in changes(a, b))
     told = [f"{name}: its {c.name} follows: {c.before} is now {c.after}, {c.source}" for name, c in others]

@@ -1,8 +1,10 @@
-"""A catch from a log of the force that it took to open a part: near the closed state a peak, then what is left without the catch.
+"""A catch from a log of the force that it took to open a part: near the closed state a peak, then what is
+left without the catch.
 
-A log begins with the part closed and nobody pulling hard, and opens it slowly. What a sensor adds everywhere, its zero or the friction of the
-arm that carries it, and the friction of the part's own joint, are in the peak and in the level after it alike: the catch is their difference,
-and none of the three is told from the others. What a sensor gets wrong by a factor stays in it.
+A log begins with the part closed and nobody pulling hard, and opens it slowly. What a sensor adds everywhere,
+its zero or the friction of the arm that carries it, and the friction of the part's own joint, are in the peak
+and in the level after it alike: the catch is their difference, and none of the three is told from the others.
+What a sensor gets wrong by a factor stays in it.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from twin.geometry import Array
 from twin.quantities import Catch, Quantity
 from twin.robust import mad_sigma
 
-# Column or array -> what it is, and its size in rad, m, N or N m. The last two are how logs of gt-ros-pkg/hrl call them.
+# Column or array -> what it is, and its size in rad, m, N or N m. The last two are how logs of gt-ros-pkg/hrl
+# call them.
 STATES: dict[str, tuple[Literal["rad", "m"], float]] = {
     "angle_rad": ("rad", 1.0),
     "angle_deg": ("rad", float(np.pi / 180)),
@@ -33,7 +36,8 @@ STATES: dict[str, tuple[Literal["rad", "m"], float]] = {
 }
 FORCES: dict[str, Literal["N", "N m"]] = {"force_N": "N", "torque_Nm": "N m", "ftan": "N"}
 _WANTED = "a log has one of angle_rad, angle_deg, opening_m, opening_mm and one of force_N, torque_Nm"
-# Chosen by us: samples of a log, and of its half that is wide open; a median over so many of them takes out single spikes.
+# Chosen by us: samples of a log, and of its half that is wide open; a median over so many of them takes out
+# single spikes.
 _SAMPLES, _WIDE, _SMOOTH = 20, 8, 5
 _HALF = 0.5  # of the range: a catch lets go before, and after it the level is taken; chosen by us
 _SPREAD = (5.0, 95.0)  # percentiles of the level that bound it; chosen by us
@@ -65,10 +69,12 @@ class CatchFit:
     Attributes:
         peak: greatest force near closed, a running median.
         at: state of the peak.
-        still: force with which the log begins, before anything moves: that of a sensor without a zero is all offset.
+        still: force with which the log begins, before anything moves: that of a sensor without a zero is all
+            offset.
         level: median force over the wide open half: friction and offset.
         force: peak less level, with low and high end.
-        width: state at which the force has fallen halfway, with those at which it has by a quarter and by three.
+        width: state at which the force has fallen halfway, with those at which it has by a quarter and by
+            three.
     """
 
     peak: float
@@ -208,7 +214,8 @@ def _running_median(values: Array) -> Array:
 
 
 def _falls(state: Array, force: Array, first: int, to: float) -> tuple[float, float]:
-    """Last state from a peak on with more force than `to`, and the first one with no more: between them it falls."""
+    """Last state from a peak on with more force than `to`, and the first one with no more: between them it
+    falls."""
     below = first + int(np.argmax(force[first:] <= to))
     return float(state[first:below].max(initial=0.0)), float(
         max(state[below], state[first:below].max(initial=0.0))

@@ -1,4 +1,5 @@
-"""How far a part's centre of mass and inertia can be off when the weight of each piece of it is known only as an interval."""
+"""How far a part's centre of mass and inertia can be off when the weight of each piece of it is known only as
+an interval."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ def shape_bounds(
     """Bounds over all spreads of weight in which every piece weighs between its least and its most.
 
     Args:
-        points: each (F, 3) m, where the pieces can be; their own extent counts little. The middle one belongs to `com`.
+        points: each (F, 3) m, where the pieces can be; their own extent counts little. The middle one belongs
+            to `com`.
         mass: least, usual and greatest weight (F,) kg of the pieces.
         com: (3,) m, centre of the pieces with their usual weight.
         tensor: (3, 3) kg m^2 about it.
@@ -52,7 +54,8 @@ def shape_bounds(
 
 
 def _extreme_mean(value: Array, light: Array, heavy: Array) -> float:
-    """Greatest weighted mean of value (F,): heavy above some threshold, light below it (a linear-fractional programme)."""
+    """Greatest weighted mean of value (F,): heavy above some threshold, light below it (a linear-fractional
+    programme)."""
     order = np.argsort(-value)
     v, a, b = value[order], light[order], heavy[order]
     weight = np.concatenate([[0.0], np.cumsum(b - a)]) + a.sum()
@@ -61,7 +64,8 @@ def _extreme_mean(value: Array, light: Array, heavy: Array) -> float:
 
 
 def _least_spread(flat: Array, light: Array, heavy: Array) -> float:
-    """Least mean squared distance of points (F, 3) from their own weighted mean: weights and mean found in turns."""
+    """Least mean squared distance of points (F, 3) from their own weighted mean: weights and mean found in
+    turns."""
     centre, best = np.zeros(3), np.inf
     for _ in range(_ROUNDS):
         square = np.einsum("fi,fi->f", flat - centre, flat - centre)

@@ -1,4 +1,5 @@
-"""What a part weighs and how it resists: its own values, which `with_physics` fills in where nobody stated them."""
+"""What a part weighs and how it resists: its own values, which `with_physics` fills in where nobody stated
+them."""
 
 from __future__ import annotations
 
@@ -23,6 +24,7 @@ def physics_of(part: Part) -> PartPhysics:
 
 
 def weight_load(part: Part, state: float) -> float:
-    """Force along the joint (N or N m) that the part's weight asks for at a state; > 0 where opening lifts it."""
+    """Force along the joint (N or N m) that the part's weight asks for at a state; > 0 where opening lifts
+    it."""
     own = inertial_of(part)
     return own.mass.value * GRAVITY * float(part.joint.velocity(state, own.com)[2])

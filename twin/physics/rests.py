@@ -1,8 +1,10 @@
-"""Rest is evidence: a part that stayed where it was left, no hand on it, is held there by friction, a catch or a balance.
+"""Rest is evidence: a part that stayed where it was left, no hand on it, is held there by friction, a catch
+or a balance.
 
-A rest is a stretch of frames outside the moving intervals in which labelled frames follow each other, the part is seen in each, no pixel
-of any is a hand's, and the part's state stands still. Without labels there is none. Where the part's weight, with that of what it
-carries, pulls along the joint and not against a stop, the joint must hold as much. Its friction loss stands for whatever does.
+A rest is a stretch of frames outside the moving intervals in which labelled frames follow each other, the
+part is seen in each, no pixel of any is a hand's, and the part's state stands still. Without labels there is
+none. Where the part's weight, with that of what it carries, pulls along the joint and not against a stop, the
+joint must hold as much. Its friction loss stands for whatever does.
 """
 
 from __future__ import annotations
@@ -23,14 +25,17 @@ from twin.physics.simulation import GRAVITY
 from twin.quantities import Quantity
 from twin.scene import HAND_LABEL, Part, Revolute, Twin
 
-SECONDS = 0.5  # s, least length of a rest; chosen by us: in it a drawer that nothing holds on a slope of 3 degrees goes 6 cm
+# s, least length of a rest; chosen by us: in it a drawer that nothing holds on a slope of 3 degrees goes 6 cm
+SECONDS = 0.5
 GAP = 1.0  # s, most between its labelled frames; chosen by us: in less no hand comes, holds the part and goes
 STEADY = {  # rad, m; chosen by us: twice the 1 degree and 4 mm by which the states of resting parts wander
     "revolute": float(np.radians(2.0)),
     "prismatic": 0.008,
 }
-MARGIN = 1.1  # x the least holding; chosen by us: at 1 a part is on the edge of sliding, and an engine's friction is soft
-_BESIDE = 2  # frames beside a moving interval in which the part may still move, as the reconstruction's verdict has it
+# x the least holding; chosen by us: at 1 a part is on the edge of sliding, and an engine's friction is soft
+MARGIN = 1.1
+# frames beside a moving interval in which the part may still move, as the reconstruction's verdict has it
+_BESIDE = 2
 _FOLLOWS = ("default", "recording")  # origins of a friction loss that nobody stated
 
 
@@ -89,7 +94,7 @@ def rests(twin: Twin, key: int | str) -> tuple[Rest, ...]:
 def weight_pull(twin: Twin, part: Part, states: Mapping[int, float]) -> float:
     """Pull (N or N m, positive opens) along a part's joint of its weight and that of all it carries.
 
-    The power of the weights at unit speed of the joint, -g sum m (d c / d q)_z with c (3,) the centres of mass.
+    The power of the weights at unit speed of the joint, -g sum m (d c / d q)_z; c (3,): centres of mass.
 
     Args:
         twin: with the masses.
@@ -118,9 +123,10 @@ def carried(twin: Twin, part: Part) -> Iterator[Part]:
 def with_rests(twin: Twin, table: MaterialTable | None = None) -> Twin:
     """The twin with joints that hold its parts where they rested.
 
-    A friction loss from the table that holds its part at all rests stays as it is, and so does every one that was measured or stated.
-    Any other becomes 1.1 x the least that does, unless that is more than dry friction gives (the upper end of the table's share) and
-    something speaks against the twin's up: then it stays, and `unheld` tells.
+    A friction loss from the table that holds its part at all rests stays as it is, and so does every one that
+    was measured or stated. Any other becomes 1.1 x the least that does, unless that is more than dry friction
+    gives (the upper end of the table's share) and something speaks against the twin's up: then it stays, and
+    `unheld` tells.
     """
     table = read_materials() if table is None else table
     doubted: bool | None = None  # looked at once, and only where it matters
@@ -190,12 +196,12 @@ def _remedy(twin: Twin, part: Part, loss: Quantity) -> str:
 
 
 def _usual(part: Part, now: Quantity, law: JointLaw) -> Quantity:
-    """The friction loss without what rests ask for: as it stands where it is from a table, else by the law."""
+    """The friction loss without the rests' demand: as it stands if from a table, else by the law."""
     return now if now.origin == "default" else resistance(part.joint, inertial_of(part), law)["frictionloss"]
 
 
 def _asked(twin: Twin, part: Part, now: Quantity, law: JointLaw) -> tuple[Quantity, bool] | None:
-    """The friction loss that the rests of a part ask for and whether that is beyond dry friction; None where they do not tell."""
+    """Friction loss that a part's rests ask for, and whether it is beyond dry friction; None: not told."""
     if now.origin not in _FOLLOWS:
         return None
     worst = _worst(twin, part, now.value if now.origin == "default" else 0.0)
@@ -218,8 +224,8 @@ def _asked(twin: Twin, part: Part, now: Quantity, law: JointLaw) -> tuple[Quanti
 
 
 def _worst(twin: Twin, part: Part, holds: float) -> Rest | None:
-    """The rest that asks for most; None without one, and where nothing between its moves asks for more than `holds` (N or N m): then no
-    label is read."""
+    """The rest that asks for most; None without one, and where nothing between its moves asks for more than
+    `holds` (N or N m): then no label is read."""
     near, asks = STEADY[part.joint.kind], 0.0
     for frames, states in _between(part):
         others = _others(twin, part, int(frames[0]), int(frames[-1]))

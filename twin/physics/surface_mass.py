@@ -1,11 +1,13 @@
 """Mass, centre and inertia of a part from its surface and a material, with the intervals in which they lie.
 
-A reconstructed part is a surface, not a solid. Each triangle stands for a slab of material behind it (against its normal):
-- where the opposite side of the same board was seen too, at most `_MAX_BOARD` times the table's thickness behind, each
+A reconstructed part is a surface, not a solid. Each triangle stands for a slab of material behind it (against
+its normal):
+- where the opposite side of the same board was seen too, at most `_MAX_BOARD` times the table's thickness
+behind, each
   side stands for half of what lies between them, and never for more than half the table's thickness;
-- where only one side was seen, it stands for the table's whole thickness.
-What lies behind several faces, as at a board's rim, counts for the nearest one alone. So a board counts once, whichever of
-its sides were seen, and hollow furniture weighs panel area x thickness x density, never what its hull would hold.
+- where only one side was seen, it stands for the table's whole thickness. What lies behind several faces, as
+at a board's rim, counts for the nearest one alone. So a board counts once, whichever of its sides were seen,
+and hollow furniture weighs panel area x thickness x density, never what its hull would hold.
 
 FunREC, supplement 4: geometry and a table in place of a model.
 """
@@ -26,7 +28,8 @@ from twin.physics.materials import Material
 from twin.quantities import Inertial, Quantity
 from twin.scene import Mesh
 
-_MAX_BOARD = 2.5  # chosen by us: two opposite faces further apart than this many thicknesses bound a hollow, not a board
+# chosen by us: two opposite faces further apart than this many thicknesses bound a hollow, not a board
+_MAX_BOARD = 2.5
 _STEP_IN = 1e-5  # m: a ray starts a little inside so that it can't hit its own face
 _FACING = -0.3  # cosine: the other side of a board faces the other way, up to noise
 _DEPTHS = (
@@ -42,13 +45,15 @@ _SLIVERS = (
 
 
 def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
-    """Mass (kg), centre and inertia tensor of a surface that stands for boards of `material`, each with its interval.
+    """Mass (kg), centre and inertia tensor of a surface that stands for boards of `material`, each with its
+    interval.
 
-    The mass lies between thin boards of light material and thick ones of heavy material. The intervals of centre and
-    tensor hold for any spread of such boards over the part: a heavy front on a light box, glass in a frame.
+    The mass lies between thin boards of light material and thick ones of heavy material. The intervals of
+    centre and tensor hold for any spread of such boards over the part: a heavy front on a light box, glass in
+    a frame.
 
-    Bodies that overlap are joined first, so that what they share weighs once; where that can't be, they count by their
-    surface as it is (twin.soundness.overlaps tells).
+    Bodies that overlap are joined first, so that what they share weighs once; where that can't be, they count
+    by their surface as it is (twin.soundness.overlaps tells).
 
     Raises SceneError for a mesh without area.
     """
@@ -82,7 +87,8 @@ def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
 
 @dataclass(frozen=True, eq=False)
 class _Shell:
-    """A surface cut into small faces: areas (F,) m^2, normals (F, 3), distance (F,) m to the board's other side."""
+    """A surface cut into small faces: areas (F,) m^2, normals (F, 3), distance (F,) m to the board's other
+    side."""
 
     mesh: Mesh
     areas: Array
@@ -155,15 +161,16 @@ def _longest_sides(mesh: Mesh) -> Array:
 
 
 def _pieces(sides: Array, edge: float) -> float:
-    """Number of faces that come of faces with these longest sides (F,) when each is cut in four until none is over `edge`."""
+    """Number of faces that come of faces with these longest sides (F,) when each is cut in four until none is
+    over `edge`."""
     return float((4.0 ** np.ceil(np.log2(np.maximum(sides / edge, 1.0)))).sum())
 
 
 def _slab_moments(mesh: Mesh, normals: Array, thickness: Array, mass: Array) -> tuple[Array, Array]:
     """Centre of mass (3,) and tensor (3, 3) about it of slabs of `thickness` (F,) behind each face.
 
-    Second moment of a uniform triangle: m / 12 (aa' + bb' + cc' + ss'), s = a + b + c; a slab adds m t^2 / 12 nn'. The
-    thickness keeps the tensor of a flat mesh positive and inside the triangle inequality.
+    Second moment of a uniform triangle: m / 12 (aa' + bb' + cc' + ss'), s = a + b + c; a slab adds m t^2 / 12
+    nn'. The thickness keeps the tensor of a flat mesh positive and inside the triangle inequality.
     """
     corners = mesh.vertices[mesh.faces] - (normals * thickness[:, None] / 2)[:, None]
     com = (mass[:, None] * corners.mean(axis=1)).sum(0) / mass.sum()
@@ -178,7 +185,8 @@ def _slab_moments(mesh: Mesh, normals: Array, thickness: Array, mass: Array) -> 
 
 
 def behind(mesh: Mesh, normals: Array, reach: float) -> Array:
-    """Distance (F,) m from each face, against its normal, to a face that looks the other way; inf without one in reach."""
+    """Distance (F,) m from each face, against its normal, to a face that looks the other way; inf without one
+    in reach."""
     start = mesh.vertices[mesh.faces].mean(axis=1) - _STEP_IN * normals
     hit = _scene(mesh).cast_rays(_tensor(np.concatenate([start, -normals], axis=1)), 1)
     distance = hit["t_hit"].numpy().astype(np.float64) + _STEP_IN

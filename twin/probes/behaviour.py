@@ -1,13 +1,16 @@
 """MuJoCo moves the parts of exported files; run as an engine of its own, see the package.
 
-A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or
-N m, the most a hand gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
-demonstration, slides, whether its weight is more than friction holds when it is closed, catch, null or what it bears, and rests, the states in which it stood still, each with the
-others {name: state} held. What is measured is said at each function; what a simulation could not give, because it broke down, is null.
+A job is {path, format, parts, scene}, where scene is the file with a floor, or path again without one; each
+part has name, held {other part: state}, force (N or N m, of a steady pull), hand (N or N m, the most a hand
+gives), hand_inertia (kg or kg m^2), speed (m/s or rad/s of a push), times (n,) s and states (n,) of the
+demonstration, slides, whether its weight is more than friction holds when it is closed, catch, null or what
+it bears, and rests, the states in which it stood still, each with the others {name: state} held. What is
+measured is said at each function; what a simulation could not give, because it broke down, is null.
 
-The files are simulated as they are, with the step and the integrator that they ask for. What is changed, in memory: the other
-parts have no joints (`moved.moved`); in `_reach` nothing has weight, so that it asks for friction and obstacles and not for the weight
-of a lid; in `_sweep` bodies that the file keeps apart may touch; in `_demonstration` the hand's mass goes with the part.
+The files are simulated as they are, with the step and the integrator that they ask for. What is changed, in
+memory: the other parts have no joints (`moved.moved`); in `_reach` nothing has weight, so that it asks for
+friction and obstacles and not for the weight of a lid; in `_sweep` bodies that the file keeps apart may
+touch; in `_demonstration` the hand's mass goes with the part.
 """
 
 from __future__ import annotations
@@ -32,7 +35,8 @@ SWING_SECONDS = 5.0
 SWEEP_STATES = 41
 SLIDE_TIMES = tuple(round(0.05 * k, 2) for k in range(1, 21))  # s
 VERSION = mujoco.__version__
-_STIFF = 150.0  # rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
+# rad/s: natural frequency of the servo that leads a part, critically damped; far above a hand's motion
+_STIFF = 150.0
 
 _SLOW = 0.01  # ranges a second: slower, the servo leaves the joint's dry friction to its stiffness
 
@@ -113,9 +117,9 @@ def _slide(part: Moved) -> list[float]:
 
 
 def _creep(part: Moved) -> tuple[float, float]:
-    """Slackness and damping of dry friction: to a pull (N or N m) that it holds it yields with slackness * pull / damping
-    (m/s or rad/s). MuJoCo's friction is a soft constraint, R f = -b v once nothing accelerates (its documentation,
-    Computation, "Constraint model"). Its solver without slip leaves none."""
+    """Slackness and damping of dry friction: to a pull (N or N m) that it holds it yields with slackness *
+    pull / damping (m/s or rad/s). MuJoCo's friction is a soft constraint, R f = -b v once nothing accelerates
+    (its documentation, Computation, "Constraint model"). Its solver without slip leaves none."""
     model, (constant, ratio) = part.model, map(float, part.model.dof_solref[part.dof])
     if model.opt.noslip_iterations > 0:
         return 0.0, 1.0
@@ -125,8 +129,8 @@ def _creep(part: Moved) -> tuple[float, float]:
 
 
 def _stay(part: Moved, state: float) -> dict[str, float]:
-    """Greatest change of state in 10 s when left at `state`, and what friction would yield in that time to gravity's pull where
-    the part is: a door that creeps away from its balance is pulled more and more."""
+    """Greatest change of state in 10 s when left at `state`, and what friction would yield in that time to
+    gravity's pull where the part is: a door that creeps away from its balance is pulled more and more."""
     data, most, creep = part.data(state), 0.0, 0.0
     (slack, damping), step = _creep(part), part.model.opt.timestep
     position, bias, at, dof = data.qpos, data.qfrc_bias, part.at, part.dof
@@ -142,7 +146,8 @@ def _stay(part: Moved, state: float) -> dict[str, float]:
 
 
 def _reach(part: Moved, start: float, force: float) -> dict[str, float]:
-    """Pull from `start` with a steady generalised force: the share of the range that is left, and the time it took."""
+    """Pull from `start` with a steady generalised force: the share of the range that is left, and the time it
+    took."""
     goal = part.upper if force > 0 else part.lower
     span = part.upper - part.lower
     data = part.data(start)
@@ -159,7 +164,8 @@ def _reach(part: Moved, start: float, force: float) -> dict[str, float]:
 
 
 def _catch(part: Moved, asked: Mapping[str, float]) -> dict[str, Any]:
-    """What a catch does: how far the closed part goes in 10 s of the pull `less`, and how much of the width is left after `more`, and when."""
+    """What a catch does: how far the closed part goes in 10 s of the pull `less`, and how much of the width
+    is left after `more`, and when."""
     near = replace(part, upper=part.lower + asked["width"])
     return {
         "less": _guarded(_pulled, part, asked["less"]),
@@ -206,8 +212,8 @@ def _below(model: Any, body: int) -> set[int]:
 
 
 def _energy(part: Moved, speed: float) -> dict[str, float]:
-    """Push the half open part and let go: the greatest total energy (J) above that at the start, and the scale to judge it
-    by: the push's kinetic energy and what the part's weight can give on its way."""
+    """Push the half open part and let go: the greatest total energy (J) above that at the start, and the
+    scale to judge it by: the push's kinetic energy and what the part's weight can give on its way."""
     model = part.model
     flags = int(model.opt.enableflags)
     model.opt.enableflags = flags | int(mujoco.mjtEnableBit.mjENBL_ENERGY)
@@ -232,9 +238,10 @@ def _energy(part: Moved, speed: float) -> dict[str, float]:
 
 
 def _demonstration(part: Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Lead the part along its recorded states by a servo as heavy as a hand and no stronger: its motion (n, 4, 4) from where
-    it is with the others held and its own state 0, at the recorded times, and the greatest force used. The servo does not
-    press against a stop: where a recorded state lies beyond one, it leads to the stop."""
+    """Lead the part along its recorded states by a servo as heavy as a hand and no stronger: its motion (n,
+    4, 4) from where it is with the others held and its own state 0, at the recorded times, and the greatest
+    force used. The servo does not press against a stop: where a recorded state lies beyond one, it leads to
+    the stop."""
     times, states = np.array(asked["times"]), np.clip(asked["states"], part.lower, part.upper)
     if len(times) < 2:
         return {"motion": [], "force": 0.0}

@@ -42,10 +42,12 @@ class Moved:
 
 
 def moved(spec: Any, whole: Any, part: str, held: Mapping[str, float]) -> Moved:
-    """The file with one joint, that of `part`, and the others' bodies fixed where `held` ({part: state}, else 0) has them.
+    """The file with one joint, that of `part`, and the others' bodies fixed where `held` ({part: state}, else
+    0) has them.
 
-    They can't be held by putting them back after every step: within one, a heavy part that falls freely throws about the light
-    one that it hangs on. Nor by inertia or constraints: both leave the solver numbers that differ by a factor of 10^9.
+    They can't be held by putting them back after every step: within one, a heavy part that falls freely
+    throws about the light one that it hangs on. Nor by inertia or constraints: both leave the solver numbers
+    that differ by a factor of 10^9.
     """
     alone, data, own = spec.copy(), mujoco.MjData(whole), _joint(whole, part)
     for name, state in held.items():
@@ -80,7 +82,8 @@ def _place(body: Any, model: Any, data: Any) -> None:
 
 
 def _keep_apart(spec: Any, model: Any, body: int) -> None:
-    """What a joint links does not touch; without a joint of its own the parent would count as the world, which does."""
+    """What a joint links does not touch; without a joint of its own the parent would count as the world,
+    which does."""
     parent = int(model.body_weldid[model.body_parentid[body]])
     if parent == 0 or spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
         return
@@ -89,8 +92,8 @@ def _keep_apart(spec: Any, model: Any, body: int) -> None:
 
 
 def watch(data: Any) -> Callable[[], None]:
-    """What to call after every step: it raises BrokenDown when the simulation has diverged. It keeps what it looks at, as
-    each access takes as long as a step."""
+    """What to call after every step: it raises BrokenDown when the simulation has diverged. It keeps what it
+    looks at, as each access takes as long as a step."""
     speed, bad = data.qvel, [data.warning[w] for w in _BROKEN]
 
     def insist() -> None:

@@ -1,4 +1,5 @@
-"""Key frames: plain pictures kept by the reconstruction, drawn over with labels, axis and contact for the page."""
+"""Key frames: plain pictures kept by the reconstruction, drawn over with labels, axis and contact for the
+page."""
 
 from __future__ import annotations
 
@@ -115,7 +116,8 @@ def draw_frame(image: Image, twin: Twin, frame: int, camera_matrix: Array) -> Im
 
 
 def axis_line(part: Part) -> Array:
-    """End points (2, 3) of the axis as it is drawn: along the hinge, or the way a drawer goes from its middle."""
+    """End points (2, 3) of the axis as it is drawn: along the hinge, or the way a drawer goes from its
+    middle."""
     joint, vertices = part.joint, part.mesh.vertices
     if isinstance(joint, Revolute):
         along = (vertices - joint.pivot) @ joint.axis if len(vertices) else np.zeros(1)
@@ -136,7 +138,8 @@ def draw_polyline(
     arrow: bool = False,
     width: int = 0,
 ) -> None:
-    """Draw world points (n, 3) joined by lines into `image`, in place; what lies behind the camera is cut off."""
+    """Draw world points (n, 3) joined by lines into `image`, in place; what lies behind the camera is cut
+    off."""
     import cv2
 
     width = width or max(2, image.shape[1] // 260)

@@ -29,8 +29,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """What a verb found: `ok` is False when a check failed or a goal was missed. `twin` identifies the twin.json it
-    belongs to, so that the page can tell results of an earlier twin."""
+    """What a verb found: `ok` is False when a check failed or a goal was missed. `twin` identifies the
+    twin.json it belongs to, so that the page can tell results of an earlier twin."""
 
     verb: str
     ok: bool
@@ -71,7 +71,8 @@ def require_own_page(run: Path) -> None:
 def twin_key(run: Path) -> str:
     """SHA-256 of RUN/twin/twin.json without what `twin export` adds to it; empty when there is none.
 
-    Collision shapes and the inferred layer are made from the twin by `twin export`, and so do not make it another one.
+    Collision shapes and the inferred layer are made from the twin by `twin export`, and so do not make it
+    another one.
     """
     document = read_json(run / "twin" / "twin.json")
     if not document:

@@ -1,8 +1,8 @@
 """Values to files and back, exactly: nested dataclasses, mappings, sequences and arrays, without pickle.
 
-The structure goes to `data.json`, the arrays to `arrays.npz`. Dataclasses and named tuples are written with their import
-name and read back through their constructor, so that they check themselves again; only classes of this project's
-packages are ever imported. Equal values give equal bytes.
+The structure goes to `data.json`, the arrays to `arrays.npz`. Dataclasses and named tuples are written with
+their import name and read back through their constructor, so that they check themselves again; only classes
+of this project's packages are ever imported. Equal values give equal bytes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ _KIND = "__kind__"
 class Codec(Protocol[T]):
     """Stores the value of a stage in an existing, empty folder, exactly.
 
-    `settle(value)` is what `load` would return after `save`: runs with and without a folder then compute on equal bytes.
+    `settle(value)` is what `load` would return after `save`: runs with and without a folder then compute on
+    equal bytes.
     """
 
     def save(self, value: T, folder: Path) -> None: ...
@@ -49,7 +50,8 @@ class OtherVersionError(CodecError):
 
 
 class TreeCodec:
-    """Stores any nesting of dataclasses, named tuples, dicts, tuples, lists, numpy arrays, numbers, strings and None."""
+    """Stores any nesting of dataclasses, named tuples, dicts, tuples, lists, numpy arrays, numbers, strings
+    and None."""
 
     def save(self, value: Any, folder: Path) -> None:
         """Write `value` as data.json and arrays.npz into an existing folder."""
@@ -58,7 +60,8 @@ class TreeCodec:
         (folder / "data.json").write_text(json.dumps(tree, allow_nan=False), encoding="utf-8")
 
     def load(self, folder: Path) -> Any:
-        """Read what `save` wrote. Raises CodecError naming the folder when it is damaged, OtherVersionError when a class of it is gone."""
+        """Read what `save` wrote. Raises CodecError naming the folder when it is damaged, OtherVersionError
+        when a class of it is gone."""
         try:
             tree = json.loads((folder / "data.json").read_text(encoding="utf-8"))
             with np.load(folder / "arrays.npz", allow_pickle=False) as stored:
@@ -163,7 +166,8 @@ def _class(name: str) -> Any:
 
 
 def _write_arrays(arrays: Mapping[str, NDArray[Any]], path: Path) -> None:
-    """An .npz in which masks and labels are deflated (they shrink some fifty times) and the rest is stored."""
+    """An .npz in which masks and labels are deflated (they shrink some fifty times) and the rest is
+    stored."""
     with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
         for name, array in arrays.items():
             small = array.dtype.itemsize == 1 and array.size > 4096

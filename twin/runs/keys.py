@@ -14,8 +14,8 @@ from typing import Any
 class Stage:
     """A stage as the folder that computes it declares it.
 
-    name: identifier, unique in a run. version: to be raised by whoever changes what the stage returns. settings: dotted names of
-    the run's settings that it reads ("labels", "motion.clusters").
+    name: identifier, unique in a run. version: to be raised by whoever changes what the stage returns.
+    settings: dotted names of the run's settings that it reads ("labels", "motion.clusters").
     """
 
     name: str

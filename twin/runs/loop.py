@@ -1,4 +1,5 @@
-"""How a stage tells how far its loop is, without printing: it wraps the loop in a function that the caller hands in."""
+"""How a stage tells how far its loop is, without printing: it wraps the loop in a function that the caller
+hands in."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 PATIENCE = 2.0  # s before a bar appears for work that nobody asked to be told about
-_KNOWN = 0.1  # share of the work after which the time left is told; chosen by us: it is within a factor of two then
+# share of the work after which the time left is told; chosen by us: it is within a factor of two then
+_KNOWN = 0.1
 _told: ContextVar[bool] = ContextVar("told", default=False)
 
 
@@ -30,7 +31,8 @@ def silent(stage: str, fraction: float, message: str = "") -> None:
 
 @contextmanager
 def told_to(progress: Progress) -> Iterator[Progress]:
-    """While this lasts, work inside draws no bars of its own: the terminal has one already, or shall have none."""
+    """While this lasts, work inside draws no bars of its own: the terminal has one already, or shall have
+    none."""
     token = _told.set(True)
     try:
         yield progress
@@ -40,7 +42,8 @@ def told_to(progress: Progress) -> Iterator[Progress]:
 
 @contextmanager
 def default_progress(progress: Progress | bool | None = None) -> Iterator[Progress]:
-    """The caller's own progress; True: bars on standard error if that is a terminal, else lines; False: nothing.
+    """The caller's own progress; True: bars on standard error if that is a terminal, else lines; False:
+    nothing.
 
     None: bars on a terminal if the work takes longer than PATIENCE, and nothing elsewhere.
     """
@@ -124,8 +127,8 @@ class Counted:
 
 
 class Bars:
-    """One rich progress bar per stage, drawn on standard error once `after` seconds are over; without fractions between 0 and
-    1 it pulses."""
+    """One rich progress bar per stage, drawn on standard error once `after` seconds are over; without
+    fractions between 0 and 1 it pulses."""
 
     def __init__(self, after: float = 0.0) -> None:
         from rich.console import Console as Rich

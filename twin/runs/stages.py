@@ -1,8 +1,10 @@
-"""Stages and the only disk cache: each stage is computed once for one input, one configuration and one version.
+"""Stages and the only disk cache: each stage is computed once for one input, one configuration and one
+version.
 
-The key of a stage is the SHA-256 of its name, its version, its configuration, the keys of the stages it reads and the
-fingerprint of the recording. A result is written to a temporary folder, which is then renamed: whenever the process
-dies, what stands under `stages/NN_name` is complete, and the next run goes on from there.
+The key of a stage is the SHA-256 of its name, its version, its configuration, the keys of the stages it reads
+and the fingerprint of the recording. A result is written to a temporary folder, which is then renamed:
+whenever the process dies, what stands under `stages/NN_name` is complete, and the next run goes on from
+there.
 """
 
 from __future__ import annotations
@@ -33,15 +35,17 @@ RECORD = "stage.json"
 
 
 class Progress(Protocol):
-    """Told how far a stage is: `fraction` 0..1; `message` says why it runs, or that it was taken from the cache."""
+    """Told how far a stage is: `fraction` 0..1; `message` says why it runs, or that it was taken from the
+    cache."""
 
     def __call__(self, stage: str, fraction: float, message: str = "") -> None: ...
 
 
 @dataclass(frozen=True, eq=False)
 class StageResult(Generic[T]):
-    """Value of a stage with its key, the seconds and the peak memory (MB of the process) of its computation, the
-    warnings it gave, whether it came from the cache (`cached`) and, if not, why it was computed (`reason`)."""
+    """Value of a stage with its key, the seconds and the peak memory (MB of the process) of its computation,
+    the warnings it gave, whether it came from the cache (`cached`) and, if not, why it was computed
+    (`reason`)."""
 
     name: str
     key: str
@@ -60,7 +64,8 @@ class Run:
         folder: the run folder, made when missing; None keeps everything in memory.
         fingerprint: identifies the recording's content.
         progress: told about every stage.
-        config: of the whole run; written to config.toml for the reader, the stages' own settings decide the keys.
+        config: of the whole run; written to config.toml for the reader, the stages' own settings decide the
+            keys.
 
     Raises InputError when the folder can't be written or is in use by another process.
     """
@@ -274,7 +279,8 @@ def _recording_warnings(compute: Callable[[], T]) -> tuple[T, list[str]]:
 
 
 def _make(folder: Path) -> None:
-    """Make a run folder with its cache. Raises InputError when it can't be made or holds somebody else's settings."""
+    """Make a run folder with its cache. Raises InputError when it can't be made or holds somebody else's
+    settings."""
     if (folder / CONFIG).exists() and not (folder / MANIFEST).exists():
         raise InputError(
             f"{folder / CONFIG} is there already and {folder} is no run folder",

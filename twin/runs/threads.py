@@ -1,4 +1,5 @@
-"""Work on many frames at a time, in threads: for what lets go of Python's lock (compiled kernels, NumPy, OpenCV)."""
+"""Work on many frames at a time, in threads: for what lets go of Python's lock (compiled kernels, NumPy,
+OpenCV)."""
 
 from __future__ import annotations
 
@@ -14,11 +15,13 @@ from typing import TypeVar
 S = TypeVar("S")
 T = TypeVar("T")
 
-_AHEAD = 2  # results that wait for each thread: enough that none idles, few enough that frames don't pile up in memory
+# results that wait for each thread: enough that none idles, few enough that frames don't pile up in memory
+_AHEAD = 2
 
 
 def threads() -> int:
-    """How many threads work at a time: OMP_NUM_THREADS where it says so, else the cores that this process may use."""
+    """How many threads work at a time: OMP_NUM_THREADS where it says so, else the cores that this process may
+    use."""
     said = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     return int(said) if said.isdecimal() and int(said) > 0 else len(os.sched_getaffinity(0))
 
@@ -26,8 +29,8 @@ def threads() -> int:
 def each(work: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
     """`work(item)` of every item, in their order.
 
-    Each item is worked on by itself, so that the results don't depend on the number of threads. Who takes the results slowly
-    holds the threads up: no more than a few wait.
+    Each item is worked on by itself, so that the results don't depend on the number of threads. Who takes the
+    results slowly holds the threads up: no more than a few wait.
     """
     count = threads()
     if count < 2:

@@ -1,8 +1,9 @@
-"""Twins on disk: `twin.json` (format "funtwin/1"), `cameras.txt`, `meshes/*.ply`, `textures/*`, `labels/*.png`.
+"""Twins on disk: `twin.json` (format "funtwin/1"), `cameras.txt`, `meshes/*.ply`, `textures/*`,
+`labels/*.png`.
 
-Numbers are written with as many digits as it takes to read back the same double, so a saved and loaded twin is the
-same twin (camera rotations, stored as quaternions, to 1e-12). docs/twin_format.md describes the format. What else lies in
-the folder is its owner's: no function here changes or removes it.
+Numbers are written with as many digits as it takes to read back the same double, so a saved and loaded twin
+is the same twin (camera rotations, stored as quaternions, to 1e-12). docs/twin_format.md describes the
+format. What else lies in the folder is its owner's: no function here changes or removes it.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ _LOOKS = ("texture",)
 def save(twin: Twin, folder: AnyPath) -> None:
     """Write the twin into `folder` (usually RUN/twin): all of it appears at once, or nothing changes.
 
-    A twin that is there already is replaced; meshes and cameras that stay the same keep their files and names, and everything
-    in the folder that is not of that twin stays.
+    A twin that is there already is replaced; meshes and cameras that stay the same keep their files and
+    names, and everything in the folder that is not of that twin stays.
 
     Raises InputError when the folder can't be written or holds something that is not a twin.
     """
@@ -66,7 +67,8 @@ def save(twin: Twin, folder: AnyPath) -> None:
 
 
 def require_place(folder: Path) -> None:
-    """Raises InputError unless a twin may be written there: a new or empty folder, or one that holds a twin."""
+    """Raises InputError unless a twin may be written there: a new or empty folder, or one that holds a
+    twin."""
     if folder.exists() and (
         not folder.is_dir() or (any(folder.iterdir()) and not (folder / "twin.json").exists())
     ):
@@ -86,7 +88,8 @@ def load(folder: AnyPath) -> Twin:
 
 
 def twin_folder(folder: AnyPath) -> Path:
-    """The folder that holds twin.json: RUN/twin, given itself or RUN. Raises InputError when there is none."""
+    """The folder that holds twin.json: RUN/twin, given itself or RUN. Raises InputError when there is
+    none."""
     folder = Path(folder)
     here = folder if (folder / "twin.json").is_file() else folder / "twin"
     if not (here / "twin.json").is_file():
@@ -95,12 +98,15 @@ def twin_folder(folder: AnyPath) -> Path:
 
 
 def update(old: Twin, new: Twin, folder: AnyPath) -> None:
-    """Write into a folder that holds `old` what differs in `new`: numbers and collision shapes, not meshes, textures, cameras or labels.
+    """Write into a folder that holds `old` what differs in `new`: numbers and collision shapes, not meshes,
+    textures, cameras or labels.
 
-    Every other value of twin.json stays as it stands there, and every file. New shapes get files of their own; twin.json,
-    replaced last and at once, is what makes them count. Does nothing where the twins say the same.
+    Every other value of twin.json stays as it stands there, and every file. New shapes get files of their
+    own; twin.json, replaced last and at once, is what makes them count. Does nothing where the twins say the
+    same.
 
-    Raises InputError when a mesh of the twin is not in the folder, a mesh or texture is another, or the folder can't be written.
+    Raises InputError when a mesh of the twin is not in the folder, a mesh or texture is another, or the
+    folder can't be written.
     """
     here = twin_folder(folder).resolve()
     known: dict[str, Mesh] = {}
@@ -131,8 +137,8 @@ def update(old: Twin, new: Twin, folder: AnyPath) -> None:
 
 
 def digest(twin: Twin) -> str:
-    """SHA-256 of what a reconstruction found, the same for a twin and for what was loaded after it was saved: no provenance,
-    nothing that others added or that is filled in later."""
+    """SHA-256 of what a reconstruction found, the same for a twin and for what was loaded after it was saved:
+    no provenance, nothing that others added or that is filled in later."""
     meshes: dict[str, Mesh] = {}
     bare = replace(twin, extra={}, parts=tuple(replace(p, extra={}) for p in twin.parts))
     document = twin_document(bare, meshes)
@@ -155,7 +161,8 @@ def digest(twin: Twin) -> str:
 
 
 def keep_aside(folder: Path) -> Path:
-    """Keep a copy of a twin's folder beside it, under its name with `_before_` and a number; returns its path.
+    """Keep a copy of a twin's folder beside it, under its name with `_before_` and a number; returns its
+    path.
 
     Files are linked, not copied: replacing one in either folder leaves the other's. Raises OSError.
     """
@@ -275,7 +282,8 @@ def _write_labels(labels: Mapping[int, NDArray[np.uint8]], folder: Path) -> None
 
 
 def _says_else(folder: Path, data: bytes, name: str) -> bool:
-    """Whether a file of this name says something else; the same bytes were left by a call that was interrupted."""
+    """Whether a file of this name says something else; the same bytes were left by a call that was
+    interrupted."""
     path = folder / name
     return path.exists() and not (path.is_file() and path.read_bytes() == data)
 

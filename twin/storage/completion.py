@@ -17,7 +17,8 @@ _PIECES = ("pieces_image", "pieces_uv")
 
 
 def shapes_document(stem: str, shapes: Iterable[Collision], meshes: dict[str, Mesh]) -> list[Any]:
-    """Collision shapes as twin.json lists them: boxes by their numbers, hulls as files, which are added to `meshes`."""
+    """Collision shapes as twin.json lists them: boxes by their numbers, hulls as files, which are added to
+    `meshes`."""
     out: list[Any] = []
     for k, piece in enumerate(shapes):
         if isinstance(piece, Mesh):
@@ -37,7 +38,8 @@ def shapes_document(stem: str, shapes: Iterable[Collision], meshes: dict[str, Me
 
 
 def completion_document(owner: str, completion: Completion | None, meshes: dict[str, Mesh]) -> dict[str, Any]:
-    """{"completion": the inferred layer}, empty where there is none; every mesh it names is added to `meshes`."""
+    """{"completion": the inferred layer}, empty where there is none; every mesh it names is added to
+    `meshes`."""
     if completion is None:
         return {}
     stem = f"{owner}.completion"
@@ -90,7 +92,8 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
 
 
 def pieces_texture(layer: Completion) -> Texture | None:
-    """The texture of all inferred pieces of a body, one after the other: they share its image. None where they have none."""
+    """The texture of all inferred pieces of a body, one after the other: they share its image. None where
+    they have none."""
     worn = [p.mesh.texture for p in layer.pieces if p.mesh.texture is not None]
     if not worn or len(worn) < len(layer.pieces):
         return None
@@ -111,8 +114,9 @@ def with_textured_pieces(layer: Completion, texture: Texture) -> Completion:
 
 
 def looks_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, str], str]]:
-    """Files of the looks of the inferred layers: ((part id or None for the static scene, key), path). "shown_uv" and "room_uv"
-    are coordinates in the body's image, "pieces_image" and "pieces_uv" the picture of its pieces and theirs in it."""
+    """Files of the looks of the inferred layers: ((part id or None for the static scene, key), path).
+    "shown_uv" and "room_uv" are coordinates in the body's image, "pieces_image" and "pieces_uv" the picture
+    of its pieces and theirs in it."""
     for owner in (document["static"], *document["parts"]):
         layer = owner.get("completion") or {}
         for key in (*_UV, *_PIECES):

@@ -1,4 +1,5 @@
-"""The content of twin.json (format "funtwin/1") as plain data: what a twin says there, and what others added to it."""
+"""The content of twin.json (format "funtwin/1") as plain data: what a twin says there, and what others added
+to it."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ CAMERAS = "cameras.txt"
 
 
 def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
-    """The content of twin.json; every mesh it names is added to `meshes` under its path relative to twin.json."""
+    """The content of twin.json; every mesh it names is added to `meshes` under its path relative to
+    twin.json."""
     static = twin.static
     meshes[f"meshes/{static.name}.ply"] = static.mesh
     r = twin.recorded
@@ -112,8 +114,8 @@ def with_extra(known: Mapping[str, Any], extra: Mapping[str, Any]) -> dict[str, 
 def with_changes(
     raw: Mapping[str, Any], before: Mapping[str, Any], after: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """`raw` with every value that differs between two documents, and without what only the first has; what is the same in both stays as
-    `raw` has it.
+    """`raw` with every value that differs between two documents, and without what only the first has; what is
+    the same in both stays as `raw` has it.
 
     Parts are matched by their id.
     """
@@ -136,8 +138,8 @@ def with_changes(
 
 
 def shape_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[int | None, int | str | None], str]]:
-    """Mesh files of a document: ((part id or None for the static scene, None for the mesh itself, the number of a collision shape, or
-    where in the inferred layer it stands), path)."""
+    """Mesh files of a document: ((part id or None for the static scene, None for the mesh itself, the number
+    of a collision shape, or where in the inferred layer it stands), path)."""
     for owner in (document["static"], *document["parts"]):
         yield (owner.get("id"), None), owner["mesh"]
         for k, shape in enumerate(owner["collision"]):
@@ -202,7 +204,8 @@ def _contact(p: Part) -> dict[str, Any] | None:
 
 
 def json_text(value: Any, indent: int = 0) -> str:
-    """JSON with one line for a list of plain values and indentation for the rest; refuses NaN and infinity."""
+    """JSON with one line for a list of plain values and indentation for the rest; refuses NaN and
+    infinity."""
     pad = " " * (indent + 1)
     if isinstance(value, dict) and value:
         rows = [

@@ -1,4 +1,5 @@
-"""Objects of twin.json with the path that leads to them: every error names the file, the field and its value."""
+"""Objects of twin.json with the path that leads to them: every error names the file, the field and its
+value."""
 
 from __future__ import annotations
 

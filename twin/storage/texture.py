@@ -1,4 +1,5 @@
-"""Photo textures beside twin.json: textures/NAME.png, whose alpha says what was seen, and textures/NAME.uv.npy."""
+"""Photo textures beside twin.json: textures/NAME.png, whose alpha says what was seen, and
+textures/NAME.uv.npy."""
 
 from __future__ import annotations
 
@@ -28,8 +29,8 @@ def texture_document(owner: str, texture: Texture | None) -> dict[str, Any]:
 
 
 def texture_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[Owner, str], str]]:
-    """Files of the textures of a document: ((part id or None for the static scene, "image" or "uv"), path), and of the looks of its
-    inferred layers."""
+    """Files of the textures of a document: ((part id or None for the static scene, "image" or "uv"), path),
+    and of the looks of its inferred layers."""
     for owner in (document["static"], *document["parts"]):
         for key in _FILES if owner.get("texture") is not None else ():
             yield (owner.get("id"), key), owner["texture"][key]

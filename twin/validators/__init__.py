@@ -1,7 +1,7 @@
 """Public validators of USD files: OpenUSD's own, NVIDIA's rules, and NVIDIA's SimReady profile for props.
 
-They check form, not truth: none of them notices a pivot that is off by ten centimetres (twin.check does). They run in the
-environment `validators` (see twin.engines), OpenUSD's also in this one.
+They check form, not truth: none of them notices a pivot that is off by ten centimetres (twin.check does).
+They run in the environment `validators` (see twin.engines), OpenUSD's also in this one.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def validate_usd(path: Path) -> UsdVerdict:
     """Run all three validators on an export.
 
     Args:
-        path: the main file export/usd/<name>.usda, which stands for all stages beside it and for the asset they refer to
-            (the profile judges the asset), or any other USD file.
+        path: the main file export/usd/<name>.usda, which stands for all stages beside it and for the asset
+            they refer to (the profile judges the asset), or any other USD file.
 
     Raises:
         InputError: the file is missing, or a validator fails to run.
@@ -83,8 +83,9 @@ def validate_usd(path: Path) -> UsdVerdict:
 
 @contextmanager
 def _neutral(files: Sequence[Path]) -> Iterator[list[Path]]:
-    """The files of an export in a copy whose folder is called usd: some rules judge every name of a path, and what a person
-    calls the folder above is none of the file's faults. A file that is no export may refer to others and is judged in place."""
+    """The files of an export in a copy whose folder is called usd: some rules judge every name of a path, and
+    what a person calls the folder above is none of the file's faults. A file that is no export may refer to
+    others and is judged in place."""
     if len(files) == 1:
         yield list(files)
         return
@@ -121,7 +122,8 @@ def check_rules(files: Sequence[Path], python: Path | None = None) -> list[Findi
 
 
 def _profile(python: Path, asset: Path) -> tuple[list[Finding], dict[str, bool]]:
-    """SimReady's verdict on the interface of an asset: unmet requirements, as errors where the profile requires them."""
+    """SimReady's verdict on the interface of an asset: unmet requirements, as errors where the profile
+    requires them."""
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "answer.json"
         name, version = PROFILE

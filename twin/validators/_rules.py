@@ -1,4 +1,5 @@
-"""Run by path in another interpreter: python _rules.py ANSWER.json FILE.usd...; needs pxr, nothing of this package.
+"""Run by path in another interpreter: python _rules.py ANSWER.json FILE.usd...; needs pxr, nothing of this
+package.
 
 The answer is a list of {validator, severity, rule, message, file, where}.
 """
@@ -18,7 +19,8 @@ _SHADERS = "usdShadeValidators:ShaderSdrCompliance"
 
 
 def openusd(files: list[str]) -> list[dict[str, str]]:
-    """OpenUSD's validators. That of shaders is left out where this build of USD lacks the definitions of its shaders."""
+    """OpenUSD's validators. That of shaders is left out where this build of USD lacks the definitions of its
+    shaders."""
     try:
         known = bool(Sdr.Registry().GetShaderNodeByIdentifier("UsdPreviewSurface"))
     except Tf.ErrorException:
@@ -64,8 +66,8 @@ def nvidia(files: list[str]) -> list[dict[str, str]]:
 
 
 def _variants(file: str) -> Iterator[Usd.Stage]:
-    """The stage as it is, then with every other variant of the file's own sets, one at a time: all combinations of an
-    asset's runtimes would take minutes and say the same."""
+    """The stage as it is, then with every other variant of the file's own sets, one at a time: all
+    combinations of an asset's runtimes would take minutes and say the same."""
     stage = Usd.Stage.Open(file)
     yield stage
     prim = stage.GetDefaultPrim()

@@ -1,7 +1,7 @@
 """What a twin and each of its parts is worth: `trusted`, `doubtful` or `refused`, with the reasons.
 
-Who wants to know what is doubted asks for the type of a reason; who counts causes counts `kind`, which leaves the numbers out.
-docs/verdicts.md lists them all.
+Who wants to know what is doubted asks for the type of a reason; who counts causes counts `kind`, which leaves
+the numbers out. docs/verdicts.md lists them all.
 """
 
 from twin.verdict.document import verdict_document as verdict_document

@@ -74,7 +74,8 @@ class RangeUnsure(Reason):
 
 @dataclass(frozen=True)
 class TooShort(Reason):
-    """The range (deg or mm, see `unit`) is less than `limit`, whatever its error: rattling and drift go as far."""
+    """The range (deg or mm, see `unit`) is less than `limit`, whatever its error: rattling and drift go as
+    far."""
 
     range: float
     unit: str
@@ -95,7 +96,8 @@ class TooShort(Reason):
 
 @dataclass(frozen=True)
 class CreepsAtRest(Reason):
-    """The state changes by `creep` (deg or mm, see `unit`), more than `limit`, in frames in which it rests."""
+    """The state changes by `creep` (deg or mm, see `unit`), more than `limit`, in frames in which it
+    rests."""
 
     creep: float
     unit: str
@@ -116,7 +118,8 @@ class CreepsAtRest(Reason):
 
 @dataclass(frozen=True)
 class ClosedEndUnsure(Reason):
-    """What tells which end of the travel is the closed one differs between them by `margin` (a share), less than `limit`."""
+    """What tells which end of the travel is the closed one differs between them by `margin` (a share), less
+    than `limit`."""
 
     margin: float
     limit: float
@@ -137,8 +140,8 @@ class ClosedEndUnsure(Reason):
 
 @dataclass(frozen=True)
 class CamerasDrift(Reason):
-    """Between `frame` and `other`, most of what should stand still differs in depth by `off_m`, more than `limit_m`: the path is wrong, or
-    what moved and was missed fills the view."""
+    """Between `frame` and `other`, most of what should stand still differs in depth by `off_m`, more than
+    `limit_m`: the path is wrong, or what moved and was missed fills the view."""
 
     frame: int
     other: int
@@ -178,7 +181,8 @@ class NoUncertainty(Reason):
 
 @dataclass(frozen=True)
 class WithinDrift(Reason):
-    """The part travels by `travel_m`, less than `limit` times what the static scene seems to move by meanwhile, `drift_m`."""
+    """The part travels by `travel_m`, less than `limit` times what the static scene seems to move by
+    meanwhile, `drift_m`."""
 
     travel_m: float
     drift_m: float

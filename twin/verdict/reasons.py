@@ -1,5 +1,5 @@
-"""All reasons, one type for each cause, which alone writes its text: against a part's motion (`motion.py`, `video.py`), its surface (`surface.py`), and
-against the twin.
+"""All reasons, one type for each cause, which alone writes its text: against a part's motion (`motion.py`,
+`video.py`), its surface (`surface.py`), and against the twin.
 
 To add one: a type, its name in `REASONS`, and the function that tells it by its evidence in `recon/verdict/`.
 """
@@ -61,8 +61,8 @@ class NothingArticulated(Reason):
 
 @dataclass(frozen=True)
 class UpUnsure(Reason):
-    """Which way is up: the odds of the direction that was taken against the second one, less than `limit`; 1 where there is no second.
-    taken, other: directions in the first camera's axes, as --up takes them."""
+    """Which way is up: the odds of the direction that was taken against the second one, less than `limit`; 1
+    where there is no second. taken, other: directions in the first camera's axes, as --up takes them."""
 
     odds: float
     limit: float
@@ -87,7 +87,8 @@ class UpUnsure(Reason):
 
 @dataclass(frozen=True)
 class MovesWithDoubted(Reason):
-    """A part that is not trusted moves when this one does: in `share` of the frames in which either moves, more than `limit`."""
+    """A part that is not trusted moves when this one does: in `share` of the frames in which either moves,
+    more than `limit`."""
 
     share: float
     limit: float
@@ -108,7 +109,8 @@ class MovesWithDoubted(Reason):
 
 @dataclass(frozen=True)
 class ManyDoubts(Reason):
-    """More than `limit` reasons, `count`, each of which would only make the part doubtful. said, cure: text and help of the first."""
+    """More than `limit` reasons, `count`, each of which would only make the part doubtful. said, cure: text
+    and help of the first."""
 
     count: int
     limit: int
@@ -135,8 +137,8 @@ class ManyDoubts(Reason):
 
 @dataclass(frozen=True)
 class OfPart(Reason):
-    """A reason against one part, told of its twin. of: the type of that reason; said, sort, cure: its text, kind and help;
-    written: whether the part is in the twin, which no refused one is."""
+    """A reason against one part, told of its twin. of: the type of that reason; said, sort, cure: its text,
+    kind and help; written: whether the part is in the twin, which no refused one is."""
 
     part: str
     written: bool
@@ -165,7 +167,8 @@ class OfPart(Reason):
 
 @dataclass(frozen=True)
 class OfRecording(Reason):
-    """A fault of the recording itself. finding: its type in the recording's inspection; said, sort, cure: its text, kind and help."""
+    """A fault of the recording itself. finding: its type in the recording's inspection; said, sort, cure: its
+    text, kind and help."""
 
     finding: str
     said: str

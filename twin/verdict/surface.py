@@ -9,8 +9,8 @@ from twin.verdict.reason import CUT, POINT_AT_IT, Reason
 
 @dataclass(frozen=True)
 class HandWhereNobodyIs(Reason):
-    """`share` of a labelled frame, more than `limit`, is labelled hand and is none: it keeps its place without reaching in, or has the
-    twin's depth at an end of the recording."""
+    """`share` of a labelled frame, more than `limit`, is labelled hand and is none: it keeps its place
+    without reaching in, or has the twin's depth at an end of the recording."""
 
     frame: int
     share: float
@@ -89,7 +89,8 @@ class SmallSurface(Reason):
 
 @dataclass(frozen=True)
 class SurfaceUnseen(Reason):
-    """`share` of the surface, less than `limit`, was seen to move with the part; `untold` of it was neither seen to nor seen not to."""
+    """`share` of the surface, less than `limit`, was seen to move with the part; `untold` of it was neither
+    seen to nor seen not to."""
 
     share: float
     untold: float
@@ -111,7 +112,8 @@ class SurfaceUnseen(Reason):
 
 @dataclass(frozen=True)
 class SurfaceContradicted(Reason):
-    """`share` of the surface, more than `limit`, is seen through where the part brings it, or stays when the part has left."""
+    """`share` of the surface, more than `limit`, is seen through where the part brings it, or stays when the
+    part has left."""
 
     share: float
     limit: float
@@ -155,8 +157,8 @@ class FewLabels(Reason):
 
 @dataclass(frozen=True)
 class Unexplained(Reason):
-    """Where nobody moves anything, `share` of the picture of `frame` shows another depth than the twin carried there, more than
-    `limit`."""
+    """Where nobody moves anything, `share` of the picture of `frame` shows another depth than the twin
+    carried there, more than `limit`."""
 
     frame: int
     share: float
@@ -178,8 +180,8 @@ class Unexplained(Reason):
 
 @dataclass(frozen=True)
 class AlongItself(Reason):
-    """Depth alone tells the joint, and the part moves along its own surface: a share `across` of its area, less than `limit`, moves across
-    itself. How far the rest went, only its borders show."""
+    """Depth alone tells the joint, and the part moves along its own surface: a share `across` of its area,
+    less than `limit`, moves across itself. How far the rest went, only its borders show."""
 
     across: float
     limit: float
@@ -200,7 +202,8 @@ class AlongItself(Reason):
 
 @dataclass(frozen=True)
 class LabelledElsewhere(Reason):
-    """In `frame`, at one end of its travel, a `share` of the pixels that are labelled as it or should show it are both, less than `limit`."""
+    """In `frame`, at one end of its travel, a `share` of the pixels that are labelled as it or should show it
+    are both, less than `limit`."""
 
     frame: int
     share: float
@@ -222,7 +225,8 @@ class LabelledElsewhere(Reason):
 
 @dataclass(frozen=True)
 class BareBorder(Reason):
-    """At rest, in `frame`, a `share` of the border between it and the static scene, more than `limit`, shows no edge in colour or depth."""
+    """At rest, in `frame`, a `share` of the border between it and the static scene, more than `limit`, shows
+    no edge in colour or depth."""
 
     frame: int
     share: float
@@ -244,7 +248,8 @@ class BareBorder(Reason):
 
 @dataclass(frozen=True)
 class StaticSeenThrough(Reason):
-    """A `share` of the picture of `frame`, more than `limit`, is seen farther than what the twin says never moves."""
+    """A `share` of the picture of `frame`, more than `limit`, is seen farther than what the twin says never
+    moves."""
 
     frame: int
     share: float

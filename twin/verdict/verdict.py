@@ -11,7 +11,8 @@ from twin.verdict.reasons import OfPart
 
 @dataclass(frozen=True)
 class Verdict:
-    """The reasons against a part or a twin, none of which is a reason to trust it. Its level is that of the worst of them."""
+    """The reasons against a part or a twin, none of which is a reason to trust it. Its level is that of the
+    worst of them."""
 
     reasons: tuple[Reason, ...] = ()
 
@@ -44,8 +45,8 @@ def of_twin(
 ) -> Verdict:
     """A twin's verdict: its own reasons, then those against each part by its name.
 
-    refused: parts that the twin leaves out. They make it refused where it has no other, else doubtful: what is written may
-    well be right, but it is not all that moved.
+    refused: parts that the twin leaves out. They make it refused where it has no other, else doubtful: what
+    is written may well be right, but it is not all that moved.
     """
     reasons = list(own)
     for name, verdict in written.items():

@@ -9,7 +9,8 @@ from twin.verdict.reason import CUT, POINT_AT_IT, Reason
 
 @dataclass(frozen=True)
 class SeenThrough(Reason):
-    """While it moves, `share` of its pixels, more than `limit`, are seen farther than the twin in its state, most of them in `frame`."""
+    """While it moves, `share` of its pixels, more than `limit`, are seen farther than the twin in its state,
+    most of them in `frame`."""
 
     frame: int
     share: float
@@ -31,7 +32,8 @@ class SeenThrough(Reason):
 
 @dataclass(frozen=True)
 class MotionUnexplained(Reason):
-    """`share` of what has another depth as it moves than at rest, more than `limit`, has not the twin's depth either."""
+    """`share` of what has another depth as it moves than at rest, more than `limit`, has not the twin's depth
+    either."""
 
     share: float
     limit: float
@@ -54,7 +56,8 @@ class MotionUnexplained(Reason):
 
 @dataclass(frozen=True)
 class MotionUnseen(Reason):
-    """As it moves, `share` of its pixels have another depth than at rest and that of the twin, less than `limit`."""
+    """As it moves, `share` of its pixels have another depth than at rest and that of the twin, less than
+    `limit`."""
 
     share: float
     limit: float
@@ -75,8 +78,9 @@ class MotionUnseen(Reason):
 
 @dataclass(frozen=True)
 class HalvesDisagree(Reason):
-    """The joints of the first and the second half of its motion differ by `axis_deg`, more than `axis_limit_deg`, or their hinges are
-    `pivot_m` apart, more than `pivot_limit_m`; 0 where that is not known."""
+    """The joints of the first and the second half of its motion differ by `axis_deg`, more than
+    `axis_limit_deg`, or their hinges are `pivot_m` apart, more than `pivot_limit_m`; 0 where that is not
+    known."""
 
     axis_deg: float
     axis_limit_deg: float
@@ -103,8 +107,9 @@ class HalvesDisagree(Reason):
 
 @dataclass(frozen=True)
 class TracksDisagree(Reason):
-    """The part's own tracks tell an axis that is `axis_deg` away, more than `limit_deg`, or, in both halves of its motion alike, a hinge that is
-    `pivot_m` away, more than `pivot_limit_m`; 0 where that is not known."""
+    """The part's own tracks tell an axis that is `axis_deg` away, more than `limit_deg`, or, in both halves
+    of its motion alike, a hinge that is `pivot_m` away, more than `pivot_limit_m`; 0 where that is not
+    known."""
 
     axis_deg: float
     limit_deg: float

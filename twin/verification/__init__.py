@@ -1,4 +1,5 @@
-"""Proof that exported files say what the twin says: independent engines load them and are compared with the twin.
+"""Proof that exported files say what the twin says: independent engines load them and are compared with the
+twin.
 
 The expected values come from the twin by plain arithmetic and share no code with the export.
 """
@@ -44,14 +45,15 @@ def check(
         processes: how many engines load files at the same time.
 
     Returns:
-        rows for whether the file loads, tree, joint type, axis (1e-3 deg), pivot (1e-5 m), limits (1e-5), damping, dry friction, armature and contact
-        friction (1e-5 relative), mass and inertia as a world tensor (1e-5 relative), centre of mass (1e-5 m), bounds of the
-        visual mesh (1e-4 m), motion in 11 states (1e-5), diagonal of the mass matrix (1e-5 relative), a damped rollout of
+        rows for whether the file loads, tree, joint type, axis (1e-3 deg), pivot (1e-5 m), limits (1e-5),
+        damping, dry friction, armature and contact friction (1e-5 relative), mass and inertia as a world
+        tensor (1e-5 relative), centre of mass (1e-5 m), bounds of the visual mesh (1e-4 m), motion in 11
+        states (1e-5), diagonal of the mass matrix (1e-5 relative), a damped rollout of
         0.5 s (1e-3 of the way) and self-collision (1 mm); ten times that for engines in single precision.
 
     Raises:
-        InputError: nothing was exported, a file is missing, an engine is not known or reads none of the formats, or the
-            twin has no masses.
+        InputError: nothing was exported, a file is missing, an engine is not known or reads none of the
+            formats, or the twin has no masses.
         MissingDependencyError: an engine's environment is not installed.
     """
     twin, files = _inputs(source, exports)
@@ -59,13 +61,15 @@ def check(
 
 
 def as_exported(twin: Twin, files: Mapping[str, Path]) -> Twin:
-    """The twin as files show it: with the inferred layer or without, with the room or without, in their frame."""
+    """The twin as files show it: with the inferred layer or without, with the room or without, in their
+    frame."""
     view = view_of(files.values())
     return without_rests(twin) if view.plain and is_reconstructed(twin) else view.of(twin)
 
 
 def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of engines, "all" spelt out. Raises InputError with the nearest name for one that is not known."""
+    """Names of engines, "all" spelt out. Raises InputError with the nearest name for one that is not
+    known."""
     for n in names:
         if n not in ENGINES and n != "all":
             close = nearest_name(n, list(ENGINES))
@@ -81,8 +85,8 @@ def check_many(
     engines: Sequence[str] = OURS,
     processes: int = CheckConfig().processes,
 ) -> list[CheckReport]:
-    """A report for every (twin, files); an engine is started once for many files, and `processes` run at a time. Raises as
-    `check`."""
+    """A report for every (twin, files); an engine is started once for many files, and `processes` run at a
+    time. Raises as `check`."""
     known = {id(twin): Truth(twin) for twin, _ in sources}  # a twin may come with several files
     truths = [known[id(twin)] for twin, _ in sources]
     jobs: dict[str, list[tuple[int, str, dict[str, Any]]]] = {}

@@ -1,23 +1,33 @@
-"""Proof that exported parts behave: MuJoCo moves them, from every format, as the recording and common sense say they move.
+"""Proof that exported parts behave: MuJoCo moves them, from every format, as the recording and common sense
+say they move.
 
 What is asked of every part, one part at a time while the others stay where the recording had them:
 
-- rest: closed, it stays within 1 mm for 10 s. `rest_half_open`: so it does half open, where its joint neither lifts nor lowers
+- rest: closed, it stays within 1 mm for 10 s. `rest_half_open`: so it does half open, where its joint neither
+lifts nor lowers
   it (a hinge within 2 degrees of upright, a slide within 2 degrees of level).
-- rest_at_...: so it does at every state in which it rested in the recording, no hand in view, the others where they were then.
-- open, close: a steady 10 N or 2 N m, of a heavy part a tenth of its weight on its lever, of one that rested against its weight half
-  more than what holds it there, takes it from one limit to the other
-  within a minute, up to 1 % of its range. Weights are left out, so that friction and obstacles are asked for and not the weight of a lid.
-- sweep: over its range it meets nothing deeper than 1 mm, neither what the file says it must not touch nor the floor of MJCF's
+- rest_at_...: so it does at every state in which it rested in the recording, no hand in view, the others
+where they were then.
+- open, close: a steady 10 N or 2 N m, of a heavy part a tenth of its weight on its lever, of one that rested
+against its weight half
+  more than what holds it there, takes it from one limit to the other within a minute, up to 1 % of its range.
+  Weights are left out, so that friction and obstacles are asked for and not the weight of a lid.
+- sweep: over its range it meets nothing deeper than 1 mm, neither what the file says it must not touch nor
+the floor of MJCF's
   scene.xml.
-- energy: pushed half open and let go, it never has more energy than at the start, up to 1 % of what is at play.
-- catch_holds, catch_lets_go: where the twin states a catch, a pull of 0.95 of it leaves the closed part within 1 mm for 10 s, and 1.05 of it and the
-  friction take it past the catch's width. Only MJCF simulates catches: of other formats is asked what they would do without.
-- demonstration: a servo no stronger than a hand takes it along the recorded states, and it passes the recorded poses within
+- energy: pushed half open and let go, it never has more energy than at the start, up to 1 % of what is at
+play.
+- catch_holds, catch_lets_go: where the twin states a catch, a pull of 0.95 of it leaves the closed part
+within 1 mm for 10 s, and 1.05 of it and the
+  friction take it past the catch's width. Only MJCF simulates catches: of other formats is asked what they
+  would do without.
+- demonstration: a servo no stronger than a hand takes it along the recorded states, and it passes the
+recorded poses within
   the error that the reconstruction states of itself.
 
-The files are simulated with the time step and the integrator they ask for, which is what whoever loads them gets: MJCF those of
-twin/physics/simulation.py; URDF and USD ask for none, so it is MuJoCo's default, 2 ms and semi-implicit Euler.
+The files are simulated with the time step and the integrator they ask for, which is what whoever loads them
+gets: MJCF those of twin/physics/simulation.py; URDF and USD ask for none, so it is MuJoCo's default, 2 ms and
+semi-implicit Euler.
 """
 
 from __future__ import annotations
@@ -53,14 +63,19 @@ from twin.verification.rest import hold, inertia, slide
 from twin.verification.rested import Rested, left, rested, rested_rows, uncaught
 
 PULL = {"revolute": 2.0, "prismatic": 10.0}  # N m, N: no furniture in a home should ask for more
-HEAVY = 0.1  # of weight x lever (twin/physics/joints.py); chosen by us: three times the friction of a usual hinge, twice a runner's
-BALANCED = 1.5  # of the friction that stands for a catch or a balance; chosen by us: both hold a part, and let a hand move it
+# of weight x lever (twin/physics/joints.py); chosen by us: three times the friction of a usual hinge, twice a
+# runner's
+HEAVY = 0.1
+# of the friction that stands for a catch or a balance; chosen by us: both hold a part, and let a hand move it
+BALANCED = 1.5
 BRISK = 0.1  # s; chosen by us: no hand opens anything faster
 PUSH = {
     "revolute": 1.0,
     "prismatic": 0.3,
 }  # rad/s, m/s: chosen by us, a door or drawer let go in a brisk motion
-HAND = 50.0  # N; chosen by us: a brisk pull of one hand, twice what the catch of a kitchen cabinet takes (benchmarks/door_forces.md)
+# N; chosen by us: a brisk pull of one hand, twice what the catch of a kitchen cabinet takes
+# (benchmarks/door_forces.md)
+HAND = 50.0
 HAND_MASS = 1.0  # kg; chosen by us: what of an arm moves with its hand
 DEPTH = 1e-3  # m
 SHORT = 0.01  # share of the range
@@ -140,8 +155,9 @@ def _asked(twin: Twin, part: Part, where: Rested) -> dict[str, Any]:
 
 
 def _pull(twin: Twin, part: Part) -> float:
-    """What a hand is asked for at most (N or N m), by the kind of joint and the part's weight; and no more than twice the friction
-    with what takes the part over its range in 0.1 s: more flings a part of a gram away faster than a step can follow."""
+    """What a hand is asked for at most (N or N m), by the kind of joint and the part's weight; and no more
+    than twice the friction with what takes the part over its range in 0.1 s: more flings a part of a gram
+    away faster than a step can follow."""
     heavy = 0.0 if part.inertial is None else HEAVY * weight_on_lever(part.joint, part.inertial)
     span, physics = part.joint.upper - part.joint.lower, filled(twin)[twin.parts.index(part)][1]
     brisk = 2 * inertia(twin, part) * span / BRISK**2 + physics.damping.value * span / BRISK
@@ -151,7 +167,8 @@ def _pull(twin: Twin, part: Part) -> float:
 
 
 def _state_beside(part: Part, other: Part) -> float:
-    """Where `other` was when the recording first moved `part`: a drawer behind a door comes out only once that is open."""
+    """Where `other` was when the recording first moved `part`: a drawer behind a door comes out only once
+    that is open."""
     if not (part.motion.intervals and len(other.motion.frames)):
         return 0.0
     state = float(np.interp(part.motion.intervals[0][0], other.motion.frames, other.motion.state))
@@ -159,7 +176,8 @@ def _state_beside(part: Part, other: Part) -> float:
 
 
 def _lever(part: Part) -> float:
-    """Distance (m) of the part's farthest point from its hinge; 1 for a slide, whose points all move alike."""
+    """Distance (m) of the part's farthest point from its hinge; 1 for a slide, whose points all move
+    alike."""
     if not isinstance(part.joint, Revolute):
         return 1.0
     return float(
@@ -235,9 +253,9 @@ def _judge(fmt: str, twin: Twin, part: Part, where: Rested, got: Mapping[str, An
 
 
 def _slid(twin: Twin, part: Part, got: Mapping[str, Any]) -> tuple[float | None, float]:
-    """Largest distance (m or rad) of the course of a part that slides from the closed form, up to its stop, and what passes:
-    a share of the way (all of it on the edge of sliding), and what it goes in a time step, by which an integrator of first
-    order may be late."""
+    """Largest distance (m or rad) of the course of a part that slides from the closed form, up to its stop,
+    and what passes: a share of the way (all of it on the edge of sliding), and what it goes in a time step,
+    by which an integrator of first order may be late."""
     want, speed = slide(twin, part, 0.0, SLIDE_TIMES, got["armature"])
     span = part.joint.upper - part.joint.lower
     pull = hold(twin, part, 0.0).pull
@@ -272,6 +290,7 @@ def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
 
 
 def _reconstruction_error(part: Part, lever: float) -> float:
-    """Three standard deviations (m) of the part's farthest point, of the residual and of what states do from frame to frame; slow errors are followed."""
+    """Three standard deviations (m) of the part's farthest point, of the residual and of what states do from
+    frame to frame; slow errors are followed."""
     jitter = mad_sigma(np.diff(part.motion.state, 2)) / math.sqrt(6.0)
     return max(FLOOR, _SIGMAS * math.hypot(jitter * lever, part.motion.residual))

@@ -9,8 +9,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class BehaviourRow:
-    """One demand. measured and limit are in metres at the part's farthest point (rest, sweep, demonstration) or shares of
-    the range (open, close) or of the energy at play (energy); infinite where the simulation broke down."""
+    """One demand. measured and limit are in metres at the part's farthest point (rest, sweep, demonstration)
+    or shares of the range (open, close) or of the energy at play (energy); infinite where the simulation
+    broke down."""
 
     format: str
     part: str

@@ -1,4 +1,5 @@
-"""Demands on catches: they hold a closed part against almost as much as they say, let go of it at a little more, and only in MJCF."""
+"""Demands on catches: they hold a closed part against almost as much as they say, let go of it at a little
+more, and only in MJCF."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ from twin.quantities import PartPhysics
 from twin.scene import Twin
 
 CATCHING = ("mjcf",)  # formats that simulate a catch; the others only tell of it
-# Of the catch, and of catch and friction; chosen by us: what a force gauge in a hand tells apart. Friction, which is soft in MuJoCo and creeps,
-# has no share in what holds.
+# Of the catch, and of catch and friction; chosen by us: what a force gauge in a hand tells apart. Friction,
+# which is soft in MuJoCo and creeps, has no share in what holds.
 HOLDS, LETS_GO = 0.95, 1.05
 _STILL = 1e-3  # m
 _SHORT = 0.01  # share of the width
@@ -28,7 +29,8 @@ def without_catches(twin: Twin) -> Twin:
 
 
 def catch_asked(physics: PartPhysics) -> dict[str, float] | None:
-    """What the probe has to know: pulls (N or N m) that the closed part bears and does not, and the width (m or rad)."""
+    """What the probe has to know: pulls (N or N m) that the closed part bears and does not, and the width (m
+    or rad)."""
     if physics.catch is None:
         return None
     whole = physics.catch.force.value + physics.frictionloss.value

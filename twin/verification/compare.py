@@ -26,8 +26,8 @@ from twin.verification.expected import (
 )
 from twin.verification.rows import CheckRow
 
-# Largest difference that passes: degrees; metres; metres or radians; relative; for the rollout relative to the way it goes or
-# to the range, whichever is more.
+# Largest difference that passes: degrees; metres; metres or radians; relative; for the rollout relative to
+# the way it goes or to the range, whichever is more.
 TOLERANCE = {
     "loads": 0.0, "tree": 0.0, "type": 0.0, "axis_deg": 1e-3, "pivot_m": 1e-5, "lower": 1e-5, "upper": 1e-5, "damping": 1e-5,
     "frictionloss": 1e-5, "armature": 1e-5, "friction": 1e-5, "mass": 1e-5, "com_m": 1e-5, "inertia": 1e-5,
@@ -60,10 +60,12 @@ def tolerance(engine: str, field: str) -> float:
 
 
 def allowed(engine: str, fmt: str, field: str, twin: Twin, k: int) -> float:
-    """Largest difference that passes for part k, where it lies: far from the origin single precision can't hold 1e-5 m.
+    """Largest difference that passes for part k, where it lies: far from the origin single precision can't
+    hold 1e-5 m.
 
-    What is computed with 24 bits may be off by some spacings of these at the twin's distance: positions by as many metres,
-    inertia about the joint by as much relative to its lever. USD keeps orientations in single precision, for every engine.
+    What is computed with 24 bits may be off by some spacings of these at the twin's distance: positions by as
+    many metres, inertia about the joint by as much relative to its lever. USD keeps orientations in single
+    precision, for every engine.
     """
     single = engine in SINGLE_PRECISION
     off = spacing(twin) * (_SPACINGS if single else 1.0)
@@ -78,7 +80,8 @@ def allowed(engine: str, fmt: str, field: str, twin: Twin, k: int) -> float:
 
 
 def spacing(twin: Twin) -> float:
-    """Distance (m) between neighbouring numbers of single precision at the part's vertex farthest from the origin."""
+    """Distance (m) between neighbouring numbers of single precision at the part's vertex farthest from the
+    origin."""
     far = [float(np.abs(surface(p.mesh)).max()) for p in twin.parts if len(p.mesh.faces)]
     return float(np.spacing(np.float32(max(far, default=0.0))))
 
@@ -163,7 +166,8 @@ def compare(engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, 
 
 
 def loads(engine: str, fmt: str, error: str | None) -> CheckRow:
-    """Whether the engine makes a model of the file at all: one that it refuses is a disagreement about everything in it."""
+    """Whether the engine makes a model of the file at all: one that it refuses is a disagreement about
+    everything in it."""
     measured, off = ("refused", float("inf")) if error else ("a model", 0.0)
     return CheckRow(fmt, engine, "loads", "", "a model", measured, off, tolerance(engine, "loads"))
 
@@ -175,7 +179,8 @@ def _apart(want: Any, instead: float) -> bool:
 def _dynamics(
     engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, Any]]
 ) -> tuple[Array, Array]:
-    """Where the table says that a number does not arrive, the twin is moved with the one that the engine reports."""
+    """Where the table says that a number does not arrive, the twin is moved with the one that the engine
+    reports."""
     parts = truth.twin.parts
     numbers = [physics for _, physics in filled(truth.twin)]
     armature, damping = (

@@ -1,8 +1,9 @@
-"""What each engine is known not to take from a format: one table, printed by `twin check` and in benchmarks/engines.md.
+"""What each engine is known not to take from a format: one table, printed by `twin check` and in
+benchmarks/engines.md.
 
-A field of the table is compared all the same wherever the engine yields something for it. When that agrees after all, the
-check reports an unexpected pass: the engine has learnt it, and the entry can go. Every entry was seen with the version pinned
-in twin/engines/ or constraints.txt.
+A field of the table is compared all the same wherever the engine yields something for it. When that agrees
+after all, the check reports an unexpected pass: the engine has learnt it, and the entry can go. Every entry
+was seen with the version pinned in twin/engines/ or constraints.txt.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ ANY = "any"
 class Unsupported:
     """`field` of `format` that `engine` (or any) does not take, and why.
 
-    instead: the value that the engine uses, where it is a number; a twin that has it can't tell. says: pattern of the lines
-    with which the engine's loader says so.
+    instead: the value that the engine uses, where it is a number; a twin that has it can't tell. says:
+    pattern of the lines with which the engine's loader says so.
     """
 
     engine: str

@@ -1,8 +1,8 @@
 """What an engine should measure, computed from the twin by plain arithmetic; shares no code with the export.
 
-The dynamics of the tree are those of Newton and Euler: with the Jacobians J of every centre of mass and the rates J' of them,
-M(q) q'' + h(q, q') + damping q' = 0, M = sum m Jv^T Jv + Jw^T I Jw, h = sum m Jv^T (Jv' q' - g) + Jw^T (I Jw' q' + w x I w).
-See Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 3.
+The dynamics of the tree are those of Newton and Euler: with the Jacobians J of every centre of mass and the
+rates J' of them, M(q) q'' + h(q, q') + damping q' = 0, M = sum m Jv^T Jv + Jw^T I Jw, h = sum m Jv^T (Jv' q'
+- g) + Jw^T (I Jw' q' + w x I w). See Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 3.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What the engines are asked for: states (n, parts) along the range, `state` (parts,) away from it, and a start."""
+    """What the engines are asked for: states (n, parts) along the range, `state` (parts,) away from it, and a
+    start."""
 
     states: Array
     state: Array
@@ -35,8 +36,9 @@ class Course:
 
 
 def course(twin: Twin) -> Course:
-    """All parts together from limit to limit in 11 steps; a state that differs from part to part for the mass matrix; and the
-    rollout's start: the middle of the range, at a speed of half the range per second, every second part backwards."""
+    """All parts together from limit to limit in 11 steps; a state that differs from part to part for the mass
+    matrix; and the rollout's start: the middle of the range, at a speed of half the range per second, every
+    second part backwards."""
     low, high = (np.array([getattr(p.joint, x) for p in twin.parts]) for x in ("lower", "upper"))
     share = np.linspace(0, 1, STATES)[:, None]
     n = len(twin.parts)
@@ -64,8 +66,8 @@ def filled(twin: Twin) -> list[tuple[Inertial, PartPhysics]]:
 
 
 def armatures(twin: Twin) -> Array:
-    """Added inertia (parts,) in kg m^2 or kg of the joints that our MJCF and USD carry (docs/concepts.md): a hundredth of the
-    part's own about its joint."""
+    """Added inertia (parts,) in kg m^2 or kg of the joints that our MJCF and USD carry (docs/concepts.md): a
+    hundredth of the part's own about its joint."""
     out = []
     for part, (inertial, _) in zip(twin.parts, filled(twin), strict=True):
         own, joint = inertial.mass.value, part.joint
@@ -78,7 +80,8 @@ def armatures(twin: Twin) -> Array:
 
 
 def written(part: Part) -> Array:
-    """Vertices (n, 3) m of what is drawn of a part: its seen mesh, or what an inferred layer shows of that, and its pieces."""
+    """Vertices (n, 3) m of what is drawn of a part: its seen mesh, or what an inferred layer shows of that,
+    and its pieces."""
     layer = part.completion
     if layer is None:
         return surface(part.mesh)
@@ -86,7 +89,8 @@ def written(part: Part) -> Array:
 
 
 def surface(mesh: Mesh) -> Array:
-    """Vertices (n, 3) m that a face uses: the others are no part of the surface, whatever a scan left there."""
+    """Vertices (n, 3) m that a face uses: the others are no part of the surface, whatever a scan left
+    there."""
     return np.asarray(mesh.vertices[np.unique(mesh.faces)])
 
 
@@ -127,7 +131,8 @@ class Dynamics:
         return self._terms(q, np.zeros(len(q)))[0]
 
     def forces(self, q: Array, v: Array) -> Array:
-        """Generalised forces (parts,) of gravity and of turning axes, as they stand on the side of the inertia: h."""
+        """Generalised forces (parts,) of gravity and of turning axes, as they stand on the side of the
+        inertia: h."""
         return self._terms(q, v)[1]
 
     def acceleration(self, q: Array, v: Array) -> Array:

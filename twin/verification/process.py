@@ -30,7 +30,8 @@ OURS = (
     "pinocchio",
     "yourdfpy",
 )  # come with this project; the others have environments of their own
-BEHAVIOUR = "behaviour"  # the probe that moves parts, for twin.verification.behaviour: it compares nothing and is no engine to choose
+# the probe that moves parts, for twin.verification.behaviour: it compares nothing and is no engine to choose
+BEHAVIOUR = "behaviour"
 SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once
 _RUN = Path(__file__).resolve().parents[1] / "probes" / "run.py"
 
@@ -41,8 +42,8 @@ def python_of(engine: str) -> Path:
 
 
 def ask(engine: str, jobs: Sequence[dict[str, Any]], seconds: float = SECONDS) -> list[dict[str, Any]]:
-    """One answer per job, as twin.probes describes it; a crash, or a hang of so many seconds, is the answer's error, and the
-    rest is asked again."""
+    """One answer per job, as twin.probes describes it; a crash, or a hang of so many seconds, is the answer's
+    error, and the rest is asked again."""
     python = python_of(engine)
     answers: list[dict[str, Any]] = []
     while len(answers) < len(jobs):
@@ -56,8 +57,8 @@ def ask(engine: str, jobs: Sequence[dict[str, Any]], seconds: float = SECONDS) -
 def _run(
     python: Path, engine: str, jobs: Sequence[dict[str, Any]], seconds: float
 ) -> tuple[list[dict[str, Any]], str, bool]:
-    """The answers of one process, in an empty folder (MuJoCo leaves a log where it runs), why it did not answer all, and
-    whether that is about the engine as a whole and not about the file it was at."""
+    """The answers of one process, in an empty folder (MuJoCo leaves a log where it runs), why it did not
+    answer all, and whether that is about the engine as a whole and not about the file it was at."""
     with tempfile.TemporaryDirectory() as folder:
         request, answers, said = (Path(folder) / n for n in ("request.json", "answers.jsonl", "said.txt"))
         request.write_text(json.dumps(list(jobs)), encoding="utf-8")

@@ -1,4 +1,5 @@
-"""What `twin check` asks of exported files: do engines agree with the twin, do its parts behave, do validators accept the USD."""
+"""What `twin check` asks of exported files: do engines agree with the twin, do its parts behave, do
+validators accept the USD."""
 
 from __future__ import annotations
 
@@ -44,8 +45,8 @@ def prove(
 ) -> list[Proof]:
     """Answer all questions about exported `files` (format -> file).
 
-    judges: names of engines, "validators" for the validators of USD, or "all"; by default the engines that come along.
-    Raises InputError, MissingDependencyError: as twin.check and twin.validators.validate_usd.
+    judges: names of engines, "validators" for the validators of USD, or "all"; by default the engines that
+    come along. Raises InputError, MissingDependencyError: as twin.check and twin.validators.validate_usd.
     """
     names = OURS if judges is None else judges
     engines = chosen_engines([n for n in names if n != VALIDATORS])
@@ -99,7 +100,8 @@ def _contacts(twin: Twin) -> Proof:
 
 
 def _up(twin: Twin) -> Proof:
-    """Do large planes, slides and hinges agree with the twin's up? One that they contradict is a warning: what leans may lean."""
+    """Do large planes, slides and hinges agree with the twin's up? One that they contradict is a warning:
+    what leans may lean."""
     found = level_evidence(twin)
     rows = [
         [

@@ -1,7 +1,9 @@
-"""Whether a part stays where it is left, by statics: the pull of its weight along the joint against the joint's dry friction.
+"""Whether a part stays where it is left, by statics: the pull of its weight along the joint against the
+joint's dry friction.
 
-A lid on a slope or a drawer that leans forward opens by itself, and a file in which it does is right. How it then moves is one
-ordinary differential equation, M(q) q'' + h(q, q') + damping q' + friction sign(q') = 0, with the other parts held.
+A lid on a slope or a drawer that leans forward opens by itself, and a file in which it does is right. How it
+then moves is one ordinary differential equation, M(q) q'' + h(q, q') + damping q' + friction sign(q') = 0,
+with the other parts held.
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ from twin.verification.expected import Dynamics, filled
 
 @dataclass(frozen=True)
 class Hold:
-    """pull (N or N m, positive opens) of the weight, friction (N or N m) that holds against it, whether a stop does, and how much a catch
-    (N or N m) holds against being opened."""
+    """pull (N or N m, positive opens) of the weight, friction (N or N m) that holds against it, whether a
+    stop does, and how much a catch (N or N m) holds against being opened."""
 
     pull: float
     friction: float
@@ -29,7 +31,8 @@ class Hold:
 
     @property
     def least(self) -> float:
-        """Pull (N or N m) that is needed at least to move it on: against friction, and a catch where it is to open."""
+        """Pull (N or N m) that is needed at least to move it on: against friction, and a catch where it is to
+        open."""
         return self.friction + (self.caught if self.pull > 0 else 0.0)
 
     @property
@@ -39,7 +42,8 @@ class Hold:
 
     @property
     def on_edge(self) -> bool:
-        """It moves, but so little is left of the pull that MuJoCo's soft friction, whose impedance is 0.9, may hold it back."""
+        """It moves, but so little is left of the pull that MuJoCo's soft friction, whose impedance is 0.9,
+        may hold it back."""
         return self.moves and 0.85 * abs(self.pull) < self.least
 
     @property
@@ -63,7 +67,8 @@ def hold(twin: Twin, part: Part, state: float, others: dict[int, float] | None =
 def slide(
     twin: Twin, part: Part, state: float, times: Sequence[float], armature: float
 ) -> tuple[Array, Array]:
-    """States (t,) and speeds (t,), which no stop ends, at `times` (s, increasing) of a part that is let go at `state` and moves, up to its stop.
+    """States (t,) and speeds (t,), which no stop ends, at `times` (s, increasing) of a part that is let go at
+    `state` and moves, up to its stop.
 
     armature: of its joint, kg m^2 or kg, as the file has it.
     """

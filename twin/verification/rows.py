@@ -14,10 +14,11 @@ Status = Literal["ok", "failed", "known", "unexpected pass"]
 
 @dataclass(frozen=True)
 class CheckRow:
-    """One comparison. difference and tolerance are in the unit of the field (deg for axis, m, rad, kg relative ...).
+    """One comparison. difference and tolerance are in the unit of the field (deg for axis, m, rad, kg
+    relative ...).
 
-    known: reason of the table of exceptions, empty when the engine should agree. told: whether the twin's value differs from
-    the one which the engine is known to use instead, so that agreement means something.
+    known: reason of the table of exceptions, empty when the engine should agree. told: whether the twin's
+    value differs from the one which the engine is known to use instead, so that agreement means something.
     """
 
     format: str
@@ -48,8 +49,8 @@ class CheckRow:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Rows, and whatever a loader warned about or failed with, as "format/engine: text"; versions of the engines and the
-    seconds that each took for a format; notes on what limits the comparison."""
+    """Rows, and whatever a loader warned about or failed with, as "format/engine: text"; versions of the
+    engines and the seconds that each took for a format; notes on what limits the comparison."""
 
     rows: tuple[CheckRow, ...]
     warnings: tuple[str, ...]
@@ -59,7 +60,8 @@ class CheckReport:
 
     @property
     def ok(self) -> bool:
-        """True when every row holds, none is missing and no loader warned of anything that is not in the table."""
+        """True when every row holds, none is missing and no loader warned of anything that is not in the
+        table."""
         return bool(self.rows) and not self.warnings and all(r.ok for r in self.rows)
 
     @property

@@ -1,8 +1,9 @@
-"""One question to an OpenAI-compatible chat endpoint: bounded in time and size, with errors of one line that hold no key.
+"""One question to an OpenAI-compatible chat endpoint: bounded in time and size, with errors of one line that
+hold no key.
 
-Address, key and model come from the environment: FUNTWIN_VLM_URL, FUNTWIN_VLM_KEY and FUNTWIN_VLM_MODEL. Where neither of the
-first two is set, OPENAI_API_KEY goes with OPENAI_BASE_URL (by default OpenAI's own): a key is only ever sent to the address
-that it was set for.
+Address, key and model come from the environment: FUNTWIN_VLM_URL, FUNTWIN_VLM_KEY and FUNTWIN_VLM_MODEL.
+Where neither of the first two is set, OPENAI_API_KEY goes with OPENAI_BASE_URL (by default OpenAI's own): a
+key is only ever sent to the address that it was set for.
 """
 
 from __future__ import annotations
@@ -68,9 +69,9 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of one question, chosen by us. connect, read: s without a sign of life. total: s for all attempts.
-    attempts: when the server is busy or fails. pause: s before the second attempt, doubled for each further one;
-    a server that names a longer wait gets at most `longest_pause`. max_bytes: of the answer."""
+    """Bounds of one question, chosen by us. connect, read: s without a sign of life. total: s for all
+    attempts. attempts: when the server is busy or fails. pause: s before the second attempt, doubled for each
+    further one; a server that names a longer wait gets at most `longest_pause`. max_bytes: of the answer."""
 
     connect: float = 10.0
     read: float = 120.0
@@ -85,7 +86,8 @@ DEFAULT = Limits()
 
 
 def endpoint_from_environment(model: str | None = None, environ: Mapping[str, str] | None = None) -> Endpoint:
-    """The endpoint that the environment names. Raises InputError, in one line, when key, address or model are missing."""
+    """The endpoint that the environment names. Raises InputError, in one line, when key, address or model are
+    missing."""
     env = os.environ if environ is None else environ
     if env.get("FUNTWIN_VLM_URL") or env.get("FUNTWIN_VLM_KEY"):
         url, key = env.get("FUNTWIN_VLM_URL"), env.get("FUNTWIN_VLM_KEY")
@@ -112,7 +114,8 @@ def endpoint_from_environment(model: str | None = None, environ: Mapping[str, st
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked: instructions, text, and pictures as JPEG bytes in the order in which the text counts them."""
+    """What is asked: instructions, text, and pictures as JPEG bytes in the order in which the text counts
+    them."""
 
     instructions: str
     text: str
@@ -134,8 +137,8 @@ class Question:
 def ask(question: Question, endpoint: Endpoint, limits: Limits = DEFAULT) -> str:
     """The model's answer as text.
 
-    Raises ServiceError: no connection, too slow, too long, refused, or not an answer at all. MissingDependencyError
-    without the extra `vlm`.
+    Raises ServiceError: no connection, too slow, too long, refused, or not an answer at all.
+    MissingDependencyError without the extra `vlm`.
     """
     httpx = _httpx()
     deadline = time.monotonic() + limits.total

@@ -1,10 +1,12 @@
-"""A model's estimate of a part's mass, checked against the part's geometry and weighed against geometry x table.
+"""A model's estimate of a part's mass, checked against the part's geometry and weighed against geometry x
+table.
 
-A model sees one picture; the surface is measured. What contradicts the surface is refused or left out, and said. What remains
-is one more uncertain opinion: the mass is the product of two log-normal distributions, that of geometry x table, whose interval
-is taken as 95 %, and that of the model, whose error is the state of the art's. On ABO-500 the mean of |ln(mass / truth)| is
-0.77, a factor of 2.2 (NeRF2Physics; Zhai et al., CVPR 2024); for a normal error of the logarithm that is a standard deviation
-of 0.77 sqrt(pi / 2).
+A model sees one picture; the surface is measured. What contradicts the surface is refused or left out, and
+said. What remains is one more uncertain opinion: the mass is the product of two log-normal distributions,
+that of geometry x table, whose interval is taken as 95 %, and that of the model, whose error is the state of
+the art's. On ABO-500 the mean of |ln(mass / truth)| is
+0.77, a factor of 2.2 (NeRF2Physics; Zhai et al., CVPR 2024); for a normal error of the logarithm that is a
+standard deviation of 0.77 sqrt(pi / 2).
 """
 
 from __future__ import annotations
@@ -36,8 +38,8 @@ _SOLID = 1.1  # a part fills no more than its hull, up to the mesh's own error
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What the surface says for certain: edges (3,) m of its tightest box, longest first, volume m^3 of its hull, least and
-    greatest mass kg."""
+    """What the surface says for certain: edges (3,) m of its tightest box, longest first, volume m^3 of its
+    hull, least and greatest mass kg."""
 
     edges: tuple[float, float, float]
     volume: float
@@ -45,9 +47,9 @@ class Body:
 
 
 def body_of(mesh: Mesh, table: MaterialTable) -> Body:
-    """Bounds of a part: from the thinnest, lightest sheet of the table behind half its surface to its hull filled with the
-    table's densest material. A hull thinner than the table's thickest board, as that of a front seen from one side, is given
-    that thickness.
+    """Bounds of a part: from the thinnest, lightest sheet of the table behind half its surface to its hull
+    filled with the table's densest material. A hull thinner than the table's thickest board, as that of a
+    front seen from one side, is given that thickness.
 
     Raises SceneError for a mesh without area.
     """
@@ -88,7 +90,8 @@ class Verdict:
 def judge(answer: PhysicalAnswer, part: Part, body: Body) -> Verdict:
     """Compare an answer with the part.
 
-    Raises ServiceError when its mass is impossible or its lengths are not in metres: then nothing of it can be trusted.
+    Raises ServiceError when its mass is impossible or its lengths are not in metres: then nothing of it can
+    be trusted.
     """
     low, high = body.mass
     if not low <= answer.mass <= high:
@@ -141,7 +144,8 @@ def _tensor_problem(answer: PhysicalAnswer, part: Part) -> str:
 def combined(geometry: Quantity, stated: float) -> Quantity | None:
     """The product of both log-normal distributions; None where they contradict each other at the 95 % level.
 
-    geometry: value and 95 % interval. The result's weight of the model is that of the inverse variances of ln(mass).
+    geometry: value and 95 % interval. The result's weight of the model is that of the inverse variances of
+    ln(mass).
     """
     low, high = geometry.interval
     own = max(float(np.log(high / low)) / (2 * _Z95), 1e-9)
@@ -158,9 +162,11 @@ def combined(geometry: Quantity, stated: float) -> Quantity | None:
 def apply(
     twin: Twin, key: int | str, answer: PhysicalAnswer, model: str, table: MaterialTable | None = None
 ) -> Edited:
-    """Give a part the mass that geometry x table and the model's answer agree on, and the material that the model names.
+    """Give a part the mass that geometry x table and the model's answer agree on, and the material that the
+    model names.
 
-    A mass or friction that was measured or stated by the user stays. Centre and tensor always come from the mesh.
+    A mass or friction that was measured or stated by the user stays. Centre and tensor always come from the
+    mesh.
 
     Raises ServiceError when the answer contradicts the part.
     """

@@ -1,4 +1,5 @@
-"""The picture that is sent: a frame in which the part shows best, or the part as it was reconstructed, with the part marked."""
+"""The picture that is sent: a frame in which the part shows best, or the part as it was reconstructed, with
+the part marked."""
 
 from __future__ import annotations
 
@@ -30,8 +31,8 @@ class Picture:
 
 
 def part_picture(twin: Twin, part: Part, run: Path, frame: Callable[[int], Image] | None = None) -> Picture:
-    """The part's picture: the recording's best frame where `frame` reads it, else the best key frame of the run, else
-    drawn from the mesh.
+    """The part's picture: the recording's best frame where `frame` reads it, else the best key frame of the
+    run, else drawn from the mesh.
 
     Args:
         frame: colour (H, W, 3) RGB of a recording frame.
@@ -60,8 +61,8 @@ def part_picture(twin: Twin, part: Part, run: Path, frame: Callable[[int], Image
 
 
 def best_frame(twin: Twin, part: Part, frames: Sequence[int]) -> int | None:
-    """The frame with the most of the part and the least hand: part pixels times part / (part + hand). None when none
-    shows the part."""
+    """The frame with the most of the part and the least hand: part pixels times part / (part + hand). None
+    when none shows the part."""
     best, score = None, 0.0
     for f in frames:
         labels = twin.labels[f]

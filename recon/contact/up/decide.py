@@ -1,7 +1,8 @@
-"""Up is decided once the surfaces and the parts are known, by all witnesses together, and the world is turned accordingly.
+"""Up is decided once the surfaces and the parts are known, by all witnesses together, and the world is turned
+accordingly.
 
-The stages before it work in a world whose up the camera's posture alone tells: a steep view has walls for floors there.
-What these stages find doesn't depend on it.
+The stages before it work in a world whose up the camera's posture alone tells: a steep view has walls for
+floors there. What these stages find doesn't depend on it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from twin.scene import Trajectory
 from twin.verdict import UpUnsure
 
 UP = Stage("up", 1, ("gravity",))
-# Odds of the best direction against the second from which up is no doubt: one wrong in twenty-one, if they are honest.
+# Odds of the best direction against the second from which up is no doubt: one wrong in twenty-one, if they
+# are honest.
 ODDS = 20.0
 
 
@@ -44,7 +46,8 @@ class World:
 
 @dataclass(frozen=True, eq=False)
 class Upright:
-    """The direction (3,) of the world as it stands that is up, and why that is doubted; None where it is sure."""
+    """The direction (3,) of the world as it stands that is up, and why that is doubted; None where it is
+    sure."""
 
     up: Array
     doubt: UpUnsure | None = None
@@ -59,7 +62,8 @@ def find_up(
 ) -> Upright:
     """The most likely up among the world's z and the other directions of its walls and floors.
 
-    What the user or the device says of up stands. Where depth shows fewer than two such directions, z stands and is doubted.
+    What the user or the device says of up stands. Where depth shows fewer than two such directions, z stands
+    and is doubted.
     """
     z = np.array([0.0, 0.0, 1.0])
     if said.up is not None or (recording.gravity_camera0 is not None and world.cameras.pose(0) is not None):

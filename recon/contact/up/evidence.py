@@ -18,9 +18,11 @@ from twin.geometry import Array
 from twin.level import Plane, large_planes
 from twin.scene import HAND_LABEL, Mesh, Prismatic, Trajectory
 
-# Share of a label image from which a hand in it tells where the arm comes from; chosen by us, as hands that visit.
+# Share of a label image from which a hand in it tells where the arm comes from; chosen by us, as hands that
+# visit.
 _HAND_SHARE = 0.004
-# Fewest pixels of the picture's border by which an arm leaves it; a narrow wrist has some thirty. Chosen by us.
+# Fewest pixels of the picture's border by which an arm leaves it; a narrow wrist has some thirty. Chosen by
+# us.
 _BORDER_PIXELS = 10
 # Of the state: an end of the travel, as for the closed end.
 _QUANTILE = 0.02
@@ -28,8 +30,8 @@ _QUANTILE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PartShown:
-    """A moving part: whether it slides, its axis (3,), and the outward normal (3,) of its front at both ends of its travel, that of the
-    end nearer to the first states first."""
+    """A moving part: whether it slides, its axis (3,), and the outward normal (3,) of its front at both ends
+    of its travel, that of the end nearer to the first states first."""
 
     slides: bool
     axis: Array
@@ -42,10 +44,12 @@ class UpEvidence:
 
     Attributes:
         eye: (3,) m, mean place of the camera.
-        camera: (3, 3), columns: the mean of the camera's x (right), y (down) and z (forward), which are nearly unit vectors.
+        camera: (3, 3), columns: the mean of the camera's x (right), y (down) and z (forward), which are
+            nearly unit vectors.
         planes: large static planes; their normals point to the side on which the camera is.
         parts: those that move.
-        arm: (3,) unit vector in the picture's plane from the hand to where its arm leaves the picture; None where it isn't seen.
+        arm: (3,) unit vector in the picture's plane from the hand to where its arm leaves the picture; None
+            where it isn't seen.
     """
 
     eye: Array
@@ -95,7 +99,8 @@ def _arm(cameras: Trajectory, labels: Mapping[int, NDArray[np.uint8]]) -> Array 
 
 
 def _ways_out(cameras: Trajectory, labels: Mapping[int, NDArray[np.uint8]]) -> Iterator[Array]:
-    """Of each label image with an arm: the unit vector (3,) from the middle of the hand to the middle of where it leaves the picture."""
+    """Of each label image with an arm: the unit vector (3,) from the middle of the hand to the middle of
+    where it leaves the picture."""
     for frame, image in labels.items():
         T, hand = cameras.pose(frame), image == HAND_LABEL
         if T is None or hand.mean() < _HAND_SHARE:

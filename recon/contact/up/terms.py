@@ -1,7 +1,9 @@
-"""How likely it is to see what is seen where a direction is up: one log-likelihood, the sum of what five witnesses say.
+"""How likely it is to see what is seen where a direction is up: one log-likelihood, the sum of what five
+witnesses say.
 
-The figures describe people and furniture. They are chosen by us where no source is named, before 25 open recordings
-that look steeply (seeds 5000 to 5024, by the truth of their parts) were looked at; these changed one, as noted.
+The figures describe people and furniture. They are chosen by us where no source is named, before 25 open
+recordings that look steeply (seeds 5000 to 5024, by the truth of their parts) were looked at; these changed
+one, as noted.
 """
 
 from __future__ import annotations
@@ -15,17 +17,18 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.level import Plane
 
-# Degrees. A person who opens furniture looks a little down, at most straight at the feet, and hardly ever at the ceiling.
+# Degrees. A person who opens furniture looks a little down, at most straight at the feet, and hardly ever at
+# the ceiling.
 _PITCH = -15.0
 _PITCH_SIGMA = 22.0
 # Degrees. Heads and phones are kept level.
 _ROLL_SIGMA = 10.0
-# Share of recordings that are held in any way. With .05, a camera that lies on its side was within odds of 20 in 4 of
-# the first 22 of those recordings, with .02 in one of 25.
+# Share of recordings that are held in any way. With .05, a camera that lies on its side was within odds of 20
+# in 4 of the first 22 of those recordings, with .02 in one of 25.
 _HELD_SOMEHOW = 0.02
 
-# How likely a square metre of a large plane, against one of a wall or of the floor, is a top: it faces up and is not
-# the lowest that does,
+# How likely a square metre of a large plane, against one of a wall or of the floor, is a top: it faces up and
+# is not the lowest that does,
 _TOP = 0.6
 # a ceiling: it is the highest that faces down,
 _CEILING = 0.4
@@ -38,8 +41,8 @@ _SAME_HEIGHT = 0.15
 # Degrees within which a plane is level.
 _LEVEL_DEG = 15.0
 
-# m. Eyes above the floor: of standing women 1.52 +- .06, of men 1.63 +- .07 (Gordon et al. 1989), lowered and widened
-# for bent heads.
+# m. Eyes above the floor: of standing women 1.52 +- .06, of men 1.63 +- .07 (Gordon et al. 1989), lowered and
+# widened for bent heads.
 _STANDING = 1.5
 _STANDING_SIGMA = 0.18
 # Share of those that stand; the others kneel or sit.
@@ -51,8 +54,8 @@ _IS_FLOOR = 0.6
 # m. Else it lies anywhere within so much below the eyes.
 _ANY_HEIGHT = 2.5
 
-# Moving parts by their axis and by where their front faces when they are closed; they need not add up to one. Most are
-# drawers and sliding doors,
+# Moving parts by their axis and by where their front faces when they are closed; they need not add up to one.
+# Most are drawers and sliding doors,
 _SLIDE_LEVEL = {"upright": 0.40, "up": 0.02, "down": 0.002, "askew": 0.005}
 # few go up and down.
 _SLIDE_PLUMB = {"upright": 0.008, "up": 0.001, "down": 0.001, "askew": 0.001}
@@ -76,7 +79,8 @@ _ARM_FROM_BELOW = 0.7
 
 
 def terms(up: Array, seen: UpEvidence) -> dict[str, float]:
-    """Log-likelihood (nats, up to a constant that is the same for all directions) by witness, for unit vector `up` (3,)."""
+    """Log-likelihood (nats, up to a constant that is the same for all directions) by witness, for unit vector
+    `up` (3,)."""
     return {
         "camera": _camera(up, seen.camera),
         "planes": _planes(up, seen),

@@ -1,8 +1,10 @@
-"""Truth of an Arti4D scene: axes in the map, their types, when they were moved, and the cameras of its odometry.
+"""Truth of an Arti4D scene: axes in the map, their types, when they were moved, and the cameras of its
+odometry.
 
-After the data set's loaders: <scene>.json holds {axis: {"position": [3], "axis": [3]}} in the map; metadata.yaml, in the folder of the
-rooms, joint_types: {room: {scene: {axis: PRISMATIC or REVOLUTE}}}; matched_cues.csv when each axis was moved, as frames by the order of
-the images, of which rows with VERIFICATION = VERIFIED hold. States, limits and masks are not annotated.
+After the data set's loaders: <scene>.json holds {axis: {"position": [3], "axis": [3]}} in the map;
+metadata.yaml, in the folder of the rooms, joint_types: {room: {scene: {axis: PRISMATIC or REVOLUTE}}};
+matched_cues.csv when each axis was moved, as frames by the order of the images, of which rows with
+VERIFICATION = VERIFIED hold. States, limits and masks are not annotated.
 """
 
 from __future__ import annotations

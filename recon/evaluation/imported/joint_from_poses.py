@@ -1,7 +1,8 @@
 """A joint from the poses of a part, as FunREC derives it for HOI4D (supplement, 2.3), and its states.
 
-10 000 points on the part's surface are carried by its poses. A hinge: the plane of their motion by PCA, then, in it, the one centre of
-all their circles by least squares. A slide: the line through the positions of the point nearest the part's middle.
+10 000 points on the part's surface are carried by its poses. A hinge: the plane of their motion by PCA, then,
+in it, the one centre of all their circles by least squares. A slide: the line through the positions of the
+point nearest the part's middle.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ _STEPS = 30  # of Gauss and Newton; from the start it takes a handful
 
 @dataclass(frozen=True, eq=False)
 class FittedJoint:
-    """A joint of a part that moves: unit axis (3,) and, of a hinge, a point (3,) m on it, in the world; states (n,) rad or m of the poses
-    from the first one on. residual: RMS in m of the points from the motion that the joint allows."""
+    """A joint of a part that moves: unit axis (3,) and, of a hinge, a point (3,) m on it, in the world;
+    states (n,) rad or m of the poses from the first one on. residual: RMS in m of the points from the motion
+    that the joint allows."""
 
     kind: Literal["prismatic", "revolute"]
     axis: Array
@@ -37,7 +39,8 @@ class FittedJoint:
 
 
 def fit_joint(T_world_part: Array, size: Array) -> FittedJoint | None:
-    """The joint of a part whose frame is in the middle of its box of this size (3,) m; None for a part at rest.
+    """The joint of a part whose frame is in the middle of its box of this size (3,) m; None for a part at
+    rest.
 
     T_world_part: (n, 4, 4). The larger states are positive: which end is closed, poses do not tell.
     """
@@ -103,10 +106,11 @@ def _normal(T: Array, points: Array) -> Array:
 
 
 def _common_centre(flat: Array) -> Array:
-    """Centre (2,) of the circles on which points (n, N, 2) move, each with a radius of its own, by least squares of their distances.
+    """Centre (2,) of the circles on which points (n, N, 2) move, each with a radius of its own, by least
+    squares of their distances.
 
-    The start is the closed form that makes the squared distances of each point even: it is exact without noise, and, other than the
-    points' mean, on the right side of a short arc.
+    The start is the closed form that makes the squared distances of each point even: it is exact without
+    noise, and, other than the points' mean, on the right side of a short arc.
     """
     off = flat - flat.mean(axis=0)
     squares = np.sum(flat**2, axis=2)

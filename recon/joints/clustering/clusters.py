@@ -1,8 +1,9 @@
 """Articulation-aware clustering: which tracks move together by one joint. Nothing assumes one part.
 
-As in the paper: tracks that travel, a line or an arc for each, density clusters (HDBSCAN) over the joints that these speak
-for. A single noisy track pins its joint down badly, so clusters are only seeds here: a joint is fitted to each, every track
-that follows that joint rigidly joins, and what remains is searched for further joints.
+As in the paper: tracks that travel, a line or an arc for each, density clusters (HDBSCAN) over the joints
+that these speak for. A single noisy track pins its joint down badly, so clusters are only seeds here: a joint
+is fitted to each, every track that follows that joint rigidly joins, and what remains is searched for further
+joints.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ _COARSE = Search(pairs=24, tracks=150, frames=40)
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """Tracks that one joint carries: members (K,) bool, kind, the joint found with them (state 0 at the first frames, no
-    covariance), score: summed path of the members in metres, by which clusters are sorted."""
+    """Tracks that one joint carries: members (K,) bool, kind, the joint found with them (state 0 at the first
+    frames, no covariance), score: summed path of the members in metres, by which clusters are sorted."""
 
     members: NDArray[np.bool_]
     kind: Kind
@@ -155,7 +156,8 @@ def _grow(
 
 
 def _explained(obs: Observations, fit: TrackFit, noise: float) -> NDArray[np.bool_]:
-    """Tracks that need no joint of their own: they follow, or stay near one that does (a hand on the handle)."""
+    """Tracks that need no joint of their own: they follow, or stay near one that does (a hand on the
+    handle)."""
     sigma = max(fit.scale(noise), SEARCH_SIGMA)
     square, _, _ = residuals(obs, fit.bundle.model, sigma)
     return np.asarray(np.sqrt(row_medians(square, obs.weight)) < PRUNE_SIGMAS * LENGTH3_MEDIAN * sigma)

@@ -17,8 +17,9 @@ _ARC_STEPS = 4  # Gauss-Newton steps of the circle after its algebraic start
 
 @dataclass(frozen=True, eq=False)
 class TrackShapes:
-    """For every track: error (K,) m RMS of its better shape, arc (K,) bool, screw (K, 6) of its motion: unit vector of
-    (velocity of the common centre, 0.3 m times angular velocity), positive along the track's own motion."""
+    """For every track: error (K,) m RMS of its better shape, arc (K,) bool, screw (K, 6) of its motion: unit
+    vector of (velocity of the common centre, 0.3 m times angular velocity), positive along the track's own
+    motion."""
 
     error: Array
     arc: NDArray[np.bool_]
@@ -66,8 +67,8 @@ def _net_motion(points: Array, w: Array) -> Array:
 
 
 def _circles(u: Array, v: Array, w: Array) -> tuple[Array, Array]:
-    """Centres (K, 2) and sums of squared radial errors (K,) of circles through plane points (K, T), Kasa's start and
-    geometric Gauss-Newton."""
+    """Centres (K, 2) and sums of squared radial errors (K,) of circles through plane points (K, T), Kasa's
+    start and geometric Gauss-Newton."""
     z = u**2 + v**2
     design = np.stack([u, v, np.ones_like(u)], axis=-1) * w[..., None]
     normal = np.einsum("kti,ktj->kij", design, design)

@@ -1,7 +1,8 @@
 """Least-squares fit of one joint to absolute part poses, all frames at once.
 
-T_world_part(t) = pose(s_t) T_world_rest. The error log(P_t^-1 pose(s_t) T_world_rest) lives at the part's origin, where a
-pose tracker's noise does. States appear each in one error only and leave by Schur, so a step costs what N 6x11 blocks cost.
+T_world_part(t) = pose(s_t) T_world_rest. The error log(P_t^-1 pose(s_t) T_world_rest) lives at the part's
+origin, where a pose tracker's noise does. States appear each in one error only and leave by Schur, so a step
+costs what N 6x11 blocks cost.
 """
 
 from __future__ import annotations
@@ -19,16 +20,18 @@ from twin.joint import moved_axis
 from twin.robust import CAUCHY_95, cauchy, cauchy_loss, chi2_scale
 
 FLOOR = 1e-6  # m and rad: least noise, so that exact poses stay solvable
-# Noise of a marker or pose tracker, of one coordinate: its shape is assumed, its scale follows the data. One millimetre
-# weighs as much as one degree, which on real logged doors leaves neither the shifts nor the turns to explain the other.
+# Noise of a marker or pose tracker, of one coordinate: its shape is assumed, its scale follows the data. One
+# millimetre weighs as much as one degree, which on real logged doors leaves neither the shifts nor the turns
+# to explain the other.
 _NOISE, _NOISE_RAD = 0.002, float(np.radians(2.0))
 _CAUCHY = 6.0 * CAUCHY_95**2  # as for points, for six coordinates
 
 
 @dataclass(frozen=True, eq=False)
 class PoseBundle:
-    """kind, axis (3,), pivot (3,) nearest the part's origin, state (N,), T_world_rest (4, 4), error (N, 6) = (v, w) at the
-    part's origin, sigma (m) and sigma_rad of one coordinate, covariance of joint tangent then states."""
+    """kind, axis (3,), pivot (3,) nearest the part's origin, state (N,), T_world_rest (4, 4), error (N, 6) =
+    (v, w) at the part's origin, sigma (m) and sigma_rad of one coordinate, covariance of joint tangent then
+    states."""
 
     kind: Kind
     axis: Array
@@ -42,7 +45,8 @@ class PoseBundle:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """Poses (N,) within 99.9 % of the noise (chi-square with 6 of 22.5), the assumed noise or the measured if larger."""
+        """Poses (N,) within 99.9 % of the noise (chi-square with 6 of 22.5), the assumed noise or the
+        measured if larger."""
         return np.asarray(chi2(self.error, max(self.sigma, _NOISE), max(self.sigma_rad, _NOISE_RAD)) < 22.5)
 
 
@@ -60,7 +64,8 @@ def refine_poses(
     rest: Array,
     iterations: int = 30,
 ) -> PoseBundle:
-    """Gauss-Newton with Cauchy weights from a near start; both noise scales follow the data until they settle."""
+    """Gauss-Newton with Cauchy weights from a near start; both noise scales follow the data until they
+    settle."""
     a, p, s = axis, pivot, state
     error = _errors(T_world_part, kind, a, p, s, rest)
     centre = np.median(T_world_part[:, :3, 3], axis=0)
@@ -116,8 +121,8 @@ def _reduced(
     sigma: float,
     sigma_rad: float,
 ) -> tuple[int, tuple[Array, Array, Array], Array, Array]:
-    """Count of joint unknowns; for back-substitution (cross / diag, state step, diag); Schur matrix and gradient over
-    joint tangent and rest pose (6)."""
+    """Count of joint unknowns; for back-substitution (cross / diag, state step, diag); Schur matrix and
+    gradient over joint tangent and rest pose (6)."""
     right = right_inverse(error)
     carry = right @ _adjoint(geo.invert_pose(rest))
     by_joint = carry @ motion_jacobian(kind, axis, pivot, state)

@@ -32,8 +32,8 @@ def fit_motion_poses(
     """Fit a joint to poses of the part.
 
     Args:
-        poses: T_world_part (N, 4, 4) in any part coordinates, as markers, a robot's hand or a pose tracker give them;
-            rows that are not finite are left out.
+        poses: T_world_part (N, 4, 4) in any part coordinates, as markers, a robot's hand or a pose tracker
+            give them; rows that are not finite are left out.
         frames: (N,) recording frames, increasing; default 0..N-1.
         joint_type: take this type instead of deciding it.
 
@@ -74,7 +74,8 @@ def _checked(poses: ArrayLike, frames: ArrayLike | None) -> tuple[Array, NDArray
 
 
 def _fit(T_world_part: Array, kind: Kind, sigma: float, sigma_rad: float) -> PoseBundle:
-    """Pose graph with the noise of translation and rotation each taken from the data, then a refinement on every pose."""
+    """Pose graph with the noise of translation and rotation each taken from the data, then a refinement on
+    every pose."""
     some = np.unique(
         np.linspace(0, len(T_world_part) - 1, min(_GRAPH_POSES, len(T_world_part))).astype(np.int64)
     )

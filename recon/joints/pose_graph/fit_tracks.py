@@ -1,5 +1,5 @@
-"""Joint and states of one part from its tracks by the part-pose graph (FunREC, supplement 1.4), an alternative to bundle
-adjustment of the tracks themselves (`recon.joints.bundle`)."""
+"""Joint and states of one part from its tracks by the part-pose graph (FunREC, supplement 1.4), an
+alternative to bundle adjustment of the tracks themselves (`recon.joints.bundle`)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
 """Part-pose graph: one joint and one state per frame from relative part motions.
 
-The paper's parameterization and objective (FunREC, supplement 1.1, eq. 1 and 2, and 1.4, eq. 3): unknowns are the axis (2), for a revolute joint
-the axis point with a . p = 0 (2), and a state per frame; consecutive edges, loop closures with confidences l, and
-mu (sqrt(l) - 1)^2. The confidences leave in closed form, l = (mu / (mu + f))^2 with cost mu f / (mu + f).
-What differs is the noise model: f is in units of the noise, whose scale is taken from the data (median, two rounds), and mu
-follows from the chi-square distribution. A fixed gate cuts good edges when the noise is larger than expected.
+The paper's parameterization and objective (FunREC, supplement 1.1, eq. 1 and 2, and 1.4, eq. 3): unknowns are
+the axis (2), for a revolute joint the axis point with a . p = 0 (2), and a state per frame; consecutive
+edges, loop closures with confidences l, and mu (sqrt(l) - 1)^2. The confidences leave in closed form:
+l = (mu / (mu + f))^2 with cost mu f / (mu + f). The noise model differs: f is in units of the noise, whose
+scale is taken from the data (median, two rounds), and mu follows from the chi-square distribution. A fixed
+gate cuts good edges when the noise is larger than expected.
 """
 
 from __future__ import annotations
@@ -49,10 +50,10 @@ class PoseGraphConfig(Settings):
 
 @dataclass(frozen=True, eq=False)
 class PoseGraph:
-    """Solution: kind, unit axis (3,), pivot (3,) with a . p = 0 (zero when prismatic), state (N,) with state[0] = 0.
+    """Solution: kind, unit axis (3,), pivot (3,), a . p = 0 (zero when prismatic), state (N,), first 0.
 
-    confidence (E,), kept (E,) of the given edges; scale: noise standard deviation in units of the given information;
-    covariance of the joint tangent (2 or 4, the basis of `twin.scene.Joint` at `pivot`) then the states.
+    confidence (E,), kept (E,) of the given edges; scale: noise standard deviation in units of the given
+    information; covariance of the joint tangent (2 or 4, `twin.scene.Joint`, at `pivot`), then the states.
     """
 
     kind: Kind
@@ -108,7 +109,7 @@ def solve_pose_graph(
 def closed_form_start(edges: PoseEdges, frames: int, kind: Kind, rounds: int = 10) -> PoseGraph:
     """Joint and states without iteration on the manifold: log(T_parti_partj) is d_ij times one screw.
 
-    The screw is the leading eigenvector of the logs' scatter (reweighted), the states solve a weighted graph Laplacian.
+    The screw is the leading eigenvector of the logs' scatter (reweighted), the states solve a Laplacian.
     Twists are taken about the origin of the part's coordinates, which should lie near the part.
     """
     logs = geo.log_se3(edges.T_parti_partj)
@@ -141,7 +142,7 @@ def closed_form_start(edges: PoseEdges, frames: int, kind: Kind, rounds: int = 1
 
 
 def _laplacian(edges: PoseEdges, distance: Array, weight: Array, frames: int) -> Array:
-    """States (N,), first 0, with s_j - s_i = distance in the least-absolute-error sense: wrong edges do not pull."""
+    """States (N,), first 0, with s_j - s_i = distance by least absolute error: wrong edges do not pull."""
     i, j = edges.first, edges.second
     w, ridge = weight.copy(), np.arange(frames)
     state = np.zeros(frames)
@@ -180,8 +181,8 @@ def edge_errors(edges: PoseEdges, graph: PoseGraph) -> Array:
 def error_jacobians(edges: PoseEdges, graph: PoseGraph) -> tuple[Array, Array, Array]:
     """Errors (E, 6), their derivatives by the joint tangent (E, 6, 2 or 4) and by d = s_j - s_i (E, 6).
 
-    exp((d)(xi + delta)) = exp(d xi) exp(J_r(d xi) d delta), with d J_r(d xi) = d I - (1 - cos d) A + (d - sin d) A^2 for
-    A = ad(xi): three constant matrices for all edges. The log's own Jacobian is the series of J_r^-1 at e.
+    exp((d)(xi + delta)) = exp(d xi) exp(J_r(d xi) d delta), with A = ad(xi) and
+    d J_r(d xi) = d I - (1 - cos d) A + (d - sin d) A^2. The log's own Jacobian is the series of J_r^-1 at e.
     """
     e = edge_errors(edges, graph)
     distance = graph.state[edges.second] - graph.state[edges.first]

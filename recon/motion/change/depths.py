@@ -30,8 +30,8 @@ _SIGMA_LEAST = 0.0015  # m; no depth camera is better over a whole picture
 
 @dataclass(frozen=True, eq=False)
 class Depths:
-    """Depth (T, h, w) m, 0 unknown, and Lab colour (T, h, w, 3), 8 bits, of some frames (T,), their camera and its poses T_world_cam
-    (T, 4, 4)."""
+    """Depth (T, h, w) m, 0 unknown, and Lab colour (T, h, w, 3), 8 bits, of some frames (T,), their camera
+    and its poses T_world_cam (T, 4, 4)."""
 
     camera: Intrinsics
     frames: NDArray[np.int64]
@@ -73,8 +73,8 @@ class Depths:
         return geo.transform(self.T_world_cam[row], ahead)
 
     def look(self, points: Array, row: int, sigmas: float, least: float) -> NDArray[np.int8]:
-        """What a row says of world points (n, 3): see `recon.motion.change.kernels.look`. sigmas: of noise that depths may differ by,
-        and at `least` so many metres."""
+        """What a row says of world points (n, 3): see `recon.motion.change.kernels.look`. sigmas: of noise
+        that depths may differ by, and at `least` so many metres."""
         gate = max(least, sigmas * self.noise.base)
         return np.asarray(
             look(points, self.T_cam_world[row], self.depth[row], *self.lens, gate, sigmas * self.noise.slope)
@@ -82,8 +82,9 @@ class Depths:
 
     @cached_property
     def noise(self) -> DepthNoise:
-        """Base and slope of the scatter, camera poses included, between pairs of frames a sixth of the recording or less apart: most of what
-        they see rests meanwhile. Its slow part and the drop-outs are not measured."""
+        """Base and slope of the scatter, camera poses included, between pairs of frames a sixth of the
+        recording or less apart: most of what they see rests meanwhile. Its slow part and the drop-outs are
+        not measured."""
         apart = max(1, len(self.frames) // 6)
         first = np.unique(np.linspace(0, len(self.frames) - 1 - apart, _PAIRS).round().astype(int))
         depth, off = (
@@ -100,7 +101,8 @@ class Depths:
         return DepthNoise(max(float(np.median(sigma - slope * z**2)), _SIGMA_LEAST), slope, 0.0, 0.0)
 
     def _differences(self, a: int, b: int) -> tuple[Array, Array]:
-        """Depth (n,) that row b should have where it sees the points of row a, and what it has beyond that."""
+        """Depth (n,) that row b should have where it sees the points of row a, and what it has beyond
+        that."""
         known = self.depth[a] > 0
         p = geo.transform(self.T_cam_world[b], self.points(a)[known][::3])
         seen, z = look_up(self.depth[b], self.camera, p).z, p[:, 2]

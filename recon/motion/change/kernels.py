@@ -11,8 +11,9 @@ OLD, FRESH, BARED = 0, 1, 2  # what a pixel sees: has been there, has not, could
 
 @njit(cache=True, nogil=True)
 def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
-    """What a depth image (h, w) says of points (n, 3): one of its 3x3 pixels has their depth (SAME), all lie behind (THROUGH: the camera
-    sees through where they were) or in front (HIDDEN), or it can't be told (UNKNOWN).
+    """What a depth image (h, w) says of points (n, 3): one of its 3x3 pixels has their depth (SAME), all lie
+    behind (THROUGH: the camera sees through where they were) or in front (HIDDEN), or it can't be told
+    (UNKNOWN).
 
     least, slope: depths that differ by less than least + slope z^2 m are the same.
     """
@@ -51,12 +52,14 @@ def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
-    """How well points (n, 3), moved by a pose (4, 4), agree with a depth image (h, w): the share that agrees, 0..1 each, and the share that
-    the camera sees through.
+    """How well points (n, 3), moved by a pose (4, 4), agree with a depth image (h, w): the share that agrees,
+    0..1 each, and the share that the camera sees through.
 
-    Where the pixel is OLD in `new` (h, w), a point that has moved says nothing: what it was carried onto has always been there; unless that may be the
-    surface `itself`, as of a panel that slides in its own plane. Hidden points and those out of view say nothing either. Where it could not be seen at the surface's rest (BARED), something else may have been there all
-    the time: then it counts a quarter, and a like colour only. tint (n, 3), colour (h, w, 3): Lab, 8 bits.
+    Where the pixel is OLD in `new` (h, w), a point that has moved says nothing: what it was carried onto has
+    always been there; unless that may be the surface `itself`, as of a panel that slides in its own plane.
+    Hidden points and those out of view say nothing either. Where it could not be seen at the surface's rest
+    (BARED), something else may have been there all the time: then it counts a quarter, and a like colour
+    only. tint (n, 3), colour (h, w, 3): Lab, 8 bits.
     """
     h, w = depth.shape
     m = np.zeros((3, 4))
@@ -104,7 +107,8 @@ def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, 
 
 @njit(cache=True, nogil=True)
 def agreements(points, tint, T_cam_world, poses, depth, colour, new, itself, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
-    """`_agreement` of points (n, 3) with each depth image (T, h, w) at poses of its own, (T, Q, 4, 4): two arrays (T, Q)."""
+    """`_agreement` of points (n, 3) with each depth image (T, h, w) at poses of its own, (T, Q, 4, 4): two
+    arrays (T, Q)."""
     good, through = np.zeros(poses.shape[:2]), np.zeros(poses.shape[:2])
     for t in range(len(depth)):
         for q in range(poses.shape[1]):
@@ -129,8 +133,8 @@ def agreements(points, tint, T_cam_world, poses, depth, colour, new, itself, fx,
 
 @njit(cache=True, nogil=True)
 def best_path(score, most, price):  # type: ignore[no-untyped-def]
-    """The states (T,) of the best path through scores (T, Q), by dynamic programming (Viterbi 1967), and its score: to each frame from
-    the one before at most `most` (T,) states on, each step at a `price`."""
+    """The states (T,) of the best path through scores (T, Q), by dynamic programming (Viterbi 1967), and its
+    score: to each frame from the one before at most `most` (T,) states on, each step at a `price`."""
     frames, count = score.shape
     total, new = score[0].astype(np.float64), np.zeros(count)
     back = np.zeros((frames, count), np.int32)

@@ -1,7 +1,7 @@
 """Surfaces that left their place, and surfaces that came to it.
 
-What a frame at rest sees and others see through was not there at all times. Compared with the recording's first frame these surfaces
-leave later; compared with its last one they came before.
+What a frame at rest sees and others see through was not there at all times. Compared with the recording's
+first frame these surfaces leave later; compared with its last one they came before.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ _SPANS, _LONG = 2, 3  # a surface is gone in so many spans of so many successive
 SHARE = 0.004  # of the picture: the least surface that is a part's; chosen by us
 MOST = 4  # surfaces of each end
 _AMONG = 5  # px about one of unknown depth of which most of the known ones left; chosen by us
-# Depth (m) per pixel, and how many times that to the other side, where a surface ends before another, over one pixel or two, as coarse sensors
-# smear it; chosen by us
+# Depth (m) per pixel, and how many times that to the other side, where a surface ends before another, over
+# one pixel or two, as coarse sensors smear it; chosen by us
 _JUMP_M, _STEEPER, _SMEARED, _CROSS = 0.04, 2.0, 2, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True, eq=False)
 class Changed:
-    """A surface at rest in row `rest` of the depths: its pixels (h, w), and world points (n, 3) m and Lab colours (n, 3) of them."""
+    """A surface at rest in row `rest` of the depths: its pixels (h, w), and world points (n, 3) m and Lab
+    colours (n, 3) of them."""
 
     rest: int
     mask: NDArray[np.bool_]
@@ -59,8 +60,8 @@ def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
 
 
 def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """What left (h, w), with pixels of unknown depth among it: a dark or plain surface that is seen in spots is one. Beside a jump of depth none
-    are: there they part two surfaces."""
+    """What left (h, w), with pixels of unknown depth among it: a dark or plain surface that is seen in spots
+    is one. Beside a jump of depth none are: there they part two surfaces."""
     known, window = depth > 0, np.ones((_AMONG, _AMONG), np.uint8)
     left_here, known_here = (cv2.blur(m.astype(np.float32), window.shape) for m in (left, known))
     nearest = cv2.erode(np.where(known, depth, np.inf).astype(np.float32), window)
@@ -69,7 +70,8 @@ def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.u
 
 
 def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Pixels (h, w), 1 or 0, at which a depth image jumps: what an arm covers and the arm are two surfaces."""
+    """Pixels (h, w), 1 or 0, at which a depth image jumps: what an arm covers and the arm are two
+    surfaces."""
     known = np.where(depth > 0, depth, np.inf).astype(np.float32)
     torn = np.zeros(depth.shape, bool)
     for px in range(1, _SMEARED + 1):
@@ -81,8 +83,9 @@ def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
-    """At most `count` rows, the first and the last among them: half of them evenly spread, half where much is new to both ends of the
-    recording, as are a part and a hand on their way. first, last: what is new (T, h, w) to the first and to the last row."""
+    """At most `count` rows, the first and the last among them: half of them evenly spread, half where much is
+    new to both ends of the recording, as are a part and a hand on their way. first, last: what is new (T, h,
+    w) to the first and to the last row."""
     rows = len(first)
     even = np.unique(np.linspace(0, rows - 1, min(count - count // 2, rows)).round().astype(np.int64))
     others = np.setdiff1d(np.arange(rows), even)
@@ -95,8 +98,9 @@ def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) 
 
 
 def news(depths: Depths, rest: int) -> NDArray[np.uint8]:
-    """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees through it, BARED where it could not see:
-    something else hid it, it was out of the picture, or has no depth. It may always have been there."""
+    """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees
+    through it, BARED where it could not see: something else hid it, it was out of the picture, or has no
+    depth. It may always have been there."""
     known = depths.depth > 0
     out = np.zeros(depths.depth.shape, np.uint8)
     for t in range(len(depths.frames)):

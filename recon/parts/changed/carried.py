@@ -1,4 +1,5 @@
-"""Changed surfaces carried by a joint through every frame: the states that agree best with the depth, and how well they do."""
+"""Changed surfaces carried by a joint through every frame: the states that agree best with the depth, and how
+well they do."""
 
 from __future__ import annotations
 
@@ -43,8 +44,9 @@ _ROUNDS = (
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A changed surface: world points (n, 3) m of it at its rest in row `rest`, their Lab colours (n, 3), and what is new (T, h, w) to that
-    row (`recon.motion.change.surfaces.news`). rows: on which joints are compared. panel: whether it slides in its own plane, over its own place."""
+    """A changed surface: world points (n, 3) m of it at its rest in row `rest`, their Lab colours (n, 3), and
+    what is new (T, h, w) to that row (`recon.motion.change.surfaces.news`). rows: on which joints are
+    compared. panel: whether it slides in its own plane, over its own place."""
 
     depths: Depths
     rest: int
@@ -72,7 +74,8 @@ class Surface:
         return max(_LEAST_M, _SIGMAS * noise.base), _SIGMAS * noise.slope
 
     def scores(self, poses: Array, rows: NDArray[np.int64]) -> Array:
-        """What agrees less twice what is seen through (rows, n), as shares of the points, at poses (rows, n, 4, 4) of each row's own."""
+        """What agrees less twice what is seen through (rows, n), as shares of the points, at poses (rows, n,
+        4, 4) of each row's own."""
         T_cam_world, depth, colour, new = self._compared if rows is self.rows else self._pictures(rows)
         good, through = agreements(
             self.points, self.tint, T_cam_world, np.ascontiguousarray(poses), depth, colour, new, self.panel, *self.depths.lens, *self._gate
@@ -95,13 +98,15 @@ class Surface:
         return self.scores(poses[:, None], rows)[:, 0]
 
     def mean(self, scores: Array, rows: NDArray[np.int64]) -> float:
-        """Mean of scores (rows,) over those rows that look at it: a part beside which the camera looks for most of the time is one all the same."""
+        """Mean of scores (rows,) over those rows that look at it: a part beside which the camera looks for
+        most of the time is one all the same."""
         looks = self._looks if rows is self.rows else self._looked_at(rows)
         return float(scores[looks].mean())
 
     @cached_property
     def unknown(self) -> float:
-        """Its mean score where it stays until it leaves for nobody knows where: what any joint must exceed that is to explain it."""
+        """Its mean score where it stays until it leaves for nobody knows where: what any joint must exceed
+        that is to explain it."""
         rows = self.rows
         stays = self.along(np.tile(np.eye(4), (len(rows), 1, 1)), rows)
         return self.mean(np.maximum(stays, 0.0), rows)
@@ -111,7 +116,8 @@ class Surface:
         return self._looked_at(self.rows)
 
     def _looked_at(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Rows (rows,) in whose picture a share of it lies where it rests; all of them where these are few."""
+        """Rows (rows,) in whose picture a share of it lies where it rests; all of them where these are
+        few."""
         d = self.depths
         ahead = geo.transform(d.T_cam_world[rows], self.points)
         pixels = d.camera.project(np.where(ahead[..., 2:] > 0.1, ahead, [0.0, 0.0, 1.0]))
@@ -124,8 +130,9 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """A joint with states in the rows (T,), 0 in the first one; gains: of each surface, by how much its mean score exceeds that of
-    leaving for nobody knows where, 0 where it does not; worth: their sum over the surfaces' pixels."""
+    """A joint with states in the rows (T,), 0 in the first one; gains: of each surface, by how much its mean
+    score exceeds that of leaving for nobody knows where, 0 where it does not; worth: their sum over the
+    surfaces' pixels."""
 
     joint: Proposed
     rows: NDArray[np.int64]
@@ -143,13 +150,15 @@ class Surfaces:
     seconds: Array
 
     def explained(self, joint: Proposed) -> Explained:
-        """The best states for all surfaces that a joint carries: of those that each leading surface asks for, the most worthy."""
+        """The best states for all surfaces that a joint carries: of those that each leading surface asks for,
+        the most worthy."""
         rows = self.surfaces[0].rows
         tried = [self.following(joint, rows, self._path(joint, s, rows)) for s in self.surfaces[:_LEADING]]
         return max(tried, key=lambda e: e.worth)
 
     def improved(self, first: Explained) -> Explained:
-        """The joint tilted and shifted as long as that helps: a pattern search (Hooke and Jeeves 1961), as scores have no gradient."""
+        """The joint tilted and shifted as long as that helps: a pattern search (Hooke and Jeeves 1961), as
+        scores have no gradient."""
         best = first
         count = 4 if best.joint.kind == "revolute" else 2
         for tilt, shift in _ROUNDS:
@@ -182,7 +191,8 @@ class Surfaces:
         return self.following(best.joint, rows, self._best(total, states, rows, best.joint.kind, 0))
 
     def near(self, joint: Proposed, like: Explained, steps: int = _WINDOW) -> Explained:
-        """The best states within so many coarse steps of those that a like joint has, by the surface that gains most by it."""
+        """The best states within so many coarse steps of those that a like joint has, by the surface that
+        gains most by it."""
         surface = self.surfaces[int(np.argmax(like.gains * [s.area for s in self.surfaces]))]
         step = _STEP[joint.kind]
         window = step * np.arange(-steps, steps + 1)

@@ -1,4 +1,5 @@
-"""Two witnesses: joints that tracks tell, and joints that depth alone tells, compete on every frame's depth."""
+"""Two witnesses: joints that tracks tell, and joints that depth alone tells, compete on every frame's
+depth."""
 
 from __future__ import annotations
 
@@ -21,15 +22,16 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute, Trajectory
 
-# Support of a track that moves with a part, and by how much (m) its joint and states may be off, which depth tells coarsely; by us
+# Support of a track that moves with a part, and by how much (m) its joint and states may be off, which depth
+# tells coarsely; by us
 _FOLLOW, _COARSE_M = 0.3, 0.015
 
 
 @dataclass(frozen=True, eq=False)
 class Witnessed:
-    """A joint told by depth, with a state for each posed frame, and the tracks (K,) that follow it. by_tracks: the number of the part
-    told by tracks whose joint is the same one, None where there is none; as_well: how well depth agrees with that one's states
-    (`ChangedPart.as_well`)."""
+    """A joint told by depth, with a state for each posed frame, and the tracks (K,) that follow it.
+    by_tracks: the number of the part told by tracks whose joint is the same one, None where there is none;
+    as_well: how well depth agrees with that one's states (`ChangedPart.as_well`)."""
 
     joint: Joint
     state: Array
@@ -44,7 +46,8 @@ def witnessed(
     movers: Movers,
     told: Sequence[MovingPart],
 ) -> list[Witnessed]:
-    """What depth says of the parts. told: those that tracks tell; the joint of each competes for the surfaces that changed."""
+    """What depth says of the parts. told: those that tracks tell; the joint of each competes for the surfaces
+    that changed."""
     out = []
     known = [_proposed(p.joint) for p in told]
     for part in changed_parts(recording, cameras, known):

@@ -1,8 +1,10 @@
-"""Panels that slide in their own plane: what is seen to leave and to come are strips, a way apart as long as the panel is wide.
+"""Panels that slide in their own plane: what is seen to leave and to come are strips, a way apart as long as
+the panel is wide.
 
-A strip at the panel's trailing edge leaves, one at its leading edge comes, and what lies between is covered by the panel before and after: depth
-has it rest there. Carried by itself, the strip that left would go all the way to the one that came. Together they are the panel. Where it is
-closed again in the end nothing came: its strip is looked for in between, while the one that left is away.
+A strip at the panel's trailing edge leaves, one at its leading edge comes, and what lies between is covered
+by the panel before and after: depth has it rest there. Carried by itself, the strip that left would go all
+the way to the one that came. Together they are the panel. Where it is closed again in the end nothing came:
+its strip is looked for in between, while the one that left is away.
 """
 
 from __future__ import annotations
@@ -20,19 +22,21 @@ from recon.motion.change.surfaces import GAP_M, SIGMAS, Changed, changed_surface
 from recon.parts.changed.proposals import plane_of
 from twin.geometry import Array
 
-# Strips of one panel are as wide by this ratio at least, along the way, and share so much of the shorter one's length, across it, and of the longer
-# one's, where something hides the other; so much of what is seen of the plane between them is covered at both ends, and so much of it is seen. Chosen by us
+# Strips of one panel are as wide by this ratio at least, along the way, and share so much of the shorter
+# one's length, across it, and of the longer one's, where something hides the other; so much of what is seen
+# of the plane between them is covered at both ends, and so much of it is seen. Chosen by us
 _AS_WIDE, _BESIDE, _HIDDEN, _COVERED, _SEEN = 0.6, 0.5, 0.25, 0.85, 0.25
 _ON_M, _GRID, _ENDS = 0.02, 24, (0.02, 0.98)
-# An arm may hide a piece of a strip, so that its middle is aside: how far its way leaves a side of the rectangle about both, sine; by us
+# An arm may hide a piece of a strip, so that its middle is aside: how far its way leaves a side of the
+# rectangle about both, sine; by us
 _ASIDE = 0.5
 _BACK = 0.5  # share of a strip that is where it was, or away; chosen by us
 
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """A plane by a point and the directions (3, 2) along the way and across it; spans (2,) along the way of the strip that left and of the one that
-    came, and the span across that both have, m."""
+    """A plane by a point and the directions (3, 2) along the way and across it; spans (2,) along the way of
+    the strip that left and of the one that came, and the span across that both have, m."""
 
     origin: Array
     basis: Array
@@ -44,7 +48,8 @@ class _Way:
 def with_panels(
     depths: Depths, left: Sequence[Changed], came: Sequence[Changed]
 ) -> list[tuple[Changed, bool]]:
-    """All surfaces that left their place and that came to it, and whether each is a panel: strips of one are replaced by it, at its rest before and after."""
+    """All surfaces that left their place and that came to it, and whether each is a panel: strips of one are
+    replaced by it, at its rest before and after."""
     panels: dict[int, Changed] = {}
     for a, b in product(left, came):
         way = None if id(a) in panels or id(b) in panels else _way_of_panel(depths, a, b)
@@ -65,7 +70,8 @@ def with_panels(
 
 
 def _away(depths: Depths, strip: Changed) -> int | None:
-    """A row amid the longest time for which a strip is away that is back at the other end of the recording; None where it is not."""
+    """A row amid the longest time for which a strip is away that is back at the other end of the recording;
+    None where it is not."""
     other = len(depths.frames) - 1 - strip.rest
     if (depths.look(strip.points, other, SIGMAS / 2.0, GAP_M / 2.0) == SAME).mean() < _BACK:
         return None

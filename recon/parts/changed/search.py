@@ -1,4 +1,5 @@
-"""Parts that the changed surfaces tell, each carried by the joint that explains it best through all frames."""
+"""Parts that the changed surfaces tell, each carried by the joint that explains it best through all
+frames."""
 
 from __future__ import annotations
 
@@ -22,14 +23,16 @@ from twin.scene import Trajectory
 
 _FROM = 2  # surfaces whose own shape proposes joints
 _IMPROVED = 3  # joints that are searched around, of each round
-# Gain of a surface's mean score over leaving for nobody knows where: less tells nothing; and by which a further surface is the part's.
-# Chosen by us.
+# Gain of a surface's mean score over leaving for nobody knows where: less tells nothing; and by which a
+# further surface is the part's. Chosen by us.
 LEAST, _SAME = 0.04, 0.01
-# Of what the first part explains, at least, for a further one; and for one that moves while none that explains more does, as a small drawer
-# after a large door: by less than this share of its moving frames, those with a tenth of its fastest step or more. Of such more is asked by so much
-# of the share in which both move. Chosen by us.
+# Of what the first part explains, at least, for a further one; and for one that moves while none that
+# explains more does, as a small drawer after a large door: by less than this share of its moving frames,
+# those with a tenth of its fastest step or more. Of such more is asked by so much of the share in which both
+# move. Chosen by us.
 _FURTHER, _IN_TURN, _PER_SHARE, MEANWHILE, _CREEPS = 0.3, 0.1, 0.2, 0.5, 0.1
-# Of the way that depth tells, at most, that tracks go: .85 to 1.05 of it in 15 right open ones (looked at), 1.75 in one whose states ran on. By us
+# Of the way that depth tells, at most, that tracks go: .85 to 1.05 of it in 15 right open ones (looked at),
+# 1.75 in one whose states ran on. By us
 _FARTHER = 1.4
 _ALONG = 0.25  # sine of a way to a surface that it slides along; chosen by us
 _SIMPLER = 1.02  # a hinge must explain that much more than a slide, for its two further unknowns
@@ -42,8 +45,8 @@ _SIGMA_AXIS, _SIGMA_PIVOT = np.radians(2.0), 0.02
 
 @dataclass(frozen=True, eq=False)
 class ChangedPart:
-    """A joint with states (T,), 0 at the first of `frames` (T,), the surfaces that it carries, the largest first, and how well the depth agrees
-    with it."""
+    """A joint with states (T,), 0 at the first of `frames` (T,), the surfaces that it carries, the largest
+    first, and how well the depth agrees with it."""
 
     joint: Proposed
     frames: NDArray[np.int64]
@@ -57,10 +60,11 @@ class ChangedPart:
         return self.carried.surfaces[0]
 
     def as_well(self, joint: Proposed, frames: NDArray[np.int64], state: Array) -> float:
-        """How well the depth agrees where another joint carries the same surfaces by its states (n,) of frames (n,), give or take a step of the
-        search, which is what refinement takes in; over how well it agrees with this one. 0 where they go farther than the surfaces were seen to:
-        they ran on while the part was out of view. A strip that slides in its own plane, over which depth is silent, only tells how far: over how
-        far this one goes."""
+        """How well the depth agrees where another joint carries the same surfaces by its states (n,) of
+        frames (n,), give or take a step of the search, which is what refinement takes in; over how well it
+        agrees with this one. 0 where they go farther than the surfaces were seen to: they ran on while the
+        part was out of view. A strip that slides in its own plane, over which depth is silent, only tells how
+        far: over how far this one goes."""
         its = np.interp(self.frames, frames, state)
         ways = [float(np.ptp(np.quantile(s, (0.02, 0.98)))) for s in (its, self.state)]
         farther = ways[0] / max(ways[1], 1e-12)
@@ -81,7 +85,8 @@ class ChangedPart:
         return self.carried.near(joint, self.carried.following(joint, rows, state[rows]), 1).worth
 
     def oriented(self, quantile: float) -> Oriented:
-        """The joint of a twin, positive along the motion, with limits and the uncertainty that the search leaves."""
+        """The joint of a twin, positive along the motion, with limits and the uncertainty that the search
+        leaves."""
         n = 4 if self.joint.kind == "revolute" else 2
         variance = (
             [_SIGMA_AXIS**2] * 2
@@ -146,7 +151,8 @@ def together(state: Array, other: Array) -> float:
 
 
 def carried_along(state: Array, other: Array) -> float:
-    """How far states (n,) go while and as others (n,) do, over how far those go: 1 of what is carried along, whatever it does else."""
+    """How far states (n,) go while and as others (n,) do, over how far those go: 1 of what is carried along,
+    whatever it does else."""
     mine, its = np.gradient(state), np.gradient(other)
     moving = np.abs(its) > _CREEPS * np.abs(its).max()
     return float(mine[moving] @ np.sign(its[moving])) / max(float(np.abs(its[moving]).sum()), 1e-12)
@@ -160,7 +166,8 @@ def _best(surfaces: Surfaces, known: Sequence[Proposed]) -> Explained:
 
 
 def _shapes(surfaces: Sequence[Surface]) -> list[Array]:
-    """Points (n, 3) of the largest surfaces, and of all that changed at one end together: noise and glare cut a door into pieces."""
+    """Points (n, 3) of the largest surfaces, and of all that changed at one end together: noise and glare cut
+    a door into pieces."""
     out = [s.points for s in surfaces[:_FROM]]
     for rest in sorted({s.rest for s in surfaces}):
         pieces = [s.points for s in surfaces if s.rest == rest]

@@ -1,1 +1,2 @@
-"""Calibrating a device: its two cameras, the pose between them and the scale of its depth, from pictures of a board."""
+"""Calibrating a device: its two cameras, the pose between them and the scale of its depth, from pictures of a
+board."""

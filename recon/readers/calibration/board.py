@@ -1,4 +1,5 @@
-"""The board that a camera is calibrated with: a checkerboard, or a ChArUco board, whose squares tell which ones they are."""
+"""The board that a camera is calibrated with: a checkerboard, or a ChArUco board, whose squares tell which
+ones they are."""
 
 from __future__ import annotations
 
@@ -28,8 +29,9 @@ _KEYS = ("type", "columns", "rows", "square", "marker", "dictionary")
 class Board:
     """A flat board.
 
-    columns, rows: squares along its sides (not inner corners). square, marker: sides in m. dictionary: of a ChArUco board's markers, as
-    5X5_250 or DICT_5X5_250. legacy: its first square is that of OpenCV before 4.6 (differs with an even number of rows).
+    columns, rows: squares along its sides (not inner corners). square, marker: sides in m. dictionary: of a
+    ChArUco board's markers, as 5X5_250 or DICT_5X5_250. legacy: its first square is that of OpenCV before 4.6
+    (differs with an even number of rows).
     """
 
     kind: Kind
@@ -75,7 +77,8 @@ class Board:
 
     @property
     def points(self) -> Array:
-        """(n, 3) m: the inner corners, row by row, in the board's plane z = 0; their order is that of OpenCV's corner numbers."""
+        """(n, 3) m: the inner corners, row by row, in the board's plane z = 0; their order is that of
+        OpenCV's corner numbers."""
         x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
         return np.asarray(np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3) * self.square, dtype=np.float64)
 
@@ -99,7 +102,8 @@ class Board:
 
 
 def read_board(path: Path) -> Board:
-    """A board from JSON: {"type", "columns", "rows", "square", "marker", "dictionary"} with m, or Azure Kinect's plane files (mm)."""
+    """A board from JSON: {"type", "columns", "rows", "square", "marker", "dictionary"} with m, or Azure
+    Kinect's plane files (mm)."""
     data = files.read_json(path)
     where = files.shown(path)
     shapes = data.get("shapes")

@@ -1,4 +1,5 @@
-"""Calibrating a device from pictures of a board: lenses, the pose between them, the depth's scale, and whether to trust them."""
+"""Calibrating a device from pictures of a board: lenses, the pose between them, the depth's scale, and
+whether to trust them."""
 
 from __future__ import annotations
 
@@ -30,8 +31,9 @@ CALIBRATION_FILE, PICTURE_FILE = "calibration.json", "residuals.png"
 class CalibrationResult:
     """A calibration and how it came about.
 
-    calibration: what the file holds. color, depth: both cameras; None where no pictures were given. pose, scale: what binds them. board:
-    as it fits the pictures. notes: what to know besides. reasons: why to doubt it.
+    calibration: what the file holds. color, depth: both cameras; None where no pictures were given. pose,
+    scale: what binds them. board: as it fits the pictures. notes: what to know besides. reasons: why to doubt
+    it.
     """
 
     calibration: Calibration
@@ -85,8 +87,10 @@ def calibrate(
 
     Args:
         color: the colour camera's pictures of the board.
-        depth: the depth camera's own pictures (infrared), taken at the same moments: of the same name or number, or in the same order.
-        depth_maps: 16-bit PNG (mm) on the grid of the `depth` pictures, or of the colour pictures without these; paired likewise.
+        depth: the depth camera's own pictures (infrared), taken at the same moments: of the same name or
+            number, or in the same order.
+        depth_maps: 16-bit PNG (mm) on the grid of the `depth` pictures, or of the colour pictures without
+            these; paired likewise.
         coefficients: of the lens, in OpenCV's order; None: as many as pictures that are left out bear.
         known: lenses in it are taken as they are; then one pair of pictures is enough for a pose.
 
@@ -124,7 +128,8 @@ def calibrate(
 
 
 def write_calibration(result: CalibrationResult, folder: Path) -> tuple[Path, Path]:
-    """Write calibration.json and residuals.png into a folder, which is made if need be; files of these names are replaced."""
+    """Write calibration.json and residuals.png into a folder, which is made if need be; files of these names
+    are replaced."""
     from recon.readers.calibration.picture import residual_picture  # here: matplotlib takes half a second
 
     paths = folder / CALIBRATION_FILE, folder / PICTURE_FILE

@@ -1,4 +1,5 @@
-"""One camera of a device: which lens model its pictures bear, how far the result can be trusted, and what speaks against it."""
+"""One camera of a device: which lens model its pictures bear, how far the result can be trusted, and what
+speaks against it."""
 
 from __future__ import annotations
 
@@ -20,15 +21,16 @@ MODELS = (Model(5, False), Model(5, True), Model(8, False), Model(8, True))  # f
 MIN_PICTURES = 5  # with a board: fewer tell no lens apart from poses that happen to fit; chosen by us
 MAX_FOLDS = 8  # times that a part of the pictures is left out, chosen by us
 BETTER = 0.98  # of the left-out error of a simpler model, chosen by us: else the simpler one is taken
-# Standard deviations beyond which a corner is another one, or a reflection; chosen by us: on a real, uneven board some of the right
-# ones are beyond 6 and none beyond 12.
+# Standard deviations beyond which a corner is another one, or a reflection; chosen by us: on a real, uneven
+# board some of the right ones are beyond 6 and none beyond 12.
 WRONG = 12.0
 _ROBUST = 3.0  # px^2 cap in standard deviations: a wrong corner doesn't choose the model
 
 # What a trusted calibration needs; chosen by us.
 GOOD_PICTURES = 8
 GOOD_COVERAGE = 0.5  # of the picture's area that boards were seen in
-GOOD_TILT = 25.0  # degrees between the two board normals that differ most: parallel boards don't tell the focal length
+# degrees between the two board normals that differ most: parallel boards don't tell the focal length
+GOOD_TILT = 25.0
 GOOD_SIGMA = 2e-3  # relative, of the focal length
 GOOD_RMS = (0.5, 2.5e-4)  # px, or part of the picture's width, whichever is more
 GOOD_LEFT_OUT = 1.6  # left-out error / error of the fit
@@ -38,10 +40,11 @@ GOOD_LEFT_OUT = 1.6  # left-out error / error of the fit
 class CameraResult:
     """A calibrated camera.
 
-    rms px; per_picture: name -> rms px of the pictures with a board; unused: names of those without; corners, residuals: (n, 2) px of
-    all corners, projected less found. coverage: part of the picture; tilt: degrees; left_out: rms px of pictures that the lens was not
-    fitted to (None where the lens was known); sigma_focal: relative, sigma_centre: px, by leaving pictures out; unevenness: m, of the
-    board. reasons: why to doubt it, empty when trusted.
+    rms px; per_picture: name -> rms px of the pictures with a board; unused: names of those without; corners,
+    residuals: (n, 2) px of all corners, projected less found. coverage: part of the picture; tilt: degrees;
+    left_out: rms px of pictures that the lens was not fitted to (None where the lens was known); sigma_focal:
+    relative, sigma_centre: px, by leaving pictures out; unevenness: m, of the board. reasons: why to doubt
+    it, empty when trusted.
     """
 
     name: str
@@ -64,7 +67,8 @@ class CameraResult:
 def calibrate_camera(
     name: str, pictures: Pictures, progress: Loop = untold, coefficients: int | None = None
 ) -> CameraResult:
-    """The lens of one camera, with 5 or 8 coefficients, or as many as pictures that are left out bear. Raises InputError when too few pictures show the board."""
+    """The lens of one camera, with 5 or 8 coefficients, or as many as pictures that are left out bear. Raises
+    InputError when too few pictures show the board."""
     views, points = pictures.usable, pictures.board.points
     require_pictures(name, pictures, MIN_PICTURES)
     models = [m for m in MODELS if coefficients is None or m.count == coefficients]
@@ -213,7 +217,8 @@ def _groups(count: int) -> list[list[int]]:
 def _left_out(
     fit: Fit, full: Fit, views: Sequence[View], points: Array, model: Model, groups: Sequence[Sequence[int]]
 ) -> tuple[float, list[Fit]]:
-    """Error of pictures that were left out, in standard deviations of the fullest model's fit, and the fits without them.
+    """Error of pictures that were left out, in standard deviations of the fullest model's fit, and the fits
+    without them.
 
     A model that a part of the pictures does not bear has an infinite error.
     """

@@ -1,16 +1,18 @@
-"""Calibration files: what `twin calibrate` measured of a device, put in the place of what a recording says of its cameras.
+"""Calibration files: what `twin calibrate` measured of a device, put in the place of what a recording says of
+its cameras.
 
 The format, JSON:
 
     {"format": "funtwin-calibration/1",
-     "color": {"width", "height", "intrinsic_matrix": [fx, 0, 0, 0, fy, 0, cx, cy, 1], "distortion": [k1, k2, p1, p2, k3, ...]},
-     "depth": the same of the depth camera,
-     "T_color_depth": four rows of a pose that takes points of the depth camera to the colour camera, m,
-     "depth_scale": true depth = depth_scale x measured depth}
+     "color": {"width", "height", "intrinsic_matrix": [fx, 0, 0, 0, fy, 0, cx, cy, 1], "distortion": [k1, k2,
+     p1, p2, k3, ...]}, "depth": the same of the depth camera, "T_color_depth": four rows of a pose that takes
+     points of the depth camera to the colour camera, m, "depth_scale": true depth = depth_scale x measured
+     depth}
 
-A camera is Open3D's intrinsic.json (column by column, pixel centres at integers) with OpenCV's distortion coefficients, which may be
-left out. At least one of the four has to be there. Open3D's intrinsic.json alone, OpenCV's camera_matrix and distortion_coefficients
-in YAML or XML, and ROS' camera_info YAML are read as the colour camera.
+A camera is Open3D's intrinsic.json (column by column, pixel centres at integers) with OpenCV's distortion
+coefficients, which may be left out. At least one of the four has to be there. Open3D's intrinsic.json alone,
+OpenCV's camera_matrix and distortion_coefficients in YAML or XML, and ROS' camera_info YAML are read as the
+colour camera.
 """
 
 from __future__ import annotations
@@ -50,8 +52,9 @@ _WRITE = "write it as twin calibrate does"
 class Calibration:
     """What is known of a device's cameras; None is unknown.
 
-    color, depth: both cameras as their pictures are stored. T_color_depth (4, 4): takes points of the depth camera to the colour
-    camera, m. depth_scale: true depth = depth_scale x measured depth. digest: of the text it was read from.
+    color, depth: both cameras as their pictures are stored. T_color_depth (4, 4): takes points of the depth
+    camera to the colour camera, m. depth_scale: true depth = depth_scale x measured depth. digest: of the
+    text it was read from.
     """
 
     color: Lens | None
@@ -81,7 +84,8 @@ class Calibration:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration file. Raises InputError that names the file, the key, the value and what to write."""
+    """Read a calibration file. Raises InputError that names the file, the key, the value and what to
+    write."""
     if path.is_dir():
         inside = path / "calibration.json"
         if not inside.is_file():
@@ -111,8 +115,9 @@ def read_calibration(path: Path) -> Calibration:
 def calibrated(streams: Streams, calibration: Calibration) -> Streams:
     """A recording with a calibration's cameras in the place of its own, at the size of its pictures.
 
-    Depth that lies on colour as it is stored gets the colour camera's lens; a depth camera in the file is then no camera of this
-    recording, and left out with a warning. Raises InputError when a camera's picture has another shape than the recording's.
+    Depth that lies on colour as it is stored gets the colour camera's lens; a depth camera in the file is
+    then no camera of this recording, and left out with a warning. Raises InputError when a camera's picture
+    has another shape than the recording's.
     """
     rig, warnings = streams.rig, streams.warnings
     lies_on_color = (
@@ -153,7 +158,8 @@ def calibrated(streams: Streams, calibration: Calibration) -> Streams:
 
 
 def _at_size(source: str, name: str, known: Lens | None, stored: Lens) -> Lens:
-    """The calibrated lens at the size of the stored pictures, or the recording's own where the file tells none."""
+    """The calibrated lens at the size of the stored pictures, or the recording's own where the file tells
+    none."""
     if known is None:
         return stored
     own, size = known.camera, (stored.camera.width, stored.camera.height)

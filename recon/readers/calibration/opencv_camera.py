@@ -1,7 +1,7 @@
 """One camera in OpenCV's YAML or XML, or in ROS' camera_info YAML.
 
-Only what such files hold is looked for, by name: a 3x3 matrix, a list of coefficients, a width and a height. Nothing is parsed as YAML
-or XML, whose parsers allow far more than a camera.
+Only what such files hold is looked for, by name: a 3x3 matrix, a list of coefficients, a width and a height.
+Nothing is parsed as YAML or XML, whose parsers allow far more than a camera.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from recon.recording import Intrinsics
 from recon.recording.rig import DISTORTION_COUNTS, Lens
 from twin.errors import InputError
 
-# Names in the files of OpenCV's calibration program and ROS; the last of each are those of Azure Kinect's examples.
+# Names in the files of OpenCV's calibration program and ROS; the last of each are those of Azure Kinect's
+# examples.
 _MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K")
 _BENT = ("distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "dist", "D")
 _WIDTH, _HEIGHT = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")

@@ -1,4 +1,5 @@
-"""What binds a device's two cameras: the pose between them, and the scale of the depth that one of them measures."""
+"""What binds a device's two cameras: the pose between them, and the scale of the depth that one of them
+measures."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ SCALES = (0.5, 2.0)  # beyond, the unit is another; chosen by us
 
 @dataclass(frozen=True, eq=False)
 class PoseResult:
-    """T_color_depth (4, 4), from `pairs` pictures with an rms of px over both cameras; sigma: m and degrees, None from one pair."""
+    """T_color_depth (4, 4), from `pairs` pictures with an rms of px over both cameras; sigma: m and degrees,
+    None from one pair."""
 
     T_color_depth: Array
     pairs: int
@@ -52,8 +54,9 @@ def pose_between(
 ) -> PoseResult:
     """The depth camera's pose in the colour camera, from views of one board at the same moments.
 
-    turns: whether the board looks the same upside down, so that the depth camera's corners may be counted from the other end; the two
-    cameras then are taken to stand less than a quarter turn apart. Raises InputError when no pair shares enough corners.
+    turns: whether the board looks the same upside down, so that the depth camera's corners may be counted
+    from the other end; the two cameras then are taken to stand less than a quarter turn apart. Raises
+    InputError when no pair shares enough corners.
     """
     if turns:
         pairs = [(a, _upright(a, b, points, color, depth)) for a, b in pairs]
@@ -99,7 +102,8 @@ def pose_between(
 def depth_scale(maps: Sequence[tuple[View, Path]], points: Array, lens: Lens) -> ScaleResult:
     """The scale of depth maps (16-bit PNG, mm), by the board's plane that each map's view tells.
 
-    A map lies on the view's pixel grid, or on the same at another resolution. Raises InputError when none shows the board.
+    A map lies on the view's pixel grid, or on the same at another resolution. Raises InputError when none
+    shows the board.
     """
     ratios = []
     for view, path in maps:

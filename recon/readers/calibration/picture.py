@@ -1,4 +1,5 @@
-"""The residual picture of a calibration: where corners are off in the picture, and by how much in each picture."""
+"""The residual picture of a calibration: where corners are off in the picture, and by how much in each
+picture."""
 
 from __future__ import annotations
 

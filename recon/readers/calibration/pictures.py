@@ -23,8 +23,9 @@ MIN_LINES = 3  # rows and columns that they lie on, chosen by us: fewer hardly t
 MAX_BYTES = 2**28  # of a picture, chosen by us
 MAX_PIXELS = 2**27  # chosen by us: 11585x11585
 STRETCH = (1.0, 99.0)  # percentiles of a 16-bit infrared picture that become black and white, chosen by us
-# Half the side, px, of the window that a checkerboard's corners are refined in, at most, and as a part of the distance between
-# corners; chosen by us: OpenCV's charuco detector goes as far as 10, and nothing of the next corner may lie in it.
+# Half the side, px, of the window that a checkerboard's corners are refined in, at most, and as a part of the
+# distance between corners; chosen by us: OpenCV's charuco detector goes as far as 10, and nothing of the next
+# corner may lie in it.
 REFINE, REFINE_PART = 10, 0.25
 TRIED = 5  # views by either pattern that decide which one the board has
 _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
@@ -33,7 +34,8 @@ _SB = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A board in a picture: the numbers (n,) of the corners that are seen, and where (n, 2), px with pixel centres at integers."""
+    """A board in a picture: the numbers (n,) of the corners that are seen, and where (n, 2), px with pixel
+    centres at integers."""
 
     name: str
     ids: NDArray[np.int64]
@@ -42,7 +44,8 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """One camera's pictures: its size (width, height), a view for each or None where no board is found, and the board as it fits."""
+    """One camera's pictures: its size (width, height), a view for each or None where no board is found, and
+    the board as it fits."""
 
     size: tuple[int, int]
     names: tuple[str, ...]
@@ -60,8 +63,9 @@ def find_boards(
 ) -> Pictures:
     """Find a board in one camera's pictures (JPEG or PNG, 8 or 16 bits).
 
-    Where the two patterns of a ChArUco board differ, the one that fits the pictures is taken, unless the board is `certain`. Raises
-    InputError for a picture that can't be read and for one of another size; a picture without a board is none.
+    Where the two patterns of a ChArUco board differ, the one that fits the pictures is taken, unless the
+    board is `certain`. Raises InputError for a picture that can't be read and for one of another size; a
+    picture without a board is none.
     """
     size: tuple[int, int] | None = None
     patterns = [board]
@@ -99,7 +103,8 @@ def _better(
 
 
 def read_grey(path: Path) -> NDArray[np.uint8]:
-    """A picture (H, W) in grey; 16-bit values are stretched to what they span. Raises InputError when it can't be read."""
+    """A picture (H, W) in grey; 16-bit values are stretched to what they span. Raises InputError when it
+    can't be read."""
     name = files.shown(path)
     if path.is_file() and path.stat().st_size > MAX_BYTES:
         raise InputError(f"{name} has {path.stat().st_size} bytes", "give JPEG or PNG pictures")
@@ -125,7 +130,8 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
 
 
 def paired(first: Sequence[Path], second: Sequence[Path], names: tuple[str, str]) -> list[tuple[int, int]]:
-    """Indices of pictures taken at the same moment: of the same name, else of the same number in their names, else in their order.
+    """Indices of pictures taken at the same moment: of the same name, else of the same number in their names,
+    else in their order.
 
     Raises InputError when none of these pairs them.
     """

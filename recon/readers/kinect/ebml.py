@@ -1,4 +1,5 @@
-"""EBML, which Matroska files are written in (RFC 8794): a tree of elements, each an id, a size, and that many bytes."""
+"""EBML, which Matroska files are written in (RFC 8794): a tree of elements, each an id, a size, and that many
+bytes."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Matroska files (.mkv): their tracks, tags and attachments, and where every frame lies, from element headers alone.
+"""Matroska files (.mkv): their tracks, tags and attachments, and where every frame lies, from element headers
+alone.
 
-A file is a tree of elements: an id, a size, and that many bytes (EBML: RFC 8794; Matroska's ids: RFC 9559). We walk it
-ourselves since demuxers read the bytes of every frame to know the times of the frames, 3 GB where this reads less than 1 MB.
-Frames that share a block (lacing) are told, not taken apart.
+A file is a tree of elements: an id, a size, and that many bytes (EBML: RFC 8794; Matroska's ids: RFC 9559).
+We walk it ourselves since demuxers read the bytes of every frame to know the times of the frames, 3 GB where
+this reads less than 1 MB. Frames that share a block (lacing) are told, not taken apart.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ _CUT_OFF = 3  # the compression that cuts bytes off the front
 class Track:
     """A stream. private: what its codec needs; width, height: px, 0 where not told.
 
-    encoding: "" for frames as they are, else what was done to them ("compression 0", "encryption"); prefix: bytes that were
-    cut off the front of every frame.
+    encoding: "" for frames as they are, else what was done to them ("compression 0", "encryption"); prefix:
+    bytes that were cut off the front of every frame.
     """
 
     number: int
@@ -81,7 +82,8 @@ class Attachment:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Where a track's frames lie, in the order of the file: ticks (n,), first byte (n,), bytes (n,), whether several share it (n,)."""
+    """Where a track's frames lie, in the order of the file: ticks (n,), first byte (n,), bytes (n,), whether
+    several share it (n,)."""
 
     ticks: Array
     starts: NDArray[np.int64]
@@ -93,8 +95,8 @@ class Frames:
 class Contents:
     """What a file holds.
 
-    scale: ns a tick; None where the file doesn't say. frames: by track number. size: bytes of the file. whole_until: byte as
-    far as it makes sense, less than its size where it is cut off or damaged.
+    scale: ns a tick; None where the file doesn't say. frames: by track number. size: bytes of the file.
+    whole_until: byte as far as it makes sense, less than its size where it is cut off or damaged.
     """
 
     size: int
@@ -111,7 +113,8 @@ class Contents:
 
 
 def read_contents(path: Path, head_only: bool = False) -> Contents:
-    """What a file holds; head_only: as far as its first frame. Raises InputError for what is no Matroska file."""
+    """What a file holds; head_only: as far as its first frame. Raises InputError for what is no Matroska
+    file."""
     try:
         with path.open("rb", buffering=0) as stream:
             return walk(stream, path.stat().st_size, shown(path), head_only)

@@ -1,7 +1,8 @@
 """Azure Kinect recordings (.mkv), as k4arecorder, k4aviewer and the SDK's recording library write them.
 
-Tracks COLOR and DEPTH of a Matroska file, the device's calibration as its attachment, and tags that begin with K4A_. No SDK is
-needed. Depth is the distance along the view (not along the ray) in 16-bit big-endian millimetres, as the depth camera sees it.
+Tracks COLOR and DEPTH of a Matroska file, the device's calibration as its attachment, and tags that begin
+with K4A_. No SDK is needed. Depth is the distance along the view (not along the ray) in 16-bit big-endian
+millimetres, as the depth camera sees it.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ _AS_WRITTEN = "give the recording as the recorder wrote it"
 
 @dataclass(frozen=True)
 class AzureKinectReader:
-    """Reads a .mkv of an Azure Kinect; both lenses are undistorted and depth registered by the device's calibration."""
+    """Reads a .mkv of an Azure Kinect; both lenses are undistorted and depth registered by the device's
+    calibration."""
 
     layout: str = "an Azure Kinect recording .mkv"
 
@@ -86,7 +88,8 @@ class AzureKinectReader:
 
 
 def _track(found: Contents, name: str, kind: str, formats: Collection[str]) -> Track:
-    """The track that the tag K4A_<kind>_TRACK tells, else the one of that name. Raises InputError when it can't be read."""
+    """The track that the tag K4A_<kind>_TRACK tells, else the one of that name. Raises InputError when it
+    can't be read."""
     tag = found.tag(f"K4A_{kind}_TRACK")
     uids = () if tag is None else tag.uids
     track = next((t for t in found.tracks if t.uid in uids), None)
@@ -233,7 +236,8 @@ def _color_reader(path: Path, track: Track, frames: Frames) -> ReadColor:
 
 
 def _require_size(what: str, data: bytes, track: Track) -> None:
-    """Raise InputError before a picture is decoded that says to be of another size: decoders allocate what it says."""
+    """Raise InputError before a picture is decoded that says to be of another size: decoders allocate what it
+    says."""
     size = picture_size(data)
     if size != (track.width, track.height):
         said = f"is {size[0]}x{size[1]}" if any(size) else "says no size"

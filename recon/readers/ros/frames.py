@@ -24,7 +24,8 @@ _TF_TYPES = (TRANSFORMS, "tf/msg/tfMessage")  # the same bytes
 _STILL = 1e-6  # m and of a rotation's entries: a transform that changes by less is static; chosen by us
 _FAR = 1e9  # m, chosen by us: further than any frame on Earth from its planet's
 _SAMPLED = 200  # messages of /tf that are looked at for static transforms; chosen by us
-_MOST = 200_000  # messages of /tf that are read for poses; chosen by us: two minutes of a robot with a hundred joints at 10 Hz
+# messages of /tf that are read for poses; chosen by us: two minutes of a robot with a hundred joints at 10 Hz
+_MOST = 200_000
 _WORLDS = ("map", "odom", "world")  # REP 105's fixed frames
 _REFERENCE = re.compile(r"/tf/(?:ref_)?(\d+)$")
 
@@ -73,7 +74,8 @@ def _chain(edges: Any, a: str, b: str) -> list[tuple[str, str]] | None:
 
 
 def static_frames(bag: Bag, color: Camera, depth: Camera) -> Frames:
-    """The transforms that don't change: /tf_static, RealSense's own, and those of /tf that keep their value, if they are needed."""
+    """The transforms that don't change: /tf_static, RealSense's own, and those of /tf that keep their value,
+    if they are needed."""
     frames = Frames()
     for topic in _tf_topics(bag, static=True):
         for parent, child, T, _, _ in _transforms(bag, topic, range(len(topic.times))):
@@ -110,7 +112,8 @@ def _pose(name: str, t: Any, q: Any) -> Array:
 
 
 def _add_realsense(bag: Bag, camera: Camera, frames: Frames) -> None:
-    """RealSense's recorder writes T_stream_reference of every stream, as a transform (ROS 1) or as text (ROS 2)."""
+    """RealSense's recorder writes T_stream_reference of every stream, as a transform (ROS 1) or as text (ROS
+    2)."""
     stream = REALSENSE.match(camera.name)
     if stream is None:
         return
@@ -144,7 +147,8 @@ def _from_text(name: str, text: str) -> Array:
 
 
 def _add_still(bag: Bag, frames: Frames) -> None:
-    """Transforms of /tf that have one value in all messages that are looked at, as ROS 1's static publishers repeat them."""
+    """Transforms of /tf that have one value in all messages that are looked at, as ROS 1's static publishers
+    repeat them."""
     seen: dict[tuple[str, str], list[Array]] = defaultdict(list)
     for topic in _tf_topics(bag, static=False):
         count = min(len(topic.times), _SAMPLED)
@@ -163,10 +167,11 @@ def _is_still(values: list[Array]) -> bool:
 def camera_poses(
     bag: Bag, frames: Frames, frame: str, count: int, by_log: bool
 ) -> tuple[tuple[Array, Array] | None, str]:
-    """Times (k,) s and T_world_cam (k, 4, 4) of a camera frame by its bag's odometry or /tf, and what is to be said without.
+    """Times (k,) s and T_world_cam (k, 4, 4) of a camera frame by its bag's odometry or /tf, and what is to
+    be said without.
 
-    Only where one source gives them and its body's transform to the camera is known. count: pictures, four times which are
-    enough. by_log: whether the recording's clock is the log's.
+    Only where one source gives them and its body's transform to the camera is known. count: pictures, four
+    times which are enough. by_log: whether the recording's clock is the log's.
     """
     odometry = bag.of_type("nav_msgs/msg/Odometry")
     if len(odometry) > 1:

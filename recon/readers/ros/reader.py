@@ -1,8 +1,8 @@
 """ROS bags: .bag of ROS 1, .db3 and .mcap of ROS 2, and those of RealSense's recorder.
 
-Types are ROS's own (sensor_msgs, geometry_msgs, tf2_msgs, nav_msgs); units and frames those of its REPs 103, 105 and 118.
-RealSense's topics are those of its library's record and playback. The header's stamp is the time of a picture; the time at
-which it was logged comes later by what the network took.
+Types are ROS's own (sensor_msgs, geometry_msgs, tf2_msgs, nav_msgs); units and frames those of its REPs 103,
+105 and 118. RealSense's topics are those of its library's record and playback. The header's stamp is the time
+of a picture; the time at which it was logged comes later by what the network took.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ _SAME = 1e-4  # px: cameras whose numbers differ by less are one; chosen by us, 
 
 @dataclass(frozen=True)
 class RosReader:
-    """Reads a bag. color_topic, depth_topic: names that go before what is found; calibrated: which of "color", "depth" (lenses) and
-    "pose" (between them) replace the bag's own afterwards, so that the bag may lack them: what stands for them is of no meaning."""
+    """Reads a bag. color_topic, depth_topic: names that go before what is found; calibrated: which of
+    "color", "depth" (lenses) and "pose" (between them) replace the bag's own afterwards, so that the bag may
+    lack them: what stands for them is of no meaning."""
 
     layout: str = "a ROS bag: .bag, .db3, .mcap, or a folder of ros2 bag record"
     color_topic: str | None = None
@@ -133,8 +134,8 @@ def _meet(first: NDArray[np.int64], second: NDArray[np.int64]) -> bool:
 def _stamps(bag: Bag, topic: Topic) -> NDArray[np.int64]:
     """Header stamps (ns) of all messages of a topic.
 
-    Where a message's first bytes can't be read alone, `_SAMPLES` messages stand for the others if their stamps keep one
-    distance to their log times.
+    Where a message's first bytes can't be read alone, `_SAMPLES` messages stand for the others if their
+    stamps keep one distance to their log times.
     """
 
     def read(indices: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,4 +1,5 @@
-"""ROS 2 bags in SQLite (.db3): tables `topics` and `messages` as rosbag2's plugin writes them, in all its versions."""
+"""ROS 2 bags in SQLite (.db3): tables `topics` and `messages` as rosbag2's plugin writes them, in all its
+versions."""
 
 from __future__ import annotations
 

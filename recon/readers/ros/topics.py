@@ -19,7 +19,8 @@ MAX_MESSAGE = 512 * 2**20  # bytes, chosen by us: an 8K image with 16 bits a cha
 MAX_CHUNK = 2**30  # bytes, chosen by us: recorders cut chunks at 1 to 4 MB, or at one message
 HEAD = 512  # bytes of a message that hold an image's stamp, frame and encoding; chosen by us
 _STEP = 16 * 2**20  # bytes that are decompressed at once, so that a small file can't ask for much
-PACKED = b"\x28\xb5\x2f\xfd"  # zstd's magic: no message begins like it, ROS 2's begin with 0, ROS 1's are never packed
+# zstd's magic: no message begins like it, ROS 2's begin with 0, ROS 1's are never packed
+PACKED = b"\x28\xb5\x2f\xfd"
 PACKED_HEAD = 2**18  # bytes, more than zstd's largest block, so that they unpack to a message's first bytes
 
 Many = Callable[[Iterable[int], int | None], Iterator[bytes]]
@@ -34,7 +35,8 @@ class Topic:
         type: as ROS 2 writes it, "sensor_msgs/msg/Image".
         encoding: "cdr" (ROS 2) or "ros1".
         times: (n,) ns, log times in ascending order; messages of equal time in the order of the file.
-        many: indices into `times` and a number of bytes (None: whole messages) -> the messages' bytes, the file opened once.
+        many: indices into `times` and a number of bytes (None: whole messages) -> the messages' bytes, the
+            file opened once.
         cheap: whether a message's first bytes can be read without the rest of the bag.
     """
 
@@ -88,8 +90,9 @@ class Bag:
 def guarded(what: str) -> Iterator[None]:
     """Turn whatever a decoder raises over damaged bytes into one InputError.
 
-    The decoders (rosbags, sqlite3, lz4, zstd, OpenCV, struct) state no closed list of what they raise for bytes that nobody
-    wrote, so that here alone every Exception counts as damage; errors that already say what is wrong pass.
+    The decoders (rosbags, sqlite3, lz4, zstd, OpenCV, struct) state no closed list of what they raise for
+    bytes that nobody wrote, so that here alone every Exception counts as damage; errors that already say what
+    is wrong pass.
     """
     try:
         yield
@@ -183,7 +186,8 @@ def _decompressor(compression: str) -> Any:
 
 
 def unpacked(data: bytes, count: int | None) -> bytes:
-    """A message's bytes, decompressed where the recorder packed each message. Raises InputError as `decompressed` does."""
+    """A message's bytes, decompressed where the recorder packed each message. Raises InputError as
+    `decompressed` does."""
     return decompressed("zstd", data, count) if data.startswith(PACKED) else data[:count]
 
 

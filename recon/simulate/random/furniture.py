@@ -1,4 +1,5 @@
-"""Random cabinets with one moving part each: doors, flaps, drawers, sliding doors and lids with a bar, a knob or a bare edge."""
+"""Random cabinets with one moving part each: doors, flaps, drawers, sliding doors and lids with a bar, a knob
+or a bare edge."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from twin.geometry import Array
 from twin.scene import Box, Joint, Prismatic, Revolute
 
 HANDLES = ("bar", "knob", "edge")
-_OVERHANG = 0.055  # m by which a front without handle stands over the middle of its cabinet's outer board; 46 mm to pinch
+# m by which a front without handle stands over the middle of its cabinet's outer board; 46 mm to pinch
+_OVERHANG = 0.055
 _TRAY = 0.03  # m, with its floor, that a drawer's sides are high at least
 _GAP = 0.003
 Rng = np.random.Generator
@@ -20,8 +22,8 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Grip:
-    """The handle's boxes, none for a bare edge, and how it is held: point (3,), direction along (3,), out of the part (3,), and the
-    thickness of what is held, metres.
+    """The handle's boxes, none for a bare edge, and how it is held: point (3,), direction along (3,), out of
+    the part (3,), and the thickness of what is held, metres.
     """
 
     boxes: list[Box]
@@ -33,8 +35,9 @@ class Grip:
 
 @dataclass(frozen=True)
 class Furniture:
-    """A moving part of boards with its handle and joint, and the carcass that it belongs to and what stands around that: both stand still.
-    Fronts look towards -y, the floor is z = 0, the part's middle lies near x = 0.
+    """A moving part of boards with its handle and joint, and the carcass that it belongs to and what stands
+    around that: both stand still. Fronts look towards -y, the floor is z = 0, the part's middle lies near x =
+    0.
     """
 
     panels: list[Box]
@@ -73,7 +76,8 @@ def _handle(rng: Rng, handle: str, face: Array, rim: tuple[Array, Array], vertic
 
 
 def _neighbours(rng: Rng, low: float, high: float, width: float, free: float) -> list[Box]:
-    """Solid neighbours flush with the front, as high as the cabinet; on the side `free` (-1, 1, 0: none) there is none."""
+    """Solid neighbours flush with the front, as high as the cabinet; on the side `free` (-1, 1, 0: none)
+    there is none."""
     found = []
     for side in (-1, 1):
         if side != free and rng.random() < 0.5:

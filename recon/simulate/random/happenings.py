@@ -1,4 +1,5 @@
-"""What moves in a recording and is no part of the furniture: things that are carried, curtains, people, films, hands in the air."""
+"""What moves in a recording and is no part of the furniture: things that are carried, curtains, people,
+films, hands in the air."""
 
 from __future__ import annotations
 
@@ -79,7 +80,8 @@ class Carried(Happening):
         return Act(thing, grasp, act.line, lifted, True)
 
     def _place(self, act: Act, rng: Rng) -> tuple[Array, Array]:
-        """On a table of its own before the furniture: its top's middle (3,), and the direction towards the person (3,)."""
+        """On a table of its own before the furniture: its top's middle (3,), and the direction towards the
+        person (3,)."""
         facing = unit(act.grasp.outward * [1.0, 1.0, 0.0] + [0.0, -1e-6, 0.0])
         side = np.cross(UP, facing) * rng.uniform(-0.3, 0.3)
         reach = float(np.max(np.concatenate([s.vertices for s in act.scene.part]) @ facing))
@@ -157,7 +159,8 @@ class Carried(Happening):
 
 @dataclass(frozen=True)
 class Curtain(Happening):
-    """A curtain beside the furniture moves in a draught: strips that swing about their upper edge one after the other."""
+    """A curtain beside the furniture moves in a draught: strips that swing about their upper edge one after
+    the other."""
 
     seed: int
     strips: int = 10
@@ -254,8 +257,8 @@ class Screen(Happening):
 
 
 def beside(act: Act, cameras: Array, rng: Rng, ahead: float) -> tuple[Array, Array, Array]:
-    """Where the furniture faces (3,), to its side (3,), and a point (3,) `ahead` m before its front, to one side of the picture's
-    middle but well within it.
+    """Where the furniture faces (3,), to its side (3,), and a point (3,) `ahead` m before its front, to one
+    side of the picture's middle but well within it.
     """
     facing = unit(act.grasp.outward * [1.0, 1.0, 0.0] + [0.0, -1e-6, 0.0])
     side = np.cross(UP, facing)

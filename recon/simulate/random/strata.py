@@ -21,9 +21,10 @@ NEGATIVES: tuple[Negative, ...] = (
 
 @dataclass(frozen=True)
 class Stratum:
-    """hard_picture: three or more faults of the colour pictures at once. view: near: the part covers over half of the picture; steep:
-    pitched by -35 degrees or less, or 20 or more; moving: a path of 0.6 m or more. short: 12 to 20 degrees or 6 to 10 cm. negative:
-    what moves in place of a part. group: of the set that rates are told for. Picture size in pixels, frames a second.
+    """hard_picture: three or more faults of the colour pictures at once. view: near: the part covers over
+    half of the picture; steep: pitched by -35 degrees or less, or 20 or more; moving: a path of 0.6 m or
+    more. short: 12 to 20 degrees or 6 to 10 cm. negative: what moves in place of a part. group: of the set
+    that rates are told for. Picture size in pixels, frames a second.
     """
 
     sensor: Sensor
@@ -45,8 +46,9 @@ class Stratum:
 def sealed_set() -> tuple[Stratum, ...]:
     """The 160 strata that rates are measured on: 60 ordinary ones, 60 hard ones, 40 negatives.
 
-    Ordinary: 20 of each of three sensors. Hard: 12 of each of five sensors, 30 of each picture, 15 of each view. Every fifth of both is
-    short. Negatives: five of each kind, in all sensors and pictures. 6 of the 120 are of 1280 to 1920 pixels, 6 of 30 frames a second.
+    Ordinary: 20 of each of three sensors. Hard: 12 of each of five sensors, 30 of each picture, 15 of each
+    view. Every fifth of both is short. Negatives: five of each kind, in all sensors and pictures. 6 of the
+    120 are of 1280 to 1920 pixels, 6 of 30 frames a second.
     """
     ordinary = [Stratum(ORDINARY_SENSORS[k % 3], short=k % 5 == 0) for k in range(60)]
     hard = [_hard(k) for k in range(60)]
@@ -63,7 +65,8 @@ def sealed_set() -> tuple[Stratum, ...]:
 
 
 def _hard(k: int) -> Stratum:
-    """Every twenty go through all sensors and views, with every other picture hard, the next twenty the other way round."""
+    """Every twenty go through all sensors and views, with every other picture hard, the next twenty the other
+    way round."""
     sensor, view = k % 5, (k // 5) % 4
     hard_picture = (sensor + view + k // 20) % 2 == 0
     return Stratum(SENSORS[sensor], hard_picture, VIEWS[view], short=(k + k // 5) % 5 == 0, group="hard")

@@ -22,8 +22,8 @@ _FRAMES = 10  # frames that are looked at
 
 @dataclass(frozen=True)
 class Seen:
-    """Shares of the picture in one frame: of what moves, and of it with depth in every sensor's reach; and the camera's distance from
-    the nearest surface, metres.
+    """Shares of the picture in one frame: of what moves, and of it with depth in every sensor's reach; and
+    the camera's distance from the nearest surface, metres.
     """
 
     share: float

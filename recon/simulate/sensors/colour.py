@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from twin.geometry import Array
 
 GAMMA = 2.2
-# Variance of the linear value where white is 1: read noise and, for each unit of signal, shot noise; chosen by us:
-# 3 % at mid grey, as of a small sensor in a lit room.
+# Variance of the linear value where white is 1: read noise and, for each unit of signal, shot noise; chosen
+# by us: 3 % at mid grey, as of a small sensor in a lit room.
 READ, SHOT = 2e-5, 2.2e-4
 BINS = 4096  # of the look-up from linear values to levels; so many that few hold more than one step
 
@@ -35,8 +35,9 @@ def colour_image(
         colour: linear (H, W, 3), as rendered in full light.
         gain: of the whole picture, or of its rows (H, 1, 1).
         scale: of the noise.
-        light: share of the full light. The camera makes up for it: the picture is as bright, but each value stems from so many
-            fewer photons (variance / light) and the read noise is amplified (variance / light^2).
+        light: share of the full light. The camera makes up for it: the picture is as bright, but each value
+            stems from so many fewer photons (variance / light) and the read noise is amplified (variance /
+            light^2).
     """
     height, width = colour.shape[:2]
     rows = np.broadcast_to(np.asarray(gain, dtype=np.float64).reshape(-1), height).copy()
@@ -52,7 +53,8 @@ def _vignette(height: int, width: int) -> Array:
 
 
 def _levels() -> tuple[Array, NDArray[np.uint8]]:
-    """Least linear value (255,) of the levels 1 to 255, and the level (BINS + 1,) at which each of as many equal steps of it starts."""
+    """Least linear value (255,) of the levels 1 to 255, and the level (BINS + 1,) at which each of as many
+    equal steps of it starts."""
     least = np.asarray(((np.arange(1, 256) - 0.5) / 255.0) ** GAMMA, dtype=np.float64)
     return least, np.searchsorted(least, np.arange(BINS + 1) / BINS, side="right").astype(np.uint8)
 
@@ -71,7 +73,8 @@ def _developed(
     least: Array,
     start: NDArray[np.uint8],
 ) -> NDArray[np.uint8]:
-    """8-bit RGB (H, W, 3); `noise` (H, W, 3) of unit deviation, `gain` (H,); the gamma is looked up in `_levels`."""
+    """8-bit RGB (H, W, 3); `noise` (H, W, 3) of unit deviation, `gain` (H,); the gamma is looked up in
+    `_levels`."""
     out = np.empty(colour.shape, np.uint8)
     for v in range(colour.shape[0]):
         for u in range(colour.shape[1]):

@@ -30,7 +30,8 @@ class Sensing(Protocol):
 
 
 class DepthCamera:
-    """A depth camera through one recording: what its error has in common over all frames is drawn when it is made.
+    """A depth camera through one recording: what its error has in common over all frames is drawn when it is
+    made.
 
     Args:
         name: one of `SENSORS`.

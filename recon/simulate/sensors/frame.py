@@ -13,8 +13,8 @@ from twin.geometry import Array
 
 @dataclass(frozen=True)
 class Frame:
-    """The exact rendering, unit viewing directions `rays` (H, W, 3) in the world, the colour picture (H, W, 3) as it was taken, the
-    frame's number, and the generator of what is drawn anew in it.
+    """The exact rendering, unit viewing directions `rays` (H, W, 3) in the world, the colour picture (H, W,
+    3) as it was taken, the frame's number, and the generator of what is drawn anew in it.
     """
 
     view: View

@@ -1,4 +1,5 @@
-"""Stereo, as of the RealSense D400: two pictures matched window by window, which needs texture and two unhidden views."""
+"""Stereo, as of the RealSense D400: two pictures matched window by window, which needs texture and two
+unhidden views."""
 
 from __future__ import annotations
 
@@ -11,20 +12,23 @@ from recon.simulate.sensors.fields import displaced, facing, fixed_rng, near_edg
 from recon.simulate.sensors.frame import Frame
 from twin.geometry import Array
 
-# Root mean square error = z^2 x subpixel / (focal length x baseline) (Grunnet-Jepsen, Sweetser, Woodfill, "Tuning depth cameras for
-# best performance", Intel), for the D435 at 848 x 480: 424 px, 50 mm, and 0.07 px, within Intel's 0.05 to 0.1 px on good texture:
-# 3.3 mm/m^2 z^2. A D435 that was measured gave 1.5, 15 and 31 mm at 0.7, 2.1 and 3.2 m, and 10 % zeros; Ahn et al. 2019 ("Analysis
-# and Noise Modeling of the Intel RealSense D435 for Mobile Robots") find the same growth with the square.
+# Root mean square error = z^2 x subpixel / (focal length x baseline) (Grunnet-Jepsen, Sweetser, Woodfill,
+# "Tuning depth cameras for best performance", Intel), for the D435 at 848 x 480: 424 px, 50 mm, and 0.07 px,
+# within Intel's 0.05 to 0.1 px on good texture: 3.3 mm/m^2 z^2. A D435 that was measured gave 1.5, 15 and 31
+# mm at 0.7, 2.1 and 3.2 m, and 10 % zeros; Ahn et al. 2019 ("Analysis and Noise Modeling of the Intel
+# RealSense D435 for Mobile Robots") find the same growth with the square.
 FOCAL, BASELINE, SUBPIXEL = 424.0, 0.050, 0.07
 STEPS = 32.0  # disparities in a pixel ("Subpixel Linearity Improvement for RealSense D400", Intel)
 NEAREST, FARTHEST = 0.195, 10.0  # metres; D400 data sheet, smallest distance at 848 x 480
-# The error's parts (shares of the deviation, their squares sum to 1) and over how many pixels each is alike; chosen by us: a map that
-# belongs to the calibration, one that belongs to the texture in the window and so moves with the surface, one of each frame.
+# The error's parts (shares of the deviation, their squares sum to 1) and over how many pixels each is alike;
+# chosen by us: a map that belongs to the calibration, one that belongs to the texture in the window and so
+# moves with the surface, one of each frame.
 CALIBRATION, CALIBRATION_SIZE = 0.35, 60.0
 TEXTURE, WINDOW = 0.55, 3.5
 FRESH, FRESH_SIZE = 0.758, 3.5
-# Contrast (8-bit steps of the grey picture, smoothed by a pixel, which takes most of its noise away) under which a window finds no match; chosen by us so that a furnished room
-# loses about the tenth that was measured. Blotches vary it by half.
+# Contrast (8-bit steps of the grey picture, smoothed by a pixel, which takes most of its noise away) under
+# which a window finds no match; chosen by us so that a furnished room loses about the tenth that was
+# measured. Blotches vary it by half.
 CONTRAST, BLOTCHES, BLOTCH_SIZE = 2.1, 0.5, 6.0
 WOBBLE = (
     1.3  # pixels by which edges waver, as a window that holds two depths decides for either; chosen by us
@@ -84,7 +88,8 @@ class Stereo:
 
 
 def shadow(exact: Array, parallax: float) -> NDArray[np.bool_]:
-    """Pixels (H, W) of the left camera that the right one can't see: left of whatever stands nearer, by the difference in disparity.
+    """Pixels (H, W) of the left camera that the right one can't see: left of whatever stands nearer, by the
+    difference in disparity.
 
     parallax: focal length (px) x baseline (m).
     """
@@ -110,8 +115,8 @@ def contrast(grey: Array, sigma: float) -> Array:
 
 
 def texture_pattern(grey: Array, sigma: float) -> Array:
-    """A field (H, W) of about unit deviation that is a function of the texture alone: bands of its grey values about as wide as the
-    matching window, relative to their own strength around.
+    """A field (H, W) of about unit deviation that is a function of the texture alone: bands of its grey
+    values about as wide as the matching window, relative to their own strength around.
     """
     band = cv2.GaussianBlur(grey, (0, 0), sigma) - cv2.GaussianBlur(grey, (0, 0), 2.0 * sigma)
     strength = np.sqrt(cv2.GaussianBlur(band**2, (0, 0), 4.0 * sigma))

@@ -1,4 +1,5 @@
-"""Amplitude-modulated time of flight, as of the Azure Kinect: the phase of returning light, mixed of all paths that it took."""
+"""Amplitude-modulated time of flight, as of the Azure Kinect: the phase of returning light, mixed of all
+paths that it took."""
 
 from __future__ import annotations
 
@@ -15,33 +16,38 @@ from twin.geometry import Array
 
 FOCAL = 504.0  # pixels, of the Azure Kinect's narrow mode (640 x 576): lengths in pixels are told for it
 NEAREST, FARTHEST = 0.25, 5.46  # metres; Azure Kinect DK hardware specification, over its modes
-# The specification: at 15 to 95 % reflectivity a random error of at most 17 mm, a systematic one below 11 mm + 0.1 % of the distance
-# without multipath; confirmed by Tolgyessy et al. 2021 ("Evaluation of the Azure Kinect and Its Comparison to Kinect V1 and V2").
+# The specification: at 15 to 95 % reflectivity a random error of at most 17 mm, a systematic one below 11 mm
+# + 0.1 % of the distance without multipath; confirmed by Tolgyessy et al. 2021 ("Evaluation of the Azure
+# Kinect and Its Comparison to Kinect V1 and V2").
 SYSTEMATIC, SYSTEMATIC_SHARE = 0.011, 0.001
 DARKEST, DARKEST_AT = (
     0.15,
     3.86,
 )  # reflectivity at the end of the narrow mode's range, which the specification still promises
-# Shot noise: sigma ~ 1 / sqrt(returning light) ~ distance / sqrt(reflectivity) (Foix, Alenya, Torras 2011, "Lock-in Time-of-Flight
-# Cameras: A Survey"). Chosen by us: 1 mm at 1 m on white, so that the darkest promised surface has 10 of the 17 mm.
+# Shot noise: sigma ~ 1 / sqrt(returning light) ~ distance / sqrt(reflectivity) (Foix, Alenya, Torras 2011,
+# "Lock-in Time-of-Flight Cameras: A Survey"). Chosen by us: 1 mm at 1 m on white, so that the darkest
+# promised surface has 10 of the 17 mm.
 SHOT = 0.001
-# Wiggling: the modulation is no pure sine; its harmonics give an error that is periodic in the distance, four times in the range of
-# the highest modulation frequency of about 200 MHz (Foix et al. 2011; Lefloch et al. 2013, "Technical Foundation and Calibration
-# Methods for Time-of-Flight Cameras"). What calibration leaves of it, and of the pixels' and the amplitude's offsets: chosen by us
-# to fill the specification's systematic error.
+# Wiggling: the modulation is no pure sine; its harmonics give an error that is periodic in the distance, four
+# times in the range of the highest modulation frequency of about 200 MHz (Foix et al. 2011; Lefloch et al.
+# 2013, "Technical Foundation and Calibration Methods for Time-of-Flight Cameras"). What calibration leaves of
+# it, and of the pixels' and the amplitude's offsets: chosen by us to fill the specification's systematic
+# error.
 WIGGLE, WIGGLE_PERIOD = 0.003, 0.19
 OFFSET, OFFSET_SIZE = 0.0035, 90.0  # metres, and over how many pixels it is alike
 AMPLITUDE_OFFSET = (
     0.006  # metres between a black and a white surface (intensity-related error, Lefloch et al. 2013)
 )
-# Flying pixels: a pixel on an edge sees both surfaces and gives a distance between them (Lefloch et al. 2013). The footprint, and
-# which share of them the camera notices and leaves out, chosen by us after pictures in Tolgyessy et al. 2021.
+# Flying pixels: a pixel on an edge sees both surfaces and gives a distance between them (Lefloch et al.
+# 2013). The footprint, and which share of them the camera notices and leaves out, chosen by us after pictures
+# in Tolgyessy et al. 2021.
 FOOTPRINT, MIXED, NOTICED = 1.0, 0.02, 0.45
 GLOSS = 0.6  # share of the light that a glossy surface sends elsewhere; chosen by us
 
 
 class TimeOfFlight:
-    """Its systematic error belongs to the camera and the distance, and is the same in every frame of a recording."""
+    """Its systematic error belongs to the camera and the distance, and is the same in every frame of a
+    recording."""
 
     def __init__(self, camera: Camera, scale: float, seed: int):
         rng = fixed_rng(seed, 0)

@@ -25,7 +25,8 @@ NEITHER = ClosedCues((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), None, 0.0, 1.0)
 
 
 def walled(clip: Clip) -> Mesh:
-    """The clip's room with a wall as high as the door beyond its open end, beside which it would be flush if it went on."""
+    """The clip's room with a wall as high as the door beyond its open end, beside which it would be flush if
+    it went on."""
     beyond = clip.mesh.transformed(clip.part.joint.pose(float(clip.part.motion.state.max()) + 0.45))
     return merged(clip.static, beyond)
 

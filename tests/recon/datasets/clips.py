@@ -1,4 +1,5 @@
-"""Clips in the data sets' layouts: read by the one reader that knows them, as they were written, or refused in one line."""
+"""Clips in the data sets' layouts: read by the one reader that knows them, as they were written, or refused
+in one line."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def read(reader: Any, path: Path) -> recon.Recording:
 def assert_same(
     found: recon.Recording, true: recon.Recording, depth: float = 5e-4, color: float = 1.5
 ) -> None:
-    """Equal frames: depth within `depth` m, colour within `color` of 255 in the mean, as JPEG leaves it; relative times within 1 us."""
+    """Equal frames: depth within `depth` m, colour within `color` of 255 in the mean, as JPEG leaves it;
+    relative times within 1 us."""
     assert len(found) == len(true)
     k = true.intrinsics
     np.testing.assert_allclose(found.intrinsics.vector, k.vector, rtol=1e-6)

@@ -1,4 +1,5 @@
-"""Arti4D's, iTACO's and BundleSDF's layouts, and laws of all: what is written is read again; what is wrong is told in one line."""
+"""Arti4D's, iTACO's and BundleSDF's layouts, and laws of all: what is written is read again; what is wrong is
+told in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""HOI4D's layout: what is written is read again, in its units, axes and clocks; what is wrong is told in one line."""
+"""HOI4D's layout: what is written is read again, in its units, axes and clocks; what is wrong is told in one
+line."""
 
 from __future__ import annotations
 

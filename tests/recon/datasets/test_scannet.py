@@ -1,4 +1,5 @@
-"""ScanNet's .sens: what is written is read again, in its units, axes and clocks; what is wrong is told in one line."""
+"""ScanNet's .sens: what is written is read again, in its units, axes and clocks; what is wrong is told in one
+line."""
 
 from __future__ import annotations
 

@@ -70,7 +70,8 @@ def arti4d(own: Truth, recording: recon.Recording, out: Path, cues: Any = None, 
 
 
 def assert_joints(found: Truth, own: Truth) -> None:
-    """Axes within 0.1 deg, hinges within 1 mm, states within 0.1 deg or 0.1 mm up to sign and zero, where they are known."""
+    """Axes within 0.1 deg, hinges within 1 mm, states within 0.1 deg or 0.1 mm up to sign and zero, where
+    they are known."""
     assert [p.name for p in found.parts] == [p.name for p in own.parts]
     for p, true in zip(found.parts, own.parts, strict=True):
         assert p.joint.kind == true.joint.kind

@@ -1,4 +1,5 @@
-"""Truth that others annotated: only what is known is judged; Arti4D's axes and intervals, and our own layout in part."""
+"""Truth that others annotated: only what is known is judged; Arti4D's axes and intervals, and our own layout
+in part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What is wrong with a recording is carried into the verdict on what is made of it, before all that follows from it."""
+"""What is wrong with a recording is carried into the verdict on what is made of it, before all that follows
+from it."""
 
 from __future__ import annotations
 

@@ -68,7 +68,8 @@ def test_depth_beside_colour_is_not_taken_for_late(recording: Recording, stretch
 def test_a_recording_denser_than_is_looked_at_tells_its_own_frames(
     recording: Recording, stretch: Stretch
 ) -> None:
-    """Every second frame, as of a recording with 30 a second: one of its frames is half of one that is looked at."""
+    """Every second frame, as of a recording with 30 a second: one of its frames is half of one that is looked
+    at."""
     late = lagging(stretch, 1)
     kept = np.arange(0, len(late.small), 2)
     small = late.small[::2]

@@ -1,4 +1,5 @@
-"""A lens that moves while it records: each frame is taken by its own numbers, and the movement is told by name."""
+"""A lens that moves while it records: each frame is taken by its own numbers, and the movement is told by
+name."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def moves(reach: float) -> Array:
 
 
 def scene(size: tuple[int, int], shift: Array, scale: float = 1.0) -> tuple[NDArray[np.uint8], Array]:
-    """Colour and depth of a still scene seen at `size` with the principal point moved by `shift` px of SIZE: a bright box before a wall."""
+    """Colour and depth of a still scene seen at `size` with the principal point moved by `shift` px of SIZE:
+    a bright box before a wall."""
     f = size[0] / SIZE[0]
     x, y = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
     u = ((x + 0.5) / f - 0.5 - CX - shift[0]) / (FX * scale)

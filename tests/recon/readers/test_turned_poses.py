@@ -1,4 +1,5 @@
-"""Landscape pictures of Record3D 1.10.1 and newer whose poses are those of the portrait picture: turned back, by what moves."""
+"""Landscape pictures of Record3D 1.10.1 and newer whose poses are those of the portrait picture: turned back,
+by what moves."""
 
 from __future__ import annotations
 

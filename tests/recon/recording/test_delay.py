@@ -1,4 +1,5 @@
-"""Depth that lags is brought back to its colour: in frames, in time, where recordings are opened, and in what is made of them."""
+"""Depth that lags is brought back to its colour: in frames, in time, where recordings are opened, and in what
+is made of them."""
 
 from __future__ import annotations
 

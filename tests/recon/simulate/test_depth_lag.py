@@ -1,4 +1,5 @@
-"""Whole frames of lag of depth, on request: of the same recording otherwise, and of a random stream of their own."""
+"""Whole frames of lag of depth, on request: of the same recording otherwise, and of a random stream of their
+own."""
 
 from __future__ import annotations
 

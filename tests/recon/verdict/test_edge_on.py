@@ -21,7 +21,8 @@ PIXEL = 1.0 / CAMERA.fx  # m at 1 m
 
 
 def strip(width: int, shift: int) -> tuple[PosedTwin, MovingPart, dict[int, np.ndarray]]:
-    """An upright strip so many pixels wide that slides aside before a wall, and labels that are some pixels beside it."""
+    """An upright strip so many pixels wide that slides aside before a wall, and labels that are some pixels
+    beside it."""
     mesh = box((0.0, 0.0, 1.0), (width * PIXEL, 60 * PIXEL, 1e-3))
     wall = box((0.0, 0.0, FAR), (8.0, 8.0, 1e-3))
     frames, times = np.arange(FRAMES), np.arange(FRAMES) / 15.0

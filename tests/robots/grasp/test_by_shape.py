@@ -1,4 +1,5 @@
-"""Where nobody held a part, its shape says where to: bars on sliding doors, thin handles on large doors, and why nothing fits."""
+"""Where nobody held a part, its shape says where to: bars on sliding doors, thin handles on large doors, and
+why nothing fits."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ def bar_on(
 
 
 def bow(length: float, clear: float, wire: float) -> Mesh:
-    """A wire (m) bent to a bow along z that stands `clear` m off the plane y = 0 towards -y, about the origin."""
+    """A wire (m) bent to a bow along z that stands `clear` m off the plane y = 0 towards -y, about the
+    origin."""
     turn, ring = np.linspace(0, np.pi, 24), np.linspace(0, 2 * np.pi, 12, endpoint=False)
     middle = np.stack([np.zeros(24), -clear * np.sqrt(np.sin(turn)), length / 2 * np.cos(turn)], axis=1)
     way = np.gradient(middle, axis=0)

@@ -1,4 +1,5 @@
-"""A replay leaves its scene behind: robot, twin, keyframes and actuators in a folder that plain MuJoCo loads from anywhere."""
+"""A replay leaves its scene behind: robot, twin, keyframes and actuators in a folder that plain MuJoCo loads
+from anywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What `--help` tells beside the options: an example that is understood, and which options may be repeated."""
+"""What `--help` tells beside the options: an example that is understood, and which options may be
+repeated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Parts are called by what they are and, where there are several of a kind, by where they are in the furniture."""
+"""Parts are called by what they are and, where there are several of a kind, by where they are in the
+furniture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Pairs that the source of a twin never lets touch don't touch in what is exported; overlaps that nobody excludes are doubted."""
+"""Pairs that the source of a twin never lets touch don't touch in what is exported; overlaps that nobody
+excludes are doubted."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ EXCLUDE = '<contact><exclude body1="tub" body2="door"/><exclude body1="door" bod
 
 
 def dishwasher(folder: Path, contact: str = "", flags: str = "", deep: float = 0.008) -> Path:
-    """A tub whose front wall the closed door reaches into by `deep` m, and a rack of wire inside that reaches into both."""
+    """A tub whose front wall the closed door reaches into by `deep` m, and a rack of wire inside that reaches
+    into both."""
     path = folder / "dishwasher.xml"
     path.write_text(
         f"""<mujoco model="dishwasher"><compiler angle="radian"/><default><geom {flags}/></default><worldbody>
@@ -147,7 +149,8 @@ def test_two_millimetres_are_allowed(deep: float, code: int, tmp_path: Path) -> 
 
 
 def test_a_part_inside_a_stated_shape_keeps_shapes_that_can_be_touched() -> None:
-    """A button whose file gives it no shape lies in the hull of the oven: what is made for it would be cut away whole."""
+    """A button whose file gives it no shape lies in the hull of the oven: what is made for it would be cut
+    away whole."""
     twin = swallowed()
     shaped = with_collision(twin)
     assert shaped.part("drawer").collision
@@ -158,7 +161,8 @@ def test_a_part_inside_a_stated_shape_keeps_shapes_that_can_be_touched() -> None
 
 
 def swallowed() -> Twin:
-    """The cabinet, whose drawer has no shapes and lies in a block that is stated as the cabinet's only shape."""
+    """The cabinet, whose drawer has no shapes and lies in a block that is stated as the cabinet's only
+    shape."""
     twin = cabinet_twin()
     drawer = twin.part("drawer").mesh.vertices
     low, high = drawer.min(axis=0) - 0.5, drawer.max(axis=0) + 0.5

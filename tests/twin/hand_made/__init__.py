@@ -1,4 +1,5 @@
-"""Twins written by hand, as their owners would: legal, illegal, and open ones, of which only silence is wrong."""
+"""Twins written by hand, as their owners would: legal, illegal, and open ones, of which only silence is
+wrong."""
 
 from tests.twin.hand_made import illegal, illegal_meshes, legal, legal_files, legal_shapes, open_
 from tests.twin.hand_made.cases import Case

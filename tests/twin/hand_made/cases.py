@@ -17,9 +17,9 @@ Change = Callable[[Draft], None]
 class Case:
     """A twin and what the verbs must make of it.
 
-    refused: words of the one line with which an illegal one, or an open one, is refused. warned: words that `export` or `check`
-    must say about a legal one, or about an open one that is not refused. cause, faults: words of the true cause with which
-    `check` and `lint` end with 2; none where they must be content.
+    refused: words of the one line with which an illegal one, or an open one, is refused. warned: words that
+    `export` or `check` must say about a legal one, or about an open one that is not refused. cause, faults:
+    words of the true cause with which `check` and `lint` end with 2; none where they must be content.
     """
 
     name: str
@@ -36,7 +36,8 @@ class Case:
 
 
 class Cases(list[Case]):
-    """Twins of one verdict in the order in which they are written; each starts from the cupboard unless it says otherwise."""
+    """Twins of one verdict in the order in which they are written; each starts from the cupboard unless it
+    says otherwise."""
 
     def __init__(self, verdict: Verdict) -> None:
         super().__init__()

@@ -1,4 +1,5 @@
-"""Twin folders as a person or another program writes them: plain dictionaries and bytes, nothing of ours in between."""
+"""Twin folders as a person or another program writes them: plain dictionaries and bytes, nothing of ours in
+between."""
 
 from __future__ import annotations
 
@@ -138,8 +139,8 @@ def still() -> dict[str, Any]:
 
 @dataclass
 class Draft:
-    """A run folder before it is written: twin.json as `document` (or `text`, where it is not such JSON), and files by their
-    path in RUN."""
+    """A run folder before it is written: twin.json as `document` (or `text`, where it is not such JSON), and
+    files by their path in RUN."""
 
     document: dict[str, Any]
     files: dict[str, bytes] = field(default_factory=dict)
@@ -193,7 +194,8 @@ class Draft:
 
 
 def frame_boards() -> Shape:
-    """A carcass without front: two sides, floor, top and back; 0.6 m wide, 0.4 m deep, 0.8 m high, its front at y = 0."""
+    """A carcass without front: two sides, floor, top and back; 0.6 m wide, 0.4 m deep, 0.8 m high, its front
+    at y = 0."""
     return (
         board((-0.3, 0, 0), (-0.28, 0.4, 0.8))
         + board((0.28, 0, 0), (0.3, 0.4, 0.8))

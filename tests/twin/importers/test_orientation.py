@@ -1,4 +1,5 @@
-"""Mirrored meshes are the right side out, and meshes whose files say that y points up stand as their colliders do."""
+"""Mirrored meshes are the right side out, and meshes whose files say that y points up stand as their
+colliders do."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ def told(read: Callable[[], Twin]) -> tuple[Twin, str]:
 
 
 def require_scaled(mesh: Mesh, scale: str) -> None:
-    """The pyramid times `scale`: closed, right side out, with each corner's colour where the scale puts it."""
+    """The pyramid times `scale`: closed, right side out, with each corner's colour where the scale puts
+    it."""
     by = np.array([float(s) for s in scale.split()])
     low, high = (
         np.minimum(by * [-0.4, 0, -0.3], by * [0.4, 0.2, 0.3]),
@@ -108,7 +110,8 @@ def height(made: Twin) -> float:
 def test_visuals_whose_file_says_that_y_is_up_stand_as_the_colliders_do(
     suffix: str, solid: str, stands: bool, said: str, tmp_path: Path
 ) -> None:
-    """glTF is turned and COLLADA is not, as RViz does both; collision shapes that say otherwise are believed."""
+    """glTF is turned and COLLADA is not, as RViz does both; collision shapes that say otherwise are
+    believed."""
     write_picture(tmp_path / "picture.png")
     if suffix == "glb":
         write_glb(tmp_path / "board.glb")

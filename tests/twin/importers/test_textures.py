@@ -1,4 +1,5 @@
-"""What a file looks like is what its twin looks like: pictures are carried, and what can't be is told by name."""
+"""What a file looks like is what its twin looks like: pictures are carried, and what can't be is told by
+name."""
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ def require_board(mesh: Mesh, at: dict[tuple[float, float, float], tuple[int, in
 
 
 def photographed() -> Twin:
-    """A cabinet whose scene and parts wear photographs: each face has a place of its own in a random picture."""
+    """A cabinet whose scene and parts wear photographs: each face has a place of its own in a random
+    picture."""
     made = cabinet_twin(nested=True)
     rng = np.random.default_rng(3)
 
@@ -65,7 +67,8 @@ def photographed() -> Twin:
 
 
 def places(mesh: Mesh) -> np.ndarray:
-    """A place (n, 3) in each face, not its middle, where no other face lies: boards that touch share places."""
+    """A place (n, 3) in each face, not its middle, where no other face lies: boards that touch share
+    places."""
     corners = mesh.vertices[mesh.faces]
     points = np.einsum("k,fkd->fd", [0.6, 0.25, 0.15], corners)
     a, b, c = (corners[:, k] - points[:, None] for k in range(3))
@@ -123,8 +126,8 @@ GEOMS = {
     "capsule": 'type="capsule" size=".2 .3"',
     "mesh": 'type="mesh" mesh="board"',
 }
-# Share of a geom's pixels in another colour, by edges alone: a pixel on each side of a line in the picture, and beyond
-# the outline where facets of a round shape are ours.
+# Share of a geom's pixels in another colour, by edges alone: a pixel on each side of a line in the picture,
+# and beyond the outline where facets of a round shape are ours.
 EDGES = 0.08
 
 

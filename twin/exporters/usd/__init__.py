@@ -3,22 +3,22 @@
     <name>.usda                  ready stage for MuJoCo and Newton: the asset with their physics on
     <name>_physx.usda            ready stage for Isaac Sim and other users of PhysX
     <name>/simready_usd/         the asset
-        <name>.usda              interface: kind, extents, labels, metadata, variants; what other scenes refer to
-        Payload/Contents.usda    sublayers Physics, Materials and Geometry, with libraries of meshes and materials
-        Textures/                one image per coloured part
-        runnables/physics/       what only PhysX, Newton or MuJoCo understands, one payload each, off by default
-        runnables/mujoco/        groups, sites and keyframes for MuJoCo, without physics
-        runnables/grasps/        grasp lines, off by default
+        <name>.usda              interface: kind, extents, labels, metadata, variants; what other scenes refer
+        to Payload/Contents.usda    sublayers Physics, Materials and Geometry, with libraries of meshes and
+        materials Textures/                one image per coloured part runnables/physics/       what only
+        PhysX, Newton or MuJoCo understands, one payload each, off by default runnables/mujoco/        groups,
+        sites and keyframes for MuJoCo, without physics runnables/grasps/        grasp lines, off by default
 
-The physics of the payload is plain UsdPhysics, so any reader understands it. UsdPhysics has no passive damping or friction
-of joints: these live in the runtime payloads, because readers would add up what several of them say.
-Folder and metadata follow NVIDIA's SimReady profile Robotics-Prop 4.0.0. Bodies are siblings (rigid bodies must not nest);
-the joints carry the tree.
+The physics of the payload is plain UsdPhysics, so any reader understands it. UsdPhysics has no passive
+damping or friction of joints: these live in the runtime payloads, because readers would add up what several
+of them say. Folder and metadata follow NVIDIA's SimReady profile Robotics-Prop 4.0.0. Bodies are siblings
+(rigid bodies must not nest); the joints carry the tree.
 
-With the inferred layer, what is drawn of a body is in its instance `visuals` and what collides in `collisions`, as Isaac Sim's importer
-has them, so that the copies of an asset in a scene share them. Their prototypes /visuals/<body> and /colliders/<body> are classes beside the
-asset's prim in the payload's layers; materials, labels, custom data and physics of shapes are inside, since USD ignores what is said from
-outside of a prim in an instance. Without that layer shapes are children of their bodies, as ever.
+With the inferred layer, what is drawn of a body is in its instance `visuals` and what collides in
+`collisions`, as Isaac Sim's importer has them, so that the copies of an asset in a scene share them. Their
+prototypes /visuals/<body> and /colliders/<body> are classes beside the asset's prim in the payload's layers;
+materials, labels, custom data and physics of shapes are inside, since USD ignores what is said from outside
+of a prim in an instance. Without that layer shapes are children of their bodies, as ever.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ from twin.exporters.usd.thumbnail import write_thumbnail
 
 
 def write(tree: Tree, folder: Path, info: AssetInfo) -> tuple[Path, list[str]]:
-    """Write the asset and its ready stages into `folder`; returns the stage for MuJoCo and Newton and what USD can't carry."""
+    """Write the asset and its ready stages into `folder`; returns the stage for MuJoCo and Newton and what
+    USD can't carry."""
     asset = folder / tree.name / "simready_usd"
     payload, runnables = asset / "Payload", asset / "runnables"
     for place in (payload, runnables / "physics", runnables / "mujoco"):

@@ -92,8 +92,11 @@ def _refer(stage: Usd.Stage, path: str) -> None:
 
 
 def _box(stage: Usd.Stage, path: str, box: Box) -> None:
-    """As large as its shortest side and stretched from there: OpenUSD takes a matrix whose determinant is below 1e-10 for singular
-    (GfMatrix4d::Factor), which a cube of 1 m that is shrunk to a handle of 0.4 mm comes to, and MuJoCo's reader gives up."""
+    """A cube as large as the box's shortest side, stretched from there.
+
+    OpenUSD takes a matrix whose determinant is below 1e-10 for singular (GfMatrix4d::Factor): a cube of 1 m
+    shrunk to a handle of 0.4 mm would come to that, and MuJoCo's reader would give up.
+    """
     cube, side = UsdGeom.Cube.Define(stage, path), float(min(box.size))
     cube.CreateSizeAttr(side)
     cube.CreateExtentAttr(points(np.array([[-side / 2] * 3, [side / 2] * 3])))
@@ -120,7 +123,8 @@ def _visual(stage: Usd.Stage, path: str, shown: Visual) -> None:
         uv = Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(baked.uv, dtype=np.float32))
         _primvar(shape, "st", Sdf.ValueTypeNames.TexCoord2fArray, uv, "faceVarying")
         colors, which = np.unique(mesh.colors, axis=0, return_inverse=True)
-        # white comes first and no vertex has it: MuJoCo takes a table's first colour and tints the texture with it
+        # white comes first and no vertex has it: MuJoCo takes a table's first colour and tints the texture
+        # with it
         table = np.concatenate([np.ones((1, 3)), (colors / 255.0) ** 2.2])
         where, index = "vertex", which.ravel() + 1
     else:

@@ -1,4 +1,5 @@
-"""The asset's interface with its runtime variants, the payload's contents, and stages that are ready to simulate."""
+"""The asset's interface with its runtime variants, the payload's contents, and stages that are ready to
+simulate."""
 
 from __future__ import annotations
 

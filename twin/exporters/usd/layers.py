@@ -62,7 +62,8 @@ def joint_path(tree: Tree, name: str) -> str:
 
 
 def group_path(tree: Tree, link: str, group: Group) -> str:
-    """Prim under which a link's shapes are written: its prototype, or the link itself where the asset has none.
+    """Prim under which a link's shapes are written: its prototype, or the link itself where the asset has
+    none.
 
     Without the inferred layer an asset has none, so that files of what was seen stay as they were.
     """
@@ -75,8 +76,8 @@ def _prototypes(tree: Tree, group: Group) -> str:
 
 
 def _abstract(stage: Usd.Stage, tree: Tree, group: Group) -> None:
-    """A class, so that who opens the payload by itself does not see prototypes beside their instances; in every layer that defines what is
-    in it, since the strongest specifier holds."""
+    """A class, so that who opens the payload by itself does not see prototypes beside their instances; in
+    every layer that defines what is in it, since the strongest specifier holds."""
     root = _prototypes(tree, group)
     if not stage.GetPrimAtPath(root):
         stage.CreateClassPrim(root).SetTypeName("Scope")
@@ -85,7 +86,8 @@ def _abstract(stage: Usd.Stage, tree: Tree, group: Group) -> None:
 def shape_materials(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> str:
     """Path of the prim that holds the materials of a link's shapes; a prototype's is defined.
 
-    They are inside the prototype: where a relationship leads out of it, that of every copy of the asset leads into the same one.
+    They are inside the prototype: where a relationship leads out of it, that of every copy of the asset leads
+    into the same one.
     """
     if not tree.whole:
         return scope_path(tree, "Materials")
@@ -94,10 +96,12 @@ def shape_materials(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> st
 
 
 def instance_group(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> None:
-    """Let a link's instance refer to what this layer, or its stack, says at the prototype; nothing where the asset has none.
+    """Let a link's instance refer to what this layer, or its stack, says at the prototype; nothing where the
+    asset has none.
 
-    Opinions on what is inside an instance are ignored unless they come by an arc of the instance itself (OpenUSD, Scenegraph
-    Instancing), so a layer that is not of the payload's stack needs its own. The prototype's prim must be there.
+    Opinions on what is inside an instance are ignored unless they come by an arc of the instance itself
+    (OpenUSD, Scenegraph Instancing), so a layer that is not of the payload's stack needs its own. The
+    prototype's prim must be there.
     """
     if tree.whole:
         prim = stage.OverridePrim(f"{link_path(tree, link)}/{_INSTANCES[group]}")

@@ -46,8 +46,8 @@ def write_runtimes(tree: Tree, folder: Path) -> None:
 
 
 def _physx(stage: Usd.Stage, tree: Tree) -> None:
-    """A drive without stiffness is a passive damper. The articulation starts at the asset's root: where it starts at a body,
-    PhysX takes that for a floating base, which a further constraint then holds."""
+    """A drive without stiffness is a passive damper. The articulation starts at the asset's root: where it
+    starts at a body, PhysX takes that for a floating base, which a further constraint then holds."""
     base = stage.OverridePrim(link_path(tree, tree.root.name))
     base.SetMetadata("apiSchemas", Sdf.TokenListOp.Create(deletedItems=["PhysicsArticulationRootAPI"]))
     UsdPhysics.ArticulationRootAPI.Apply(stage.OverridePrim(f"/{tree.name}"))
@@ -85,7 +85,8 @@ def _newton(stage: Usd.Stage, tree: Tree) -> None:
 
 
 def _mujoco_joints(stage: Usd.Stage, tree: Tree) -> None:
-    """MuJoCo 4 prefers newton:* and warns about these, but a runtime's payload may only hold its own (requirement RV.011)."""
+    """MuJoCo 4 prefers newton:* and warns about these, but a runtime's payload may only hold its own
+    (requirement RV.011)."""
     for _, j in _joints(tree):
         prim = stage.OverridePrim(joint_path(tree, j.name))
         prim.AddAppliedSchema("MjcJointAPI")
@@ -95,7 +96,8 @@ def _mujoco_joints(stage: Usd.Stage, tree: Tree) -> None:
 
 
 def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
-    """Groups (2 is shown, 3 is for collision shapes, 4 for sites), friction that does not creep, grasp sites and keyframes."""
+    """Groups (2 is shown, 3 is for collision shapes, 4 for sites), friction that does not creep, grasp sites
+    and keyframes."""
     for _, j in _joints(tree):
         if j.holds:
             prim = stage.OverridePrim(joint_path(tree, j.name))

@@ -12,8 +12,8 @@ from twin.lint.model import WORLD, Fault, LintModel
 _TURN = 2 * np.pi
 # Degrees. Half a turn in radians: doors turn by less. A switch may turn by 4 to 6 degrees. Chosen by us.
 _HALF = 3.2
-# How far the axis of a hinge may pass beside the part: concealed furniture hinges turn about a line 2 to 3 cm off the door, small
-# mechanisms about one a few per cent of their size away. Chosen by us.
+# How far the axis of a hinge may pass beside the part: concealed furniture hinges turn about a line 2 to 3 cm
+# off the door, small mechanisms about one a few per cent of their size away. Chosen by us.
 _BESIDE, _BESIDE_M = 0.10, 0.05  # share of the part's diagonal, and at most m
 _FRAMES = (1e-3, np.deg2rad(0.5))  # m, rad: what rounding of a float32 pose in a room can't explain
 
@@ -54,8 +54,9 @@ def missing(model: LintModel) -> Iterator[Fault]:
 
 
 def unit(model: LintModel) -> Iterator[Fault]:
-    """Degrees in place of radians: no hinge turns by more than two rounds to one side. Radians in place of degrees: no part that
-    is made to be opened opens by less than 6.3 degrees. A multiple of 15 degrees, written in radians, tells the same."""
+    """Degrees in place of radians: no hinge turns by more than two rounds to one side. Radians in place of
+    degrees: no part that is made to be opened opens by less than 6.3 degrees. A multiple of 15 degrees,
+    written in radians, tells the same."""
     for j in model.joints:
         limits = np.array([x for x in (j.lower, j.upper) if x is not None and np.isfinite(x)])
         if j.kind != "revolute" or not len(limits):
@@ -125,7 +126,8 @@ def pivot(model: LintModel) -> Iterator[Fault]:
 
 
 def _beside(points: Array, axis: Array, pivot: Array) -> float:
-    """Distance (m) of the joint's line from the box of the points in a frame along the line: 0 when it passes through."""
+    """Distance (m) of the joint's line from the box of the points in a frame along the line: 0 when it passes
+    through."""
     n = np.linalg.norm(axis)
     if not np.isfinite(n) or n < 1e-9:
         return 0.0

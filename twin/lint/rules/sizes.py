@@ -13,7 +13,8 @@ from twin.lint.model import Body, Fault, LintModel, Severity, Shape
 
 # m. Chosen by us: the largest gate of a house, and less than the smallest button that a finger finds.
 _LARGE, _SMALL = 5.0, 0.005
-# Beyond the sizes above by this factor it is an error. Chosen by us: millimetres taken for metres make a thousand.
+# Beyond the sizes above by this factor it is an error. Chosen by us: millimetres taken for metres make a
+# thousand.
 _SURE = 10.0
 # rad, 2 degrees. Chosen by us: a right angle that was converted from degrees twice is 1.6 degrees, a rocker
 # switch turns by 8.
@@ -34,7 +35,8 @@ _BESIDE = 0.05
 
 
 def part(model: LintModel) -> Iterator[Fault]:
-    """A body that carries other parts may be small: models turn about two axes by a helper between two joints."""
+    """A body that carries other parts may be small: models turn about two axes by a helper between two
+    joints."""
     told: set[str] = set()
     group = model.groups()
     carry = {group.get(j.parent) for j in model.joints if j.kind != "fixed"}
@@ -98,7 +100,8 @@ def collider(model: LintModel) -> Iterator[Fault]:
 
 
 def _of_body(body: Body, shapes: Sequence[Shape]) -> Fault | None:
-    """What is wrong between a body's visuals and colliders, by boxes around them along the colliders' axes."""
+    """What is wrong between a body's visuals and colliders, by boxes around them along the colliders'
+    axes."""
     seen, solid = (_points([s for s in shapes if s.role == role]) for role in ("visual", "collision"))
     if not len(seen) or not len(solid):
         return None

@@ -27,7 +27,8 @@ def off_deg(seen: Steep, up: np.ndarray) -> float:
 
 @pytest.mark.parametrize("pitch", [46.0, 48.0, 50.0])
 def test_a_wall_is_not_taken_for_the_floor_where_the_camera_looks_down_steeply(pitch: float) -> None:
-    """By its posture alone the camera looks up at a ceiling: the drawer's travel and the fronts say that it doesn't."""
+    """By its posture alone the camera looks up at a ceiling: the drawer's travel and the fronts say that it
+    doesn't."""
     seen = steep(pitch)
     assert off_deg(seen, Z) == pytest.approx(90.0, abs=1.0)
     told = decided(seen)
