@@ -1,7 +1,7 @@
 """Measure collision shapes against true parts and print one table of each kind.
 
-    python benchmarks/collision.py --truth RECORDING/truth ... [--twin TWIN RECORDING/truth] ... [--table
-    FILE]
+    python benchmarks/collision.py --truth RECORDING/truth ... [--twin TWIN RECORDING/truth] ... \
+        [--table FILE]
 
 "true mesh": shapes made from the true part mesh, measured against it. "reconstructed": shapes made from a
 twin's part, measured against the true part after the worlds are aligned by the cameras. --coacd adds CoACD

@@ -1,9 +1,8 @@
 """Judge completed assets by the simulator's truth: `complete.md`.
 
-    python -m benchmarks.complete RUN RECORDING/truth [RUN RECORDING/truth ...]   # a table of these, which
-    have exports python -m benchmarks.complete RUN RECORDING/truth ... --page TITLE            # and a section
-    of the page python -m benchmarks.complete sealed                                          # 40 clips of
-    this commit; only counters are kept
+    python -m benchmarks.complete RUN RECORDING/truth [RUN RECORDING/truth ...]   # a table of their exports
+    python -m benchmarks.complete RUN RECORDING/truth ... --page TITLE            # and a section of the page
+    python -m benchmarks.complete sealed                     # 40 clips of this commit; only counters are kept
 
 A sealed clip's seed follows from the commit, as benchmarks/unseen.py has it; its recording, run, export and
 logs are deleted before the next one. A stopped run goes on with the next clip.

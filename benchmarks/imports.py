@@ -1,9 +1,8 @@
 """Other people's articulated files through the verbs, every result judged by hand: `imports.md`.
 
     python -m benchmarks.imports [FOLDER ...]               # the files that have no row yet, then the page
-    python -m benchmarks.imports --only TEXT [FOLDER ...]   # of these the files whose name holds TEXT, no
-    page python -m benchmarks.imports --sheets [FOLDER ...]      # also pictures of source and export to judge
-    by
+    python -m benchmarks.imports --only TEXT [FOLDER ...]   # the files whose name holds TEXT, no page
+    python -m benchmarks.imports --sheets [FOLDER ...]      # also pictures of source and export to judge by
 
 benchmarks/imports.toml names the collections: Python packages, whose files belong to third parties and are
 not in this repository. FOLDER holds them, unpacked by `pip install --no-deps --target FOLDER NAME==VERSION

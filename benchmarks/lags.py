@@ -1,8 +1,7 @@
 """Whether a lag of depth is named where there is one, and nowhere else: `lags.md`.
 
-    python -m benchmarks.lags planted RECORDING...    # lags of 1, 2, 3 and -1 frames put on recordings
-    without any python -m benchmarks.lags open FIRST LAST         # random recordings without lag, of the open
-    seeds 0 to 9999
+    python -m benchmarks.lags planted RECORDING...    # lags of 1, 2, 3, -1 frames put on recordings
+    python -m benchmarks.lags open FIRST LAST         # random recordings without lag, open seeds 0 to 9999
 
 A planted lag gives each colour picture the depth of an earlier frame. Random recordings are rendered small
 and with one sample a pixel, looked at and deleted one by one; a delay below a frame, which is one of the

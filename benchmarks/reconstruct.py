@@ -1,8 +1,8 @@
 """Reconstruct recordings that have truth and print one row each: every goal's figure, seconds and memory by
 stage.
 
-    python benchmarks/reconstruct.py RUNS RECORDING [RECORDING ...] [--set motion.method=clusters] [--table
-    FILE]
+    python benchmarks/reconstruct.py RUNS RECORDING [RECORDING ...] [--set motion.method=clusters] \
+        [--table FILE]
 
 Each recording is reconstructed into RUNS/<name>, with default settings or those given; runs found there are
 resumed, so that a second call only evaluates. A recording that fails gives a row that says why. Truth is read

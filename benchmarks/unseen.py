@@ -1,9 +1,8 @@
 """Rates on recordings that nobody has looked at: `unseen.md`.
 
     python -m benchmarks.unseen sealed                  # 160 clips of this commit; only counters are kept
-    python -m benchmarks.unseen sealed --baseline REV   # and an earlier commit's code on every fourth of
-    them, its row beside python -m benchmarks.unseen open FIRST LAST OUT     # clips of the open seeds 0 to
-    9999, kept and told one by one
+    python -m benchmarks.unseen sealed --baseline REV   # and an earlier commit's code on every fourth clip
+    python -m benchmarks.unseen open FIRST LAST OUT     # clips of the open seeds 0 to 9999, kept and told
 
 A sealed clip's seed follows from the commit, so nobody can have seen it; its recording, run and logs are
 deleted before the next one, and what is kept says only how many of which kind succeeded. As many clips as

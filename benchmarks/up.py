@@ -1,7 +1,7 @@
 """Which way is up, on open random recordings that look steeply down or up: `up.md`.
 
-    python -m benchmarks.up run [--most 5]      # 60 recordings, or the next five of them; only counters are
-    kept python -m benchmarks.up clip SEED INDEX PLACE
+    python -m benchmarks.up run [--most 5]      # 60 recordings, or the next five; only counters are kept
+    python -m benchmarks.up clip SEED INDEX PLACE
 
 The recordings are those of the stratum "steep", rendered as they are drawn. Each is taken to its surfaces and
 to what is said of up, and deleted with all that was computed before the next one. A stopped run goes on with

@@ -1,10 +1,9 @@
 """Plant faults and see which of them the default tests notice.
 
-    python -m benchmarks.mutants draw            add faults to benchmarks/mutants/faults.toml, replace those
-    whose line is gone python -m benchmarks.mutants run [--only X]  judge what has no result that still holds,
-    then write benchmarks/mutants.md python -m benchmarks.mutants page            only write the page python
-    -m benchmarks.mutants rate [--seed N] [--count K]   of faults beside the list, how many are noticed; not
-    which
+    python -m benchmarks.mutants draw            add faults to faults.toml, replace those whose line is gone
+    python -m benchmarks.mutants run [--only X]  judge what has no valid result, then write mutants.md
+    python -m benchmarks.mutants page            only write the page
+    python -m benchmarks.mutants rate [--seed N] [--count K]   how many faults beside the list are noticed
 
 A run may be stopped and goes on where it was; results are in out/mutants.jsonl. A fault is judged again when
 its module or the test that noticed it changes, a survivor when any test does.

@@ -1,7 +1,8 @@
 """Robot trajectories as files of robots' own formats: a table name -> format.
 
-    from robots.formats import export_trajectory, PlannedMotion export_trajectory(PlannedMotion(trajectory,
-    twin.part("door"), robots.resolve("franka")), ["ros2", "csv"], Path("out"))
+    from robots.formats import export_trajectory, PlannedMotion
+    motion = PlannedMotion(trajectory, twin.part("door"), robots.resolve("franka"))
+    export_trajectory(motion, ["ros2", "csv"], Path("out"))
 
 docs/robots.md tells what each file means: units, frames, quaternion order, and what is left out.
 """

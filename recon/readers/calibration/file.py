@@ -4,10 +4,11 @@ its cameras.
 The format, JSON:
 
     {"format": "funtwin-calibration/1",
-     "color": {"width", "height", "intrinsic_matrix": [fx, 0, 0, 0, fy, 0, cx, cy, 1], "distortion": [k1, k2,
-     p1, p2, k3, ...]}, "depth": the same of the depth camera, "T_color_depth": four rows of a pose that takes
-     points of the depth camera to the colour camera, m, "depth_scale": true depth = depth_scale x measured
-     depth}
+     "color": {"width", "height", "intrinsic_matrix": [fx, 0, 0, 0, fy, 0, cx, cy, 1],
+               "distortion": [k1, k2, p1, p2, k3, ...]},
+     "depth": the same of the depth camera,
+     "T_color_depth": four rows of a pose that takes points of the depth camera to the colour camera, m,
+     "depth_scale": true depth = depth_scale x measured depth}
 
 A camera is Open3D's intrinsic.json (column by column, pixel centres at integers) with OpenCV's distortion
 coefficients, which may be left out. At least one of the four has to be there. Open3D's intrinsic.json alone,

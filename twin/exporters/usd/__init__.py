@@ -3,11 +3,12 @@
     <name>.usda                  ready stage for MuJoCo and Newton: the asset with their physics on
     <name>_physx.usda            ready stage for Isaac Sim and other users of PhysX
     <name>/simready_usd/         the asset
-        <name>.usda              interface: kind, extents, labels, metadata, variants; what other scenes refer
-        to Payload/Contents.usda    sublayers Physics, Materials and Geometry, with libraries of meshes and
-        materials Textures/                one image per coloured part runnables/physics/       what only
-        PhysX, Newton or MuJoCo understands, one payload each, off by default runnables/mujoco/        groups,
-        sites and keyframes for MuJoCo, without physics runnables/grasps/        grasp lines, off by default
+        <name>.usda              interface: kind, extents, labels, metadata, variants; others refer to it
+        Payload/Contents.usda    sublayers Physics, Materials and Geometry, with libraries
+        Textures/                one image per coloured part
+        runnables/physics/       payloads of PhysX, Newton and MuJoCo alone, off by default
+        runnables/mujoco/        groups, sites and keyframes for MuJoCo, without physics
+        runnables/grasps/        grasp lines, off by default
 
 The physics of the payload is plain UsdPhysics, so any reader understands it. UsdPhysics has no passive
 damping or friction of joints: these live in the runtime payloads, because readers would add up what several
