@@ -5,8 +5,8 @@
     python -m benchmarks.mutants page            only write the page
     python -m benchmarks.mutants rate [--seed N] [--count K]   how many faults beside the list are noticed
 
-A run may be stopped and goes on where it was; results are in out/mutants.jsonl. A fault is judged again when
-its module or the test that noticed it changes, a survivor when any test does.
+A run may be stopped and goes on where it was; results are in results.jsonl beside the list. A fault is judged
+again when its module or the test that noticed it changes, a survivor when any test does.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.mutants.draw import draw, sample
-from benchmarks.mutants.faults import LIST, ROOT, read_faults, write_faults
+from benchmarks.mutants.faults import LIST, RESULTS, ROOT, read_faults, write_faults
 from benchmarks.mutants.page import page
 from benchmarks.mutants.run import NOTICED, Runner, read_results
 
@@ -34,7 +34,9 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--tests", nargs="*", help="only the tests of these files judge (default: all)")
     parser.add_argument("--workers", type=int, default=2, help="faults judged at a time (default: 2)")
     parser.add_argument("--fresh", action="store_true", help="judge again what was judged before")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of results (default: out)")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "out", help="folder of what tests run which lines (default: out)"
+    )
     parser.add_argument(
         "--seed", type=int, default=1, help="of a rate's faults; take one that nobody has used"
     )
@@ -50,11 +52,11 @@ def main(argv: Sequence[str]) -> int:
         return 1 if any(f.name for f in gone) else 0
     if args.verb == "rate":
         faults = sample(faults, args.count, args.seed)
-    results = args.out / ("mutants.jsonl" if args.verb != "rate" else f"mutants_of_seed_{args.seed}.jsonl")
+    results = RESULTS if args.verb != "rate" else args.out / f"mutants_of_seed_{args.seed}.jsonl"
     if args.verb in ("run", "rate"):
         if args.fresh:
             results.unlink(missing_ok=True)
-        runner = Runner(ROOT, args.out, args.workers, _tell if args.verb == "run" else _silent, results.name)
+        runner = Runner(ROOT, args.out, args.workers, _tell if args.verb == "run" else _silent, results)
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             runner.run([f for f in faults if args.only in f"{f.file} {f.key}"], args.tests)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-LIST = HERE / "faults.toml"
+LIST, RESULTS = HERE / "faults.toml", HERE / "results.jsonl"
 
 HEAD = """# Faults that `make mutants` plants, one at a time: a line of the source and what stands there instead. The line is found by
 # its text (its `occurrence`-th in the file), so it may move. `python -m benchmarks.mutants draw` adds faults where a module
@@ -21,6 +21,12 @@ HEAD = """# Faults that `make mutants` plants, one at a time: a line of the sour
 
 class Gone(LookupError):
     """The line of a fault no longer stands in its file."""
+
+
+def room_of(file: str) -> str:
+    """The folder of a file without subfolders, recon/joints; the package for a file beside the folders."""
+    folders = file.split("/")[:-1]
+    return "/".join(folders[:2])
 
 
 @dataclass(frozen=True)
@@ -45,8 +51,8 @@ class Fault:
 
     @property
     def room(self) -> str:
-        """Folder of its file, without subfolders of a room: recon/joints."""
-        return "/".join(self.file.split("/")[:2])
+        """The room of its file."""
+        return room_of(self.file)
 
     def line_number(self, source: str) -> int:
         """Its line in the source of its file, from 1. Raises Gone when there is none."""

@@ -12,7 +12,7 @@ HEAD = """# Planted faults
 
 Made by `make mutants`: each fault of [mutants/faults.toml](mutants/faults.toml) stands alone in a copy of the tree, and the
 default tests that run its line judge it. Rules: a sign turned, a constant times 0.3, a condition dropped (or negated), a term
-removed; two or more for every module, drawn by hashes; and the ones named by hand.
+removed; three or more for every room, drawn by hashes; and the ones named by hand.
 """
 
 

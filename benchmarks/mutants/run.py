@@ -76,8 +76,8 @@ def stands(root: Path, fault: Fault, result: Result | None, names: Sequence[str]
 
 
 class Runner:
-    """Runs in `workers` copies of the tree at `root`; what it finds goes to `out` (`results`, mutants_map/)
-    at once."""
+    """Runs in `workers` copies of the tree at `root`; what it finds goes to `results` (out/mutants.jsonl) and
+    to out/mutants_map/ at once."""
 
     def __init__(
         self,
@@ -85,10 +85,10 @@ class Runner:
         out: Path,
         workers: int = 2,
         tell: Callable[[str], None] = print,
-        results: str = "mutants.jsonl",
+        results: Path | None = None,
     ) -> None:
         self.root, self.out, self.workers, self.tell = root, out, workers, tell
-        self.results = out / results
+        self.results = results or out / "mutants.jsonl"
         self._lock = threading.Lock()
 
     def run(self, faults: Sequence[Fault], only: Sequence[str] | None = None) -> None:
