@@ -13,7 +13,7 @@ from tests.forked import Server, in_place_of_subprocess
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it once, when the first test imports it
 pytest.register_assert_rewrite(
-    "tests.robots.replays"
+    "tests.makers.robots.replays"
 )  # or a failed assertion there would not tell its numbers
 
 

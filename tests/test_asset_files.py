@@ -19,7 +19,7 @@ import pytest
 from recon import pipeline
 from recon.readers import open_recording
 from robots.model.catalog import names, resolve
-from tests.recon import tiny
+from tests.makers.recon import tiny
 from twin.cli import doctor
 from twin.cli import main as cli
 from twin.errors import InputError

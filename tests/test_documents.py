@@ -31,7 +31,7 @@ from recon.readers.calibration.file import Calibration
 from recon.recording import Recording
 from recon.recording.rig import Lens
 from recon.recording.write import write_recording
-from tests.recon.phone_recording import phone_recording
+from tests.makers.recon.phone_recording import phone_recording
 from twin import verification
 from twin.cli import given
 from twin.cli import main as cli

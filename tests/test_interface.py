@@ -24,7 +24,7 @@ from benchmarks.scenes.boards import cabinet_twin, opening_motion
 from robots import formats
 from robots.formats import native
 from robots.simulation.report import ReplayReport
-from tests.robots import planned_motions
+from tests.makers.robots import planned_motions
 from twin.lint import lint
 from twin.physics import with_physics
 from twin.report import render

@@ -24,7 +24,7 @@ from recon.joints.pose_graph.solver import PoseGraphConfig
 from recon.readers import open_recording
 from robots.config import PlanConfig
 from tests.laws import assert_for_all
-from tests.recon import tiny
+from tests.makers.recon import tiny
 from twin.cli.table import SETTINGS, named
 from twin.errors import ConfigError
 from twin.runs.keys import stage_key

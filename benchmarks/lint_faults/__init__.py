@@ -1,6 +1,6 @@
 """Faults planted into exported files, one at a time: what `twin lint` must find, and by which rule.
 
-tests/twin/test_lint.py asks our own rules; benchmarks/lint.py asks the public validators about the same
+tests/twin/lint/test_lint.py asks our own rules; benchmarks/lint.py asks the public validators about the same
 files.
 """
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from recon.evaluation.truth import Truth, load_truth
-from tests.benchmarks.completed import (
+from tests.makers.benchmarks.completed import (
     write_truth,
 )
 

@@ -31,7 +31,7 @@ from benchmarks.scenes.boards import Board
 from benchmarks.scenes.furniture import mesh_of
 from recon.evaluation.truth import Truth
 from recon.simulate.random.boards import box
-from tests.benchmarks.completed import (
+from tests.makers.benchmarks.completed import (
     BAR,
     BODIES,
     FLOOR,

@@ -13,7 +13,7 @@ from benchmarks.completed.judge import judge, missed
 from benchmarks.completed.page import table
 from recon.evaluation.truth import Truth
 from recon.simulate.random.strata import sealed_set
-from tests.benchmarks.completed import (
+from tests.makers.benchmarks.completed import (
     write_run,
     write_truth,
 )

@@ -19,7 +19,7 @@ from benchmarks.scenes.boards import Board
 from benchmarks.scenes.furniture import mesh_of
 from recon.evaluation.truth import Truth, TruthPart
 from recon.simulate.random.furniture import KINDS
-from tests.benchmarks.completed import (
+from tests.makers.benchmarks.completed import (
     BODIES,
     TWIN,
     T,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from recon.verdict.evidence import PartEvidence
-from tests.recon.altered import with_labels
-from tests.recon.cabinets import Clip, make_clip
-from tests.recon.judged import perfect
+from tests.makers.recon.altered import with_labels
+from tests.makers.recon.cabinets import Clip, make_clip
+from tests.makers.recon.judged import perfect
 
 
 @pytest.fixture(scope="module")

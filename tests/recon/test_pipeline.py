@@ -16,7 +16,7 @@ from recon.joints.type_selection import TypeHint
 from recon.parts.config import MotionConfig
 from recon.pipeline import _provenance, _run, reconstruct
 from recon.readers import open_recording
-from tests.recon import tiny
+from tests.makers.recon import tiny
 from twin.errors import InputError, MissingDependencyError
 from twin.files.text import read_json
 from twin.level import DOUBTED

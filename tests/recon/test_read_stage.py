@@ -9,7 +9,7 @@ import pytest
 
 import recon
 from recon.tracking.tracks import Tracks
-from tests.recon import tiny
+from tests.makers.recon import tiny
 from twin.errors import InputError
 from twin.runs.stages import Run
 

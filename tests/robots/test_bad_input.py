@@ -14,8 +14,8 @@ from benchmarks.scenes import furniture
 from robots.config import PlanConfig
 from robots.formats import native
 from robots.model.catalog import resolve
-from tests.robots import planned_motions
-from tests.robots.planned_motions import contents
+from tests.makers.robots import planned_motions
+from tests.makers.robots.planned_motions import contents
 from twin.cli.main import run
 from twin.storage import save
 

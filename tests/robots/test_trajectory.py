@@ -15,7 +15,7 @@ from robots.formats import native
 from robots.model.catalog import resolve
 from robots.planning.timing import Leg, quintic, timed
 from robots.trajectory import RejectedBase, RobotTrajectory
-from tests.robots.planned_motions import contents
+from tests.makers.robots.planned_motions import contents
 from twin import geometry as geo
 from twin.errors import ConfigError, InputError, PlanningError
 

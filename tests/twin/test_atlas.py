@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.twin.importers.colours import BLUE, GREEN, RED, YELLOW, quarters, seen_at
+from tests.makers.twin.colours import BLUE, GREEN, RED, YELLOW, quarters, seen_at
 from twin.atlas import BORDER, joined_textures
 from twin.importers.look import pictured
 from twin.scene import Mesh

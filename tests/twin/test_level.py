@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
-from tests.twin.rested import left_at, only
+from tests.makers.twin.rested import left_at, only
 from twin import geometry as geo
 from twin.cli.main import run
 from twin.exporters import export

@@ -11,7 +11,7 @@ import pytest
 
 import twin
 from benchmarks.scenes.boards import cabinet_twin
-from tests.twin.judged import doubted
+from tests.makers.twin.judged import doubted
 from twin.completion import without_shapes
 from twin.errors import InputError, SceneError
 from twin.exporters import complete

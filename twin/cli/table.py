@@ -1,7 +1,7 @@
 """What the command line names and imports when it is called: the twin's packages know neither reconstruction
 nor robots.
 
-These are the only functions that are named by text; tests/twin/test_cli.py resolves each.
+These are the only functions that are named by text; tests/twin/cli/test_cli.py resolves each.
 """
 
 from __future__ import annotations

@@ -14,10 +14,10 @@ from recon.contact.finish_parts import finish_parts
 from recon.fusion.fuse import FusedScene
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.judge import CLOSED_SURE, judge, verdict_on
-from tests.recon.altered import with_sigma
-from tests.recon.cabinets import Clip
-from tests.recon.judged import perfect
-from tests.recon.tiny import merged
+from tests.makers.recon.altered import with_sigma
+from tests.makers.recon.cabinets import Clip
+from tests.makers.recon.judged import perfect
+from tests.makers.recon.tiny import merged
 from twin.scene import Mesh
 from twin.verdict import ClosedEndUnsure, PivotUnsure, Verdict
 

@@ -12,8 +12,8 @@ from recon.fusion.fuse import FusedScene
 from recon.inspection.frame_findings import Blurred, Cut
 from recon.inspection.motion_findings import DepthDelayed
 from recon.verdict.judge import Judged, judge
-from tests.recon.cabinets import Clip, make_clip
-from tests.recon.judged import perfect
+from tests.makers.recon.cabinets import Clip, make_clip
+from tests.makers.recon.judged import perfect
 from twin.verdict import NothingArticulated, OfRecording, Reason, of_twin, verdict_document, verdict_from
 
 LATE = DepthDelayed(2, 0.133, 0.002)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recon.readers import open_recording
-from tests.recon.tiny import write_intrinsics
+from tests.makers.recon.tiny import write_intrinsics
 from twin.cli.main import run
 from twin.errors import InputError
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from recon.recording import Recording
-from tests.recon import bags
-from tests.recon.bags import check_same, opened, problem
-from tests.recon.test_ros_images import png_of, write_compressed
+from tests.makers.recon import bags
+from tests.makers.recon.bags import check_same, opened, problem
+from tests.recon.readers.test_ros_images import png_of, write_compressed
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from recon.evaluation.evaluate import evaluate
 from recon.evaluation.truth import load_truth
 from recon.readers import open_recording
 from recon.recording import Recording
-from tests.recon.in_memory import T, made
-from tests.recon.tiny import twin_of, write_recording
+from tests.makers.recon.in_memory import T, made
+from tests.makers.recon.tiny import twin_of, write_recording
 from twin.cli.main import run
 from twin.errors import InputError
 

@@ -12,7 +12,7 @@ from recon.recording import Intrinsics, Recording
 from recon.verdict.lost_labels import least_labelled
 from recon.verdict.of_video import LABELLED
 from recon.verdict.posed import PosedTwin
-from tests.recon.tiny import box
+from tests.makers.recon.tiny import box
 from twin.scene import STATIC_LABEL, Motion, Prismatic, Trajectory
 
 FRAMES, FAR = 10, 2.0

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import twin
-from tests.twin.scene_texts import board, carcass
+from tests.makers.twin.scene_texts import board, carcass
 from twin.cli import main as cli
 from twin.importers.source import Closed
 from twin.scene import Part

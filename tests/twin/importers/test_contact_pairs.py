@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.twin.scene_texts import HINGE, LIMIT, urdf
+from tests.makers.twin.scene_texts import HINGE, LIMIT, urdf
 from twin.importers import mjcf as mjcf_reader
 from twin.importers import urdf as urdf_reader
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import twin
-from tests.twin.scene_texts import HINGE, LIMIT, board, urdf
+from tests.makers.twin.scene_texts import HINGE, LIMIT, board, urdf
 from twin.cli import main as cli
 from twin.errors import InputError
 from twin.scene import Twin

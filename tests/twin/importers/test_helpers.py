@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import twin
-from tests.twin.scene_texts import LIMIT, urdf
+from tests.makers.twin.scene_texts import LIMIT, urdf
 from twin.errors import InputError
 from twin.scene import Prismatic
 

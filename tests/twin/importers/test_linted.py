@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import twin
-from tests.twin.scene_texts import HINGE, LIMIT, mjcf, urdf
+from tests.makers.twin.scene_texts import HINGE, LIMIT, mjcf, urdf
 from twin.cli import main as cli
 
 # robosuite's door: the file counts in degrees, its range is meant in radians.

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 import twin
-from tests.twin.importers.colours import (
+from tests.makers.twin.colours import (
     BOARD,
     CORNERS,
     collada,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import twin
-from tests.twin.scene_texts import HINGE, LIMIT, mjcf, urdf
+from tests.makers.twin.scene_texts import HINGE, LIMIT, mjcf, urdf
 from twin.errors import InputError
 
 DOOR = '<body name="door"><joint name="hinge" range="0 90" limited="true"/><geom type="box" size=".3 .01 .4" group="{}"/></body>'

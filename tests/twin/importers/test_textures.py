@@ -15,7 +15,7 @@ import trimesh
 
 import twin
 from benchmarks.scenes.boards import cabinet_twin
-from tests.twin.importers.colours import (
+from tests.makers.twin.colours import (
     BLUE,
     BOARD,
     CORNERS,

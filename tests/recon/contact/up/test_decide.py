@@ -9,7 +9,7 @@ import pytest
 
 from recon.contact.up.decide import ODDS, Upright, World, find_up, turned
 from recon.recording.said import Said
-from tests.recon.contact.up.steep import QUICK, Steep, steep
+from tests.makers.recon.steep import QUICK, Steep, steep
 from twin import geometry as geo
 from twin.verdict import UpUnsure
 

@@ -10,7 +10,7 @@ import pytest
 from recon.contact.up.decide import ODDS
 from recon.contact.up.evidence import PartShown, UpEvidence
 from recon.contact.up.terms import log_likelihood, terms
-from tests.recon.contact.up.steep import look
+from tests.makers.recon.steep import look
 from twin.level import Plane
 
 UP, AHEAD, RIGHT = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])

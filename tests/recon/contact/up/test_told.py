@@ -12,7 +12,7 @@ from recon import pipeline
 from recon.config import ReconConfig
 from recon.contact.up.decide import ODDS, Upright, turned
 from recon.verdict.judge import Judged
-from tests.recon.contact.up.steep import steep
+from tests.makers.recon.steep import steep
 from twin.level import doubts_about_up
 from twin.runs.keys import Stage
 from twin.scene import Twin

@@ -1,0 +1,94 @@
+"""Evidence about a part with one figure altered, all else as it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from recon.parts.find_parts import FoundParts
+from recon.verdict.evidence import PartEvidence
+from recon.verdict.in_motion import InMotion
+from recon.verdict.places import Places
+from tests.makers.recon.cabinets import Clip
+from tests.makers.recon.judged import movers_of
+from twin.scene import Joint, Mesh, Prismatic, Revolute
+
+
+def with_sigma(e: PartEvidence, **values: float) -> PartEvidence:
+    sigma = replace(e.part.joint.sigma, **values)
+    return replace(e, part=replace(e.part, joint=replace(e.part.joint, sigma=sigma)))
+
+
+def with_labels(e: PartEvidence, labels: dict[int, Any]) -> PartEvidence:
+    return replace(e, scene=replace(e.scene, labels=labels))
+
+
+def moving_during(e: PartEvidence, share: float) -> PartEvidence:
+    frames = e.part.motion.frames
+    span = (int(frames[0]), int(frames[round(share * len(frames)) - 1]))
+    return replace(e, part=replace(e.part, motion=replace(e.part.motion, intervals=(span,))))
+
+
+def drifting(e: PartEvidence, clip: Clip, share: float) -> PartEvidence:
+    """The room shifts by a share of the part's median travel."""
+    ends = [e.part.joint.pose(s) for s in (e.part.joint.lower, e.part.joint.upper)]
+    a, b = (clip.mesh.vertices @ T[:3, :3].T + T[:3, 3] for T in ends)
+    movers, mask = movers_of(clip, background=share * float(np.median(np.linalg.norm(a - b, axis=1))))
+    return replace(e, scene=replace(e.scene, found=FoundParts(movers, np.zeros_like(mask), ())))
+
+
+def shown_in(e: PartEvidence, frames: int) -> PartEvidence:
+    labels = {
+        f: image if k < frames else np.ones_like(image) for k, (f, image) in enumerate(e.scene.labels.items())
+    }
+    return with_labels(e, labels)
+
+
+def scaled(mesh: Mesh, area: float) -> Mesh:
+    return Mesh(mesh.vertices * np.sqrt(area / mesh.area), mesh.faces)
+
+
+def ranging(e: PartEvidence, span: float, kind: type[Joint] = Revolute) -> PartEvidence:
+    """The same range and sigma over a shorter or longer way."""
+    joint = e.part.joint
+    turned = joint if kind is Revolute else Prismatic(joint.axis, sigma=joint.sigma)
+    return replace(e, part=replace(e.part, joint=replace(turned, lower=0.0, upper=span)))
+
+
+def with_known(e: PartEvidence, **known: Any) -> PartEvidence:
+    """The scene's evidence as if it had been computed."""
+    scene = replace(e.scene)
+    scene.__dict__.update(known)
+    return replace(e, scene=scene)
+
+
+def with_places(e: PartEvidence, **shares: float) -> PartEvidence:
+    """Evidence with these shares of the surface, of one that is known well in all else."""
+    out = replace(e)
+    vars(out)["places"] = replace(Places(0.8, 0.0, 0.8, 1.0), **shares)
+    return out
+
+
+def with_border(e: PartEvidence, share: float) -> PartEvidence:
+    """Evidence of which this share of the border at rest is no edge."""
+    out = replace(e)
+    vars(out)["bare_border"] = (4, share)
+    return out
+
+
+def with_motion(e: PartEvidence, right: float, **shares: float) -> PartEvidence:
+    """Evidence of which this share of its pixels is seen to move as the twin says, with these shares of its
+    surface."""
+    out = with_places(e, **shares)
+    vars(out)["in_motion"] = InMotion(10_000, 0, round(10_000 * right), 0, 0)
+    return out
+
+
+def backed_off(e: PartEvidence, away: float) -> PartEvidence:
+    """The cameras of the second half stand so many metres farther back than they were."""
+    poses = e.scene.cameras.T_world_cam.copy()
+    half = len(poses) // 2
+    poses[half:, :3, 3] -= away * poses[half:, :3, 2]
+    return replace(e, scene=replace(e.scene, cameras=replace(e.scene.cameras, T_world_cam=poses)))

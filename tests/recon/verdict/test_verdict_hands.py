@@ -1,0 +1,279 @@
+"""Hands at the ends of a recording: true ones are no reason, and what is labelled hand and is none is one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from recon.verdict import hand_visits, of_parts, of_video
+from recon.verdict.evidence import PartEvidence
+from tests.makers.recon.cabinets import FRAMES, Clip, Kind, make_clip
+from tests.makers.recon.judged import perfect, with_depth
+from twin.geometry import Array
+from twin.scene import HAND_LABEL, Mesh, Motion
+from twin.verdict import HandMovesNothing, HandWhereNobodyIs, Unexplained
+
+
+def with_labels(e: PartEvidence, labels: dict[int, Any], mesh: Mesh | None) -> PartEvidence:
+    scene = replace(e.scene, labels=labels, parts=((e.part, mesh),))
+    return replace(e, scene=scene, mesh=mesh)
+
+
+def hand_labels(clip: Clip, last: int) -> dict[int, Any]:
+    return {f: image for f, image in clip.labels.items() if f <= last}
+
+
+@pytest.mark.parametrize("kind", ["door", "slide"])
+def test_a_true_hand_at_an_end_is_no_reason(kind: Kind) -> None:
+    """The recording ends while the hand moves the part, with half an arm in view that does not reach the
+    border."""
+    clip = make_clip(kind)
+    for last in (10, 12, 14, 16):
+        labels = hand_labels(clip, last)
+        assert (labels[last] == HAND_LABEL).mean() > of_video.HAND_AT_END
+        assert of_video.hand_is_one(perfect(clip, labels)) is None
+
+
+def painted(clip: Clip, frame: int, what: Any) -> dict[int, Any]:
+    """The true labels, with hand in a frame where `what` (H, W) says so."""
+    return clip.labels | {frame: np.where(what, np.uint8(HAND_LABEL), clip.labels[frame])}
+
+
+def block(clip: Clip, share: float) -> Any:
+    """A block (H, W) in the middle of the picture that covers a share of it, rounded to whole pixels of the
+    thinned one."""
+    image = np.zeros(next(iter(clip.labels.values())).shape, bool)
+    high, wide = (round(n * np.sqrt(share)) for n in image.shape)
+    image[70 : 70 + high, 110 : 110 + wide] = True
+    return image
+
+
+@pytest.mark.parametrize("frame", [0, FRAMES - 2])
+def test_hand_that_has_the_depth_of_the_twin_is_none(frame: int) -> None:
+    clip = make_clip("door")
+    told = of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.016))))
+    assert isinstance(told, HandWhereNobodyIs)
+    assert told.frame == frame
+    np.testing.assert_allclose(told.share, 0.016, rtol=0.15)
+    assert of_video.hand_is_one(perfect(clip, painted(clip, frame, block(clip, 0.008)))) is None
+
+
+@pytest.mark.parametrize("frame", [0, FRAMES - 2])
+def test_a_missed_part_that_was_labelled_hand_is_none(frame: int) -> None:
+    """It stands before all that the twin shows, and keeps its place."""
+    clip = make_clip("drawer")
+    missed = painted(clip, frame, clip.labels[frame] == 2)
+    e = with_labels(perfect(clip), missed, None)
+    told = of_video.hand_is_one(e)
+    assert isinstance(told, HandWhereNobodyIs)
+    assert told.frame == frame
+
+
+def changing(e: PartEvidence, since: int, depth: Array) -> PartEvidence:
+    """The recording stands still at its first frame and has this depth (H, W) from frame `since` on."""
+    read = e.scene.recording.read_depth
+    first = np.asarray(read(0))
+    cameras = replace(e.scene.cameras, T_world_cam=np.repeat(e.scene.cameras.T_world_cam[:1], FRAMES, axis=0))
+    recording = replace(
+        e.scene.recording, read_depth=lambda f: (depth if f >= since else first).astype(np.float32)
+    )
+    return replace(e, scene=replace(e.scene, recording=recording, cameras=cameras))
+
+
+@pytest.mark.parametrize("since", [1, 6])
+def test_what_leaves_may_be_a_hand(since: int) -> None:
+    """Even if most of the frames still see it."""
+    clip = make_clip("drawer")
+    thing = clip.labels[0] == 2
+    e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
+    depth = clip.recording.depth(0)
+    assert isinstance(of_video.hand_is_one(changing(e, since, depth)), HandWhereNobodyIs)
+    assert of_video.hand_is_one(changing(e, since, np.where(thing, depth + 0.2, depth))) is None
+
+
+def test_fingers_may_rest_while_the_arm_moves() -> None:
+    clip = make_clip("drawer")
+    thing = clip.labels[0] == 2
+    column = np.quantile(np.nonzero(thing)[1], [0.3, 0.5])
+    e = with_labels(perfect(clip), {0: painted(clip, 0, thing)[0]}, None)
+    depth = clip.recording.depth(0)
+    fingers, half = (np.where(thing & (np.arange(thing.shape[1]) > x), depth + 0.2, depth) for x in column)
+    assert of_video.hand_is_one(changing(e, 1, fingers)) is None
+    assert isinstance(of_video.hand_is_one(changing(e, 1, half)), HandWhereNobodyIs)
+
+
+@pytest.mark.parametrize(("kind", "told"), [("drawer", False), ("door", True)])
+def test_what_reaches_the_border_may_be_an_arm_unless_it_is_too_large(kind: Kind, told: bool) -> None:
+    """The front of the drawer shows 0.12 m^2, the door 0.4 m^2."""
+    clip = make_clip(kind)
+    arm = (np.arange(clip.labels[0].shape[1]) == 100)[None] & (clip.labels[0] != 2)
+    near = with_depth(perfect(clip), lambda depth: np.where(arm, 0.5, depth))
+    labels = {0: painted(clip, 0, arm | (clip.labels[0] == 2))[0]}
+    e = changing(with_labels(near, labels, None), FRAMES, np.zeros(0))
+    assert (of_video.hand_is_one(e) is not None) == told
+    assert of_video.hand_is_one(with_labels(e, {}, None)) is None
+
+
+def ending(e: PartEvidence, last: int) -> PartEvidence:
+    """The recording up to and with a frame."""
+    cameras = e.scene.cameras
+    kept = slice(None, last + 1)
+    cut = replace(
+        cameras, frames=cameras.frames[kept], times=cameras.times[kept], T_world_cam=cameras.T_world_cam[kept]
+    )
+    return replace(e, scene=replace(e.scene, cameras=cut))
+
+
+@pytest.mark.parametrize("kind", ["door", "slide"])
+def test_a_hand_that_moves_at_an_end_needs_no_explanation(kind: Kind) -> None:
+    """While it moves; without its label, or as a thing that rests, it is a depth that the twin does not
+    have."""
+    clip = make_clip(kind)
+    e = ending(perfect(clip, hand_labels(clip, 14)), 14)
+    assert of_parts.explained(e) is None
+    unlabelled = {f: np.where(image == HAND_LABEL, np.uint8(1), image) for f, image in e.scene.labels.items()}
+    assert isinstance(of_parts.explained(replace(e, scene=replace(e.scene, labels=unlabelled))), Unexplained)
+
+
+def test_a_missed_part_that_was_labelled_hand_needs_an_explanation() -> None:
+    clip = make_clip("drawer")
+    missed = {f: np.where(image == 2, np.uint8(HAND_LABEL), image) for f, image in clip.labels.items()}
+    assert isinstance(of_parts.explained(with_labels(perfect(clip), missed, None)), Unexplained)
+
+
+@pytest.mark.parametrize(("border_m", "explained"), [(0.4, True), (0.0, True), (1.0, False)])
+def test_an_arm_that_rests_reaches_in_and_a_board_at_the_border_does_not(
+    border_m: float, explained: bool
+) -> None:
+    """It lies still in all frames, from the lower border to 1 m; 0 m: too near for the sensor there."""
+    clip = make_clip("drawer")
+    rows, columns = np.indices(clip.labels[0].shape)
+    arm = (rows >= 80) & (np.abs(columns - 30) < 6)
+    depth = np.where(rows > 140, border_m, 1.0 + (border_m - 1.0) * (rows - 80) / 70) if border_m else np.where(
+        rows > 140, 0.0, 1.0
+    )  # fmt: skip
+    e = with_depth(perfect(clip), lambda seen: np.where(arm & (seen > 1.1), depth, seen))
+    assert (clip.recording.depth(0)[arm] > 1.1).mean() > 0.9
+    labels = {f: painted(clip, f, arm)[f] for f in clip.labels}
+    shut = replace(e.part, motion=replace(e.part.motion, state=np.zeros(FRAMES)))
+    still = changing(with_labels(replace(e, part=shut), labels, e.mesh), FRAMES, np.zeros(0))
+    assert (of_parts.explained(still) is None) == explained
+
+
+@pytest.mark.parametrize("kind", ["door", "slide"])
+def test_each_visit_of_the_hand_moves_a_part(kind: Kind) -> None:
+    """The true hand's does; were the part to rest or only to shake meanwhile, something would be missing. A
+    short look in is no visit."""
+    clip = make_clip(kind)
+    e = perfect(clip)
+    assert of_video.hand_moves_something(e) is None
+    (part, mesh), *_ = e.scene.parts
+    motion = part.motion
+    hands = [f for f in clip.labels if (clip.labels[f] == HAND_LABEL).mean() > 0.004]
+    shake = np.where(motion.frames == motion.frames[1], 1.0, 0.1 * motion.state / np.ptp(motion.state))
+    for other in (
+        replace(motion, intervals=()),
+        replace(motion, state=shake * np.ptp(motion.state)),
+    ):
+        scene = replace(e.scene, parts=((replace(part, motion=other), mesh),))
+        told = of_video.hand_moves_something(replace(e, scene=scene))
+        assert isinstance(told, HandMovesNothing)
+        assert (told.first, told.last) == (min(hands), max(hands))
+    brief = {
+        f: np.where(image == HAND_LABEL, 1, image) if f != hands[1] else image
+        for f, image in clip.labels.items()
+    }
+    scene = replace(
+        e.scene, labels=brief, parts=((replace(part, motion=replace(motion, intervals=())), mesh),)
+    )
+    assert of_video.hand_moves_something(replace(e, scene=scene)) is None
+
+
+@pytest.mark.parametrize(("seconds", "idle"), [(2.5, False), (3.5, True)])
+@pytest.mark.parametrize("before", [True, False])
+def test_a_hand_that_stays_beside_a_motion_may_have_moved_something_else(
+    seconds: float, idle: bool, before: bool
+) -> None:
+    """Ten frames a second; the part moves while the hand has been in view for so long, or is still in view
+    for so long."""
+    clip = make_clip("door")
+    e = perfect(clip)
+    (part, _), *_ = e.scene.parts
+    rate, count = 10.0, 90
+    motion = (40, 46)
+    visit = (motion[0] - round(seconds * rate), 50) if before else (38, motion[1] + round(seconds * rate))
+    frames = np.arange(count)
+    state = np.interp(frames, motion, (0.0, 1.0))
+    moved = replace(part, motion=Motion(frames, frames / rate, state, (motion,)))
+    image = np.full(clip.labels[0].shape, HAND_LABEL, np.uint8)
+    labels = {f: image if visit[0] <= f <= visit[1] else np.ones_like(image) for f in range(count)}
+    recording = replace(e.scene.recording, times=frames / rate)
+    told = hand_visits.idle_visit(recording, labels, [moved])
+    assert told == (((visit[0], motion[0]) if before else (motion[1], visit[1])) if idle else None)
+
+
+@pytest.mark.parametrize(("seconds", "idle"), [(5.5, None), (6.5, (16, 81))])
+def test_between_two_motions_a_hand_leaves_one_part_and_reaches_for_the_next(
+    seconds: float, idle: tuple[int, int] | None
+) -> None:
+    """In view throughout, ten frames a second: 3 s for each of both."""
+    clip = make_clip("door")
+    e = perfect(clip)
+    (part, _), *_ = e.scene.parts
+    frames = np.arange(100)
+    again = 16 + round(seconds * 10)
+    state = np.interp(frames, (10, 16, again, again + 6), (0.0, 1.0, 1.0, 0.0))
+    moved = replace(part, motion=Motion(frames, frames / 10, state, ((10, 16), (again, again + 6))))
+    labels = {int(f): np.full(clip.labels[0].shape, HAND_LABEL, np.uint8) for f in frames}
+    recording = replace(e.scene.recording, times=frames / 10)
+    assert hand_visits.idle_visit(recording, labels, [moved]) == idle
+
+
+@pytest.mark.parametrize(
+    ("frame", "share", "border_m", "told"),
+    [
+        (6, 0.05, 1.0, True),
+        (6, 0.05, 0.8, False),
+        (6, 0.02, 1.0, False),
+        (0, 0.02, 1.0, True),
+        (0, 0.02, 0.8, False),
+    ],
+)
+def test_a_board_that_is_labelled_hand_at_rest_is_none(
+    frame: int, share: float, border_m: float, told: bool
+) -> None:
+    """It lies still, 1 m away, and as far where it meets the border of the picture; an arm that comes from
+    the side is nearer there."""
+    clip = make_clip("drawer")
+    image = np.zeros(clip.labels[0].shape, bool)
+    high = image.shape[0] // 3
+    wide = round(share * image.size / high)
+    image[high : 2 * high, :wide] = True
+    ahead = np.interp(np.arange(image.shape[1]), (0, wide), (border_m, 1.0))
+    e = with_depth(perfect(clip), lambda seen: np.where(image, ahead, seen))
+    nobody = {f: np.where(seen == HAND_LABEL, np.uint8(1), seen) for f, seen in clip.labels.items()}
+    labels = nobody | {frame: np.where(image, np.uint8(HAND_LABEL), nobody[frame])}
+    still = changing(with_labels(e, labels, e.mesh), FRAMES, np.zeros(0))
+    found = of_video.hand_is_one(still)
+    assert (found is not None) == told
+    if isinstance(found, HandWhereNobodyIs):
+        assert found.frame == frame
+        np.testing.assert_allclose(found.share, share, rtol=0.2)
+
+
+@pytest.mark.parametrize(("columns", "near", "told"), [(18, 0.4, False), (60, 0.4, True), (18, 0.95, True)])
+def test_an_arm_that_rests_is_one_though_labels_lost_its_end(columns: int, near: float, told: bool) -> None:
+    """Narrow and nearer towards the border it is an arm; as wide as a board, or as far at both ends, it is
+    none."""
+    clip = make_clip("drawer")
+    image = np.zeros(clip.labels[0].shape, bool)
+    image[60:125, 80 : 80 + columns] = True
+    ahead = np.interp(np.arange(image.shape[0]), (60, 125), (1.0, near))[:, None]
+    e = with_depth(perfect(clip), lambda seen: np.where(image, ahead, seen))
+    nobody = {f: np.where(seen == HAND_LABEL, np.uint8(1), seen) for f, seen in clip.labels.items()}
+    labels = nobody | {6: np.where(image, np.uint8(HAND_LABEL), nobody[6])}
+    found = of_video.hand_is_one(changing(with_labels(e, labels, e.mesh), FRAMES, np.zeros(0)))
+    assert (found is not None) == told
