@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
-from functools import partial
 
 import numpy as np
 
@@ -15,19 +14,12 @@ from twin.atlas import MOST_TEXELS, joined_textures
 from twin.errors import InputError, SceneError, nearest_name
 from twin.geometry import Array
 from twin.importers.closed_end import travel_of
+from twin.importers.groups import Group, around, groups_of
 from twin.importers.helpers import without_helpers
-from twin.importers.interpenetration import deeper
-from twin.importers.joints import at_rest, joint_of, range_of
-from twin.importers.source import (
-    Closed,
-    Source,
-    SourceBody,
-    moved,
-    surface_of,
-)
+from twin.importers.joints import joint_of, range_of
+from twin.importers.source import WORLD, Closed, Source, SourceBody, moved
 from twin.importers.stated import stated_inertial, with_stated
 from twin.importers.twin_pairs import filtered_pairs
-from twin.mesh import joined
 from twin.names import legal_name
 from twin.physics import with_physics
 from twin.scene import (
@@ -42,14 +34,6 @@ from twin.scene import (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Bodies that move as one, the one with the joint first; `first` is None for what does not move."""
-
-    first: SourceBody | None
-    bodies: tuple[SourceBody, ...]
-
-
 def build(
     source: Source,
     closed: Mapping[str, Closed],
@@ -60,7 +44,7 @@ def build(
     element."""
     notes = list(source.notes)
     bodies = without_helpers(source, _kept(source, exclude, notes), limits, notes)
-    groups = _groups(bodies)
+    groups = groups_of(bodies)
     moving = [g.first for g in groups if g.first is not None]
     for asked, what in ((closed, "closed"), (limits, "limits")):
         _require_known(source, asked, [b.joint.name for b in moving if b.joint is not None], what)
@@ -115,16 +99,6 @@ def _kept(source: Source, exclude: Sequence[str], notes: list[str]) -> list[Sour
     return kept
 
 
-def _groups(bodies: Sequence[SourceBody]) -> list[_Group]:
-    """What does not move, then one group for each joint, parents before their children."""
-    home: dict[str, str | None] = {}
-    members: dict[str | None, list[SourceBody]] = {None: []}
-    for body in bodies:
-        home[body.name] = body.name if body.joint is not None else home.get(body.parent or "")
-        members.setdefault(home[body.name], []).append(body)
-    return [_Group(b[0] if name is not None else None, tuple(b)) for name, b in members.items()]
-
-
 def _require_known(source: Source, asked: Mapping[str, object], known: Sequence[str], what: str) -> None:
     for name in asked:
         if name not in known:
@@ -136,15 +110,9 @@ def _require_known(source: Source, asked: Mapping[str, object], known: Sequence[
             )
 
 
-def _seen(group: _Group) -> list[Mesh]:
-    """What is seen of a group; if nothing is, what touches."""
-    seen = [m for b in group.bodies for m in b.visual]
-    return seen or [surface_of(c) for b in group.bodies for c in b.collision]
-
-
-def _surfaces(group: _Group, notes: list[str]) -> Mesh:
+def _surfaces(group: Group, notes: list[str]) -> Mesh:
     """What is seen of a group as one mesh, its pictures packed into one."""
-    mesh, scale = joined_textures(_seen(group))
+    mesh, scale = joined_textures(group.surfaces)
     if scale < 1:
         name = group.bodies[0].name if group.first is not None else "what does not move"
         notes.append(
@@ -153,22 +121,22 @@ def _surfaces(group: _Group, notes: list[str]) -> Mesh:
     return mesh
 
 
-def _shapes(group: _Group) -> tuple[Collision, ...]:
+def _shapes(group: Group) -> tuple[Collision, ...]:
     """The group's collision shapes; none, so that they are made, when some can't be used."""
     return tuple(c for b in group.bodies for c in b.collision) if all(b.shapes for b in group.bodies) else ()
 
 
-def _static(group: _Group, taken: list[str], notes: list[str]) -> StaticPart:
+def _static(group: Group, taken: list[str], notes: list[str]) -> StaticPart:
     """What does not move, named after its only body, if it is one."""
     solid = [b.name for b in group.bodies if b.visual or b.collision]
-    name = legal_name(solid[0] if len(solid) == 1 and solid[0] != "world" else "static")
+    name = legal_name(solid[0] if len(solid) == 1 and solid[0] != WORLD else "static")
     taken.append(name)
     return StaticPart(name, _surfaces(group, notes), _shapes(group))
 
 
 def _parts(
     source: Source,
-    groups: Sequence[_Group],
+    groups: Sequence[Group],
     closed: Mapping[str, Closed],
     limits: Mapping[str, tuple[float, float]],
     taken: list[str],
@@ -192,10 +160,10 @@ def _parts(
                 "give it one, or leave it out with exclude",
             )
         span, asked = range_of(source, first.joint, limits), closed.get(first.joint.name)
-        way_in = partial(_deeper, groups, first, float(np.clip(first.joint.rest, *span)))
-        travel = travel_of(source.path.name, first.joint, span, asked, way_in, given and asked is not None)
+        near, kept = around(groups, first), given and asked is not None
+        travel = travel_of(source.path.name, span, asked, near, kept)
         notes += [travel.doubt] if travel.doubt else []
-        T = poses[parent] @ at_rest(first.joint).pose(travel.closed - first.joint.rest)
+        T = poses[parent] @ first.joint.from_rest.pose(travel.closed - first.joint.rest)
         mesh = mesh.transformed(T)
         name = legal_name(first.name.partition("#")[0], taken)
         taken.append(name)
@@ -217,23 +185,6 @@ def _parts(
         )
         placed.append(part)
     return tuple(placed)
-
-
-def _deeper(groups: Sequence[_Group], first: SourceBody, rest: float, position: float) -> float:
-    """How much deeper (m) a part, with all that hangs on it, is in the others at a position of its joint than
-    at rest."""
-    assert first.joint is not None
-    carried = {first.name}
-    others: list[Mesh] = []
-    mine: list[Mesh] = []
-    for group in groups:
-        if any(b.parent in carried for b in group.bodies):
-            carried.update(b.name for b in group.bodies)
-        with_it = group.first is not None and group.first.name in carried
-        (mine if with_it else others).extend(Mesh(m.vertices, m.faces) for m in _seen(group))
-    joint = at_rest(first.joint)
-    part = joined(mine).transformed(joint.pose(rest - first.joint.rest))
-    return deeper(part, joined(others), joint, position - rest)
 
 
 def _part_above(body: SourceBody, ids: Mapping[str, int], bodies: Sequence[SourceBody]) -> int | None:

@@ -7,12 +7,12 @@ the part is closed at rest and opens to both sides.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from twin.errors import InputError
+from twin.importers.groups import Surroundings
 from twin.importers.source import Closed, SourceJoint
 
 # Share of the range. A rest pose this near to an end is closed there, and travel behind the closed pose
@@ -21,6 +21,10 @@ _NEAR = 0.15
 # m, chosen by us: a part whose visuals are deeper than this in others, where they were not at rest, is not
 # closed but inside.
 _DEEPER = 1e-3
+# Share. What opens leaves its furniture: the convex hull of both is smallest when it is closed. In the
+# collections of benchmarks/imports.py the hull shrinks to 0.26..0.68 where doors, drawers and lids close, and
+# to no less than 0.79 where buttons, levers and handles are pressed from rest; this is the middle.
+_LESS = 0.73
 
 
 @dataclass(frozen=True)
@@ -52,10 +56,9 @@ class _Choice:
 
 def travel_of(
     file: str,
-    joint: SourceJoint,
     span: tuple[float, float],
     closed: Closed | None,
-    deeper: Callable[[float], float],
+    near: Surroundings,
     kept: bool = False,
 ) -> Travel:
     """The travel of a joint.
@@ -64,19 +67,19 @@ def travel_of(
         file: the file's name, for `source`.
         span: lower and upper end of the range.
         closed: what the user says, None where nothing.
-        deeper: for a position, how much deeper (m) the part's visuals are in others than at rest.
+        near: the part of the joint among the others.
         kept: the user says both, range and closed pose: all of the range is kept.
 
     Raises:
         InputError: the user's closed pose is outside the range.
     """
-    low, high = span
+    joint, (low, high) = near.joint, span
     if closed is not None:
         choice = _Choice(_asked(joint.name, closed, span), "given by the user")
     elif joint.closed is not None:
         choice = _Choice(_clipped(joint.closed, span), f"the keyframe of {file} that closes it")
     else:
-        choice = _from_rest(file, joint, span, deeper)
+        choice = _from_rest(file, span, near)
     opens = _opens(choice.at, joint, span)
     behind = choice.at - low if opens > 0 else high - choice.at
     clauses = [choice.doubt] if choice.doubt else []
@@ -107,11 +110,10 @@ def _asked(name: str, closed: Closed, span: tuple[float, float]) -> float:
     return at
 
 
-def _from_rest(
-    file: str, joint: SourceJoint, span: tuple[float, float], deeper: Callable[[float], float]
-) -> _Choice:
+def _from_rest(file: str, span: tuple[float, float], near: Surroundings) -> _Choice:
     """Closed at the end next to the rest pose; at rest where that end is inside of others or none is near."""
-    rest, (low, high) = _clipped(joint.rest, span), span
+    joint, (low, high) = near.joint, span
+    rest = _clipped(joint.rest, span)
     end = low if rest - low <= high - rest else high
     if joint.open is not None:
         end = low if joint.open - low > high - joint.open else high
@@ -122,16 +124,27 @@ def _from_rest(
             f"which end is closed is not known, for its rest pose is near neither end of {low:g} to {high:g}",
             two_sided=True,
         )
-    if joint.rest == end:
-        return _Choice(end, f"the rest pose of {file}")
-    depth = 0.0 if rest == end else deeper(end)
+    depth = 0.0 if rest == end else near.deeper(rest, end)
     if depth > _DEEPER:
         return _Choice(
             rest,
             f"the rest pose of {file}",
             f"at its end {end:g} it would be {1000 * depth:.3g} mm or more inside others",
         )
-    return _Choice(end, f"the end of the range in {file} next to its rest pose")
+    source = (
+        f"the rest pose of {file}"
+        if joint.rest == end
+        else f"the end of the range in {file} next to its rest pose"
+    )
+    return _Choice(end, source, "" if joint.open is not None else _smaller(end, low + high - end, near))
+
+
+def _smaller(end: float, other: float, near: Surroundings) -> str:
+    """Why the other end may be the closed one; empty where nothing says so."""
+    less, here = near.bulk(other), near.bulk(end)
+    if not less < _LESS * here:
+        return ""
+    return f"at its other end, {other:g}, it and what it hangs on take {less / here:.0%} of the room"
 
 
 def _opens(at: float, joint: SourceJoint, span: tuple[float, float]) -> float:

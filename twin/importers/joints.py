@@ -34,11 +34,6 @@ def range_of(
     return float(low), float(high)
 
 
-def at_rest(joint: SourceJoint) -> Joint:
-    """The joint as the file's world has it at rest, moving from there."""
-    return Prismatic(joint.axis) if joint.kind == "prismatic" else Revolute(joint.axis, pivot=joint.pivot)
-
-
 def joint_of(joint: SourceJoint, T: Array, travel: Travel, mesh: Mesh) -> Joint:
     """The joint of a twin, moved by T from the file's rest pose; its point is the nearest to the mesh's
     middle."""

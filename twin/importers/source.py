@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from twin.geometry import Array
-from twin.scene import Box, Collision, Mesh
+from twin.scene import Box, Collision, Joint, Mesh, Prismatic, Revolute
 
+WORLD = "world"  # the body that stands still, in either format
 Closed = float | str  # a coordinate of the file's joint, "lower" or "upper"
 
 
@@ -33,6 +34,11 @@ class SourceJoint:
     open: float | None = None
     damping: float | None = None
     frictionloss: float | None = None
+
+    @property
+    def from_rest(self) -> Joint:
+        """The joint as it stands in the world at rest; its state there is 0."""
+        return Prismatic(self.axis) if self.kind == "prismatic" else Revolute(self.axis, pivot=self.pivot)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,6 @@ from twin.lint.meshes import locate
 from twin.mesh import joined
 from twin.scene import Box, Collision, Mesh
 
-_WORLD = "world"
-
 
 def read(path: Path) -> Source:
     """Read a URDF file. Raises InputError."""

@@ -13,8 +13,7 @@ from twin.errors import InputError
 from twin.geometry import Array
 from twin.importers.look import U8, Tell, painted, pictured, read_picture, tell_shrunk
 from twin.importers.unwrap import box_uv, capsule_uv, cylinder_uv, sphere_uv
-from twin.lint.meshes import locate
-from twin.lint.xml import read_xml
+from twin.lint.meshes import counts_y_up, locate
 from twin.scene import Mesh
 
 Placed = Callable[[Any, bool], Array]
@@ -86,7 +85,7 @@ def turned_upright(path: Path, link: Any, placed: Placed, notes: list[str]) -> f
     shapes = [*link.visuals, *link.collisions]
     meshes = {id(s): s.geometry.mesh for s in shapes if s.geometry.mesh is not None}
     files = {k: locate(m.filename, path.parent) for k, m in meshes.items()}
-    lying = {f for f in files.values() if f is not None and f.is_file() and _y_up(f)}
+    lying = {f for f in files.values() if f is not None and f.is_file() and counts_y_up(f)}
     if not lying:
         return frozenset()
     usual = frozenset(f for f in lying if f.suffix.lower() in _GLTF)
@@ -109,19 +108,6 @@ def turned_upright(path: Path, link: Any, placed: Placed, notes: list[str]) -> f
             f"link {link.name!r}: {names} says that y points up and {does[bool(usual)]}: no shape confirms it"
         )
     return usual
-
-
-def _y_up(file: Path) -> bool:
-    """Whether a mesh file says that y points up, as COLLADA does where nothing else is written."""
-    if file.suffix.lower() in _GLTF:
-        return True
-    if file.suffix.lower() != ".dae":
-        return False
-    try:
-        axes = [e.text for e in read_xml(file)[0].iter() if e.tag.rpartition("}")[2] == "up_axis"]
-    except InputError:
-        return False  # the mesh's reader says what is wrong with it
-    return not axes or str(axes[0]).strip() == "Y_UP"
 
 
 def _overlap(visuals: Sequence[Array], solid: Sequence[Array]) -> float:

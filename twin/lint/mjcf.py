@@ -148,12 +148,17 @@ def _body(b: Any, weighs: Sequence[int]) -> Body:
     solid = [g for g in counted if not (np.isnan(g.mass) and g.density == 0) and g.mass != 0]
     untold = [g for g in solid if np.isnan(g.mass) and g.density == _DEFAULT_DENSITY]
     inferred = "default density" if untold else "density" if solid else ""
-    why = (
-        ""
-        if counted or not len(b.geoms)
-        else f"none of its geoms is in inertiagrouprange {weighs[0]} {weighs[1]}"
+    return Body(
+        b.name, _label("body", b), inferred=inferred, weightless="" if counted else _uncounted(b, weighs)
     )
-    return Body(b.name, _label("body", b), inferred=inferred, weightless=why)
+
+
+def _uncounted(b: Any, weighs: Sequence[int]) -> str:
+    """Why none of a body's geoms counts for its mass; empty without geoms."""
+    groups = sorted({int(g.group) for g in b.geoms})
+    takes = f"takes masses from geoms of groups {weighs[0]} to {weighs[1]}"
+    has = f"body {b.name!r} has geoms in {' and '.join(map(str, groups))} alone"
+    return f'inertiagrouprange="{weighs[0]} {weighs[1]}" {takes}, and {has}' if groups else ""
 
 
 def _joints(spec: Any, b: Any, data: Any) -> Iterator[Joint]:

@@ -144,3 +144,22 @@ def test_the_command_line_tells_where_parts_are_closed(
     answer = json.loads(capsys.readouterr().out)
     assert any("joint 'slide' is closed at 0" in w for w in answer["warnings"])
     assert answer["closed"] == {"drawer": "the rest pose of drawer.xml"}
+
+
+BASE = '<geom type="box" size=".15 .1 .01" pos="0 0 -.01"/>'
+LID = '<geom type="box" size=".15 .1 .004" pos="0 .1 .004"/>'
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.5708])
+def test_a_lid_that_rests_open_at_an_end_of_its_range_is_doubted(turn: float, tmp_path: Path) -> None:
+    """Metaworld's laptop: its rest pose is an exact end of the range, and the other end shuts it."""
+    hinge = '<joint name="slide" axis="1 0 0" range="{} {}" limited="true"/>'
+    place = f'pos="0 -.1 0" euler="{turn} 0 0"'
+    shut = f'<compiler angle="radian"/><worldbody><geom type="plane" size="1 1 .1" pos="0 0 -.02"/><body>{BASE}<body {place}>'
+    ends = (0, 1.5) if turn == 0.0 else (-1.5, 0)
+    text = f"<mujoco>{shut}{hinge.format(*ends)}{LID}</body></body></worldbody></mujoco>"
+    part, told = _read(tmp_path / "lid.xml", text)
+    assert (part.joint.lower, part.joint.upper) == (0.0, pytest.approx(1.5))
+    assert [("of the room" in t and "--closed slide=" in t) for t in told] == ([True] if turn else [])
+    _, told = _read(tmp_path / "lid.xml", text, closed={"slide": "lower"})
+    assert told == []
