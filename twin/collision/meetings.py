@@ -29,6 +29,7 @@ class Meeting:
         depth: m, the deepest overlap while one part opens, and `where` that is, in words.
         at_rest: m, the overlap with every part closed.
         filtered: the two are a filtered pair of the twin, which don't collide.
+        mounted: one of the two is mounted on the other: no export lets them collide.
         clear: the part and the state (m or rad, with its unit) from which on it keeps clear of the other;
             None where it never does.
         made: which of the two have shapes that were made here; the others were stated.
@@ -39,6 +40,7 @@ class Meeting:
     where: str
     at_rest: float = 0.0
     filtered: bool = False
+    mounted: bool = False
     clear: tuple[str, str] | None = None
     made: tuple[str, ...] = ()
 
@@ -59,7 +61,8 @@ class Meeting:
     @property
     def _why(self) -> str:
         if not self.made:
-            return "they were left as stated"
+            cut = " in MJCF and USD, which exclude the contact, and are cut in URDF, which can't"
+            return f"they were left as stated{cut if self.mounted else ''}"
         return f"those made for {' and '.join(map(repr, self.made))} could not be cut free: state shapes that keep clear"
 
     @property
@@ -101,12 +104,16 @@ def _meeting(
 ) -> Meeting:
     names = twin.owners[owners[0]].name, twin.owners[owners[1]].name
     depth, part, state = max(rows, key=lambda row: row[0])
+    mounted = {
+        (twin.static.name if p.parent is None else twin.part(p.parent).name, p.name) for p in twin.parts
+    }
     return Meeting(
         names,
         depth,
         f"with {part.name!r} at {state:.2f} {_unit(part)}",
         max((d for d, _, s in rows if s == 0.0), default=0.0),
         names in twin.filtered_pairs,
+        names in mounted,
         _clear_from(twin, owners, rows),
         tuple(n for n in names if n in made),
     )
@@ -162,10 +169,7 @@ def with_pairs_cut(twin: Twin, met: Sequence[Meeting]) -> tuple[Twin, list[str]]
     is, and so do inferred layers. met: the meetings of the twin.
     """
     number = {owner.name: k for k, owner in enumerate(twin.owners)}
-    mounted = {
-        (twin.static.name if p.parent is None else twin.part(p.parent).name, p.name) for p in twin.parts
-    }
-    meet = {frozenset(number[n] for n in m.names) for m in met if m.filtered or m.names in mounted}
+    meet = {frozenset(number[n] for n in m.names) for m in met if m.filtered or m.mounted}
     if not meet:
         return twin, []
     fixed = frozenset(k for k, o in enumerate(twin.owners) if o.completion is not None)
