@@ -10,9 +10,9 @@ not in this repository. FOLDER holds them, unpacked by `pip install --no-deps --
 objects and has a hinge or a slide, includes read. Robots are left out.
 
 Each file goes through import, lint, export, lint of the export, check and replay with default options, as a
-user types them. Rows are kept in out/imports, one file a commit, so that a stopped run goes on. imports.toml
-holds the judgement on each result; a result that differs from the one that was judged is "to be judged" on
-the page.
+user types them. Rows are kept in out/imports, one file a commit, so that a stopped run goes on; a commit that
+leaves the program alone needs no new rows. imports.toml holds the judgement on each result; a result that
+differs from the one that was judged is "to be judged" on the page.
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ from twin.storage import load
 
 HERE = Path(__file__).resolve().parent
 LIST, PAGE, OUT = HERE / "imports.toml", HERE / "imports.md", sealing.ROOT / "out" / "imports"
+# What makes the rows.
+MEASURES = ("twin", "robots", "recon", "assets", "benchmarks/imports.py")
 # For all verbs on one file. Chosen by us: five times what the slowest file takes.
 MINUTES = 10
 
@@ -50,6 +52,13 @@ MINUTES = 10
 def listed() -> dict[str, Any]:
     """Collections and judgements of imports.toml."""
     return tomllib.loads(LIST.read_text(encoding="utf-8"))
+
+
+def measured_commit() -> str:
+    """The last commit that changed what makes the rows. Raises InputError for changes in no commit."""
+    if sealing.git("status", "--porcelain", "--", *MEASURES):
+        raise InputError("the program has changes that are in no commit", "commit them: rows are of a commit")
+    return sealing.git("log", "-1", "--format=%h", "--abbrev=10", "--", *MEASURES)
 
 
 def found(folders: Sequence[Path]) -> dict[str, Path]:
@@ -190,7 +199,7 @@ def main() -> int:
     parser.add_argument("--sheets", action="store_true")
     args = parser.parse_args()
     try:
-        commit = sealing.commit()
+        commit = measured_commit()
         files = {name: file for name, file in found(args.folders).items() if args.only in name}
         done = rows(files, OUT / f"{commit}.jsonl", args.sheets)
     except FuntwinError as error:

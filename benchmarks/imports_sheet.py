@@ -3,7 +3,12 @@ ends."""
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
+
+if sys.platform == "linux":
+    os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported; pictures without a screen
 
 import mujoco
 import numpy as np

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from robots.config import RobotsConfig
+from robots.task import MotionRequest, task_of
 from twin import geometry as geo
 from twin.cli import given
 from twin.cli.console import Console, Outcome
@@ -42,36 +44,34 @@ def replay(
     run: Path,
     robot: str,
     parts: Sequence[str],
+    recording: Path | None = None,
     stiffness: float | None = None,
     control: str | None = None,
-    trials: int | None = None,
-    grid: bool = False,
-    seed: int = 0,
-    goal: str = "open",
-    from_state: str | None = None,
-    recording: Path | None = None,
-    contact: tuple[float, ...] | None = None,
-    floor: float | None = None,
     config: Path | None = None,
     set: Sequence[str] = (),
+    **asked: Any,
 ) -> Outcome:
-    """A robot opens or closes the parts."""
-    options = None
-    if trials is not None:
-        from robots.trials.run_trials import check_request
-
-        check_request(trials, seed)
-        options = {"trials": trials, "grid": grid, "seed": seed}
-    elif grid or seed:
-        raise InputError("--grid and --seed belong to trials", "add --trials 100")
+    """A robot opens or closes the parts. asked: of `MotionRequest`, and what there is to say of trials."""
+    request = MotionRequest(**{f.name: asked.pop(f.name) for f in fields(MotionRequest) if f.name in asked})
+    options = checked_trials(**asked)
     data, where = given.told(config, set)
     given.put(data, "replay", {"stiffness": stiffness, "control": control})
     settings = from_dict(RobotsConfig, data, where if config or set else "options")
     # of a contact off its part the step tells in its warnings, which the page keeps
     with unlogged("robots.grasp.where_to_hold"), console.progress() as progress, page(run):
-        return replay_step(
-            progress, run, robot, parts, settings, options, goal, from_state, recording, contact, floor
-        ).outcome
+        return replay_step(progress, run, robot, parts, settings, options, request, recording).outcome
+
+
+def checked_trials(trials: int | None = None, grid: bool = False, seed: int = 0) -> dict[str, Any] | None:
+    """Arguments of `robots.run_trials`; None where no trials are asked for."""
+    if trials is None:
+        if grid or seed:
+            raise InputError("--grid and --seed belong to trials", "add --trials 100")
+        return None
+    from robots.trials.run_trials import check_request
+
+    check_request(trials, seed)
+    return {"trials": trials, "grid": grid, "seed": seed}
 
 
 def replay_step(
@@ -81,26 +81,19 @@ def replay_step(
     names: Sequence[str],
     settings: RobotsConfig | None = None,
     trials: Mapping[str, Any] | None = None,
-    goal: str = "open",
-    from_state: str | None = None,
+    request: MotionRequest | None = None,
     recording: Path | None = None,
-    contact: tuple[float, ...] | None = None,
-    floor: float | None = None,
 ) -> Step:
-    """Plan and replay; then `trials` (arguments of `robots.run_trials`) on parts that differ from the twin.
-
-    contact: point (3,) in m where a part is held, twin's world at state 0. floor: its height (m) there.
-    """
+    """Plan and replay; then `trials` (arguments of `robots.run_trials`) on parts that differ from the
+    twin."""
     import robots
-    from robots.task import task_of
 
     started = time.perf_counter()
-    twin = load(run)
+    twin, request = load(run), request or MotionRequest()
     parts = parts_to_move(twin, names, run)
-    _require_one_part(contact, parts)
-    way = {"goal": goal, "from_state": from_state}
+    _require_one_part(request.contact, parts)
     for part in parts:
-        task_of(part, **way)
+        task_of(part, request.goal, request.from_state)
     robots.resolve(robot)
     config = settings or RobotsConfig()
     require_writable(run_folder(run) / "replay")
@@ -111,22 +104,19 @@ def replay_step(
     # one of several parts that can't be held does not keep the others from being moved
     missed = (PlanningError, *([NothingToHold] if len(parts) > 1 else []))
     demonstration, notes, warnings = _demonstration(twin, run_folder(run), recording)
-    warnings += _of_contacts(twin, parts) if contact is None else []
-    ground = floor_of(twin, floor)
+    warnings += _of_contacts(twin, parts) if request.contact is None else []
+    ground = floor_of(twin, request.floor)
     warnings += [ground.warning] if ground.warning else []
-    twin = _completed(progress, twin, run_folder(run), parts[0], robot, contact)
+    twin = _completed(progress, twin, run_folder(run), parts[0], robot, request.contact)
+    bench = _Bench(progress, twin, robot, run_folder(run), config, request, ground, demonstration)
     rows, reports, tables = [], {}, []
     for part in parts:
-        row, report, note, trajectory = _replay_part(
-            progress, twin, part, robot, run_folder(run), config, way, contact, ground, demonstration, missed
-        )  # fmt: skip
+        row, report, note, trajectory = _replay_part(bench, part, missed)
         rows.append([part.name, *row])
         reports[part.name] = report
         notes += note
         if trials and trajectory is not None:
-            table, report["trials"], assumed = _trials(
-                progress, twin, trajectory, robot, run_folder(run), config.replay, trials
-            )
+            table, report["trials"], assumed = _trials(bench, trajectory, trials)
             tables.append(table)
             notes += assumed
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
@@ -217,32 +207,42 @@ def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, 
     return Demonstration(len(opened), opened.color), [], []
 
 
+@dataclass(frozen=True, eq=False)
+class _Bench:
+    """What the replays of all parts share. floor: a `robots.floor.Floor`; demonstration: for the film."""
+
+    progress: Progress
+    twin: Twin
+    robot: str
+    run: Path
+    config: RobotsConfig
+    request: MotionRequest
+    floor: Any
+    demonstration: Any
+
+    def folder(self, part: Part, task: Any) -> Path:
+        """Where the replay of a part is kept."""
+        return replay_folder(self.run, self.robot, part, task)
+
+
 def _replay_part(
-    progress: Progress,
-    twin: Twin,
-    part: Part,
-    robot: str,
-    run: Path,
-    config: RobotsConfig,
-    way: Mapping[str, Any],
-    contact: tuple[float, ...] | None,
-    floor: Any,
-    demonstration: Any,
-    missed: tuple[type[FuntwinError], ...],
+    bench: _Bench, part: Part, missed: tuple[type[FuntwinError], ...]
 ) -> tuple[list[str], dict[str, Any], list[str], Any]:
     """Table row, report, notes and trajectory of one part; no way to move it is a missed goal."""
     import robots
 
+    progress, request, floor = bench.progress, bench.request, bench.floor
     progress(f"plan {part.name}", 0.0, "looking for a base and a grasp")
     try:
         trajectory = robots.plan(
-            twin,
+            bench.twin,
             part.id,
-            robot,
-            contact=None if contact is None else geo.as_float(contact),
-            config=config.plan,
+            bench.robot,
+            contact=None if request.contact is None else geo.as_float(request.contact),
+            goal=request.goal,
+            from_state=request.from_state,
+            config=bench.config.plan,
             floor=floor,
-            **way,
         )
     except missed as e:
         progress(f"plan {part.name}", 1.0, "found none")
@@ -250,9 +250,13 @@ def _replay_part(
         return row, {"ok": False, "floor": vars(floor), "reason": str(e)}, [f"{part.name}: {e}"], None
     progress(f"plan {part.name}", 1.0, trajectory.grasp)
     progress(f"replay {part.name}", 0.0, "in MuJoCo")
-    folder = replay_folder(run, robot, part, trajectory)
     r = robots.replay(
-        twin, trajectory, folder, robot=robot, config=config.replay, demonstration=demonstration
+        bench.twin,
+        trajectory,
+        bench.folder(part, trajectory),
+        robot=bench.robot,
+        config=bench.config.replay,
+        demonstration=bench.demonstration,
     )
     progress(f"replay {part.name}", 1.0, f"{100 * r.reached:z.0f} % of the way")
     row = [
@@ -269,26 +273,22 @@ def _replay_part(
 
 
 def _trials(
-    progress: Progress,
-    twin: Twin,
-    trajectory: Any,
-    robot: str,
-    run: Path,
-    config: Any,
-    options: Mapping[str, Any],
+    bench: _Bench, trajectory: Any, options: Mapping[str, Any]
 ) -> tuple[Table, dict[str, Any], list[str]]:
     """Table, data and notes of the trials of one part."""
     import robots
     from robots.trials.report import COLUMNS
 
     name = f"trials {trajectory.part}"
-    progress(name, 0.0, "")
+    bench.progress(name, 0.0, "")
 
     def tell(done: int, total: int) -> None:
-        progress(name, done / total, f"{done} of {total}")
+        bench.progress(name, done / total, f"{done} of {total}")
 
-    folder = replay_folder(run, robot, twin.part(trajectory.part_id), trajectory)
-    report = robots.run_trials(twin, trajectory, folder, robot=robot, config=config, tell=tell, **options)
+    folder = bench.folder(bench.twin.part(trajectory.part_id), trajectory)
+    report = robots.run_trials(
+        bench.twin, trajectory, folder, robot=bench.robot, config=bench.config.replay, tell=tell, **options
+    )
     table = Table(f"{name}: {options['trials']} for each error", COLUMNS, [r.cells() for r in report.rows])
     return table, report.summary(), [*report.assumed, f"{name}: {folder / 'trials.png'}"]
 

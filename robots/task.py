@@ -15,6 +15,19 @@ _LEAST = 0.02  # of the demonstrated range; a shorter way could not be told from
 
 
 @dataclass(frozen=True)
+class MotionRequest:
+    """What a user says of a motion, as `robots.plan` takes it; None where nothing.
+
+    contact: (3,) m, where a part is held, twin's world at state 0. floor: its height, m.
+    """
+
+    goal: Goal = "open"
+    from_state: Goal | None = None
+    contact: tuple[float, ...] | None = None
+    floor: float | None = None
+
+
+@dataclass(frozen=True)
 class Task:
     """Bring a part from state `start` to state `goal`, in m or rad."""
 

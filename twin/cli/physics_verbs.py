@@ -79,17 +79,14 @@ def catch(
     log: Path | None,
     typical: bool,
     none: bool,  # noqa: ARG001  (what is left when it is no other)
-    hold_interval: tuple[str, str] | None,
-    width: str | None,
     lever: float | None,
-    measured: bool,
     note: str,
+    **stated: Any,
 ) -> Outcome:
-    """A catch into twin.json, or out of it."""
+    """A catch into twin.json, or out of it. stated: hold_interval, width and measured, of `hold`."""
     from twin.physics.catches import logged_catch, set_catch, stated_catch, typical_catch
 
-    alone = {"--hold-interval": hold_interval, "--width": width, "--measured": measured or None}
-    told = [k for k, v in alone.items() if v is not None and hold is None]
+    told = [f"--{k.replace('_', '-')}" for k, v in stated.items() if v and hold is None]
     told += ["--lever"] if lever is not None and log is None else []
     if told:
         raise InputError(f"{told[0]} says nothing here", "--lever goes with --log, the others with --hold")
@@ -101,7 +98,7 @@ def catch(
         )
     found = None
     if hold is not None:
-        found = stated_catch(chosen, hold, hold_interval, width, measured, note)
+        found = stated_catch(chosen, hold, stated.pop("hold_interval"), note=note, **stated)
     elif log is not None:
         found = logged_catch(chosen, log, lever, note)
     elif typical:

@@ -84,13 +84,11 @@ def export(
     package: str,
     asset: Sequence[str],
     overwrite: bool = False,
-    geometry: str | None = None,
-    room: str | None = None,
-    origin: str | None = None,
     config: Path | None = None,
     set: Sequence[str] = (),
+    **shown: str | None,
 ) -> Outcome:
-    """Twin to simulation formats."""
+    """Twin to simulation formats. shown: of `AssetView`, what the user says."""
     if package:
         from twin.exporters.package import check_package
 
@@ -100,7 +98,6 @@ def export(
     told = from_dict(AssetInfo, given.texts("--asset", asset), "--asset")
     shapes = _collision(config, set)
     with console.progress() as progress, page(run):
-        shown = {"geometry": geometry, "room": room, "origin": origin}
         return export_step(progress, run, formats, package, told, overwrite, shown, shapes).outcome
 
 

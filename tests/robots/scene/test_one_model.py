@@ -14,6 +14,7 @@ from benchmarks.scenes import furniture
 from benchmarks.scenes.boards import cabinet_twin
 from robots.replay_verb import replay_step
 from robots.scene.world import PEDESTAL, PREFIX, build_world, completed
+from robots.task import MotionRequest
 from robots.trials.perturbation import nominal, perturbed
 from twin import geometry as geo
 from twin.errors import InputError, PlanningError
@@ -210,5 +211,7 @@ def test_what_is_asked_wrongly_is_told_before_shapes_are_made(tmp_path):
     twin = unfinished()
     save(twin, tmp_path / "twin")
     with pytest.raises(InputError, match="m off part"):
-        replay_step(silent, tmp_path, "franka", [twin.parts[0].name], contact=(0.0, -9.0, 0.5))
+        replay_step(
+            silent, tmp_path, "franka", [twin.parts[0].name], request=MotionRequest(contact=(0.0, -9.0, 0.5))
+        )
     assert not (tmp_path / "stages").exists()

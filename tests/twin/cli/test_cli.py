@@ -73,6 +73,14 @@ def test_parsing_imports_nothing_heavy() -> None:
     assert done.stdout == "[]\n"
 
 
+# Options that a verb hands on together -> who takes them.
+GROUPS = {
+    "opening": [table.OPEN_RECORDING],
+    "shown": ["twin.completion.asset:AssetView"],
+    "asked": ["robots.task:MotionRequest", "robots.replay_verb:checked_trials"],
+}
+
+
 @pytest.mark.parametrize("verb", ARGUMENTS)
 def test_every_verb_takes_what_its_parser_gives(verb: str) -> None:
     options = vars(cli.parse([verb, *ARGUMENTS[verb]]))
@@ -80,9 +88,10 @@ def test_every_verb_takes_what_its_parser_gives(verb: str) -> None:
     bound = inspect.signature(table.named(cli.VERBS[verb][0])).bind(console=Console(), **given)
     taken = dict(bound.arguments)
     taken |= taken.pop("options", {})  # of a verb with actions, each of which has its own
-    if "opening" in taken:
-        inspect.signature(table.named(table.OPEN_RECORDING)).bind("clip", **taken["opening"])
-    taken |= taken.pop("opening", {})  # of a verb that opens a recording
+    for group, takers in GROUPS.items():
+        known = {name for t in takers for name in inspect.signature(table.named(t)).parameters}
+        assert taken.get(group, {}).keys() <= known
+        taken |= taken.pop(group, {})
     assert taken.keys() == {"console", *given}
 
 
