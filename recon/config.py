@@ -5,9 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from recon.cameras.gravity import GravityConfig
 from recon.cameras.poses import CameraConfig
-from recon.contact.closed_end import ClosedEndConfig
 from recon.contact.find_contact import ContactConfig
 from recon.fusion.fuse import FusionConfig
 from recon.joints.config import JointConfig
@@ -25,12 +23,10 @@ class ReconConfig(Settings):
 
     tracks: TrackConfig = group(TrackConfig, "corners followed through the recording")
     cameras: CameraConfig = group(CameraConfig, "camera poses")
-    gravity: GravityConfig = group(GravityConfig, "which way is up")
     motion: MotionConfig = group(MotionConfig, "which parts move, when and how")
     joints: JointConfig = group(JointConfig, "how tracks or poses become a joint")
     labels: LabelConfig = group(LabelConfig, "what each pixel shows")
     fusion: FusionConfig = group(FusionConfig, "meshes of the static scene and the parts")
-    closed_end: ClosedEndConfig = group(ClosedEndConfig, "which end of a part's travel is the closed one")
     contact: ContactConfig = group(ContactConfig, "where the hand held a part")
     texture: TextureConfig = group(TextureConfig, "photographs on the meshes")
     said: Said = group(Said, "the user's word")

@@ -162,7 +162,7 @@ def _judged_twin(
     finished = stage(
         CONTACT,
         [*surveyed.reads, labels],
-        lambda: finish_parts(recording, cameras, images, found, parts, scene, c.closed_end, c.contact),
+        lambda: finish_parts(recording, cameras, images, found, parts, scene, c.contact),
     )
     # Photographs on the meshes.
     dressed = stage(

@@ -60,7 +60,7 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
     guessed = stage(
         GRAVITY,
         [cameras],
-        lambda: upright(recording, cameras.value, c.gravity, said.up),
+        lambda: upright(recording, cameras.value, said.up),
         *([said.up] if said.up is not None else []),
     )
     # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
@@ -122,7 +122,7 @@ def _upright(
     up = stage(
         UP,
         [guessed, found, labels, polished, fused],
-        lambda: find_up(recording, world, images, c.said, c.gravity),
+        lambda: find_up(recording, world, images, c.said),
     )
     doubt = up.value.doubt
     doubts = guessed.warnings if doubt is None else (f"{doubt.text}; {doubt.help}",)

@@ -18,28 +18,25 @@ from recon.recording.said import Up, up_direction
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.keys import Stage
-from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
-GRAVITY = Stage("gravity", 2, ("gravity",))
+GRAVITY = Stage("gravity", 2, ())
 # Planes so near to what the user says of up refine it: a direction is meant as it is said, give or take what
 # a person sees; of the camera's axes the nearest one is at most 54.7 degrees off, and 45 where the head is
 # level. Chosen by us.
 _NEAR_DIRECTION, _NEAR_AXIS = float(np.radians(10.0)), float(np.radians(45.0))
 _FEWEST_NORMALS = 100  # less depth shows no plane
-
-
-@dataclass(frozen=True)
-class GravityConfig(Settings):
-    """Manhattan fit to surface normals (Straub 2014 in spirit); chosen by us."""
-
-    keyframes: int = setting(10, "frames whose normals are used, evenly spread", unit="frames", at_least=1)
-    width: int = setting(160, "width to which depth is shrunk first", unit="px", at_least=32, at_most=1024)
-    hypotheses: int = setting(400, "pairs of normals tried as walls and floor", unit="", at_least=1)
-    normal_sigma: float = setting(
-        np.radians(4.0), "noise of normals at this width", unit="rad", above=0, at_most=np.pi / 2
-    )
-    max_depth: float = setting(5.0, "depth beyond is left out", unit="m", above=0, infinite=True)
+# The Manhattan fit to surface normals (Straub 2014 in spirit); all chosen by us.
+# Frames whose normals are used, evenly spread
+_KEYFRAMES = 10
+# Width (pixels) to which depth is shrunk first
+_WIDTH = 160
+# Pairs of normals tried as walls and floor
+_HYPOTHESES = 400
+# Noise (rad) of normals at this width
+_NORMAL_SIGMA = np.radians(4.0)
+# Depth (m) beyond is left out: noise of structured light and time of flight grows with depth squared
+_MAX_DEPTH = 5.0
 
 
 @dataclass(frozen=True)
@@ -55,11 +52,10 @@ class Gravity:
 def upright(
     recording: Recording,
     cameras: Trajectory,
-    config: GravityConfig = GravityConfig(),
     said: Up | None = None,
 ) -> Trajectory:
     """The cameras in a world whose z axis points up. said: the user's word on it."""
-    gravity = find_gravity(recording, cameras, config, said)
+    gravity = find_gravity(recording, cameras, said)
     for note in gravity.warnings:
         warnings.warn(note, stacklevel=2)
     return cameras.transformed(geo.make_pose(gravity.R_world_start))
@@ -68,31 +64,30 @@ def upright(
 def find_gravity(
     recording: Recording,
     cameras: Trajectory,
-    config: GravityConfig = GravityConfig(),
     said: Up | None = None,
 ) -> Gravity:
     """Gravity as the user says, from the recording's metadata, else from a Manhattan fit to normals of evenly
     spread frames."""
     if said is not None:
-        return _as_said(said, surface_normals(recording, cameras, config), cameras, config)
+        return _as_said(said, surface_normals(recording, cameras), cameras)
     if recording.gravity_camera0 is not None and cameras.pose(0) is not None:
         up = -geo.rotate(cameras.T_world_cam[0], recording.gravity_camera0)
         return Gravity(geo.rotation_between(up, [0, 0, 1]), "metadata")
-    normals = surface_normals(recording, cameras, config)
+    normals = surface_normals(recording, cameras)
     camera_up = geo.unit(-cameras.T_world_cam[:, :3, 1].mean(axis=0))
     camera_right = geo.unit(cameras.T_world_cam[:, :3, 0].mean(axis=0))
     if len(normals) < _FEWEST_NORMALS:
         message = "too little depth to see floors or walls: the mean camera-up direction is taken as up"
         return Gravity(geo.rotation_between(camera_up, [0, 0, 1]), "camera", (message,))
-    up = _pick_up(manhattan_axes(normals, config), camera_up, camera_right)
+    up = _pick_up(manhattan_axes(normals), camera_up, camera_right)
     return Gravity(geo.rotation_between(up, [0, 0, 1]), "planes")
 
 
-def _as_said(said: Up, normals: Array, cameras: Trajectory, config: GravityConfig) -> Gravity:
+def _as_said(said: Up, normals: Array, cameras: Trajectory) -> Gravity:
     """Up as it is said, turned onto the planes' axis next to it where that is near and normals (n, 3) tell
     it."""
     up = geo.rotate(cameras.T_world_cam[0], up_direction(said))
-    axes, known = axes_told(normals, config)
+    axes, known = axes_told(normals)
     column = int(np.argmax(np.abs(axes.T @ up)))
     nearest = axes[:, column] * np.sign(axes[:, column] @ up)
     told = known[column] or known.sum() == 2  # two walls tell the third direction
@@ -110,21 +105,21 @@ def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> Array:
     return np.asarray(candidates[np.argsort(-score)[0]])
 
 
-def axes_told(normals: Array, config: GravityConfig = GravityConfig()) -> tuple[Array, NDArray[np.bool_]]:
+def axes_told(normals: Array) -> tuple[Array, NDArray[np.bool_]]:
     """The Manhattan axes (3, 3) of normals (n, 3), and which of its columns enough of them show; of too few
     normals none."""
     if len(normals) < _FEWEST_NORMALS:
         return np.eye(3), np.zeros(3, dtype=bool)
-    axes = manhattan_axes(normals, config)
-    return axes, (np.abs(normals @ axes) > np.cos(3 * config.normal_sigma)).sum(axis=0) >= _FEWEST_NORMALS
+    axes = manhattan_axes(normals)
+    return axes, (np.abs(normals @ axes) > np.cos(3 * _NORMAL_SIGMA)).sum(axis=0) >= _FEWEST_NORMALS
 
 
-def manhattan_axes(normals: Array, config: GravityConfig = GravityConfig()) -> Array:
+def manhattan_axes(normals: Array) -> Array:
     """Rotation (3, 3) whose columns are the three orthogonal directions that most normals (n, 3) agree
     with."""
     rng = np.random.default_rng(0)
-    first = normals[rng.integers(0, len(normals), config.hypotheses)]
-    second = normals[rng.integers(0, len(normals), config.hypotheses)]
+    first = normals[rng.integers(0, len(normals), _HYPOTHESES)]
+    second = normals[rng.integers(0, len(normals), _HYPOTHESES)]
     cross = np.cross(first, second)
     good = np.linalg.norm(cross, axis=1) > 0.9
     if not good.any():  # one plane only: its normal is all there is to know
@@ -134,27 +129,27 @@ def manhattan_axes(normals: Array, config: GravityConfig = GravityConfig()) -> A
     frames = np.stack([x, np.cross(z, x), z], axis=-1)
     sample = normals[rng.integers(0, len(normals), 2000)]
     angle2 = 2.0 * (1.0 - np.abs(np.einsum("nk,hka->hna", sample, frames)).max(axis=-1))
-    best = frames[int(np.argmax(np.exp(-angle2 / (2 * (2 * config.normal_sigma) ** 2)).sum(axis=1)))]
+    best = frames[int(np.argmax(np.exp(-angle2 / (2 * (2 * _NORMAL_SIGMA) ** 2)).sum(axis=1)))]
     for _ in range(20):
         dots = normals @ best
         nearest = np.abs(dots).argmax(axis=1)
         picked = np.take_along_axis(dots, nearest[:, None], 1)[:, 0]
-        weight = np.exp(-(1.0 - np.abs(picked)) / config.normal_sigma**2)
+        weight = np.exp(-(1.0 - np.abs(picked)) / _NORMAL_SIGMA**2)
         target = np.eye(3)[nearest] * np.sign(picked)[:, None]
         u, _, vt = np.linalg.svd((normals * weight[:, None]).T @ target)
         best = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return np.asarray(best)
 
 
-def surface_normals(recording: Recording, cameras: Trajectory, config: GravityConfig) -> Array:
+def surface_normals(recording: Recording, cameras: Trajectory) -> Array:
     """Surface normals (n, 3) in the start world, from depth smoothed to the working width."""
-    scale = config.width / recording.intrinsics.width
-    size = (config.width, max(1, round(recording.intrinsics.height * scale)))
+    scale = _WIDTH / recording.intrinsics.width
+    size = (_WIDTH, max(1, round(recording.intrinsics.height * scale)))
     camera = recording.intrinsics.scaled(*size)
-    picks = np.unique(np.linspace(0, len(cameras.frames) - 1, config.keyframes).astype(int))
+    picks = np.unique(np.linspace(0, len(cameras.frames) - 1, _KEYFRAMES).astype(int))
     out = []
     for k in picks:
         depth = recording.depth(int(cameras.frames[k]))
-        normals = depth_normals(mean_depth(depth, size), camera, config.max_depth)
+        normals = depth_normals(mean_depth(depth, size), camera, _MAX_DEPTH)
         out.append(normals[np.isfinite(normals).all(axis=-1)] @ cameras.T_world_cam[k, :3, :3].T)
     return np.concatenate(out)

@@ -11,18 +11,17 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from recon.contact.closed_odds import ClosedCues
 from recon.contact.faces import sample
 from recon.contact.front import ALONG, Front, front_of
 from recon.contact.surroundings import flush_shares, inward, nearer_ahead
 from recon.dense.depth import look_up
+from recon.joints.sign_and_limits import smoothed
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
 # share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding
@@ -30,39 +29,23 @@ from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 _AT_WALL = 0.5
 # Cosine between a front's normal and the way of what slides in its own plane; chosen by us
 _IN_PLANE = 0.5
-# What a hinge is turned on by: a front half a metre wide goes on by less than twice `gap`; by us
+# What a hinge is turned on by: a front half a metre wide goes on by less than twice `_GAP`; by us
 _TURN_STEP = np.radians(5.0)
-
-
-@dataclass(frozen=True)
-class ClosedEndConfig(Settings):
-    """Deciding which end is closed; chosen by us."""
-
-    gap: float = setting(
-        0.03,
-        "a rim closer than this to the static surface is flush with it: a panel's thickness and a joint gap",
-        unit="m",
-        above=0,
-    )
-    deep: float = setting(
-        0.08,
-        "what lies so far behind the part is a cavity, not the neighbour that a sliding door covers",
-        unit="m",
-        above=0,
-    )
-    margin: float = setting(0.2, "difference of shares that decides", unit="", above=0, at_most=1)
-    frames: int = setting(8, "frames looked at for each end", unit="frames", at_least=1)
-    past_hinge: float = setting(
-        float(np.radians(30.0)),
-        "how far past an end a hinge is turned on, to see whether it would be flush there: a door may stand ajar at both ends",
-        unit="rad",
-        at_least=0,
-        below=0.5 * np.pi,
-    )
-    past_slide: float = setting(0.1, "the same of what slides along its front's normal", unit="m", at_least=0)
-    quantile: float = setting(
-        0.02, "of the smoothed state: an end of the travel", unit="", at_least=0, below=0.5
-    )
+# A rim closer than this (m) to the static surface is flush with it: a panel and a joint gap; chosen by us
+_GAP = 0.03
+# What lies so far (m) behind the part is a cavity, not the neighbour that a sliding door covers; chosen by us
+DEEP = 0.08
+# Difference of shares that decides; chosen by us
+_MARGIN = 0.2
+# Frames looked at for each end; chosen by us
+_FRAMES = 8
+# How far past an end a hinge is turned on, to see whether it would be flush there: a door may stand ajar at
+# both ends; chosen by us
+PAST_HINGE = float(np.radians(30.0))
+# The same (m) of what slides along its front's normal; chosen by us
+_PAST_SLIDE = 0.1
+# Ends of the travel are this quantile of the smoothed state and its opposite; chosen by us
+_QUANTILE = 0.02
 
 
 @dataclass(frozen=True)
@@ -113,7 +96,6 @@ def find_closed_end(
     recording: Recording,
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
-    config: ClosedEndConfig = ClosedEndConfig(),
 ) -> ClosedEnd:
     """Decide by what surrounds and what lies behind the part at both ends of its travel.
 
@@ -124,30 +106,28 @@ def find_closed_end(
     the first rest pose. What slides in its own plane may be flush all along: there its edge ahead is asked
     first, which stops at a wall of the furniture, then the cavity. part_mesh: at the part's state 0.
     """
-    ends = travel_ends(part.motion.state, config.quantile)
+    ends = travel_ends(part.motion.state)
     surface = sample(part_mesh)
     starts = _starts_at(part, ends)
     if not len(surface.points):
         return _end(ends, starts, "first rest pose")
     face = front_of(surface, part, cameras.T_world_cam[:, :3, 3])
-    past = _past(face, part.joint, config)
-    flush = flush_shares(surface, face, part.joint, ends, static, config.gap, past)
+    past = _past(face, part.joint)
+    flush = flush_shares(surface, face, part.joint, ends, static, _GAP, past)
     depth = [
-        _depth_behind(
-            part, face, ends[k], _far_frames(part, labels, ends, k, config), recording, cameras, labels
-        )
+        _depth_behind(part, face, ends[k], _far_frames(part, labels, ends, k), recording, cameras, labels)
         for k in (0, 1)
     ]
-    cavity = [float(np.mean(d > config.deep)) if len(d) else 0.0 for d in depth]
+    cavity = [float(np.mean(d > DEEP)) if len(d) else 0.0 for d in depth]
     every = _every(part, face, ends, flush, cavity, static)
     cues, witness = _ranked(every, face, part.joint, ends, static)
     for cue in cues:
-        if cue.lead(cue.end) > config.margin:
-            sure = witness.lead(cue.end) > config.margin
+        if cue.lead(cue.end) > _MARGIN:
+            sure = witness.lead(cue.end) > _MARGIN
             margin = max(cue.lead(cue.end), witness.lead(cue.end)) if sure else 0.0
             return _end(ends, cue.end, cue.text, margin, every.probability(cue.end))
     space = [float(np.mean(np.clip(d, 0, 0.5))) if len(d) else 0.0 for d in depth]
-    if abs(space[0] - space[1]) > config.margin * max(space):
+    if abs(space[0] - space[1]) > _MARGIN * max(space):
         less = int(space[1] > space[0])
         return _end(ends, less, "its rest pose shows less uncovered space", 0.0, every.probability(less))
     return _end(ends, starts, "first rest pose", 0.0, every.probability(starts))
@@ -198,14 +178,14 @@ def _starts_at(part: MovingPart, ends: tuple[float, float]) -> int:
     return int(abs(first - ends[1]) < abs(first - ends[0]))
 
 
-def _past(face: Front, joint: Joint, config: ClosedEndConfig) -> Array:
+def _past(face: Front, joint: Joint) -> Array:
     """How far past an end (rad or m) a part is carried, in steps from 0: not at all what slides in its own
     plane, beside which there may be static surface all along."""
     if not isinstance(joint, Prismatic):
-        return np.arange(0.0, config.past_hinge + 1e-9, _TURN_STEP)
+        return np.arange(0.0, PAST_HINGE + 1e-9, _TURN_STEP)
     if abs(face.normal @ joint.axis) < ALONG:
         return np.zeros(1)
-    return np.arange(0.0, config.past_slide + 1e-9, config.gap)
+    return np.arange(0.0, _PAST_SLIDE + 1e-9, _GAP)
 
 
 def _end(
@@ -214,12 +194,7 @@ def _end(
     return ClosedEnd(ends[k], -1 if k else 1, source, margin, probability)
 
 
-def smoothed(state: Array) -> Array:
-    """States (n,) after a running median over five frames."""
-    return np.asarray(median_filter(state, size=min(5, len(state)), mode="nearest"))
-
-
-def travel_ends(state: Array, quantile: float) -> tuple[float, float]:
+def travel_ends(state: Array) -> tuple[float, float]:
     """Lowest and highest state (n,): robust quantiles of the smoothed state, and there the middle of the
     rest.
 
@@ -227,22 +202,18 @@ def travel_ends(state: Array, quantile: float) -> tuple[float, float]:
     not.
     """
     s = smoothed(state)
-    low, high = np.quantile(s, [quantile, 1 - quantile])
+    low, high = np.quantile(s, [_QUANTILE, 1 - _QUANTILE])
     near = 0.02 * (high - low)
     return float(np.median(s[s <= low + near])), float(np.median(s[s >= high - near]))
 
 
 def _far_frames(
-    part: MovingPart,
-    labels: Mapping[int, NDArray[np.uint8]],
-    ends: tuple[float, float],
-    k: int,
-    config: ClosedEndConfig,
+    part: MovingPart, labels: Mapping[int, NDArray[np.uint8]], ends: tuple[float, float], k: int
 ) -> list[int]:
     """Labelled frames in which the part is nearest to the other end, spread evenly."""
     away = [f for f in sorted(labels) if (s := part.state(f)) is not None and _share(s, ends, k) > 0.8]
-    step = max(1, len(away) // config.frames)
-    return away[::step][: config.frames]
+    step = max(1, len(away) // _FRAMES)
+    return away[::step][:_FRAMES]
 
 
 def _share(state: float, ends: tuple[float, float], k: int) -> float:
@@ -277,7 +248,7 @@ def _depth_behind(
     return np.asarray(np.nanmedian(seen[:, known], axis=0))
 
 
-def rebase(part: MovingPart, closed: ClosedEnd, quantile: float = 0.02) -> MovingPart:
+def rebase(part: MovingPart, closed: ClosedEnd) -> MovingPart:
     """The part counted from its closed end: state 0 there, opening positive, `lower` 0, `upper` the other
     end.
 
@@ -285,7 +256,7 @@ def rebase(part: MovingPart, closed: ClosedEnd, quantile: float = 0.02) -> Movin
     end, see `rebase_mesh`.
     """
     state = closed.opening_sign * (part.motion.state - closed.state)
-    upper = max(0.0, travel_ends(state, quantile)[1])
+    upper = max(0.0, travel_ends(state)[1])
     joint = part.joint if closed.opening_sign > 0 else part.joint.reversed()
     joint = replace(joint, lower=0.0, upper=upper)
     return replace(part, joint=joint, motion=replace(part.motion, state=state))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.contact.closed_end import ClosedEndConfig, find_closed_end, rebase, rebase_mesh
+from recon.contact.closed_end import find_closed_end, rebase, rebase_mesh
 from recon.contact.find_contact import ContactConfig, find_contact
 from recon.fusion.fuse import FusedScene
 from recon.parts.find_parts import FoundParts
@@ -18,7 +18,7 @@ from recon.recording import Recording
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
 
-CONTACT = Stage("contact", 7, ("closed_end", "contact"))
+CONTACT = Stage("contact", 7, ("contact",))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,7 @@ def finish_parts(
     found: FoundParts,
     parts: Sequence[MovingPart],
     fused: FusedScene,
-    closed_end: ClosedEndConfig,
-    contact: ContactConfig,
+    config: ContactConfig,
 ) -> tuple[FinishedPart, ...]:
     """Count each part from its closed end and find where the hand held it; a part without a surface is left
     out, with a warning.
@@ -60,9 +59,9 @@ def finish_parts(
                 f"part {part.id} has no surface: too few of its pixels could be labelled", stacklevel=2
             )
             continue
-        closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels, closed_end)
+        closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels)
         based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
-        path = find_contact(recording, cameras, labels, based, based_mesh, contact)
+        path = find_contact(recording, cameras, labels, based, based_mesh, config)
         finished.append(
             FinishedPart(
                 based, based_mesh, path, tracks.type_source, closed.source, closed.margin, closed.probability

@@ -38,9 +38,10 @@ class FusionConfig(Settings):
     static_voxel: float = setting(0.01, "voxel of the static scene", unit="m", above=0)
     part_faces: int = setting(8_000, "most triangles of a part, for simulation", unit="triangles", at_least=4)
     static_faces: int = setting(60_000, "most triangles of the static scene", unit="triangles", at_least=4)
-    max_depth: float = setting(5.0, "depth beyond is left out", unit="m", above=0)
 
 
+# m; depth beyond is left out. Chosen by us.
+MAX_DEPTH = 5.0
 # Connected pieces of a part with a smaller share of the largest one's triangles are noise. Chosen by us.
 _MIN_SHARE = 0.05
 # The same of the static scene, whose true pieces differ more in size. Chosen by us.
@@ -96,7 +97,7 @@ def fuse(
             "no labelled frame has a camera pose", "label frames which the cameras cover"
         )
     wrap = progress or untold
-    loaded = each(lambda f: _load(recording, cameras, labels[f], f, camera, config, noise), frames)
+    loaded = each(lambda f: _load(recording, cameras, labels[f], f, camera, noise), frames)
     seen = dict(zip(wrap(frames, "depth"), loaded, strict=True))
     bodies: dict[int, MovingPart | None] = {STATIC_LABEL: None, **{p.id: p for p in parts}}
     meshes = {}
@@ -115,11 +116,10 @@ def _load(
     labels: NDArray[np.uint8],
     frame: int,
     camera: Intrinsics,
-    config: FusionConfig,
     noise: DepthNoise,
 ) -> _Frame:
     color, depth = recording.frame(frame)
-    z = np.where(depth <= config.max_depth, depth, 0).astype(np.float32)
+    z = np.where(depth <= MAX_DEPTH, depth, 0).astype(np.float32)
     cosine = ray_cosine(z, camera.vector, max(2, round(4 * z.shape[1] / 640)), noise.curve)
     pose = cameras.pose(frame)
     assert pose is not None

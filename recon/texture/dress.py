@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from recon.contact.finish_parts import FinishedPart
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
+from recon.fusion.fuse import MAX_DEPTH
 from recon.recording import Intrinsics, Recording
 from recon.texture.charts import Layout, lay_out
 from recon.texture.exposure import gains
@@ -50,7 +51,6 @@ class TextureConfig(Settings):
 
     texel: float = setting(0.002, "largest texel, where the image has room for it", unit="m", above=0)
     most: int = setting(4096, "largest width and height of a texture", unit="px", at_least=64, at_most=16384)
-    most_frames: int = setting(48, "most frames that are used, spread evenly", unit="frames", at_least=1)
     skip_every: int = setting(
         0,
         "every so many frames one is left out, to be compared with; 0 leaves none out",
@@ -63,8 +63,8 @@ class TextureConfig(Settings):
 _FINEST = 0.0005
 # m; around what the parts reach, the static scene has texels as fine as theirs. Chosen by us.
 _NEAR_M = 0.5
-# m; depth beyond is left out, as in fusion. Chosen by us.
-_MAX_DEPTH = 5.0
+# Most frames that are used, spread evenly. Chosen by us.
+_MOST_FRAMES = 48
 
 
 def dress(
@@ -88,7 +88,7 @@ def dress(
     """
     camera = recording.intrinsics
     frames = chosen([f for f in sorted(labels) if cameras.pose(f) is not None], config)
-    shots = take(recording, cameras, labels, frames, _MAX_DEPTH)
+    shots = take(recording, cameras, labels, frames, MAX_DEPTH)
     bodies: dict[int, tuple[Mesh, FinishedPart | None]] = {STATIC_LABEL: (static, None)}
     bodies |= {p.moving.id: (p.mesh, p) for p in parts}
     bodies = {key: body for key, body in bodies.items() if len(body[0].faces)}
@@ -105,7 +105,7 @@ def chosen(frames: Sequence[int], config: TextureConfig) -> list[int]:
     """The frames that are used, of those that are labelled."""
     skip = config.skip_every
     kept = [f for f in frames if not (skip and f % skip == 0)]
-    return evenly(kept, config.most_frames)
+    return evenly(kept, _MOST_FRAMES)
 
 
 def evenly(frames: Sequence[int], most: int) -> list[int]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.cameras.gravity import GravityConfig, axes_told, surface_normals
+from recon.cameras.gravity import axes_told, surface_normals
 from recon.contact.up.evidence import up_evidence
 from recon.contact.up.terms import log_likelihood
 from recon.fusion.fuse import FusedScene
@@ -28,7 +28,7 @@ from twin.runs.keys import Stage
 from twin.scene import Trajectory
 from twin.verdict import UpUnsure
 
-UP = Stage("up", 1, ("gravity",))
+UP = Stage("up", 1, ())
 # Odds of the best direction against the second from which up is no doubt: one wrong in twenty-one, if they
 # are honest.
 ODDS = 20.0
@@ -58,7 +58,6 @@ def find_up(
     world: World,
     labels: Mapping[int, NDArray[np.uint8]],
     said: Said,
-    config: GravityConfig,
 ) -> Upright:
     """The most likely up among the world's z and the other directions of its walls and floors.
 
@@ -68,7 +67,7 @@ def find_up(
     z = np.array([0.0, 0.0, 1.0])
     if said.up is not None or (recording.gravity_camera0 is not None and world.cameras.pose(0) is not None):
         return Upright(z)
-    axes, told = axes_told(surface_normals(recording, world.cameras, config), config)
+    axes, told = axes_told(surface_normals(recording, world.cameras))
     if told.sum() < 2:
         if not world.parts:  # refused for that already
             return Upright(z)

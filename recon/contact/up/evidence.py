@@ -24,8 +24,6 @@ _HAND_SHARE = 0.004
 # Fewest pixels of the picture's border by which an arm leaves it; a narrow wrist has some thirty. Chosen by
 # us.
 _BORDER_PIXELS = 10
-# Of the state: an end of the travel, as for the closed end.
-_QUANTILE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +79,7 @@ def _facing(plane: Plane, eye: Array) -> Plane:
 
 
 def _shown(part: MovingPart, mesh: Mesh, eyes: Array) -> PartShown:
-    low, high = travel_ends(part.motion.state, _QUANTILE)
+    low, high = travel_ends(part.motion.state)
     starts = float(np.median(part.motion.state[:5]))
     ends = (low, high) if abs(starts - low) <= abs(starts - high) else (high, low)
     normal = front_of(sample(mesh), part, eyes).normal

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.cameras.gravity import GravityConfig, find_gravity
+from recon.cameras.gravity import find_gravity
 from recon.contact.up.decide import World
 from recon.fusion.fuse import FusedScene
 from recon.motion.movers import Movers
@@ -19,7 +19,6 @@ from twin.geometry import Array
 from twin.scene import STATIC_LABEL, Motion, Trajectory
 
 FRAMES, OPEN, NEAR = 10, 0.3, 0.75
-QUICK = GravityConfig(keyframes=3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,7 @@ def steep(pitch_deg: float, with_part: bool = True) -> Steep:
     recording = Recording.from_arrays(color, np.stack(depth), CAMERA, fps=15)
     frames = np.arange(FRAMES)
     start = Trajectory(frames, recording.times, np.tile(np.eye(4), (FRAMES, 1, 1)))
-    guessed = geo.make_pose(find_gravity(recording, start, QUICK).R_world_start)
+    guessed = geo.make_pose(find_gravity(recording, start).R_world_start)
     T = guessed @ geo.invert_pose(pose)  # the true world to the guessed one
     part = MovingPart(2, joint.transformed(T), Motion(frames, recording.times, state, ((3, 7),)))
     points = np.full((FRAMES, 1, 3), np.nan)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recon.contact import closed_end
 from recon.contact.closed_end import (
     ClosedEnd,
-    ClosedEndConfig,
     find_closed_end,
     rebase,
     rebase_mesh,
@@ -25,7 +25,6 @@ from recon.readers import open_recording
 from tests.makers.recon.cabinets import TRAVEL, Clip, Kind, make_clip
 from tests.makers.recon.tiny import box, merged
 from twin import geometry as geo
-from twin.errors import ConfigError
 from twin.scene import Joint, Mesh, Motion, Prismatic, Revolute, Trajectory
 
 NOTHING = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
@@ -88,7 +87,7 @@ def ajar(clip: Clip, least: float) -> MovingPart:
 @pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])
 @pytest.mark.parametrize("axis_sign", [1, -1])
 def test_a_door_that_never_shuts_closes_where_it_would_be_flush_if_it_went_on(
-    axis_sign: int, backwards: bool
+    axis_sign: int, backwards: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing is seen behind it, and at its ends it is flush with nothing."""
     clip = make_clip("door", backwards=backwards, axis_sign=axis_sign)
@@ -100,7 +99,8 @@ def test_a_door_that_never_shuts_closes_where_it_would_be_flush_if_it_went_on(
     assert found.opening_sign == axis_sign
     seen = clip.opening[clip.opening > 0.35]
     np.testing.assert_allclose(rebase(part, found).motion.state, seen - seen.min(), atol=0.02)
-    assert find_closed_end(*told, ClosedEndConfig(past_hinge=0.0)).margin == 0.0
+    monkeypatch.setattr(closed_end, "PAST_HINGE", 0.0)
+    assert find_closed_end(*told).margin == 0.0
 
 
 def test_a_door_that_would_be_flush_past_both_ends_is_unsure() -> None:
@@ -180,10 +180,10 @@ def test_a_small_piece_before_the_large_face_is_no_front() -> None:
     assert np.ptp(face.rim[:, 0]) == pytest.approx(0.7, abs=0.02)
 
 
-def test_less_uncovered_space_decides_when_nothing_is_flush_or_deep() -> None:
+def test_less_uncovered_space_decides_when_nothing_is_flush_or_deep(monkeypatch: pytest.MonkeyPatch) -> None:
     clip = make_clip("slide", backwards=True)
-    blind = ClosedEndConfig(deep=5.0)  # no cavity is that deep
-    found = find_closed_end(clip.part, clip.mesh, NOTHING, clip.recording, clip.cameras, clip.labels, blind)
+    monkeypatch.setattr(closed_end, "DEEP", 5.0)  # no cavity is that deep
+    found = find_closed_end(clip.part, clip.mesh, NOTHING, clip.recording, clip.cameras, clip.labels)
     assert "uncovered space" in found.source
     assert found.margin == 0.0
     assert rebase(clip.part, found).joint.axis @ clip.true_joint.axis > 0
@@ -251,22 +251,9 @@ def test_ends_of_travel_do_not_grow_with_noise_or_frames() -> None:
         true = np.concatenate([np.zeros(frames // 3), np.linspace(0, 1, frames // 3), np.ones(frames // 3)])
         noisy = true + rng.normal(0, 0.01, len(true))
         noisy[rng.choice(len(true), 2, replace=False)] = [-3.0, 4.0]  # single frames gone wrong
-        low, high = travel_ends(noisy, 0.02)
+        low, high = travel_ends(noisy)
         assert low == pytest.approx(0.0, abs=0.015)
         assert high == pytest.approx(1.0, abs=0.015)
-
-
-def test_settings_are_checked() -> None:
-    for wrong in (
-        {"gap": 0.0},
-        {"margin": -1.0},
-        {"frames": 0},
-        {"quantile": 0.5},
-        {"past_hinge": 2.0},
-        {"past_slide": -0.1},
-    ):
-        with pytest.raises(ConfigError, match=next(iter(wrong))):
-            ClosedEndConfig(**wrong)
 
 
 @pytest.mark.parametrize("backwards", [False, True], ids=["opening", "closing"])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recon.contact.closed_end import ClosedEndConfig, find_closed_end
+from recon.contact.closed_end import find_closed_end
 from recon.contact.closed_odds import ClosedCues
 from recon.contact.find_contact import ContactConfig
 from recon.contact.finish_parts import finish_parts
@@ -35,8 +35,7 @@ def judged(clip: Clip, e: PartEvidence) -> Verdict:
     """The verdict on the clip's door, finished and judged as the chain does, in a room with that wall."""
     s, static = e.scene, walled(clip)
     fused = FusedScene(static, {e.part.id: clip.mesh})
-    settings = ClosedEndConfig(), ContactConfig()
-    done = finish_parts(s.recording, s.cameras, s.labels, s.found, (e.part,), fused, *settings)
+    done = finish_parts(s.recording, s.cameras, s.labels, s.found, (e.part,), fused, ContactConfig())
     assert done[0].closed_margin == 0.0
     fused = FusedScene(clip.static, fused.parts)  # which the pictures show
     return judge(s.recording, s.cameras, s.labels, s.found, (e.part,), fused, done).parts[e.part.id]

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.tracks import minimum_jerk
-from recon.cameras.gravity import GravityConfig, find_gravity
+from recon.cameras.gravity import find_gravity
 from recon.config import ReconConfig
 from recon.parts.config import MotionConfig
 from recon.parts.find_parts import FoundParts, find_parts
@@ -33,7 +33,6 @@ from twin.runs.settings import from_dict, to_toml
 from twin.scene import Joint, Prismatic, Revolute, Trajectory
 
 FRAMES = 60
-QUICK = GravityConfig(keyframes=1, width=96)
 CAMERA = Intrinsics(96, 72, 80.0, 80.0, 47.5, 35.5)
 DOOR = Revolute(geo.unit(np.array([0.05, 1.0, 0.05])), 0.0, 0.8, pivot=np.array([0.35, 0.0, 1.5]))
 BEHIND = Prismatic(geo.unit(np.array([1.0, 0.0, 0.2])), 0.0, 0.6)
@@ -199,12 +198,12 @@ def test_up_is_taken_as_it_is_said() -> None:
     recording, cameras, up = corner(50.0)
 
     def error(said: Any, towards: Array) -> tuple[float, str]:
-        gravity = find_gravity(recording, cameras, QUICK, said)
+        gravity = find_gravity(recording, cameras, said)
         return float(
             np.degrees(geo.angle_between(gravity.R_world_start @ towards, [0, 0, 1]))
         ), gravity.source
 
-    without = find_gravity(recording, cameras, QUICK)
+    without = find_gravity(recording, cameras)
     assert geo.angle_between(without.R_world_start @ up, [0, 0, 1]) > 1.5, (
         "so steep that the wall is taken for the floor"
     )
@@ -220,7 +219,7 @@ def test_up_is_taken_as_it_is_said() -> None:
         "no plane is near"
     )
     device = replace(recording, gravity_camera0=[1.0, 0.0, 0.0])
-    assert find_gravity(device, cameras, QUICK, "-z").source == "said, refined by planes"
+    assert find_gravity(device, cameras, "-z").source == "said, refined by planes"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from recon.contact.up.decide import ODDS, Upright, World, find_up, turned
 from recon.recording.said import Said
-from tests.makers.recon.steep import QUICK, Steep, steep
+from tests.makers.recon.steep import Steep, steep
 from twin import geometry as geo
 from twin.verdict import UpUnsure
 
@@ -18,7 +18,7 @@ UNSAID = Said()
 
 
 def decided(seen: Steep, said: Said = UNSAID) -> Upright:
-    return find_up(seen.recording, seen.world, {}, said, QUICK)
+    return find_up(seen.recording, seen.world, {}, said)
 
 
 def off_deg(seen: Steep, up: np.ndarray) -> float:
