@@ -16,8 +16,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
 ABOUT = {
     "reconstruct": "of `twin reconstruct` and `twin demo`, one table a stage; from Python `recon.ReconConfig`",
     "simulate": "of `twin simulate`; from Python `recon.simulate.SimulateConfig`",
-    "export": 'of `twin export`; from Python `twin.export(..., collision={"part_pieces": 8})`. What begins with `near` or `far` is of '
-    "`--geometry seen`",
+    "export": 'of `twin export`; from Python `twin.export(..., collision={"part_pieces": 8})`',
     "check": "of `twin check`; from Python `twin.check(..., processes=)`",
     "replay": "of `twin replay`; from Python `robots.PlanConfig` and `robots.ReplayConfig`",
 }

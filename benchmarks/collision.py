@@ -29,7 +29,16 @@ import trimesh
 
 from recon.evaluation.scores import camera_errors, match_parts
 from recon.evaluation.truth import Truth, load_truth
-from twin.collision import CollisionConfig, cover, decimated, part_shapes, surface_hulls, with_collision
+from twin.collision import (
+    PART_BOARDS,
+    PART_FACES,
+    CollisionConfig,
+    cover,
+    decimated,
+    part_shapes,
+    surface_hulls,
+    with_collision,
+)
 from twin.collision.boards import beyond, find_boards
 from twin.collision.closed_pieces import closed_piece_shapes, coacd_pieces, outward
 from twin.collision.convex import triangles_of
@@ -172,7 +181,7 @@ def closed_body(body: Mesh) -> list[Collision]:
 
 
 def as_scan(mesh: Mesh) -> list[Collision]:
-    return cover(triangles_of(decimated(mesh, CONFIG.part_faces)), CONFIG, CONFIG.part_pieces)[0]
+    return cover(triangles_of(decimated(mesh, PART_FACES)), CONFIG, CONFIG.part_pieces)[0]
 
 
 def compared_leftovers(twin: Twin, truth: Truth) -> list[Measured]:
@@ -182,10 +191,9 @@ def compared_leftovers(twin: Twin, truth: Truth) -> list[Measured]:
     pairs = match_parts([(p.joint, p.motion) for p in twin.parts], T, truth)
     out = []
     for i, j in sorted(pairs.items()):
-        triangles = triangles_of(decimated(twin.parts[j].mesh, CONFIG.part_faces))
-        search = CONFIG.part_boards
-        boards, rest = find_boards(triangles, outline_axes(triangles), search)
-        rest = beyond(rest, [b.box for b in boards], 3 * search.noise)
+        triangles = triangles_of(decimated(twin.parts[j].mesh, PART_FACES))
+        boards, rest = find_boards(triangles, outline_axes(triangles), PART_BOARDS)
+        rest = beyond(rest, [b.box for b in boards], 3 * PART_BOARDS.noise)
         corners, faces = np.unique(rest.reshape(-1, 3).round(7), axis=0, return_inverse=True)
         mesh = Mesh(corners, faces.reshape(-1, 3).astype(np.int32))
         most = CONFIG.part_pieces - len(boards)

@@ -18,7 +18,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.collision.boards import Board, BoardSearch, beyond, find_boards
 from twin.collision.cache import ShapeCache
-from twin.collision.clearance import Yielding, make_clear, points_of, sweep_states
+from twin.collision.clearance import STEP, Yielding, make_clear, points_of, sweep_states
 from twin.collision.closed_pieces import closed_piece_shapes
 from twin.collision.convex import cut, thick_hull, triangles_of
 from twin.collision.decimation import decimated, decimated_body
@@ -29,23 +29,55 @@ from twin.collision.splitting import decompose, merge
 from twin.files.paths import AnyPath
 from twin.geometry import Array
 from twin.mesh import joined
-from twin.runs.setting import Settings, group, setting
+from twin.runs.setting import Settings, setting
 from twin.runs.settings import from_dict
 from twin.scene import Collision, Mesh, Twin
 
-_SPECK = 3e-4  # m^2: less surface than on a knob of 1 cm is a shred of a scan
-_SPLITS = 3  # bodies of one part that CoACD may split, the largest: each takes seconds
+# m^2: less surface than on a knob of 1 cm is a shred of a scan
+_SPECK = 3e-4
+# Bodies of one part that CoACD may split, the largest: each takes seconds
+_SPLITS = 3
+# Triangles to which a part's mesh is decimated first; chosen by us
+PART_FACES = 6_000
+# The same of the static scene's mesh; chosen by us
+_STATIC_FACES = 16_000
+# Boards of parts; chosen by us but for the thickness, which is that of the thinnest usual cabinet front
+# (assets/materials.toml, 12 to 22 mm), so that a board claims no space that may be free
+PART_BOARDS = BoardSearch(deepest=0.08, thickness=0.012, cell=0.006, smallest=0.006, noise=0.003, most=24)
+# m; so far around everything the parts reach, the static scene is covered finely; chosen by us
+_NEAR = 0.25
+# Boards of the static scene there; chosen by us
+_NEAR_BOARDS = BoardSearch(deepest=0.045, thickness=0.006, cell=0.01, smallest=0.004, noise=0.004, most=120)
+# m; hulls of the static scene there keep within it of the surface; chosen by us
+NEAR_TOLERANCE = 0.015
+# Boards of the static scene beyond; chosen by us
+_FAR_BOARDS = BoardSearch(
+    deepest=0.06, thickness=0.01, cell=0.04, smallest=0.08, noise=0.01, most=80, fill=0.85
+)
+# m; as NEAR_TOLERANCE, beyond; chosen by us
+_FAR_TOLERANCE = 0.06
+# Most hulls beyond; chosen by us
+_FAR_PIECES = 48
+# m; least thickness of a hull beyond; chosen by us
+_FAR_THICKNESS = 0.01
 
 
 @dataclass(frozen=True)
 class CollisionConfig(Settings):
     """How collision shapes are made; every default was chosen by us."""
 
-    part_faces: int = setting(
-        6000, "a part's mesh is decimated to so many triangles first", unit="triangles", at_least=4
+    part_pieces: int = setting(
+        32,
+        "most shapes made of a part's surface, before some give way to a motion and fall to several; boards of the inferred layer "
+        "stand besides",
+        unit="shapes",
+        at_least=1,
     )
-    static_faces: int = setting(
-        16000, "the static scene's mesh is decimated to so many triangles first", unit="triangles", at_least=4
+    static_pieces: int = setting(
+        64,
+        "most hulls of the static scene near what the parts reach, beside its boards (`--geometry seen`)",
+        unit="hulls",
+        at_least=1,
     )
     tolerance: float = setting(
         0.007,
@@ -53,31 +85,8 @@ class CollisionConfig(Settings):
         unit="m",
         above=0,
     )
-    thickness: float = setting(0.006, "least thickness of a shape", unit="m", above=0)
-    part_pieces: int = setting(32, "most shapes of a part", unit="shapes", at_least=1)
-    near: float = setting(
-        0.25,
-        "so far around everything the parts reach, the static scene is covered finely",
-        unit="m",
-        at_least=0,
-    )
-    near_tolerance: float = setting(0.015, "as tolerance, for the static scene there", unit="m", above=0)
-    near_pieces: int = setting(64, "most hulls there", unit="hulls", at_least=1)
-    far_tolerance: float = setting(0.06, "as tolerance, for the static scene beyond", unit="m", above=0)
-    far_pieces: int = setting(48, "most hulls beyond", unit="hulls", at_least=1)
+    thickness: float = setting(0.006, "least thickness of a hull", unit="m", above=0)
     clearance: float = setting(0.002, "between a part and what it moves past", unit="m", at_least=0)
-    step: float = setting(0.02, "the opening is sampled so that no point moves further", unit="m", above=0)
-    part_boards: BoardSearch = group(BoardSearch, "boards of parts")
-    near_boards: BoardSearch = group(
-        lambda: BoardSearch(deepest=0.045, thickness=0.006, cell=0.01, smallest=0.004, noise=0.004, most=120),
-        "boards of the static scene near the parts",
-    )
-    far_boards: BoardSearch = group(
-        lambda: BoardSearch(
-            deepest=0.06, thickness=0.01, cell=0.04, fill=0.85, smallest=0.08, noise=0.01, most=80
-        ),
-        "boards of the static scene beyond",
-    )
 
 
 def collision_config(settings: Mapping[str, Any] | None = None) -> CollisionConfig:
@@ -143,7 +152,7 @@ def _make(
     reach = np.concatenate(moved) if moved else np.zeros((0, 3))
     static = list(stated[0]) or static_shapes(twin.static.mesh, reach, config)
     yielding = Yielding({k for k, own in enumerate(stated) if own}, filtered_owners(twin))
-    cleared = make_clear(twin, [static, *parts], config.clearance, config.step, yielding)
+    cleared = make_clear(twin, [static, *parts], config.clearance, STEP, yielding)
     return [cleared[0], *(left or whole for left, whole in zip(cleared[1:], parts, strict=True))]
 
 
@@ -173,10 +182,10 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
     pieces = sorted(pieces_of(mesh), key=lambda row: -row[0].area)
     splits = 0
     for k, (piece, closed) in enumerate(pieces):
-        reserve = min(len(pieces) - 1 - k + len(rest), config.part_pieces // 4)
+        reserve = min(len(pieces) - 1 - k + len(rest), max(1, config.part_pieces // 4))
         room = config.part_pieces - len(shapes) - reserve
         found = None
-        body = decimated_body(piece, config.part_faces) if closed and room > 0 else None
+        body = decimated_body(piece, PART_FACES) if closed and room > 0 else None
         if body is not None:
             found = closed_piece_shapes(body, config.tolerance, room, splits < _SPLITS)
         if found is None:
@@ -184,7 +193,7 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
         else:
             shapes += found
             splits += len(found) > 1
-    triangles = triangles_of(decimated(joined(rest), config.part_faces)) if rest else np.zeros((0, 3, 3))
+    triangles = triangles_of(decimated(joined(rest), PART_FACES)) if rest else np.zeros((0, 3, 3))
     if not len(triangles):
         return Made(tuple(shapes) or whole_hull(mesh, config))
     room = max(1, config.part_pieces - len(shapes))
@@ -200,41 +209,38 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
 def whole_hull(mesh: Mesh, config: CollisionConfig) -> tuple[Collision, ...]:
     """The hull of a mesh too small or too ragged for pieces, so that whatever has a surface can be
     touched."""
-    small = decimated(mesh, config.part_faces)
+    small = decimated(mesh, PART_FACES)
     hull = thick_hull(small.vertices[small.faces], config.thickness) if len(small.faces) else None
     return () if hull is None else (hull.mesh,)
 
 
 def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Collision]:
     """Shapes of the static scene, fine around the points (n, 3) which the parts reach, coarse elsewhere."""
-    triangles = triangles_of(decimated(mesh, config.static_faces))
+    triangles = triangles_of(decimated(mesh, _STATIC_FACES))
     if not len(triangles):
         return []
     far, near = [], triangles
     if len(reach):
-        low, high = reach.min(axis=0) - config.near, reach.max(axis=0) + config.near
+        low, high = reach.min(axis=0) - _NEAR, reach.max(axis=0) + _NEAR
         for k, axis in enumerate(np.eye(3)):
             outside, near = cut(near, axis, float(low[k]))
             near, beyond_high = cut(near, axis, float(high[k]))
             far += [outside, beyond_high]
     shapes: list[Collision] = []
     if len(near):
-        shapes += _static_cover(
-            near, config.near_boards, config.near_tolerance, config.near_pieces, config.thickness
-        )
+        shapes += _static_cover(near, _NEAR_BOARDS, NEAR_TOLERANCE, config.static_pieces, config.thickness)
     rest = np.concatenate(far) if far else np.zeros((0, 3, 3))
     if len(rest):
-        shapes += _static_cover(rest, config.far_boards, config.far_tolerance, config.far_pieces, 0.01)
+        shapes += _static_cover(rest, _FAR_BOARDS, _FAR_TOLERANCE, _FAR_PIECES, _FAR_THICKNESS)
     return shapes
 
 
 def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Collision], list[Board]]:
     """At most `most` boxes and hulls of a part's open surface (n, 3, 3), and the boards that the boxes
     are."""
-    search = config.part_boards
-    boards, rest = find_boards(triangles, outline_axes(triangles), search)
+    boards, rest = find_boards(triangles, outline_axes(triangles), PART_BOARDS)
     boards = boards[:most]
-    rest = beyond(rest, [b.box for b in boards], 3 * search.noise)
+    rest = beyond(rest, [b.box for b in boards], 3 * PART_BOARDS.noise)
     hulls = surface_hulls(rest, config, most - len(boards)) if len(rest) and most > len(boards) else []
     return [*(b.box for b in boards), *hulls], boards
 
@@ -242,7 +248,7 @@ def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Co
 def surface_hulls(triangles: Array, config: CollisionConfig, most: int) -> list[Collision]:
     """Hulls of an open surface (n, 3, 3); what would take more than `most`, the smallest, is left out rather
     than bulge."""
-    filled = config.part_boards.deepest / 2
+    filled = PART_BOARDS.deepest / 2
     pieces = decompose(triangles, config.tolerance, config.thickness, 2 * config.part_pieces, filled)
     pieces = merge(pieces, config.tolerance, config.thickness, filled)
     pieces = [p for p in pieces if geo.triangle_areas(p).sum() > _SPECK]

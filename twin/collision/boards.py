@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.collision.convex import sample
 from twin.geometry import Array
-from twin.runs.setting import Settings, setting
 from twin.scene import Box
 
 _FACING = np.cos(np.deg2rad(25.0))  # chosen by us: noisy faces still belong to their plane
@@ -28,27 +27,28 @@ _EDGE = 0.3  # share of an edge whose depth was seen that speaks for the rest
 
 
 @dataclass(frozen=True)
-class BoardSearch(Settings):
-    """What counts as a board; every default but `thickness` was chosen by us."""
+class BoardSearch:
+    """What counts as a board; lengths in m.
 
-    deepest: float = setting(0.08, "front and back of one board are no further apart", unit="m", above=0)
-    thickness: float = setting(
-        0.012,
-        "of a board whose back and edges were not seen: that of the thinnest usual cabinet front (assets/materials.toml, 12 to "
-        "22 mm), so that it claims no space that may be free",
-        unit="m",
-        above=0,
-    )
-    cell: float = setting(
-        0.006, "side of the grid on a board; finer than the smallest gap to keep", unit="m", above=0
-    )
-    fill: float = setting(0.9, "least share of a rectangle that is surface", unit="", above=0, at_most=1)
-    smallest: float = setting(
-        0.006, "a plane or rectangle with less surface is left for other shapes", unit="m^2", above=0
-    )
-    narrowest: float = setting(0.015, "least width of a board", unit="m", at_least=0)
-    noise: float = setting(0.003, "unevenness of a flat surface", unit="m", above=0)
-    most: int = setting(24, "most boards", unit="boards", at_least=0)
+    Attributes:
+        deepest: front and back of one board are no further apart.
+        thickness: of a board whose back and edges were not seen.
+        cell: side of the grid on a board, finer than the smallest gap to keep.
+        smallest: m^2; a plane or rectangle with less surface is left for other shapes.
+        noise: unevenness of a flat surface.
+        most: boards.
+        fill: least share of a rectangle that is surface.
+        narrowest: least width of a board.
+    """
+
+    deepest: float
+    thickness: float
+    cell: float
+    smallest: float
+    noise: float
+    most: int
+    fill: float = 0.9
+    narrowest: float = 0.015
 
 
 @dataclass(frozen=True, eq=False)

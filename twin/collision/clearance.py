@@ -24,6 +24,9 @@ _KEEP = 0.4  # a clip may not take more than this share of a large shape: the sh
 _LARGE = 0.12  # m
 _REACH = 0.05  # m to each side of a contact: the piece that is split off
 
+# m: the opening is sampled so that no point moves further; chosen by us
+STEP = 0.02
+
 Owners = frozenset[int]
 
 

@@ -6,15 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
-from twin.collision.clearance import Owners, Yielding, carried, make_clear, points_of, sweep_states
+from twin.collision.clearance import STEP, Owners, Yielding, carried, make_clear, points_of, sweep_states
 from twin.collision.contact_model import model_of
 from twin.collision.convex import hull_of
 from twin.scene import Collision, Part, StaticPart, Twin
 
 # m, chosen by us: less deep is rounding.
 _MEET = 1e-4
-# m, as CollisionConfig.step.
-_STEP = 0.02
 # m, chosen by us: the clearance of made shapes (CollisionConfig.clearance). Where nothing excludes the
 # contact, MuJoCo throws a door without friction 0.2 rad open at 1 mm, 1.0 rad at 2 mm, 1.5 rad from 3 mm on.
 AT_REST = 0.002
@@ -135,7 +133,7 @@ def _clear_from(
 
 def _states(part: Part) -> list[float]:
     """States from lower to upper, state 0 among them."""
-    return sorted({0.0, *(float(s) for s in sweep_states(part, _STEP))})
+    return sorted({0.0, *(float(s) for s in sweep_states(part, STEP))})
 
 
 def _unit(part: Part) -> str:
@@ -174,7 +172,7 @@ def with_pairs_cut(twin: Twin, met: Sequence[Meeting]) -> tuple[Twin, list[str]]
         return twin, []
     fixed = frozenset(k for k, o in enumerate(twin.owners) if o.completion is not None)
     before = [list(shapes_of(o)) for o in twin.owners]
-    after = make_clear(twin, before, AT_REST, _STEP, Yielding(fixed, only=meet))
+    after = make_clear(twin, before, AT_REST, STEP, Yielding(fixed, only=meet))
     told = []
     for k in sorted({n for pair in meet for n in pair} - fixed):
         if after[k] != before[k]:

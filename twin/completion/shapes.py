@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from twin import geometry as geo
-from twin.collision import CollisionConfig, surface_hulls
+from twin.collision import NEAR_TOLERANCE, PART_FACES, CollisionConfig, surface_hulls
 from twin.collision.boards import BoardSearch, beyond, find_boards
-from twin.collision.clearance import make_clear, points_of
+from twin.collision.clearance import STEP, make_clear, points_of
 from twin.collision.convex import hull_of, thick_hull, triangles_of
 from twin.collision.decimation import decimated
 from twin.collision.main_axes import main_axes
@@ -26,7 +26,8 @@ ROOM = BoardSearch(
 )
 _MARGIN = 0.012  # m around a piece within which seen surface is its own
 _LEAST_HULLS = 4  # that what lies in no piece may have, however many pieces there are
-_COARSE, _THICKNESS = 0.015, 0.006  # m, as CollisionConfig has them near the parts
+# m; least thickness of a hull of the furniture, chosen by us
+_THICKNESS = 0.006
 _SPECK = 1e-3  # m^2: less surface is a shred of a scan
 _EXACT = 1e-3  # m
 
@@ -41,15 +42,15 @@ def with_shapes(twin: Twin, config: CollisionConfig | None = None) -> Twin:
     if static is None or any(k is None for k in layers):
         return twin
     given = [[s for p in layer.pieces for s in p.shapes] for layer in layers if layer is not None]
-    given[0] += _furniture_hulls(static, FURNITURE_SHAPES - len(given[0]), config.part_faces)
+    given[0] += _furniture_hulls(static, FURNITURE_SHAPES - len(given[0]))
     for shapes, layer in zip(given[1:], layers[1:], strict=True):
         if layer is not None:
-            left, limited = _beyond_pieces(layer, config.part_faces), replace(config, part_pieces=most)
-            room = max(_LEAST_HULLS, most - len(shapes))
+            left, limited = _beyond_pieces(layer), replace(config, part_pieces=most)
+            room = max(min(_LEAST_HULLS, most), most - len(shapes))
             shapes += surface_hulls(left, limited, room) if len(left) else []
     own = len(given[0])
-    given[0] += _of_room(static.room, config.part_faces) if static.room is not None else []
-    cleared = make_clear(twin, given, config.clearance, config.step)
+    given[0] += _of_room(static.room) if static.room is not None else []
+    cleared = make_clear(twin, given, config.clearance, STEP)
     rooms = [s for s in cleared[0] if _from(s, given[0][own:]) and not _from(s, given[0][:own])]
     kept = [s for s in cleared[0] if not any(s is r for r in rooms)]
     of_furniture = _handed_out(static, kept)
@@ -64,16 +65,16 @@ def with_shapes(twin: Twin, config: CollisionConfig | None = None) -> Twin:
     return replace(twin, static=replace(twin.static, completion=done[0]), parts=parts)
 
 
-def _beyond_pieces(layer: Completion, faces: int) -> Array:
-    """Seen surface (n, 3, 3), decimated to so many faces, that lies in no piece."""
+def _beyond_pieces(layer: Completion) -> Array:
+    """Seen surface (n, 3, 3), decimated, that lies in no piece."""
     boxes = [s for p in layer.pieces for s in p.shapes if isinstance(s, Box)]
-    return beyond(triangles_of(decimated(layer.shown, faces)), boxes, _MARGIN)
+    return beyond(triangles_of(decimated(layer.shown, PART_FACES)), boxes, _MARGIN)
 
 
-def _furniture_hulls(layer: Completion, room: int, faces: int) -> list[Collision]:
+def _furniture_hulls(layer: Completion, room: int) -> list[Collision]:
     """Coarse hulls, at most `room` or a few, of what stands on the furniture or is no board of it."""
-    left = _beyond_pieces(layer, faces)
-    pieces = decompose(left, _COARSE, _THICKNESS, max(_LEAST_HULLS, room)) if len(left) else []
+    left = _beyond_pieces(layer)
+    pieces = decompose(left, NEAR_TOLERANCE, _THICKNESS, max(_LEAST_HULLS, room)) if len(left) else []
     large = [p for p in pieces if geo.triangle_areas(p).sum() > _SPECK]
     return [h.mesh for p in large if (h := thick_hull(p, _THICKNESS)) is not None]
 
@@ -86,9 +87,9 @@ def _largest(shapes: Sequence[Collision], most: int) -> tuple[Collision, ...]:
     return tuple(s for k, s in enumerate(shapes) if k in kept)
 
 
-def _of_room(room: Mesh, faces: int) -> list[Collision]:
+def _of_room(room: Mesh) -> list[Collision]:
     """Few boxes: floor, walls, what is large."""
-    triangles = triangles_of(decimated(room, faces))
+    triangles = triangles_of(decimated(room, PART_FACES))
     return [b.box for b in find_boards(triangles, main_axes(triangles), ROOM)[0]] if len(triangles) else []
 
 

@@ -26,6 +26,7 @@ from twin.collision.fit import fit_of
 from twin.collision.pieces import pieces_of
 from twin.collision.solid import Solid
 from twin.exporters.shape_report import collision_reports
+from twin.mesh import joined
 from twin.scene import Box, Mesh
 
 T = world_from_cabinet()
@@ -142,6 +143,15 @@ def test_bodies_that_are_none_are_no_shapes_and_no_errors() -> None:
         assert all(np.isfinite(s.corners if isinstance(s, Box) else s.vertices).all() for s in shapes)
     assert outward(unwound) is not None
     assert enclosed(outward(unwound)) > 0
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 4])
+def test_closed_and_open_pieces_together_get_no_more_shapes_than_asked_for(most: int) -> None:
+    open_front = boards_mesh([Board((0, -0.02, 0), (0.45, -0.001, 0.4))], T, cut=0)
+    open_front = replace(open_front, faces=open_front.faces[2:])
+    handles = [Board((x, 0.05, 0.1), (x + 0.02, 0.08, 0.3)) for x in (0.1, 0.2, 0.3)]
+    mesh = joined([open_front, boards_mesh(handles, T, cut=0)])
+    assert 1 <= len(part_shapes(mesh, replace(CONFIG, part_pieces=most))) <= most
 
 
 def test_however_many_bodies_a_part_has_it_gets_no_more_than_32_shapes() -> None:

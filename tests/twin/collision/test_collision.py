@@ -22,9 +22,9 @@ from benchmarks.scenes.boards import (
     world_from_cabinet,
 )
 from twin import geometry as geo
-from twin.collision import CollisionConfig, make_part, part_shapes, with_collision
+from twin.collision import PART_BOARDS, CollisionConfig, make_part, part_shapes, with_collision
 from twin.collision.boards import find_boards
-from twin.collision.clearance import find_touches, make_clear, points_of, sweep_states
+from twin.collision.clearance import STEP, find_touches, make_clear, points_of, sweep_states
 from twin.collision.convex import clip, cut, hull_distance, hull_of, thick_hull, triangles_of
 from twin.collision.main_axes import outline_axes
 from twin.collision.splitting import bulge, decompose
@@ -111,7 +111,7 @@ def test_shapes_cover_the_parts_and_little_else(shaped: Twin) -> None:
 
 def test_boxes_have_right_handed_axes(bare: Twin) -> None:
     triangles = triangles_of(bare.part("door").mesh)
-    boards, _ = find_boards(triangles, outline_axes(triangles), CONFIG.part_boards)
+    boards, _ = find_boards(triangles, outline_axes(triangles), PART_BOARDS)
     assert boards
     for board in boards:
         assert np.linalg.det(board.box.T_world_box[:3, :3]) == pytest.approx(1.0)
@@ -136,7 +136,7 @@ def test_a_thin_edge_between_two_sampled_states_is_not_missed(name: str) -> None
     side."""
     twin = cabinet_twin(T)
     part = twin.part(name)
-    states = sweep_states(part, CONFIG.step)
+    states = sweep_states(part, STEP)
     away = part.joint.pose(float(states[4] + states[5]) / 2)
     middle = part.mesh.vertices.mean(axis=0)
     blade_pose = geo.make_pose(T[:3, :3], middle)
@@ -144,14 +144,14 @@ def test_a_thin_edge_between_two_sampled_states_is_not_missed(name: str) -> None
     size = np.where(np.arange(3) == np.argmax(np.abs(fast)), 0.002, 0.05)
     own: list[Collision] = [Box(blade_pose, size)]
     shapes = [[Box(away @ blade_pose, size)], *([*own] if p is part else [] for p in twin.parts)]
-    touches = find_touches(twin, shapes, 0.002, CONFIG.step)
+    touches = find_touches(twin, shapes, 0.002, STEP)
     assert [(t.owner, t.index) for t in touches] == [(0, 0)]
     for state in states:
         moved = geo.transform(part.joint.pose(float(state)), own[0].corners)
         assert hull_distance(hull_of(moved), points_of(shapes[0][0])).max() > 0.004, (
             "apart in the sampled states"
         )
-    left = make_clear(twin, [list(x) for x in shapes], 0.002, CONFIG.step)
+    left = make_clear(twin, [list(x) for x in shapes], 0.002, STEP)
     assert left[1:] == shapes[1:], "the part keeps its shape"
     assert find_touches(twin, left, 0.0019, 0.001) == []
 
@@ -233,7 +233,7 @@ def test_a_front_seen_from_one_side_gets_its_thickness_behind() -> None:
     triangles = triangles_of(mesh)
     facing = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 1] < -1e-9
     front = Mesh(mesh.vertices, mesh.faces[facing])
-    board = CONFIG.part_boards.thickness
+    board = PART_BOARDS.thickness
     for shape, want in (
         (part_shapes(front, CONFIG)[0], board),
         (thick_hull(triangles_of(front), 0.006).mesh, 0.006),

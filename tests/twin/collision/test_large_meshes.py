@@ -25,7 +25,7 @@ from benchmarks.scenes.large_meshes import (
     t_junctions,
 )
 from twin import geometry as geo
-from twin.collision import CollisionConfig, part_shapes, static_shapes
+from twin.collision import PART_FACES, CollisionConfig, part_shapes, static_shapes
 from twin.collision.convex import hull_of
 from twin.collision.decimation import decimated
 from twin.collision.fit import fit_of
@@ -82,7 +82,7 @@ def test_the_union_of_a_large_mesh_is_that_of_its_bodies_with_fewer_faces() -> N
 def test_a_fine_ball_is_one_hull_of_few_faces() -> None:
     (shape,) = part_shapes(round_body(20_000), CollisionConfig())
     assert isinstance(shape, Mesh)
-    assert len(shape.faces) <= CollisionConfig().part_faces
+    assert len(shape.faces) <= PART_FACES
     hull = hull_of(shape.vertices)
     assert hull is not None
     assert hull.volume == pytest.approx(4 / 3 * np.pi * 0.15**3, rel=0.01)
