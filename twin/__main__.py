@@ -20,8 +20,7 @@ def main() -> NoReturn:
 
         cli.main()
     except BaseException as e:
-        # before the command line caught errors, or after: some imports turn an interruption into an error of
-        # their own
+        # before the command line caught errors, or after: some imports turn an interruption into an error
         if interrupt.happened() and not isinstance(e, SystemExit):
             interrupt.leave(tell=True)
         raise

@@ -1,5 +1,4 @@
-"""Pictures side by side in one image: the texture of meshes that wear different pictures, or vertex
-colours."""
+"""Pictures side by side in one image: the texture of meshes of different pictures, or vertex colours."""
 
 from __future__ import annotations
 
@@ -26,11 +25,9 @@ U8 = NDArray[np.uint8]
 
 
 def joined_textures(meshes: Sequence[Mesh]) -> tuple[Mesh, float]:
-    """All meshes as one with one texture, where any has one, and the factor by which its pictures were shrunk
-    to fit.
+    """All meshes as one with one texture, if any has one, and the factor by which its pictures shrank.
 
-    A picture that several meshes wear is there once. Faces without a picture get texels of their vertex
-    colours.
+    A picture that several meshes wear is kept once. Faces without one get texels of their vertex colours.
     """
     whole = joined(meshes)
     shown = [m for m in meshes if len(m.faces)]
@@ -61,14 +58,12 @@ def _digest(image: U8) -> tuple[tuple[int, ...], bytes]:
 
 
 def _placed(uv: NDArray[np.float32], place: Array) -> Array:
-    """Coordinates in the image that holds their picture at `place` (4,): left, bottom, width, height in
-    0..1."""
+    """Coordinates in the image of their picture at `place` (4,): left, bottom, width, height in 0..1."""
     return np.clip(place[:2] + uv.astype(np.float64) * place[2:], 0.0, 1.0)
 
 
 def _of_colors(mesh: Mesh, faces: NDArray[np.bool_]) -> Texture:
-    """The texture of some faces (F,) of a mesh in its vertex colours; faces of the same three colours share
-    texels.
+    """Texture of faces (F,) of a mesh in its vertex colours; faces of the same three colours share texels.
 
     A face of one colour lies in one point, where no mip level of its neighbours is read.
     """
@@ -82,8 +77,7 @@ def _of_colors(mesh: Mesh, faces: NDArray[np.bool_]) -> Texture:
 
 
 def _side_by_side(pictures: Sequence[Texture]) -> tuple[U8, NDArray[np.bool_], list[Array], float]:
-    """An image with its mask that holds the pictures, the place (4,) of each, and the factor that shrank
-    them."""
+    """An image with its mask of the pictures, the place (4,) of each, and the factor that shrank them."""
     border = BORDER if len(pictures) > 1 else 0
     full = np.array([p.image.shape[1::-1] for p in pictures])
     factor = 1.0
@@ -116,8 +110,7 @@ def shrunk(image: U8, width: int, height: int) -> U8:
 
 
 def shelves(size: I64) -> tuple[I64, tuple[int, int]]:
-    """Places (C, 2) for frames of `size` (C, 2) in rows, the highest first, and the width and height of all
-    of them."""
+    """Places (C, 2) for frames of `size` (C, 2) in rows, the highest first; width and height of all."""
     wide = int(max(size[:, 0].max(), np.ceil(np.sqrt((size[:, 0] * size[:, 1]).sum()))))
     place = np.zeros_like(size)
     x = y = row = 0
@@ -131,14 +124,12 @@ def shelves(size: I64) -> tuple[I64, tuple[int, int]]:
 
 
 def color_cells(corner_colors: U8) -> tuple[U8, Array]:
-    """Image (side, side, 3), top row first, and coordinates (F, 3, 2), v up, of faces with corner colours (F,
-    3, 3)."""
+    """Image (side, side, 3), top row first, and coordinates (F, 3, 2), v up, of corner colours (F, 3, 3)."""
     return face_cells(corner_colors, lambda colors: np.round(colors).astype(np.uint8), 8)
 
 
 def face_cells(corners: NDArray[np.generic], color: Callable[[Array], U8], most: int) -> tuple[U8, Array]:
-    """Image (side, side, 3), top row first, in which each face has texels of its own, and coordinates (F, 3,
-    2), v up.
+    """Image (side, side, 3), top row first, with texels for each face, and coordinates (F, 3, 2), v up.
 
     Two faces share a square cell of s x s texels, s at most `most`: corner texels (0,0) (s-2,0) (0,s-2) and,
     turned, (s-1,s-1) (1,s-1) (s-1,1). `color` gives the colours (..., 3) of values (..., K) that are linear

@@ -1,5 +1,4 @@
-"""Why something is doubted, refused, failed or found wrong: one type for each cause, which alone writes its
-text."""
+"""Why something is doubted, refused, failed or wrong: one type for each cause, which writes its text."""
 
 from __future__ import annotations
 
@@ -9,8 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Cause(ABC):
-    """One cause. Its fields are its numbers; who wants to know what happened asks for the type, who counts
-    causes counts `kind`."""
+    """One cause. Its fields are its numbers; its type says what happened, `kind` is what causes count by."""
 
     @property
     @abstractmethod

@@ -1,5 +1,4 @@
-"""Does a stated contact lie on its part? A twin whose contact is off can be read, so that it can be
-mended."""
+"""Does a stated contact lie on its part? A twin with a wrong contact can be read and mended."""
 
 from __future__ import annotations
 
@@ -51,14 +50,12 @@ def distance_to(mesh: Mesh, point: Array) -> float:
 
 
 def allowed(contact: ContactPath) -> float:
-    """How far (m) a contact may be from the surface: 7 cm of hand (chosen by us), and half its stated
-    width."""
+    """How far (m) a contact may be from the surface: 7 cm of hand (chosen by us), plus half its width."""
     return _HAND + contact.width / 2
 
 
 def contact_off(part: Part) -> ContactOff | None:
-    """What is wrong with a part's contact; None where it is on the part, or there is none. The mesh must not
-    be empty."""
+    """What is wrong with a part's contact; None if on the part or absent. The mesh must not be empty."""
     if part.contact is None or not len(part.mesh.faces):
         return None
     distance, most = distance_to(part.mesh, part.contact.point), allowed(part.contact)

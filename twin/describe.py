@@ -1,5 +1,4 @@
-"""How scene types show themselves: one line for `repr`, a small table for notebooks. Numbers are rounded,
-arrays counted."""
+"""How scene types show themselves: a `repr` line, a notebook table. Numbers are rounded, arrays counted."""
 
 from __future__ import annotations
 
@@ -125,8 +124,7 @@ _LINES: dict[str, Callable[[Any], str]] = {
 
 
 def html(thing: Twin | Part) -> str:
-    """A table of the part, or of the twin's parts, complete in itself; every text of the user's is
-    escaped."""
+    """A table of the part, or of the twin's parts, complete in itself; texts of the user's are escaped."""
     if type(thing).__name__ == "Part":
         part = cast("Part", thing)
         return _table(

@@ -58,8 +58,7 @@ class ServiceError(FuntwinError):
     """A service on the network, which the user asked for, gave no usable answer; the message holds no key."""
 
 
-# Share of letters in common; chosen by us: at 0.5 "bogus" is taken for "robots", at 0.7 "tun" is not taken
-# for "tum".
+# Share of common letters, chosen by us: at 0.5 "bogus" is taken for "robots", at 0.7 "tun" isn't for "tum".
 _ALIKE = 0.6
 
 

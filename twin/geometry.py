@@ -165,8 +165,7 @@ def matrix_from_quat_wxyz(quat_wxyz: ArrayLike) -> Array:
 
 
 def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Least-squares pose T_target_source (..., 4, 4) with target ~ T source (Kabsch 1976, Umeyama 1991, scale
-    1).
+    """Least-squares pose T_target_source (..., 4, 4) with target ~, target , Umeyama 1991, scale 1).
 
     Args:
         source: points (..., n, 3).
@@ -275,11 +274,9 @@ def triangle_normals(corners: Array) -> tuple[Array, Array]:
 
 
 def unique_rows(rows: NDArray[np.integer[Any]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Index of the first of each set of equal rows (m,) of whole numbers, these in rising order, and the set
-    of each row (n,).
+    """Index of the first of each set of equal integer rows (m,), these rising, and the set of each row (n,).
 
-    What np.unique(axis=0) gives, but it sorts one number a row where that can hold all columns: many times as
-    fast.
+    What np.unique(axis=0) gives, sorting one number a row where that holds all columns: many times as fast.
     """
     if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

@@ -1,5 +1,4 @@
-"""What stands off a flat face, as a bar or a knob does: the finder of handles that reconstruction, robots and
-simulation share.
+"""What stands off a flat face, as a bar or knob: the finder of handles of reconstruction, robots, simulation.
 
 A face is the outermost layer along a direction that is filled with surface; what stands off it, is connected
 and not so tall that it is the part itself may be held. Whom it is near to (a hand, a contact, nobody) is for
@@ -56,8 +55,7 @@ class Face:
         return bool(self.height(piece).max() < TALLEST)
 
     def outer_half(self, piece: Array) -> tuple[Array, float]:
-        """The outer half (m, 3) of a piece, which leaves the posts of a bar out, and how far (m) the piece
-        stands off."""
+        """The outer half (m, 3) of a piece, without the posts of a bar, and how far (m) the piece reaches."""
         height = self.height(piece)
         top = float(np.quantile(height, 0.97))
         return piece[height > 0.5 * top], top
@@ -122,8 +120,7 @@ def split(points: Array) -> list[Array]:
 
 
 def long_side(points: Array, normal: Array, outliers: float = 0.02) -> tuple[Array, float, float]:
-    """Direction (3,) across the normal in which points (n, 3) reach farthest, their length in it and their
-    width (m).
+    """Direction (3,) across the normal in which points (n, 3) reach farthest, their length and width (m).
 
     Of both ends of either the share `outliers` is left out.
     """
@@ -143,8 +140,7 @@ def is_bar(length: float, width: float) -> bool:
 
 
 def upright(normal: Array, hinge: Array | None = None) -> Array:
-    """Direction (3,) across a normal along which a hand would hold a knob: the hinge's axis, else nearest to
-    vertical."""
+    """Direction (3,) across a normal along which a hand holds a knob: the hinge's axis, else upright."""
     options = [] if hinge is None else [hinge]
     for option in (*options, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])):
         flat = option - (option @ normal) * normal

@@ -1,8 +1,6 @@
-"""What no camera saw of a body, kept apart from what one did: closed pieces, each with its reason and with
-what bounds it.
+"""What no camera saw of a body: closed pieces, each with its reason and with what bounds it.
 
-Numpy only; every type checks its own laws when it is built. `twin.completion` infers, `twin.exporters` writes
-one layer or both.
+Numpy only; types check their own laws. `twin.completion` infers, `twin.exporters` writes one or both layers.
 """
 
 from __future__ import annotations
@@ -56,8 +54,7 @@ class Inferred(Described):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Interior(Described):
-    """Free space inside furniture, where things are kept: a box in the world at state 0, of the body that it
-    moves with."""
+    """Free space in furniture where things are kept: a box in the world at state 0, moving with its body."""
 
     name: str
     box: Box
@@ -106,8 +103,7 @@ class Completion(Described):
 
 
 def box_mesh(T_world_box: Array, size: Array, color: NDArray[np.uint8] | None = None) -> Mesh:
-    """A box (4, 4), full size (3,) m, as a closed mesh of twelve triangles that face outwards; plain colour
-    (3,) at every vertex."""
+    """A box (4, 4), full size (3,) m, as a closed mesh of twelve outward triangles; vertex colour (3,)."""
     box = Box(T_world_box, size)
     faces = [
         (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),

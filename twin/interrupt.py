@@ -1,5 +1,4 @@
-"""Ends the command in one line when the user interrupts it, wherever it is: in compiled code, in threads,
-with children at work."""
+"""Ends an interrupted command in one line, wherever it is: compiled code, threads, children at work."""
 
 from __future__ import annotations
 
@@ -25,14 +24,12 @@ _deadline: list[float] = []
 
 def handle() -> None:
     """Take SIGINT and SIGTERM from now on. The first one unwinds the program; a second one, or a program that
-    does not end in three seconds, ends it at once. Nothing is lost either way: every file is replaced as a
-    whole."""
+    does not end in three seconds, ends it at once. Nothing is lost: every file is replaced whole."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupted)
     signal.signal(signal.SIGALRM, _late)
     sys.unraisablehook = _unraisable
-    # Runs after all other exit functions: from there on Python takes its handlers away and unloads modules
-    # for a while.
+    # Runs after all other exit functions: then Python takes its handlers away and unloads modules.
     atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 
@@ -61,8 +58,7 @@ def leave(tell: bool = False) -> NoReturn:
 
 
 def finish(code: int) -> NoReturn:
-    """End the program, whose work is done and told, with its exit code; an interruption from here on only
-    hastens it.
+    """End the finished program with its exit code; an interruption from here on only hastens the end.
 
     One that a library dropped on the way is told now: the user's shell shall stop, and know why."""
     if happened():
@@ -74,8 +70,7 @@ def finish(code: int) -> NoReturn:
 
 @contextmanager
 def spared() -> Iterator[None]:
-    """Processes that are started in here don't hear Ctrl-C, which a terminal sends to all: they end with this
-    one, silently."""
+    """Processes started in here don't hear Ctrl-C, which a terminal sends to all: they end with this one."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -110,8 +105,7 @@ def _late(_number: int, frame: FrameType | None) -> None:
 
 
 def _unraisable(told: Any) -> None:
-    """An interruption that fell into a callback or finalizer, where Python can only drop it, is raised again
-    soon."""
+    """An interruption that fell into a callback or finalizer (Python drops it there) is raised again soon."""
     if not happened():
         sys.__unraisablehook__(told)
     elif (

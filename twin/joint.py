@@ -1,9 +1,7 @@
-"""Joints of one degree of freedom and their algebra: small moves of the axis, uncertainty carried along,
-other frames.
+"""Joints of one degree of freedom and their algebra: small moves, their uncertainty, other frames.
 
 The tangent of a joint: tilts (rad) of the axis about the two columns of `Joint.basis`, then, for a hinge,
-shifts (m) of the axis along them at the pivot. All that moves, compares or samples joints does it in these
-coordinates.
+shifts (m) of the axis along them at the pivot. Joints are moved, compared and sampled in these.
 
 FunREC, supplement 1.1, eq. 1 and 2: another point on the same axis.
 """
@@ -26,8 +24,7 @@ from twin.quantities import set_field as _set
 
 
 def moved_axis(axis: Array, pivot: Array, delta: ArrayLike) -> tuple[Array, Array]:
-    """Axis (3,) and pivot (3,) m moved by a tangent (2,) or (4,): first the tilts, then the shifts along the
-    old basis."""
+    """Axis (3,) and pivot (3,) m moved by a tangent (2,) or (4,): tilts, then shifts along the old basis."""
     delta = geo.as_float(delta)
     basis = geo.orthogonal_basis(axis)[:, :2]
     tilted = geo.unit(geo.exp_so3(basis @ delta[:2]) @ axis)
@@ -53,8 +50,7 @@ class JointSigma:
 
     @classmethod
     def of(cls, covariance: Array, state: float) -> JointSigma:
-        """From a joint's covariance (2, 2) or (4, 4): the root of the mean variance over the two
-        directions."""
+        """From a joint's covariance (2, 2) or (4, 4): root of the mean variance over two directions."""
         tilt, *shift = (
             float(np.sqrt(max(np.trace(covariance[k : k + 2, k : k + 2]) / 2, 0.0)))
             for k in range(0, len(covariance), 2)
@@ -119,8 +115,7 @@ class Joint(Described, ABC):
         return geo.orthogonal_basis(self.axis)[:, :2]
 
     def plus(self, delta: ArrayLike) -> Self:
-        """The joint moved by a tangent (2,) or (4,) in `basis`; limits and sigma stay, the covariance is
-        carried along.
+        """The joint moved by a tangent (2,) or (4,) in `basis`; limits and sigma stay, covariance follows.
 
         A hinge's pivot is shifted, not turned: `joint.plus(d).minus(joint)` is d again, up to half a turn of
         tilt. The shifts of a slide, which has no place, are nothing.
@@ -136,8 +131,7 @@ class Joint(Described, ABC):
         """The tangent (2,) or (4,) in the other's basis by which that one becomes this one, as a line:
         `other.plus(delta)` has this axis, and a pivot on this line.
 
-        Raises SceneError for another kind, and for hinges whose axes cross at a right angle, of which none
-        passes the other's plane.
+        Raises SceneError for another kind, and for hinges whose axes cross at a right angle.
         """
         if other.kind != self.kind:
             raise SceneError(f"a {self.kind} joint minus a {other.kind} one is not defined")
@@ -159,8 +153,7 @@ class Joint(Described, ABC):
         return replace(self._at(-self.axis, self._place(), self.basis), lower=-self.upper, upper=-self.lower)
 
     def with_pivot(self, point: ArrayLike) -> Self:  # noqa: ARG002  (a hinge has a pivot)
-        """The same joint with its pivot at the point of the axis nearest to `point` (3,) m; a slide stays as
-        it is."""
+        """The same joint with its pivot at the point of the axis nearest to `point` (3,) m; slides stay."""
         return self
 
     def transformed(self, T_new_old: Array) -> Self:
@@ -199,8 +192,7 @@ class Prismatic(Joint):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Revolute(Joint):
-    """Hinge (door, lid) about the line through `pivot` (3,) m along `axis`; states in radians,
-    right-handed."""
+    """Hinge (door, lid) about `axis` through `pivot` (3,) m; states in radians, right-handed."""
 
     pivot: Array = field(kw_only=True)
     kind: Literal["prismatic", "revolute"] = field(init=False, default="revolute")
@@ -219,8 +211,7 @@ class Revolute(Joint):
         return np.cross(self.axis, moved - self.pivot)
 
     def with_pivot(self, point: ArrayLike) -> Revolute:
-        """The same hinge with its pivot at the point of the axis nearest to `point` (3,) m, uncertainty
-        included.
+        """The same hinge with its pivot at the point of the axis nearest to `point` (3,) m, with uncertainty.
 
         A tilt (t1, t2) in the basis shifts the axis, d metres along it, by d (t2, -t1).
         """

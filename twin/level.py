@@ -48,8 +48,7 @@ UP = np.array([0.0, 0.0, 1.0])  # of every twin
 
 @dataclass(frozen=True, eq=False)
 class Witness:
-    """Something that is level or plumb where furniture stands: what it is, and its unit direction (3,) in the
-    twin's world.
+    """Something level or plumb on furniture: what it is, and its unit direction (3,) in the twin's world.
 
     level_only: its direction is level (a slide's); else it is level or plumb.
     """
@@ -70,8 +69,7 @@ class Witness:
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A large flat piece of a surface: unit normal (3,), whose sign means nothing, centre (3,) m, and area
-    m^2."""
+    """A large flat piece of a surface: unit normal (3,) (either sign), centre (3,) m, and area m^2."""
 
     normal: Array
     centre: Array
@@ -101,8 +99,7 @@ class LevelEvidence:
 
     @property
     def contradicted(self) -> bool:
-        """At least two witnesses agree, and not by chance, on an up that is more than 2 deg from the
-        twin's."""
+        """At least two witnesses agree, and not by chance, on an up over 2 deg from the twin's."""
         return self.tilt_deg > TILT_DEG and len(self.against) >= FEWEST and self.spare > 0
 
     @property
@@ -120,14 +117,12 @@ class LevelEvidence:
 
 
 def level_evidence(twin: Twin) -> LevelEvidence:
-    """Compare the twin's up with its large static planes, the travel of its slides and the lines of its
-    hinges, all closed."""
+    """Compare the twin's up with large static planes, travels of slides and lines of hinges, all closed."""
     return judged(witnesses(twin))
 
 
 def doubts_about_up(twin: Twin) -> tuple[str, ...]:
-    """What speaks against the twin's up, each in one line: what its reconstruction said, and the planes and
-    joints that contradict it."""
+    """What contradicts the twin's up, a line each: its reconstruction, and the planes and joints that do."""
     said = twin.provenance.get(DOUBTED, ())
     told = tuple(map(str, said)) if isinstance(said, list | tuple) else ()
     evidence = level_evidence(twin)
@@ -135,8 +130,7 @@ def doubts_about_up(twin: Twin) -> tuple[str, ...]:
 
 
 def witnesses(twin: Twin) -> tuple[Witness, ...]:
-    """The large planes of the static mesh, largest first, then the joint of every part that is mounted on
-    it."""
+    """The large planes of the static mesh, largest first, then every part's joint on it."""
     found = [Witness(_named(p), p.normal) for p in large_planes(twin.static.mesh)]
     for part in twin.parts:
         if part.parent is None:  # one that is carried is as level as what carries it stands
@@ -163,8 +157,7 @@ def _told(found: Sequence[Witness], up: Array) -> LevelEvidence:
 
 
 def _spare(those: Sequence[Witness], up: Array) -> int:
-    """Conditions on `up` that witnesses set, one by what is level and two by what is plumb, less the
-    directions in which they hold it."""
+    """Conditions on `up` by witnesses, one if level, two if plumb, less the directions they fix."""
     form, count = np.zeros((3, 3)), 0
     for w in those:
         level = w.is_level(up)
@@ -204,10 +197,9 @@ def _refined(those: Sequence[Witness], up: Array) -> Array:
 def large_planes(mesh: Mesh) -> list[Plane]:
     """Large planes of a mesh, largest first, those that are parallel and beside each other once.
 
-    Each is the best of some guesses (RANSAC, Fischler and Bolles 1981), which are planes of least squares of
-    a point's neighbours that look the same way, among the points that no plane has yet; then that of least
-    squares of its own points. Open3D's search for patches (0.20) finds none in a cabinet of boards, whose
-    faces are two centimetres apart.
+    Each is the best of some guesses (RANSAC, Fischler and Bolles 1981): least-squares planes of a free
+    point's neighbours that look the same way; then refit to its own points. Open3D's search for patches
+    (0.20) finds none in a cabinet of boards, whose faces are two centimetres apart.
     """
     rng = np.random.default_rng(0)
     points, normals = sample_surface(mesh, _SAMPLES, rng)
@@ -250,8 +242,7 @@ def _fitted(points: Array) -> tuple[Array, Array]:
 
 
 def _on(points: Array, normals: Array, plane: tuple[Array, Array], off: float) -> NDArray[np.bool_]:
-    """Which points (n,) are within `off` m of a plane (normal, centre) and look to one side of it, that to
-    which most do."""
+    """Which points (n,) are within `off` m of a plane (normal, centre) and look to its more frequent side."""
     normal, centre = plane
     near, facing = np.abs((points - centre) @ normal) < off, normals @ normal
     front, back = near & (facing > _TURNED), near & (facing < -_TURNED)

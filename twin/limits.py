@@ -13,23 +13,18 @@ from twin.scene import Part, Twin
 from twin.units import ANGLES, LENGTHS, number_and_unit
 
 Limit = float | str
-# Quantile of the recorded states that a range has to hold: as a reconstruction's own limits,
-# docs/settings.md, limit_quantile.
+# Quantile of recorded states a range has to hold: a reconstruction's own (docs/settings.md, limit_quantile).
 _OUTLIERS = 0.02
-# Share of the recorded range by which limits that a user states may fall short of it; chosen by us: rounding
-# to a handy number.
+# Share of the recorded range by which stated limits may fall short of it; chosen by us: rounding.
 _STATED = 0.05
-# The same of limits in twin.json; chosen by us: noise and creep at rest bring those of a doubtful
-# reconstruction this far off.
+# The same of limits in twin.json; chosen by us: doubtful reconstructions are this far off by noise and creep.
 _STORED = 0.25
 
 
 def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: Limit | None = None) -> Twin:
-    """The twin with other limits of one part's joint, counted from the closed state 0 in which its meshes
-    are.
+    """The twin with other limits of one part's joint, counted from the closed state 0 of its meshes.
 
-    Collision shapes and the inferred layer that a reconstruction got depend on the range; the next export
-    makes them anew.
+    Collision shapes and the inferred layer depend on the range; the next export makes them anew.
 
     Args:
         part: id or name.

@@ -1,8 +1,6 @@
-"""Triangle meshes: points on their surface, connected pieces, vertices in use, edges, enclosed volume, fewer
-faces.
+"""Triangle meshes: points on surfaces, connected pieces, used vertices, edges, enclosed volume, fewer faces.
 
-Areas and normals of single triangles stand in `twin.geometry`, which needs numpy alone; the law-abiding mesh
-is `twin.scene.Mesh`.
+Single triangles' areas and normals: `twin.geometry` (numpy alone); the law-abiding mesh: `twin.scene.Mesh`.
 """
 
 from __future__ import annotations
@@ -22,8 +20,7 @@ Faces = NDArray[np.integer[Any]]
 
 
 def on_triangles(corners: Array, u: Array, v: Array) -> Array:
-    """Points (n, 3) on triangles (n, 3, 3) from the unit square: u and v (n,) in 0..1, even there, are even
-    on each triangle.
+    """Points (n, 3) on triangles (n, 3, 3) from the unit square: u, v (n,) in 0..1, even on each triangle.
 
     The square root that this takes is that of Osada et al. 2002, "Shape distributions", section 4.1.
     """
@@ -47,8 +44,7 @@ def sample_surface(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[Ar
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one: grey where only others have colours, with a texture where all that have faces share
-    its image."""
+    """All meshes as one: grey if only others have colours, textured if all with faces share an image."""
     if not meshes:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
@@ -66,8 +62,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def compact(faces: Faces) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """The vertices (n,) that faces (F, 3) use, in rising order, and the faces in the numbers that these
-    get."""
+    """The vertices (n,) that faces (F, 3) use, in rising order, and the faces in these numbers."""
     used, index = np.unique(faces, return_inverse=True)
     return used.astype(np.int64), index.reshape(-1, 3).astype(np.int32)
 
@@ -98,19 +93,16 @@ def vertex_pieces(faces: Faces, vertices: int) -> NDArray[np.intp]:
 def signed_volume(corners: Array) -> float:
     """Volume (m^3) that closed triangles (F, 3, 3) enclose, negative where they are wound inside out.
 
-    The sum of the tetrahedra over the origin (Zhang and Chen 2001): give corners about a point near the body,
-    for the digits.
+    Sum of the tetrahedra over the origin (Zhang and Chen 2001): give corners near the origin, for digits.
     """
     a, b, c = (np.ascontiguousarray(corners[:, k]) for k in range(3))
     return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 def decimated(vertices: NDArray[Any], faces: Faces, budget: int) -> tuple[Array, NDArray[np.int32]]:
-    """About `budget` faces by quadric error (Garland and Heckbert 1997), as fast-simplification collapses
-    edges.
+    """About `budget` faces by quadric error (Garland and Heckbert 1997), by fast-simplification.
 
-    It computes in the precision of `vertices`, with thresholds made for lengths of about one, and keeps
-    borders.
+    Precision is that of `vertices`, thresholds suit lengths of about one, and keeps borders.
     """
     import fast_simplification
 

@@ -25,8 +25,7 @@ def require_legal(name: str) -> None:
 
 
 def legal_name(text: str, taken: Iterable[str] = ()) -> str:
-    """Make a legal name from any text, unlike every name in `taken` whatever the case (a number is
-    appended)."""
+    """Make a legal name from any text, unlike all in `taken` whatever the case (by a number)."""
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     base = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_") or "part"
     if not base[0].isalpha() or base.lower() in _RESERVED:
@@ -52,6 +51,5 @@ def unused(name: str, taken: Iterable[str]) -> str:
 
 
 def scene_file(twin: str) -> str:
-    """Name of the file with floor and light beside a twin's MJCF: scene.xml, unless the twin is called so
-    itself."""
+    """Name of the file with floor and light beside a twin's MJCF: scene.xml, unless the twin has it."""
     return f"{unused('scene', [twin])}.xml"

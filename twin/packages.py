@@ -1,5 +1,4 @@
-"""Names Python packages that are to be installed, without assuming with what: pip, uv, pipx and conda each
-have a command."""
+"""Names Python packages to install, whatever installs them: pip, uv, pipx and conda each have a command."""
 
 from __future__ import annotations
 
@@ -21,8 +20,7 @@ def to_install(package: str, extra: str = "") -> str:
 
 
 def requirements(extra: str = "") -> list[str]:
-    """What Funtwin requires, or what its extra does, as "name>=version"; empty when Funtwin itself is not
-    installed."""
+    """What Funtwin requires, or what its extra does, as "name>=version"; empty if it is not installed."""
     try:
         listed = metadata.requires("funtwin") or []
     except metadata.PackageNotFoundError:

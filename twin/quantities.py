@@ -1,5 +1,4 @@
-"""Numbers that say where they come from: a quantity with source and interval, and what a part's mass and
-friction are.
+"""Numbers that say where they come from: quantities with source and interval; a part's mass and friction.
 
 Numpy only; every type checks its own laws when it is built.
 """
@@ -19,8 +18,7 @@ from twin.geometry import Array
 
 Origin = Literal["measured", "geometry", "vlm", "recording", "user", "typical", "default", "other"]
 ORIGINS: tuple[Origin, ...] = get_args(Origin)
-# Chosen by us: beyond it a double can't tell tenths of a millimetre, and what is computed from it soon
-# overflows.
+# Chosen by us: beyond it a double can't tell tenths of a millimetre, and computations overflow soon.
 LARGEST = 1e12
 
 
@@ -99,8 +97,7 @@ class Quantity:
 class Inertial(Described):
     """Mass (kg) with interval and source, centre of mass (3,) m and inertia tensor (3, 3) kg m^2 about it.
 
-    World axes at state 0. The tensor is positive definite and its principal moments obey the triangle
-    inequality.
+    World axes at state 0. The tensor is positive definite and its moments obey the triangle inequality.
 
     inertia_source: where centre and tensor come from; the mass' source when left out. inertia_interval: (low,
     high) factors: the true tensor's moment about any axis through its centre lies between low and high times
@@ -151,8 +148,7 @@ class Inertial(Described):
     def with_mass(self, mass: Quantity) -> Inertial:
         """The same distribution of another mass: the tensor grows with it, and so does its interval.
 
-        How the mass is spread stays as uncertain as it was: the interval's factors keep their ratio to those
-        of the mass.
+        How the mass is spread stays as uncertain: the interval's factors keep their ratio to the mass's.
         """
         was, interval = self.mass, self.inertia_interval
         if interval is not None:
@@ -216,8 +212,7 @@ class PartPhysics(Described):
         return PartPhysics(**replaced)
 
     def caught(self, state: float) -> float:
-        """Force (N or N m) with which a catch holds the part at a state (m or rad) against being opened; 0
-        without one."""
+        """Force (N or N m) with which a catch holds the part at a state (m or rad); 0 without a catch."""
         return 0.0 if self.catch is None else self.catch.pull(state)
 
 

@@ -1,8 +1,6 @@
-"""Robust statistics: noise by the median, chi-square medians, and weights that take outliers out of a
-least-squares fit.
+"""Robust statistics: noise by the median, chi-square medians, and weights against outliers in least squares.
 
-A weight w(r^2) multiplies r^2 in iteratively reweighted least squares; `scale2` is the squared residual at
-which doubt sets in.
+A weight w(r^2) multiplies r^2 in reweighted least squares; `scale2` is the squared residual of doubt.
 """
 
 from __future__ import annotations
@@ -18,8 +16,7 @@ CAUCHY_95 = 2.385  # sigmas: the Cauchy scale with 95 % efficiency in one dimens
 
 
 def mad_sigma(deviations: Array) -> float:
-    """Standard deviation of normal deviations (n,) from their known middle, by the median of their sizes; 0
-    without any.
+    """Standard deviation of normal deviations (n,) from a known middle, by their median size; 0 of none.
 
     Half of them may be outliers (Hampel 1974).
     """
@@ -27,24 +24,20 @@ def mad_sigma(deviations: Array) -> float:
 
 
 def chi2_scale(square: Array, dof: int) -> float:
-    """By how much squared residuals (n,) in units of their noise, of `dof` coordinates each, exceed it, told
-    by their median."""
+    """By how much the median of squared residuals (n,) of `dof` coordinates each exceeds their noise."""
     return float(np.median(square)) / CHI2_MEDIAN[dof]
 
 
 def geman_mcclure(square: Array, scale2: float) -> Array:
-    """Weights 1 / (1 + r^2 / scale2)^2 (Geman and McClure 1985): far outliers stop counting, their pull r w
-    falls to zero."""
+    """Weights 1 / (1 + r^2 / scale2)^2 (Geman and McClure 1985): far outliers' pull r w goes to zero."""
     return np.asarray(1.0 / (1.0 + square / scale2) ** 2)
 
 
 def cauchy(square: Array, scale2: float, weight: Array | float = 1.0) -> Array:
-    """Cauchy weights 1 / (1 + r^2 / scale2), times a given one: the pull r w of far outliers falls as 1 /
-    r."""
+    """Cauchy weights 1 / (1 + r^2 / scale2), times a given one: far outliers' pull r w falls as 1 / r."""
     return np.asarray(weight / (1.0 + square / scale2))
 
 
 def cauchy_loss(square: Array, scale2: float) -> Array:
-    """What Cauchy weights minimise, log(1 + r^2 / scale2), in units of scale2: for small r it is r^2 /
-    scale2."""
+    """What Cauchy weights minimise, log(1 + r^2 / scale2), in units of scale2: r^2 / scale2 for small r."""
     return np.asarray(np.log1p(square / scale2))

@@ -77,8 +77,7 @@ class ContactPath(Described):
 
     point: (3,) m on the part's surface, world frame at state 0. rotation: (3, 3), columns = direction in
     which the hand closes, direction along the handle, direction out of the part (right-handed). width: m,
-    thickness of what is held along the closing direction. frames: recording frames in which the hand holds
-    the part.
+    thickness held along the closing direction. frames: recording frames in which the hand holds the part.
     """
 
     point: Array
@@ -100,8 +99,7 @@ class ContactPath(Described):
 class HandleSection(Described):
     """How thick a part's handle is, by its outline in photographs.
 
-    middle: (3,) m of its outer face, world frame at state 0. width: m across its length. photographs: how
-    many tell.
+    middle: (3,) m of its outer face, world frame at state 0. width: m across its length. photographs: number.
     """
 
     middle: Array
@@ -134,9 +132,8 @@ class Part(Described):
     """A moving part. `parent` is the id of the part it is mounted on, None for the static scene.
 
     extra: what others wrote about it into twin.json, by key; JSON types. verdict: what it is worth; None of a
-    part that was stated, or made before there were verdicts. collision: shapes of what was seen. completion:
-    the inferred layer, None where nobody inferred one. handle: None where no photograph tells how thick it
-    is.
+    stated part, or one older than verdicts. collision: shapes of what was seen. completion: the inferred
+    layer, None where nobody inferred one. handle: None where no photograph tells how thick it is.
     """
 
     id: int
@@ -285,8 +282,7 @@ class Twin(Described):
         raise SceneError(f"the twin has no part {key!r}", f"{hint}its parts are: {known}")
 
     def part_pose(self, key: int | str, states: Mapping[int, float]) -> Array:
-        """T_world_part (4, 4), the motion from state 0, of a part when every part id in `states` is at that
-        state.
+        """T_world_part (4, 4) from state 0 of a part when every part id in `states` is at that state.
 
         The joint of a nested part is carried along by its parents.
         """

@@ -1,5 +1,4 @@
-"""Shapes of bodies: triangle meshes and boxes. Numpy only; every type checks its own laws when it is
-built."""
+"""Shapes of bodies: triangle meshes and boxes. Numpy only; every type checks its laws when built."""
 
 from __future__ import annotations
 
@@ -25,8 +24,7 @@ class Texture(Described):
     """Picture of a mesh's surface.
 
     uv: (F, 3, 2) float32, where each corner of each face lies in the image, 0..1, v up. image: (H, W, 3)
-    uint8 sRGB, top row first. seen: (H, W) bool, texels that a picture shows; the others are in-painted, or
-    lie off every face.
+    uint8 sRGB, top row first. seen: (H, W) bool, texels of pictures; others are in-painted or off every face.
     """
 
     uv: NDArray[np.float32]
@@ -58,8 +56,7 @@ class Texture(Described):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(Described):
-    """Triangle mesh: vertices (V, 3) m, faces (F, 3) int32, optional vertex colours (V, 3) uint8 sRGB and
-    photo texture."""
+    """Triangle mesh: vertices (V, 3) m, faces (F, 3) int32; optional colours (V, 3) uint8 sRGB, texture."""
 
     vertices: Array
     faces: NDArray[np.int32]
@@ -85,8 +82,7 @@ class Mesh(Described):
         return Mesh(geo.transform(T_new_old, self.vertices), self.faces, self.colors, self.texture)
 
     def of(self, keep: NDArray[np.bool_], vertices: Array | None = None) -> Mesh:
-        """Some faces (F,) with the vertices that these use, which may be moved (V, 3) m; colours and texture
-        come along."""
+        """Some faces (F,) with their vertices, which may be moved (V, 3) m; colours and texture follow."""
         used = np.unique(self.faces[keep])
         number = np.zeros(len(self.vertices), np.int32)
         number[used] = np.arange(len(used))
@@ -98,8 +94,7 @@ class Mesh(Described):
         )
 
     def to_trimesh(self) -> trimesh.Trimesh:
-        """A copy as a `trimesh.Trimesh`, with its photographs or else its vertex colours; no vertex is merged
-        or left out.
+        """A copy as a `trimesh.Trimesh`, with photographs or else vertex colours; no vertex merged or lost.
 
         A texture gives every face vertices of its own, as trimesh has one texture coordinate a vertex.
         """
@@ -122,8 +117,7 @@ class Mesh(Described):
 
     @property
     def area_centroid(self) -> Array:
-        """Centroid (3,) of the surface, each face weighing its area; the vertex mean for a mesh without
-        area."""
+        """Centroid (3,) of the surface, each face weighing its area; the vertex mean without area."""
         w = geo.triangle_areas(self.vertices[self.faces])
         if w.sum() < 1e-15:
             return np.asarray(self.vertices.mean(axis=0))

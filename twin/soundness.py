@@ -11,8 +11,7 @@ from twin.geometry import Array
 from twin.scene import Mesh, Part, Twin
 
 _CROSSING = 0.002  # m, chosen by us: above the noise of a scanned surface, below any board
-# of a part's area, chosen by us: folds of a scanned surface are no harm (3 % of a drawer with 1.5 mm of
-# noise)
+# of a part's area, chosen by us: folds of a scan are no harm (3 % of a drawer with 1.5 mm of noise)
 _SHARE = 0.1
 _FACES = 10_000  # looked at in a larger mesh: every triangle is tried against every other
 
@@ -20,8 +19,7 @@ _FACES = 10_000  # looked at in a larger mesh: every triangle is tried against e
 def require_sound(twin: Twin) -> None:
     """Raises SceneError that names the first moving part with an empty mesh.
 
-    Also where shapes and mass are stated: a file that lost its faces looks the same as one that never had
-    any.
+    Also where shapes and mass are stated: a file that lost its faces looks like one that never had any.
     """
     for part in twin.parts:
         if not len(part.mesh.faces) or part.mesh.area < 1e-9:
@@ -32,8 +30,7 @@ def require_sound(twin: Twin) -> None:
 
 
 def overlaps(twin: Twin) -> list[str]:
-    """One line for every moving part whose mesh holds the same space twice, with the share and what became of
-    it.
+    """One line for every moving part whose mesh holds the same space twice, with share and outcome.
 
     Boards that only touch are not meant. The static scene is not looked at: it has no mass, and its shapes
     follow the surface whatever it encloses.

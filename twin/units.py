@@ -1,5 +1,4 @@
-"""Units of what a user gives, and of what a part weighs and how it resists; imports nothing heavy: the
-command line answers at once."""
+"""Units of what a user gives, of weights and resistances; imports nothing heavy, for a quick command line."""
 
 from __future__ import annotations
 
@@ -17,8 +16,7 @@ LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 1e-3}
 
 
 def number_and_unit(text: str) -> tuple[float, str]:
-    """Number and unit of a text such as "24 N", the unit without spaces and "" where there is none; NaN where
-    there is no number."""
+    """Number and unit of a text such as "24 N", the unit without spaces or ""; NaN without a number."""
     found = re.fullmatch(r"\s*([-+0-9.eE]*[0-9.])\s*([A-Za-z% ]*)", text)
     try:
         return (float(found[1]), found[2].replace(" ", "")) if found else (math.nan, "")

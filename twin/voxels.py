@@ -15,8 +15,7 @@ NEIGHBOURS = np.array(
 
 
 def voxel_keys(points: NDArray[np.float32], size: float) -> NDArray[np.int64]:
-    """One integer (n,) for the voxel of edge `size` m that holds each point (n, 3); good to a million voxels
-    a side."""
+    """One integer (n,) for the voxel of edge `size` m of each point (n, 3); up to a million voxels a side."""
     c = np.floor(points / size).astype(np.int64) + _OFFSET
     return np.asarray((c[:, 0] << (2 * _BITS)) | (c[:, 1] << _BITS) | c[:, 2])
 

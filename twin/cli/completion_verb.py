@@ -1,5 +1,4 @@
-"""The verb `twin completion`: a script that completes verbs, options, settings and names in bash and zsh,
-made from the parsers."""
+"""The verb `twin completion`: a bash or zsh script that completes verbs, options, settings and names."""
 
 from __future__ import annotations
 
@@ -120,8 +119,7 @@ def _positional(parser: argparse.ArgumentParser, key: str) -> list[str]:
 
 
 def _values(verb: str, key: str, option: str, action: argparse.Action) -> list[str]:
-    """Words that may follow an option: its choices, names that a table knows, or words in lower case of its
-    metavar."""
+    """Words that may follow an option: its choices, names from a table, or its metavar's lower-case words."""
     if option == "--set":
         classes = SETTINGS.values() if verb == "config" else [SETTINGS.get(verb, SETTINGS["reconstruct"])]
         return [f"{s.path}=" for home in classes for s in listed(named(home)())]

@@ -16,9 +16,8 @@ from twin.runs.stages import Progress
 @dataclass(frozen=True)
 class Outcome:
     """What a verb did: `ok` is False when a check failed or a goal was missed; `data` holds JSON types.
-    `problem` is one line about an environment that is not fit, which makes the exit code 1. `first` is the
-    first line that is shown: the verdict on the twin. `doubt` is one line about why `ok` is False, where no
-    table tells."""
+    `problem` is one line about an environment that makes the exit code 1. `first` is the first line that is
+    shown: the verdict on the twin. `doubt` is one line about why `ok` is False, where no table tells."""
 
     data: dict[str, Any]
     tables: Sequence[Table] = ()

@@ -139,8 +139,7 @@ def check_libraries(load: Callable[[str], object] = ctypes.CDLL) -> list[Finding
 
 
 def check_rendering(timeout_s: float = 120.0) -> Finding:
-    """Draw one picture with MuJoCo without a screen, in a child process, as a broken driver may end the
-    process."""
+    """Draw a picture with MuJoCo without a screen, in a child process, as a broken driver may end it."""
     env = os.environ | {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
     drivers = ("libgl1-mesa-dri", "libegl1")
     try:

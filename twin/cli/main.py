@@ -52,8 +52,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _ended(error: BaseException, as_json: bool) -> int:
-    """Tell the error in one line and return the exit code; what is an error in the program is raised
-    again."""
+    """Tell the error in one line and return the exit code; an error in the program is raised again."""
     if isinstance(error, KeyboardInterrupt) or interrupt.happened():
         _fail(interrupt.MESSAGE, interrupt.REMEDY, as_json)
         return interrupt.code()

@@ -14,8 +14,7 @@ _MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval", "--goal", "-
 
 
 def points_joined(words: Sequence[str]) -> list[str]:
-    """`--contact -0.1,0,0.6` as one word: argparse would take a value that begins with a minus for an
-    option."""
+    """`--contact -0.1,0,0.6` as one word: argparse takes a value that begins with a minus for an option."""
     joined: list[str] = []
     for word in words:
         value = word[:1] == "-" and word[1:2] in set("0123456789.xyz")

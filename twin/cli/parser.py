@@ -45,9 +45,8 @@ class _Help(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Reports wrong usage like every other wrong input: one line, exit code 1. Options are written out: a
-    shortened one would change its meaning when another option is added. Help shows an example, and says which
-    options may be repeated."""
+    """Reports wrong usage as wrong input: one line, exit code 1. Options are written out: a shortened one
+    would change its meaning when another option is added. Help shows an example, and which options repeat."""
 
     def __init__(self, **kwargs: Any) -> None:
         example = EXAMPLES.get(str(kwargs.get("prog")).removeprefix("twin "))

@@ -67,8 +67,7 @@ def page_note(run: Path) -> str:
 
 @contextmanager
 def page(run: Path) -> Iterator[None]:
-    """Hold the run and render its page when the verb is done, also when it failed for a reason the user can
-    mend after it changed the run.
+    """Hold the run and render its page at the verb's end, also when the verb failed after it changed the run.
 
     A run folder that is not there yet is held by what makes it.
     """
@@ -95,8 +94,7 @@ def _shown(run: Path) -> dict[Path, int]:
 
 
 def require_run(out: Path) -> None:
-    """Raises InputError unless a twin can be written to the run folder; cheap, for before anything is
-    computed."""
+    """Raises InputError unless a twin can be written to the run folder; called before any computation."""
     require_writable(out)
     require_place(out / "twin")
 

@@ -1,5 +1,4 @@
-"""What the command line names and imports when it is called: the twin's packages know neither reconstruction
-nor robots.
+"""What the command line names and imports only when called: twin knows neither reconstruction nor robots.
 
 These are the only functions that are named by text; tests/twin/cli/test_cli.py resolves each.
 """
@@ -78,8 +77,7 @@ WORDS = {
     "robots": "robots.model.catalog:names",
     "trajectory --format": "robots.formats:FORMATS",
 }
-# Frames for a robot's film and for a question about a part: whoever asks does not know how recordings are
-# read.
+# Frames for a robot's film and for a question about a part; the caller does not know how recordings are read.
 OPEN_RECORDING = "recon.readers:open_recording"
 
 

@@ -29,8 +29,7 @@ def demo(
     set: Sequence[str],
     **opening: Any,
 ) -> Outcome:
-    """The whole chain: reconstruct, evaluate where there is truth, export, check, replay. opening: of
-    `recon.open_recording`."""
+    """The whole chain: reconstruct, evaluate, export, check, replay. opening: of `recon.open_recording`."""
     require_run(out)
     named(CHAIN["resolve"])(robot)
     recording = recording or asset("recordings/cabinet_drawer")
@@ -111,8 +110,7 @@ def export_step(
     shown: Mapping[str, str | None] | None = None,
     collision: Mapping[str, Any] | None = None,
 ) -> Step:
-    """collision: settings of the shapes by name; with any, shapes that the program made before are made
-    anew."""
+    """collision: settings of the shapes by name; if any, shapes that the program made before are remade."""
     from twin import exporters
     from twin.collision import collision_config
     from twin.collision.meetings import shapes_of

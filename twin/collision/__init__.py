@@ -97,8 +97,7 @@ def collision_config(settings: Mapping[str, Any] | None = None) -> CollisionConf
 @dataclass(frozen=True, eq=False)
 class Made:
     """Shapes of one part before anything gives way, the seconds they took on the clock, and, of the area of
-    its boards, the shares whose thickness is that of their edges or of the table because no camera saw their
-    back."""
+    its boards, the shares whose thickness is of their edges or of the table as no camera saw their back."""
 
     shapes: tuple[Collision, ...]
     seconds: float = 0.0
@@ -112,15 +111,13 @@ def with_collision(
     """Give the static scene and every part that has no collision shapes some, in the world frame at state 0.
 
     The shapes of a part keep `clearance` from those of the static scene over its whole range: static shapes
-    give way, because the recording showed that the part moves there. Shapes that the twin has already stay as
-    they are, and what is made gives way to them, except in filtered pairs. A part that would lose all its
-    shapes keeps them, or nothing could touch it. Where shapes overlap is left to `twin.collision.meetings` to
-    say.
+    give way, because the recording showed that the part moves there. Shapes that the twin has already stay,
+    and what is made gives way to them, except in filtered pairs. A part that would lose all its shapes keeps
+    them, or nothing could touch it. Where shapes overlap is left to `twin.collision.meetings` to say.
 
     Args:
         cache_dir: shapes are kept there and read back when mesh and config match, each part's by itself, and
-            all again after they gave way to one another, under a key of all meshes, joints and shapes that
-            the twin has.
+            all again after they gave way to one another, under a key of the twin's meshes, joints and shapes.
         renew: replace shapes that the twin has already; otherwise a twin in which everything has shapes is
             returned as is.
     """
@@ -207,8 +204,7 @@ def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
 
 
 def whole_hull(mesh: Mesh, config: CollisionConfig) -> tuple[Collision, ...]:
-    """The hull of a mesh too small or too ragged for pieces, so that whatever has a surface can be
-    touched."""
+    """The hull of a mesh too small or too ragged for pieces, so that every surface can be touched."""
     small = decimated(mesh, PART_FACES)
     hull = thick_hull(small.vertices[small.faces], config.thickness) if len(small.faces) else None
     return () if hull is None else (hull.mesh,)
@@ -236,8 +232,7 @@ def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Col
 
 
 def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Collision], list[Board]]:
-    """At most `most` boxes and hulls of a part's open surface (n, 3, 3), and the boards that the boxes
-    are."""
+    """At most `most` boxes and hulls of a part's open surface (n, 3, 3), and the boards of the boxes."""
     boards, rest = find_boards(triangles, outline_axes(triangles), PART_BOARDS)
     boards = boards[:most]
     rest = beyond(rest, [b.box for b in boards], 3 * PART_BOARDS.noise)
@@ -246,8 +241,7 @@ def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Co
 
 
 def surface_hulls(triangles: Array, config: CollisionConfig, most: int) -> list[Collision]:
-    """Hulls of an open surface (n, 3, 3); what would take more than `most`, the smallest, is left out rather
-    than bulge."""
+    """Hulls of an open surface (n, 3, 3); beyond `most`, the smallest are left out."""
     filled = PART_BOARDS.deepest / 2
     pieces = decompose(triangles, config.tolerance, config.thickness, 2 * config.part_pieces, filled)
     pieces = merge(pieces, config.tolerance, config.thickness, filled)

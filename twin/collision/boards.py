@@ -1,9 +1,8 @@
 """Finds boards in a triangle surface: flat regions, with their thickness, covered by few boxes.
 
-Furniture is made of boards, and a box is the best collision shape for one. The surface is searched along its
-three main directions for planes that hold much of it; each plane's region is covered by rectangles of even
-thickness. That comes from the other side of the board where it was seen, else from the depth of its edges,
-else from a table.
+Furniture is made of boards, and a box is the best collision shape. The surface is searched along its three
+main directions for planes that hold much of it; each plane's region is covered by rectangles of even
+thickness. That comes from the board's back if seen, else from the depth of its edges, else from a table.
 """
 
 from __future__ import annotations
@@ -53,8 +52,7 @@ class BoardSearch:
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """A box and what its thickness comes from: the back that was seen, the depth of its edges, or the
-    table."""
+    """A box and the source of its thickness: the back that was seen, the depth of its edges, or the table."""
 
     box: Box
     back: Literal["seen", "edge", "table"]
@@ -171,8 +169,7 @@ def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Board]:
 
 
 def _nearest(local: Array, origin: Array, shape: tuple[int, ...], cell: float) -> Array:
-    """For each grid cell how far behind the plane the first of the triangles (n, 3, 3) lies; inf where there
-    is none."""
+    """For each grid cell how far behind the plane the first triangle of (n, 3, 3) lies; inf without."""
     out = np.full(shape, np.inf)
     points = sample(local, cell * 0.7)
     index = np.floor((points[:, :2] - origin) / cell).astype(np.int64)
@@ -182,8 +179,7 @@ def _nearest(local: Array, origin: Array, shape: tuple[int, ...], cell: float) -
 
 
 def _edge_depth(local: Array, normal: Array, low: Array, high: Array, search: BoardSearch) -> float | None:
-    """How far (m) the edges of a rectangle run back from its front, from triangles across it (n, 3, 3); None
-    if unseen.
+    """How far (m) a rectangle's edges run back from its front, from triangles across it (n, 3, 3), or None.
 
     An edge faces outward at the rectangle's border. What runs back further than a board is thick is a wall,
     and further than the rectangle is wide a board seen from its narrow side.
@@ -209,11 +205,9 @@ def _edge_depth(local: Array, normal: Array, low: Array, high: Array, search: Bo
 def _rectangles(
     grid: NDArray[np.bool_], thick: Array, search: BoardSearch
 ) -> list[tuple[int, int, int, int]]:
-    """Cover the true cells with rectangles i0, i1, j0, j1 that are mostly true and of even thickness (inf:
-    unknown).
+    """Cover true cells with rectangles i0, i1, j0, j1 mostly true and of even thickness (inf: unknown).
 
-    One that is not is split by the line that saves most area, one that is but for its thickness where that
-    changes.
+    One that is not is split by the line that saves most area; if thickness is the fault, where that changes.
     """
     from scipy.ndimage import binary_closing, binary_opening
 

@@ -1,5 +1,4 @@
-"""Keeps collision shapes between runs: one file a part, and one for the whole twin after its shapes gave
-way."""
+"""Keeps collision shapes between runs: one file a part, and one for the twin after shapes gave way."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ class ShapeCache:
         return f"part_{h.hexdigest()[:24]}"
 
     def key_of_twin(self, twin: Twin, stated: Sequence[Sequence[Collision]]) -> str:
-        """Key of all shapes: every mesh and joint, filtered pairs, the shapes that are stated (static first),
-        and the config."""
+        """Key of all shapes: meshes, joints, filtered pairs, stated shapes (static first) and the config."""
         h = hashlib.sha256(self._config)
         for mesh in (twin.static.mesh, *(p.mesh for p in twin.parts)):
             h.update(mesh.vertices.tobytes() + mesh.faces.tobytes())

@@ -32,8 +32,7 @@ Owners = frozenset[int]
 
 @dataclass(frozen=True)
 class Touch:
-    """Shape `index` of `owner` (0 static, then parts) comes nearer than allowed: it must keep to normal . x
-    <= offset."""
+    """Shape `index` of `owner` (0 static, then parts) comes too near: it must keep normal . x <= offset."""
 
     owner: int
     index: int
@@ -77,8 +76,7 @@ class Yielding:
         return wanted and not pair <= self.fixed
 
     def yields(self, one: int, other: int) -> bool:
-        """Whether the first of two owners gives way to the second: the static scene to parts, the later of
-        two parts."""
+        """Whether the first of two owners gives way: the static scene to parts, the later of two parts."""
         if (one in self.fixed) != (other in self.fixed):
             return other in self.fixed
         return one == 0 or one > other > 0
@@ -90,11 +88,9 @@ EVERYTHING = Yielding()  # all shapes were made, and no pair may touch
 def make_clear(
     twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, yielding: Yielding = EVERYTHING
 ) -> list[list[Collision]]:
-    """Cut shapes (static first, then one list per part) until parts keep `clearance` from others over their
-    range.
+    """Cut shapes (static first, then one list per part) until parts keep `clearance` from others over range.
 
-    A part and the part that it is mounted on may touch. Shapes that overlapped can be cut down to the same
-    rest: it stays once.
+    A part and the part it is mounted on may touch. Shapes cut down to the same rest stay once.
     """
     shapes = [list(s) for s in shapes]
     touches = find_touches(twin, shapes, clearance, step, yielding)
@@ -161,8 +157,7 @@ def _split_around(hull: Hull, point: Array) -> list[Hull]:
 def find_touches(
     twin: Twin, shapes: list[list[Collision]], clearance: float, step: float, yielding: Yielding = EVERYTHING
 ) -> list[Touch]:
-    """The deepest touch of every shape that comes nearer than `clearance` and has to give way, one part
-    opened at a time.
+    """The deepest touch of every shape within `clearance` that has to give way, one part opened at a time.
 
     Between two states of the sweep a thin edge could slip past unseen, so what moves is tested as the hull of
     each shape at both ends of the step: it holds the shape in every state between them (of a turning one all
@@ -225,8 +220,7 @@ def _touch(
     twin: Twin, key: tuple[int, int], piece: Collision, depth: float, surface: Array, toward: Array, margin: float,
     part: Part, states: Array, state: float,
 ) -> Touch:  # fmt: skip
-    """The touch in the coordinates of state 0 of the shape that gives way, at that end of the step where it
-    reaches further."""
+    """The touch in state 0 of the shape that gives way, at the end of the step where it reaches further."""
     if key[0] not in carried(twin, part):
         return Touch(key[0], key[1], depth, surface, toward, float(toward @ surface) - margin)
     delta = part.joint.pose(float(states[1] - states[0]))

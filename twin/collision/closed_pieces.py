@@ -1,5 +1,4 @@
-"""Collision shapes of closed surfaces: a box or a hull where the body is convex, CoACD's pieces where it is
-not.
+"""Collision shapes of closed surfaces: a box or a hull if the body is convex, CoACD's pieces if not.
 
 CoACD (Wei et al. 2022, "Approximate Convex Decomposition for 3D Meshes with Collision-Aware Concavity and
 Tree Search") splits a closed body where that lowers its concavity most. It needs one that is closed as it is:
@@ -41,8 +40,7 @@ _EVEN = 0.003  # m: unevenness that is noise
 def closed_piece_shapes(
     piece: Mesh, tolerance: float, most: int, split: bool = True
 ) -> list[Collision] | None:
-    """Shapes, at most `most`, of a closed piece of a mesh; None where it is not one body, or not convex and
-    not split.
+    """Shapes, at most `most`, of a closed piece of a mesh; None if it is no single body or not split.
 
     Args:
         tolerance: concavity (m) that CoACD leaves.
@@ -67,11 +65,9 @@ def closed_piece_shapes(
 
 
 def concave_share(mesh: Mesh) -> float:
-    """Share of the length of a closed, outward mesh's edges at which its faces meet in a hollow of over 3
-    degrees.
+    """Share of the length of a closed, outward mesh's edges at which its faces form a hollow of over 3 deg.
 
-    About a tenth on furniture, a quarter on the tube of a handle, half on what is scanned: there every other
-    edge is.
+    About a tenth on furniture, a quarter on the tube of a handle, half on what is scanned: every other edge.
     """
     normal, _ = geo.triangle_normals(mesh.vertices[mesh.faces])
     ends = edges(mesh.faces)
@@ -87,8 +83,7 @@ def concave_share(mesh: Mesh) -> float:
 
 
 def rough_box(triangles: Array, volume: float) -> Box | None:
-    """The box that a closed surface (n, 3, 3) around `volume` (m^3) is but for noise; None when it is another
-    body.
+    """Box that a closed surface (n, 3, 3) around `volume` (m^3) is but for noise; None of another body.
 
     Each side goes through the middle of the surface that faces its way from the outer tenth of the body.
     """
@@ -123,8 +118,7 @@ def rough_box(triangles: Array, volume: float) -> Box | None:
 
 
 def _squared_up(axes: Array, sides: list[tuple[int, Array]]) -> Array:
-    """Axes (3, 3) turned so that the first side's plane (points) is exactly across its axis, the next as well
-    as can be."""
+    """Axes (3, 3) turned so that the first side's plane (points) is square to its axis, then the next."""
     first, points = sides[0]
     normal = _plane_normal(points, axes[:, first])
     second, points = next((k, p) for k, p in sides if k != first)
@@ -139,8 +133,7 @@ def _squared_up(axes: Array, sides: list[tuple[int, Array]]) -> Array:
 
 
 def _plane_normal(points: Array, like: Array) -> Array:
-    """Unit normal (3,) of the plane through points (n, 3), `like` where they don't span one within 10 degrees
-    of it."""
+    """Unit normal (3,) of the plane through points (n, 3); `like` if none lies within 10 degrees of it."""
     if len(points) < 3:
         return like
     spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[1:]
@@ -166,8 +159,7 @@ def outward(mesh: Mesh) -> Mesh | None:
 
 
 def _wound_alike(faces: NDArray[np.int32]) -> NDArray[np.int32] | None:
-    """The faces of one connected piece, turned where needed so that each edge is run along as often in either
-    sense."""
+    """The faces of one connected piece, turned so that each edge is run along as often in either sense."""
     if _balanced(faces):
         return faces
     start = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -203,11 +195,9 @@ def _balanced(faces: NDArray[np.int32]) -> bool:
 def coacd_pieces(
     mesh: Mesh, tolerance: float, most: int, seconds: int = _SECONDS, **settings: float | str | bool
 ) -> list[Mesh]:
-    """CoACD's convex pieces of a closed, outward mesh: the fewest that one of two seeds gives, [] when both
-    fail.
+    """CoACD's convex pieces of a closed, outward mesh: the fewer of what two seeds give, [] if both fail.
 
-    The two run side by side. On about one body in ten a seed never comes to an end; it is ended after
-    `seconds` of processor time.
+    The two run side by side. About one body in ten hangs a seed; it is ended after `seconds` of CPU time.
 
     Args:
         settings: of `coacd.run_coacd`, over those in `coacd_worker`.

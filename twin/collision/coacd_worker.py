@@ -1,5 +1,4 @@
-"""Runs CoACD on one mesh, as a program: coacd_worker.py MESH.npz PIECES.npz SECONDS (of processor time, then
-it is ended)."""
+"""Runs CoACD on one mesh, as a program: coacd_worker.py MESH.npz PIECES.npz SECONDS (limit of CPU time)."""
 
 from __future__ import annotations
 

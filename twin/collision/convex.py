@@ -68,8 +68,7 @@ def thick_hull(triangles: Array, thickness: float) -> Hull | None:
 
 
 def cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
-    """Split triangles (n, 3, 3) exactly by the plane normal . x = offset into those below and those above
-    it."""
+    """Split triangles (n, 3, 3) exactly by the plane normal . x = offset into those below and above it."""
     d = triangles @ normal - offset
     below, above = np.all(d <= 0, axis=1), np.all(d > 0, axis=1)
     low, high = [triangles[below]], [triangles[above]]
@@ -139,8 +138,7 @@ def clip(hull: Hull, normal: Array, offset: float) -> Hull | None:
 
 
 def box_of(hull: Hull, slack: float = 0.005) -> Box | None:
-    """The box that a hull is; None when the smallest one found around it holds more than `slack` (a share)
-    beside it."""
+    """The box that a hull is; None if the smallest one around it holds over `slack` (a share) beside it."""
     normals, area = geo.triangle_normals(hull.vertices[hull.faces])
     normal = normals[int(np.argmax(area))]
     basis = geo.orthogonal_basis(normal)

@@ -1,5 +1,4 @@
-"""Large meshes with fewer triangles: quadric edge collapse (Garland and Heckbert 1997), as
-fast-simplification does it.
+"""Fewer triangles for large meshes: quadric edge collapse (Garland and Heckbert 1997, fast-simplification).
 
 It keeps borders, so a surface in shreds, or one cut by T-junctions, stays large, and the time it takes grows
 with the square of the faces around one corner. There, and in what it leaves too large, corners are joined
@@ -47,8 +46,7 @@ def decimated(mesh: Mesh, faces: int) -> Mesh:
 
 
 def decimated_body(body: Mesh, faces: int) -> Mesh | None:
-    """A closed piece with at most about `faces` triangles that is one closed piece again and holds as much;
-    else None."""
+    """A closed piece in about `faces` triangles, again one closed piece that holds as much; else None."""
     if len(body.faces) <= faces:
         return body
     hull = hull_of(body.vertices)
@@ -96,11 +94,9 @@ def _crowding(mesh: Mesh) -> float:
 
 
 def _clustered(mesh: Mesh, faces: int) -> Mesh:
-    """At most `faces` triangles: the corners in each cell of a grid become their mean, in cells as small as
-    that allows.
+    """At most `faces` triangles: the corners in each cell of a grid become their mean, as small as possible.
 
-    Of triangles with the same three corners one is left, so that a board thinner than a cell keeps its
-    surface.
+    Of triangles with the same three corners one stays, so that a board thinner than a cell keeps its surface.
     """
     low = mesh.vertices.min(axis=0)
     cell = max(0.5 * float(np.sqrt(mesh.area / faces)), 1e-6 * float(np.ptp(mesh.vertices)), 1e-12)

@@ -25,11 +25,9 @@ def main_axes(triangles: Array) -> Array:
 
 
 def outline_axes(triangles: Array) -> Array:
-    """Main axes (3, 3) of one part, the last two turned by up to 5 degrees so that its outline fits the
-    smallest rectangle.
+    """Main axes (3, 3) of one part, the last two turned by up to 5 degrees to its outline's least rectangle.
 
-    The narrow edges of a board face poorly known directions in a scan; its outline is long and says it
-    better.
+    The narrow edges of a board face poorly known directions in a scan; its long outline says it better.
     """
     axes = main_axes(triangles)
     points = triangles.reshape(-1, 3) @ axes

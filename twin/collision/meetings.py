@@ -72,8 +72,7 @@ class Meeting:
 
 
 def shapes_of(owner: StaticPart | Part) -> tuple[Collision, ...]:
-    """The collision shapes that are written of a body: those of its inferred layer where it has one, the
-    room's included."""
+    """The collision shapes written of a body: those of its inferred layer if any, the room's included."""
     layer = owner.completion
     return owner.collision if layer is None else (*layer.shapes, *layer.room_collision)
 
@@ -85,8 +84,7 @@ def filtered_owners(twin: Twin) -> frozenset[Owners]:
 
 
 def meetings(twin: Twin, made: Set[str] = frozenset()) -> list[Meeting]:
-    """Every two bodies whose collision shapes overlap while a part opens. A part and the part that carries it
-    may touch.
+    """Every two bodies whose shapes overlap while a part opens. A part may touch the one that carries it.
 
     made: names of the parts and the static scene whose shapes were made here; the others were stated.
     """

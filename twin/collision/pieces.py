@@ -21,8 +21,7 @@ _PIECES = (
 
 
 def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:
-    """The connected pieces of a mesh and whether each is closed: every edge is met by an even number of its
-    faces.
+    """The connected pieces of a mesh and whether each is closed: edges meet an even number of its faces.
 
     Corners at the same place are one, faces without area are left out, and bodies that touch along an edge
     are two. Of more than 1000 pieces the smallest, of least area, are one open piece: shreds.
@@ -66,8 +65,7 @@ def _largest(
 
 
 def _without_seams(faces: NDArray[np.int64], vertices: Array) -> NDArray[np.int64]:
-    """Without pairs of faces that coincide, as where two boards touch, unless more than such seams would
-    go."""
+    """Without pairs of faces that coincide, as where two boards touch, unless more than seams would go."""
     first, which = geo.unique_rows(np.sort(faces, axis=1))
     left = faces[np.sort(first[np.bincount(which) % 2 == 1])]
     if len(left) in (0, len(faces)) or not _is_closed(left):

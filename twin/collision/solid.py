@@ -1,10 +1,8 @@
-"""What a surface encloses: volume, signed distance, points of its outside. The measuring side of collision
-shapes.
+"""What a surface encloses: volume, signed distance, points of its outside. Measures collision shapes.
 
 A mesh is often several surfaces at once: the boards of a drawer that run into one another, a panel and a
-handle, one of them wound inside out. The solid is the union of what its closed pieces enclose, each taken by
-itself and whichever way it is wound. Pieces with an edge of their own (open ones) enclose nothing; they count
-as surface.
+handle, one of them wound inside out. The solid is the union of what each closed piece encloses, whichever way
+it is wound. Pieces with an edge of their own (open ones) enclose nothing; they count as surface.
 """
 
 from __future__ import annotations
@@ -55,9 +53,8 @@ class Solid:
     def signed_distance(self, points: Array) -> Array:
         """Distance (n,) m of points (n, 3) from the solid, negative inside.
 
-        Outside it is exact; inside it is the depth in the deepest of the pieces that hold the point, which at
-        seams of overlapping pieces is less than that in their union. Open pieces have no inside. Infinite
-        without a surface.
+        Outside it is exact; inside it is the depth in the deepest piece with the point, less at seams of
+        overlapping pieces than that in their union. Open pieces have no inside. Infinite without a surface.
         """
         out = np.full(len(points), np.inf)
         for k, scene in enumerate(self._scenes):
@@ -65,8 +62,7 @@ class Solid:
         return out
 
     def behind(self, points: Array) -> NDArray[np.bool_]:
-        """Whether points (n, 3) lie behind the nearest face, or, before closed pieces, inside: where material
-        is."""
+        """Whether points (n, 3) lie behind the nearest face, or inside closed pieces: in material."""
         nearest = np.full(len(points), np.inf)
         out = np.zeros(len(points), bool)
         for k, scene in enumerate(self._scenes):
@@ -76,8 +72,7 @@ class Solid:
         return out
 
     def surface(self, count: int) -> Array:
-        """About `count` points evenly on the outside of the union and on the open pieces; the same every
-        time."""
+        """About `count` points even on the outside of the union and on the open pieces; repeatable."""
         total = sum(float(geo.triangle_areas(m.vertices[m.faces]).sum()) for m in (*self.closed, *self.open))
         out = []
         for k, mesh in enumerate((*self.closed, *self.open)):

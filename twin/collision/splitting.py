@@ -1,5 +1,4 @@
-"""Covers a triangle surface with convex pieces. Made for reconstructed surfaces: open, noisy, one or
-two-sided.
+"""Covers a triangle surface with convex pieces. For reconstructed surfaces: open, noisy, one or two-sided.
 
 The surface is split by planes until the hull of every piece stays within a tolerance of the surface it covers
 ("bulge"), so no hull fills free space such as the gap behind a handle. Splitting works on the surface itself,
@@ -25,8 +24,7 @@ _BEHIND = 0.5
 
 
 def bulge(hull: Hull, triangles: Array, tolerance: float, filled: float = 0.0) -> float:
-    """Greatest distance (m) of the hull's surface from the triangles it covers, good to about half the
-    tolerance.
+    """Greatest distance (m) of the hull's surface from its triangles, good to about half the tolerance.
 
     Args:
         filled: what lies behind the surface by up to this (m) is the body, whose other side was not seen, and
@@ -48,8 +46,7 @@ def bulge(hull: Hull, triangles: Array, tolerance: float, filled: float = 0.0) -
 
 
 def _thinned(points: Array, cell: float) -> NDArray[np.int64]:
-    """Index (m,) of one point of each grid cell; many equal points would make nearest-neighbour search
-    slow."""
+    """Index (m,) of one point of each grid cell; many equal points slow nearest-neighbour search."""
     key = np.floor((points - points.min(axis=0)) / cell).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
     return np.asarray(np.unique(key, return_index=True)[1])
 
@@ -57,8 +54,7 @@ def _thinned(points: Array, cell: float) -> NDArray[np.int64]:
 def decompose(
     triangles: Array, tolerance: float, thickness: float, max_pieces: int, filled: float = 0.0
 ) -> list[Array]:
-    """Split triangles (n, 3, 3) into pieces whose hulls stay within `tolerance` (m) of the surface, or behind
-    it by `filled`.
+    """Split triangles (n, 3, 3) into pieces with hulls `tolerance` (m) off the surface or `filled` behind it.
 
     The worst piece is split first, until all are good or there are `max_pieces`.
     """
@@ -90,8 +86,7 @@ def decompose(
 
 
 def merge(pieces: list[Array], tolerance: float, thickness: float, filled: float = 0.0) -> list[Array]:
-    """Join neighbouring pieces wherever the joint hull still keeps within the tolerance, small pieces
-    first."""
+    """Join neighbouring pieces wherever the joint hull keeps the tolerance, small pieces first."""
     pieces = sorted(pieces, key=lambda p: float(geo.triangle_areas(p).sum()))
     hulls = [thick_hull(p, thickness) for p in pieces]
     k = 0
@@ -141,8 +136,7 @@ def _best_split(piece: Array, axes: Array, thickness: float) -> tuple[Array, Arr
 
 
 def _offsets(piece: Array, axis: Array, low: float, high: float, thickness: float) -> Array:
-    """Where to try planes across `axis`: evenly, and on both sides of each plane in which much of the surface
-    lies."""
+    """Planes across `axis` to try: evenly, and on both sides of each plane that holds much surface."""
     if high - low < 2 * thickness:
         return np.zeros(0)
     even = np.linspace(low, high, 9)[1:-1]

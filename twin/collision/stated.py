@@ -54,10 +54,9 @@ def _flat(mesh: Mesh) -> bool:
 def hollow(mesh: Mesh) -> tuple[float, float]:
     """How deep (m) a mesh falls in behind its convex hull, and the hull's diagonal (m).
 
-    That is the greatest distance of the hull from the surface, which holds for thin and noisy bodies, where a
-    share of the volume would not, and asks nothing of what lies inside. Where sides are missing, less if the
-    faces there are lie on the hull: how far they are, the way they face, from its outside. A flat mesh has no
-    inside: 0.
+    That is the greatest distance of the hull from the surface, which suits thin and noisy bodies, unlike a
+    share of volume, and asks nothing of what lies inside. Where sides are missing, less if the faces there
+    are lie on the hull: how far they are, the way they face, from its outside. A flat mesh has no inside: 0.
     """
     size = (
         float(np.linalg.norm(np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)))

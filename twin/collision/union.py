@@ -1,5 +1,4 @@
-"""Bodies of one mesh that overlap, as in most CAD models, joined into one: what they share then counts
-once."""
+"""Bodies of one mesh that overlap, as in most CAD models, joined into one: their overlap counts once."""
 
 from __future__ import annotations
 
@@ -20,17 +19,15 @@ OVERLAP = 0.001  # share of the bodies' volume, chosen by us: less is the roundi
 
 @dataclass(frozen=True, eq=False)
 class Union:
-    """A mesh in which closed bodies are joined, the open pieces beside them; share of the bodies' volume that
-    overlapped."""
+    """A mesh with its closed bodies joined, open pieces beside them; the share of volume that overlapped."""
 
     mesh: Mesh
     share: float
 
 
 def united(mesh: Mesh) -> Union | None:
-    """The union of the closed bodies of a mesh (Manifold's exact-topology booleans); None where it has fewer
-    than two of them, or one is not a body, as one that passes through itself. Of large meshes, the union of
-    bodies of fewer faces."""
+    """The union of the closed bodies of a mesh (Manifold's exact-topology booleans); None with fewer than
+    two, or where one passes through itself. Of large meshes, the union of bodies of fewer faces."""
     pieces = pieces_of(mesh)
     bodies = [piece for piece, closed in pieces if closed]
     if len(bodies) < 2:

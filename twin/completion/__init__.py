@@ -1,12 +1,10 @@
-"""What no camera saw of furniture, inferred from what one did: boards closed as boxes, drawers with sides and
-back, cabinets, handles.
+"""Infers furniture that no camera saw: boards closed as boxes, drawers' sides and back, cabinets, handles.
 
 The seen meshes stay as they are; what is inferred stands beside them (twin.inferred), each piece with its
 reason, and exports write one layer or both. A part without a flat front is left as it was seen: nothing is
 inferred of what is not understood.
 
-The seam for a learned model is `infer` (twin/completion/infer.py): whatever gives the same layer for a twin
-can stand in its place.
+`infer` (twin/completion/infer.py) is the seam for a learned model, which gives the same layer for a twin.
 """
 
 from __future__ import annotations
@@ -45,8 +43,7 @@ def has_completion(twin: Twin) -> bool:
 
 
 def without_shapes(twin: Twin, inferred: bool = True) -> Twin:
-    """A reconstructed twin without the collision shapes that the program made for it, and without its
-    inferred layer if `inferred`.
+    """A reconstructed twin without shapes that the program made and, if `inferred`, without inferred layer.
 
     Raises InputError for a stated twin that has all its shapes: nothing is left to make.
     """

@@ -31,9 +31,8 @@ class AssetView:
     """What an exported asset shows of a twin.
 
     geometry: "seen": what cameras saw; "bounded": with what is inferred and bounded by what was seen;
-    "complete": with what is assumed, too. room: whether what is no furniture of the parts stays. origin:
-    "furniture": on the floor under the first part's front, x to its right, y into the furniture; "camera":
-    the twin's own world.
+    "complete": with what is assumed. room: whether other things stay. origin: "furniture": on the floor under
+    the first part's front, x to its right, y into the furniture; "camera": the twin's own world.
     """
 
     geometry: Geometry = "complete"
@@ -49,8 +48,7 @@ class AssetView:
                 )
 
     def but(self, told: Mapping[str, str | None]) -> AssetView:
-        """The view with what is told of it, by the names of its fields. Raises InputError for a word that is
-        not known."""
+        """The view with fields given by name. Raises InputError for a word not known."""
         said: dict[str, Any] = {k: v for k, v in told.items() if v is not None}
         return replace(self, **said)
 
@@ -87,8 +85,7 @@ class AssetView:
         return replace(twin, static=static, parts=parts)
 
     def pose(self, twin: Twin) -> Array:
-        """T_asset_twin (4, 4): from the twin's world, in which trajectories of robots are, into the
-        asset's."""
+        """T_asset_twin (4, 4): from the twin's world (robots' trajectories) into the asset's."""
         return np.eye(4) if self.origin == "camera" else asset_pose(twin)
 
     def write(self, twin: Twin, folder: Path) -> None:
@@ -109,8 +106,7 @@ AS_SEEN = AssetView("seen", "keep", "camera")
 
 def usual_view(twin: Twin) -> AssetView:
     """How a twin is exported unless somebody says otherwise: complete, apart from the room, in the
-    furniture's frame. One that is not of our reconstruction, which always judges, is whole as it was stated,
-    and stays where it is."""
+    furniture's frame. A twin without a verdict is whole as stated and stays where it is."""
     return AssetView() if is_reconstructed(twin) else AS_SEEN
 
 
@@ -121,8 +117,7 @@ def is_reconstructed(twin: Twin) -> bool:
 
 
 def view_of(files: Iterable[Path]) -> AssetView:
-    """What exported files show of their twin. Raises InputError where they differ in it, or where FILE beside
-    them can't be read."""
+    """What exported files show of their twin. Raises InputError if they differ or FILE can't be read."""
     found = {_read(file.parent) for file in files}
     if len(found) > 1:
         raise InputError(
@@ -177,8 +172,7 @@ def _lowest(twin: Twin) -> float:
 
 
 def _as_seen(twin: Twin, mesh: Mesh) -> Mesh:
-    """A mesh of a reconstruction without its photographs, which are made for the inferred layer; another as
-    it was stated."""
+    """A reconstruction's mesh without photographs (made for the inferred layer); a stated mesh as it is."""
     return replace(mesh, texture=None) if is_reconstructed(twin) else mesh
 
 

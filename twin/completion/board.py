@@ -23,8 +23,7 @@ _THINNEST = 0.003  # m
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """A box from corner low (3,) to high (3,) m in a frame; role, basis and reason as of an inferred
-    piece."""
+    """A box from corner low (3,) to high (3,) m in a frame; role, basis and reason as of an InferredPiece."""
 
     name: str
     role: str

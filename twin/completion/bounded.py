@@ -1,5 +1,4 @@
-"""An inferred layer without what nothing bounds: where a handle was assumed, its blurred surface is drawn as
-it was seen."""
+"""An inferred layer without what nothing bounds: an assumed handle is drawn as its blurred seen surface."""
 
 from __future__ import annotations
 
@@ -19,8 +18,7 @@ from twin.scene import Box, Mesh
 
 
 def bounded(layer: Completion, seen: Mesh) -> Completion:
-    """The layer with the pieces that what was seen bounds, and handles that were assumed drawn as they were
-    seen.
+    """The layer with the pieces that seen surface bounds; assumed handles drawn as they were seen.
 
     seen: the body's seen mesh, from which `layer.shown` was taken.
     """

@@ -1,5 +1,4 @@
-"""The cabinet around a part: two sides, top, bottom and back, from the faces of its inside and outside that
-were seen."""
+"""The cabinet around a part: sides, top, bottom and back, from its seen faces inside and outside."""
 
 from __future__ import annotations
 
@@ -37,8 +36,7 @@ _NAMES = {(SIDE, -1): "left", (SIDE, 1): "right", (UP, -1): "bottom", (UP, 1): "
 
 @dataclass(frozen=True, eq=False)
 class Carcass:
-    """Boards in the front's frame, the inside from corner low (3,) to high (3,), and whether any face of it
-    was seen."""
+    """Boards in the front's frame; the inside from corner low (3,) to high (3,); whether a face was seen."""
 
     boards: tuple[Board, ...]
     low: Array
@@ -128,8 +126,7 @@ def _inside(cloud: Cloud, opening: Array, start: float) -> Cloud:
 
 
 def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start: float) -> _Wall:
-    """The board on one side of the opening: by its inner face, else by its outer one, else at the front's
-    edge."""
+    """The board on one side of the opening: by its inner, else its outer face, else at the front's edge."""
     edge = float(opening[(s + 1) // 2, axis])
     faces = (
         [k for k in layers(inside, axis, -s, _LEAST) if s * (k.offset - edge) > -_INWARD]
@@ -214,8 +211,7 @@ def _rear(
 
 
 def _reach(cloud: Cloud, opening: Array, around: float, start: float) -> float:
-    """How far back (m along out) surface was seen that belongs to a cabinet or stands within `around` m of
-    it: its sides and top."""
+    """How far back (m along out) a cabinet, or surface within `around` m, was seen: its sides and top."""
     low = np.array([*(opening[0] - around), -_DEEPEST])
     high = np.array([*(opening[1] + around), start])
     sides = cloud.where(cloud.within(low, high) & ~cloud.facing(OUT, 1))

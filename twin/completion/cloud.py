@@ -67,8 +67,7 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Flat surface that faces along `sign` times `axis` at `offset` (m): its points, and the axes (u, v) in
-    its plane."""
+    """Flat surface that faces along `sign` times `axis` at `offset` (m): points, and axes (u, v) in plane."""
 
     axis: int
     sign: int
@@ -107,11 +106,9 @@ def layers(cloud: Cloud, axis: int, sign: int, least: float, reach: float = 0.00
 
 
 def outline(points: Array, share: float = _ROW) -> Array | None:
-    """Low and high corner (2, 2) of the rectangle that points (n, 2) of a flat surface fill; None where they
-    fill none.
+    """Low and high corner (2, 2) of the rectangle that points (n, 2) of a flat surface fill, or None.
 
-    Every row of a grid tells where the surface begins and ends in it, and the middle row counts: ragged
-    borders and holes do not move it.
+    The middle row of a grid says where the surface begins and ends: ragged borders and holes move nothing.
     """
     if len(points) < 10:
         return None

@@ -35,8 +35,7 @@ class PartFrame:
 
 
 def part_frame(part: Part, eye: Array | None = None) -> PartFrame | None:
-    """The frame of a part at state 0; None where no flat face is its front. eye: where the viewer stood
-    (3,)."""
+    """The frame of a part at state 0; None without a flat front. eye: where the viewer stood (3,)."""
     corners = part.mesh.vertices[part.mesh.faces]
     if not len(corners) or part.mesh.area < 1e-3:
         return None
@@ -59,8 +58,7 @@ def part_frame(part: Part, eye: Array | None = None) -> PartFrame | None:
 
 
 def _outward(part: Part, normals: Array, eye: Array | None) -> Array | None:
-    """A first direction (3,) out of the front: of those that much of the surface faces, the way the part
-    opens, else towards the viewer."""
+    """A first direction (3,) out of the front that much surface faces: the way of opening or to a viewer."""
     joint = part.joint
     if isinstance(joint, Prismatic) and np.mean(normals @ joint.axis > SQUARE) > _FACES:
         return geo.unit(joint.axis)
@@ -91,16 +89,14 @@ def _kind(part: Part, out: Array) -> Kind:
 
 
 def kind_by_joint(joint: Joint) -> Kind:
-    """The kind of a part whose front is not known: what slides is taken for a drawer, what hangs on a level
-    hinge for a flap."""
+    """Kind of a part without a known front: a slide is a drawer, a part on a level hinge a flap."""
     if isinstance(joint, Prismatic):
         return "drawer"
     return "door" if abs(joint.axis[2]) > _PLUMB else "flap"
 
 
 def _up(part: Part, out: Array, kind: Kind) -> Array:
-    """In the front's plane: along the edges, by the joint's axis where that lies in the plane, else by
-    plumb."""
+    """In the front's plane: along the edges, by the joint's axis if in the plane, else by plumb."""
     axis = np.asarray(part.joint.axis, dtype=np.float64)
     flat = axis - (axis @ out) * out
     if kind != "drawer" and np.linalg.norm(flat) > SQUARE:

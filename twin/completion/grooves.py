@@ -1,5 +1,4 @@
-"""Grooves between fronts in one plane: neighbours that a search for flat faces took for one are apart where
-one saw in between them."""
+"""Grooves between fronts in one plane, which a search for flat faces took for one board."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ _FRONT = 0.08  # m, the least width of a front beside one
 
 
 def apart(front: Board, cloud: Cloud) -> list[Board]:
-    """The fronts that a board is: cut at each groove that runs across it, first upright ones, then level
-    ones.
+    """The fronts that a board is: cut at each groove that runs across it, upright ones first.
 
     front: a board whose face along out was seen. cloud: the seen surface, in the same frame.
     """

@@ -53,8 +53,7 @@ def find_handles(
     name: str = "handle",
     section: HandleSection | None = None,
 ) -> list[Handle]:
-    """Handles before a front, that at the contact first; where none is, the largest of a knob's size: a
-    contact may be wrong.
+    """Handles before a front, that at the contact first; else the largest of a knob's size.
 
     Args:
         cloud: the surface in the front's frame.
@@ -91,8 +90,7 @@ def find_handles(
 
 
 def _is_knob(piece: Array, leaf: Leaf) -> bool:
-    """Whether a piece (n, 3) that no hand touched is as wide and stands as far off as knobs, well inside a
-    front."""
+    """Whether a piece (n, 3) that no hand touched is as wide and as far off as knobs, well inside a front."""
     low, high = piece.min(axis=0), piece.max(axis=0)
     inside = np.all((low[:2] > leaf.corners[0] + _MARGIN) & (high[:2] < leaf.corners[1] - _MARGIN))
     return bool(inside and (high - low)[:2].max() < _WIDEST and high[OUT] > _KNOB_OFF)

@@ -1,5 +1,4 @@
-"""The inferred layer of a whole twin: fronts, what is furniture, cabinets, parts, and what stands still
-around them."""
+"""The inferred layer of a whole twin: fronts, furniture, cabinets, parts, and what stands still around."""
 
 from __future__ import annotations
 
@@ -17,8 +16,7 @@ from twin.scene import Twin
 
 
 def infer(twin: Twin) -> Twin:
-    """The twin with the inferred layer of its static scene and every part, without collision shapes of what
-    lies in no piece.
+    """The twin with inferred layers of static scene and parts; shapes of surface in no piece are left out.
 
     It has at least one part.
     """

@@ -56,8 +56,7 @@ class Row:
 
 
 def joined(boards: Sequence[Board], row: Row) -> list[Board]:
-    """The boards, of which those with one face are one, where nothing that was seen says that it is open
-    between them."""
+    """The boards, those with one face joined where nothing seen says that it is open between them."""
     out = _strips(list(boards), row)
     out = _with_edges(out, row)
     return [_plinth(b, [o for o in out if o is not b], row) for b in out]
@@ -120,8 +119,7 @@ def _with_edges(boards: Sequence[Board], row: Row) -> list[Board]:
 
 
 def _up_to(inside: Board, level: float) -> Board:
-    """The inside of a cabinet below a worktop: its top was taken to be a board, of which the upper face was
-    seen."""
+    """Inside of a cabinet below a worktop: its top was taken to be a board, seen from above."""
     if not 0.0 < inside.high[UP] - level < _EDGE:
         return inside
     high = inside.high.copy()
@@ -130,8 +128,7 @@ def _up_to(inside: Board, level: float) -> Board:
 
 
 def worktop_over(top: Board, boards: Sequence[Board]) -> bool:
-    """Whether a cabinet's top is a worktop among boards, in the frame of these: it lies in one and their
-    upper faces are the same."""
+    """Whether a cabinet's top is a worktop among boards (same frame): it lies in one, upper faces level."""
     tops = [b for b in boards if int(np.argmin(b.size)) == UP and b.role == "panel"]
     return any(
         abs(b.high[UP] - top.high[UP]) < _SAME
@@ -153,8 +150,7 @@ def _is_edge(edge: Board, top: Board) -> bool:
 
 
 def _plinth(board: Board, others: Sequence[Board], row: Row) -> Board:
-    """A long panel that stands back below fronts as the plinth under them, up to them and as deep as the
-    cabinets."""
+    """A long panel that stands back below fronts as their plinth, up to them and as deep as the cabinets."""
     if board.role != "panel" or int(np.argmin(board.size)) == SIDE or board.size[SIDE] < _LONG:
         return board
     above = [b for b in others if b.role == "neighbour" and stands_on(b, board)]

@@ -28,8 +28,7 @@ _ON_PLANE = 0.012  # m
 
 @dataclass(frozen=True, eq=False)
 class Leaf:
-    """The front: corners (2, 2) of its rectangle in side and up, thickness m with its basis, and words that
-    say where that is from."""
+    """The front: corners (2, 2) in side and up, thickness m with its basis, and words for its source."""
 
     corners: Array
     thickness: float

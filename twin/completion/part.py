@@ -33,8 +33,7 @@ _FEW = 30  # vertices that tell none
 
 
 def front_of(part: Part, eye: Array | None) -> Front | None:
-    """The frame of a part and its front; None where no flat face fills a rectangle. eye: where the viewer
-    stood (3,)."""
+    """The frame of a part and its front; None without a flat rectangle. eye: where the viewer stood (3,)."""
     frame = part_frame(part, eye)
     leaf = None if frame is None else find_leaf(Cloud.of(part.mesh, frame.T_world_frame))
     return None if frame is None or leaf is None else Front(frame, leaf)
@@ -96,8 +95,7 @@ def _layer(
 def color_near(
     mesh: Mesh, board: Board, T_world_frame: Array, otherwise: NDArray[np.uint8] | None = None
 ) -> NDArray[np.uint8]:
-    """Median colour (3,) of the seen vertices around a board; where few lie there, another one, by default
-    that of the whole mesh."""
+    """Median colour (3,) of seen vertices around a board; where few lie there, `other` or all the mesh's."""
     if mesh.colors is None or not len(mesh.colors):
         return np.array(PLAIN, np.uint8) if otherwise is None else otherwise
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)

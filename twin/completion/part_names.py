@@ -1,5 +1,4 @@
-"""Names of a furniture's parts: what kind of part it is and, where there are several of a kind, its place
-among them."""
+"""Names of a furniture's parts: the kind of part and, if several are of a kind, its place among them."""
 
 from __future__ import annotations
 
@@ -34,8 +33,7 @@ def part_names(
     given: Mapping[int, str] | None = None,
     taken: Iterable[str] = (),
 ) -> dict[int, str]:
-    """A name for every part id: `drawer`, of several `drawer_upper` and `drawer_lower`, `drawer_lower_left`;
-    a namesake gets `_2`.
+    """A name for every part id: `drawer`, or `drawer_upper`, `drawer_lower_left`; a namesake gets `_2`.
 
     Args:
         parts: at state 0; their own names are not asked.
@@ -58,16 +56,14 @@ def part_names(
 
 
 def _kind(part: Part, frame: PartFrame | None) -> Kind:
-    """What the part is called: what slides along a face that looks up is a low drawer, whose floor is larger
-    than its front."""
+    """What the part is called: a slide along a face that looks up is a low drawer with a larger floor."""
     if frame is None or (frame.kind == "sliding_door" and abs(frame.T_world_frame[2, 2]) > _LEVEL):
         return kind_by_joint(part.joint)
     return frame.kind
 
 
 def _places(parts: Sequence[Part], right: Array) -> list[list[str]]:
-    """Words for the place of each part among the others: its row, and its column in the row, where there are
-    several."""
+    """Words for the place of each part among the others: its row and column, where there are several."""
     places: list[list[str]] = [[] for _ in parts]
     rows = _groups([_span(p, _UP) for p in parts])
     for row, of_row in zip(_words(len(rows), _ROWS), rows, strict=True):

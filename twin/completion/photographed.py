@@ -18,18 +18,15 @@ TEXEL = 0.0015
 # m from the border of what was seen on a face within which colours are another surface's. Chosen by us: twice
 # what a fused surface bends away from its plane before its edge (twin.completion.leaf.BENT).
 _BENT = 0.010
-# Share of a narrow face's width that its border may take on each side. Chosen by us: the middle half of an
-# edge stays.
+# Share of a narrow face's width that its border may take on each side. Chosen by us: its middle half stays.
 _NARROW = 0.25
-# Texels of a picture between those that are looked up first. Chosen by us: 6 mm, less than what a face holds
-# at least.
+# Texels between those looked up first. Chosen by us: 6 mm, less than what a face holds at least.
 _STEP = 4
 # Texels that tell a colour. Chosen by us: 2 cm^2.
 FEW = 90
 # Texels of a tile's shorter side at least, 3 cm. Chosen by us: the grain of wood shows.
 _TILE = 20
-# Share of a cell that was seen, and cells along a face, by which the largest rectangle is looked for. Chosen
-# by us.
+# Share of a cell that was seen, and cells along a face, to find the largest rectangle. Chosen by us.
 _SEEN = 0.98
 _CELLS = 80
 # Texels of the blur that parts a tile's grain from its light. Chosen by us: 4 cm.
@@ -49,8 +46,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A rectangle in the world: its corner (3,), its sides across and up (3,) m, its outward normal (3,), and
-    its picture.
+    """A rectangle in the world: corner (3,), sides across and up (3,) m, outward normal (3,) and picture.
 
     color: (H, W, 3) sRGB of 0..255, the row at the corner first. seen: (H, W), where photographs show it.
     """
@@ -69,8 +65,7 @@ class Face:
         return size * float(self.seen.mean())
 
     def where(self, holds: Callable[[Array], Mask], more: bool = False) -> Mask:
-        """Texels (H, W) at which something `holds` of their middles (n, 3), by every few of them; more: and
-        around these."""
+        """Texels (H, W) that `holds` at their middles (n, 3), tried every few; more: around these as well."""
         points = self.points(_STEP)
         coarse = holds(points.reshape(-1, 3)).reshape(points.shape[:2])
         coarse = _grown(coarse) if more else coarse
@@ -130,8 +125,7 @@ class Seen:
         return found if found.seen.sum() > FEW else face
 
     def _nearest(self, points: Array, normal: Array) -> tuple[Mask, Array]:
-        """Whether the surface nearest to points (n, 3) lies on a face with that normal, and its texture
-        coordinates (n, 2)."""
+        """Whether the surface nearest to points (n, 3) lies on a face of that normal, and its uv (n, 2)."""
         import open3d as o3d
 
         at = o3d.core.Tensor.from_numpy(np.ascontiguousarray(points, np.float32))
@@ -153,8 +147,7 @@ class Seen:
 
 
 def faced(mesh: Mesh, eyes: Array) -> Mask:
-    """Which triangles (F,) look towards one of the cameras, which stood at eyes (n, 3), no more askew than
-    ASKEW."""
+    """Which triangles (F,) look towards a camera at eyes (n, 3) (world), no more oblique than ASKEW."""
     corners = mesh.vertices[mesh.faces]
     normals, middles = geo.triangle_normals(corners)[0], corners.mean(axis=1)
     best = np.full(len(middles), -1.0)
@@ -171,8 +164,7 @@ def _grown(mask: Mask) -> Mask:
 
 
 def _settled(face: Face) -> Face:
-    """The face without the border of what was seen, along its own and along holes, and with what is between
-    texels that were."""
+    """The face without the border of what was seen, at its edges and holes; texels between are kept."""
     import cv2
 
     rows, columns = face.seen.shape
@@ -194,8 +186,7 @@ def _settled(face: Face) -> Face:
 
 
 def tile_of(face: Face) -> F32 | None:
-    """The picture of the largest rectangle of the face that was seen, None where it is narrower than _TILE
-    texels."""
+    """The picture of the largest rectangle of the face that was seen; None if narrower than _TILE."""
     cell = max(_STEP, -(-max(face.seen.shape) // _CELLS))
     rows, columns = (n // cell for n in face.seen.shape)
     cut = face.seen[: rows * cell, : columns * cell].reshape(rows, cell, columns, cell)
@@ -226,9 +217,8 @@ def _largest(cells: Mask) -> tuple[int, int, int, int]:
 def filled(face: Face, tile: F32 | None, color: Array | None, plain: Array) -> U8:
     """The picture (H, W, 3) of a face: photographs where they show it, else a tile, mirrored over and over.
 
-    tile: of the face itself or of its like. Its light is that around it on the face; of a face of which
-    nothing was seen it is that of `color` (3,), and of the tile's own where that is None. plain: colour (3,)
-    where there is no tile.
+    tile: of the face itself or of its like. Its light is that around it on the face, of an unseen face that
+    of `color` (3,), or the tile's own if None. plain: colour (3,) where there is no tile.
     """
     high, wide = face.seen.shape
     if face.seen.all():
@@ -250,8 +240,7 @@ def filled(face: Face, tile: F32 | None, color: Array | None, plain: Array) -> U
 
 
 def _feathered(seen: Mask) -> Array:
-    """Share (H, W) of a photograph: 0 where none shows a texel, and rising to 1 over _SOFT texels inside of
-    that."""
+    """Share (H, W) of a photograph: 0 where none shows a texel, rising to 1 over _SOFT texels inside."""
     import cv2
 
     apart = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 3)
@@ -276,8 +265,7 @@ def _blurred(picture: F32, sigma: float, outside: int | None = None) -> F32:
 
 
 def light_of(face: Face) -> F32:
-    """The light (H, W, 3) of a face of which something was seen: means around each texel, over ever less
-    where enough was seen."""
+    """The light (H, W, 3) of a partly seen face: means around texels, ever narrower where much was seen."""
     weight = face.seen.astype(np.float32)
     value = face.color * weight[..., None]
     light = np.broadcast_to(value.sum(axis=(0, 1)) / weight.sum(), value.shape)

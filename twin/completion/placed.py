@@ -13,8 +13,7 @@ from twin.scene import Box, Collision, ContactPath, HandleSection, Inertial, Mes
 
 
 def placed(twin: Twin, T_new_old: Array) -> Twin:
-    """Everything of a twin in a new world frame: meshes, joints with their uncertainty, masses, contacts,
-    shapes, cameras.
+    """Everything of a twin in a new world frame: meshes, joints, masses, contacts, shapes, cameras.
 
     T_new_old: (4, 4), level: z stays up.
     """

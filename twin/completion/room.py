@@ -46,8 +46,7 @@ class Front:
         return geo.transform(geo.invert_pose(self.frame.T_world_frame), points)
 
     def behind(self, points: Array, margin: float, before: float = 0.0) -> NDArray[np.bool_]:
-        """Which world points (n, 3) lie behind the front, up to `margin` m outside its edges and `before` m
-        before its plane."""
+        """Which world points (n, 3) lie behind the front, up to `margin` m beside, `before` m before it."""
         p = self.local(points)
         corners = self.leaf.corners + np.array([[-margin], [margin]])
         inside = np.all((p[:, :2] > corners[0]) & (p[:, :2] < corners[1]), axis=1)
@@ -64,8 +63,7 @@ class Bound:
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """The triangles (F,) of the static scene that belong to the furniture, and the room's bounds, the floor
-    first where it was seen."""
+    """The static scene's triangles (F,) that are furniture, and the room's bounds, a seen floor first."""
 
     furniture: NDArray[np.bool_]
     bounds: tuple[Bound, ...]
@@ -73,11 +71,9 @@ class Apart:
 
 
 def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
-    """Furniture is what hangs together with the surroundings of the fronts, once floor and walls are taken
-    away.
+    """Furniture is what hangs together with the surroundings of the fronts, less floor and walls.
 
-    A wall is a large upright face behind which next to nothing lies, a floor a level one below which nothing
-    lies.
+    A wall is a large upright face with next to nothing behind, a floor a level one with nothing below.
     """
     corners = mesh.vertices[mesh.faces]
     normals, _ = geo.triangle_normals(corners)
@@ -109,8 +105,7 @@ def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
 
 
 def _below(front: Front, floor: Bound, furniture: Array, points: Array) -> NDArray[np.bool_]:
-    """Which points (n, 3) are low ones under the furniture (m, 3): a plinth, or legs, that hang together with
-    it nowhere in sight."""
+    """Which points (n, 3) are low under the furniture (m, 3): a plinth, or legs that seem to hang loose."""
     ours, theirs = front.local(furniture), front.local(points)
     low, high = np.quantile(ours, 0.01, axis=0) - _AROUND, np.quantile(ours, 0.99, axis=0) + _AROUND
     axes = [0, 1, 2]

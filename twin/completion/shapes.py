@@ -1,5 +1,4 @@
-"""Collision shapes of the inferred layer: the pieces' boxes, hulls of what was seen and lies in none, and
-what gives way to a motion."""
+"""Collision shapes of the inferred layer: boxes of pieces, hulls of other seen surface, cut for motions."""
 
 from __future__ import annotations
 
@@ -33,8 +32,7 @@ _EXACT = 1e-3  # m
 
 
 def with_shapes(twin: Twin, config: CollisionConfig | None = None) -> Twin:
-    """The twin with collision shapes in its inferred layers: parts keep clear of the rest over their whole
-    range, which gives way."""
+    """The twin with collision shapes in its inferred layers; the rest gives way to parts over their range."""
     config = CollisionConfig() if config is None else config
     most = min(PART_SHAPES, config.part_pieces)
     layers = [twin.static.completion, *(p.completion for p in twin.parts)]
@@ -80,8 +78,7 @@ def _furniture_hulls(layer: Completion, room: int) -> list[Collision]:
 
 
 def _largest(shapes: Sequence[Collision], most: int) -> tuple[Collision, ...]:
-    """At most so many of the shapes, or a few: a hull that gives way to a part falls to slivers, of which the
-    smallest are left out."""
+    """At most so many of the shapes: a hull cut for a part falls to slivers, the smallest of which go."""
     volumes = [-1.0 if (h := hull_of(points_of(s))) is None else h.volume for s in shapes]
     kept = set(np.argsort(volumes, kind="stable")[::-1][: max(_LEAST_HULLS, most)].tolist())
     return tuple(s for k, s in enumerate(shapes) if k in kept)

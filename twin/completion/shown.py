@@ -1,5 +1,4 @@
-"""What of a seen surface is drawn beside the boards: flat where a board's face is flat, without shreds and
-what a board stands in for."""
+"""What of a seen surface is drawn beside the boards: flat on a board's face, no shreds, no double."""
 
 from __future__ import annotations
 
@@ -69,8 +68,7 @@ def shown_surface(
 
 
 def _skirt(local: Array, front: Board) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie beside and behind the border of a front: noise that the fusion draws from it to
-    what is farther away."""
+    """Which points (n, 3) lie beside and behind a front's border: noise of fusion towards what is farther."""
     beside = _BESIDE + ON_FACE
     around = np.all(
         (local[:, :2] > front.low[:2] - beside) & (local[:, :2] < front.high[:2] + beside), axis=1
@@ -102,11 +100,9 @@ def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plan
 def without_floaters(
     mesh: Mesh, boards: Sequence[Board], T_world_frame: Array, opening: Board | None = None
 ) -> Mesh:
-    """The mesh without loose pieces that touch no board: what hangs in the air is none of a part made of
-    these.
+    """The mesh without loose pieces that touch no board: the part is made of boards.
 
-    opening: a drawer's front. What stands behind it must pass the opening that it covers: a piece much of
-    which lies beside does not.
+    opening: a drawer's front. A piece behind it much of which lies beside the opening can't pass it.
     """
     if not len(mesh.faces):
         return mesh
@@ -142,8 +138,7 @@ def without_surroundings(mesh: Mesh, panel: Board, T_world_frame: Array) -> Mesh
 
 
 def up_to(mesh: Mesh, rear: float, T_world_frame: Array) -> Mesh:
-    """The surface of a drawer up to the rear (m along out) of its back: what lies behind is the furniture,
-    which labels took for it."""
+    """The drawer's surface up to its back's rear (m along out); what is behind is mislabelled furniture."""
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
@@ -152,8 +147,7 @@ def up_to(mesh: Mesh, rear: float, T_world_frame: Array) -> Mesh:
 
 
 def without_shreds(mesh: Mesh) -> Mesh:
-    """The mesh without loose pieces that are too small to be anything, and without faces that have no
-    area."""
+    """The mesh without loose pieces too small to be anything, and without faces that have no area."""
     if not len(mesh.faces):
         return mesh
     area = geo.triangle_areas(mesh.vertices[mesh.faces])

@@ -1,5 +1,4 @@
-"""Sides of a part's cabinet that go on along the neighbours above and below it: one board closes a column of
-drawers."""
+"""Sides of a part's cabinet continued along neighbours above and below: one board for a drawer column."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ _LEAST = 0.05  # m, less goes on nowhere
 def continued(
     sides: Sequence[tuple[Board, int]], boards: Sequence[Board], sight: Sight, T_world_frame: Array
 ) -> list[Board]:
-    """The boards with the sides of the parts' cabinets gone on beside them, where a piece of that was seen or
-    nothing says that it is free.
+    """The boards with the cabinets' sides continued beside them, where seen, or where nothing says free.
 
     Neighbours that end short of such a side reach it; a board that is a piece of it is left out.
 
@@ -51,8 +49,7 @@ def continued(
 
 
 def _column(side: Board, sign: int, inner: float, up: int, boards: Sequence[Board]) -> list[Board]:
-    """The neighbours that end at a side, one next to the other from the side's lower (up = -1) or upper end
-    on."""
+    """The neighbours that end at a side, one next to the other from its lower (up = -1) or upper end on."""
     ends = [
         b
         for b in boards

@@ -173,8 +173,7 @@ def _panels(
 
 
 def _sides(opened: Sequence[Opening]) -> list[tuple[Board, int]]:
-    """Sides of the parts' cabinets that were seen, in the frame of the first part's front, and where they
-    look outwards."""
+    """Sides of the parts' cabinets that were seen, in the first front's frame, and their outward normals."""
     out = []
     for o in opened:
         inside = _inside_of(o, opened[0])
@@ -219,8 +218,7 @@ def _is_front(board: Board) -> bool:
 
 
 def _neighbour(board: Board, opened: Sequence[Opening], cloud: Cloud) -> Board:
-    """A front beside those of the parts stands for its whole cabinet, as deep as theirs, which nobody saw
-    from inside."""
+    """A front beside those of the parts stands for a whole cabinet, as deep as theirs, its inside unseen."""
     rear = max(o.carcass.rear for o in opened)
     if not _is_front(board) or board.high[OUT] - rear < _SOLID:
         return board
@@ -258,8 +256,7 @@ def _in_first(board: Board, o: Opening, first: Opening) -> Board:
 
 
 def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:
-    """Handles before fronts that stand still, found on all in one plane at once: a front may be several
-    boards."""
+    """Handles before fronts that stand still, sought on one plane at once: a front may be many boards."""
     found: list[Handle] = []
     left = sorted(fronts, key=lambda b: -float(b.high[OUT]))
     while left:

@@ -1,5 +1,4 @@
-"""Where moving parts go: what is inferred of the furniture must leave that free, as the recording shows that
-they move there."""
+"""Where moving parts go: the inferred furniture must leave that free, as the recording shows the motion."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ _WORTH = 0.5  # share of a board that must be left of it
 
 
 def swept_points(part: Part, layer: Completion) -> Array:
-    """Points (n, 3) m of a part's pieces and of what is shown of its seen surface over its whole range, in
-    the world."""
+    """Points (n, 3) m of a part's pieces and seen surface shown, over its whole range, in the world."""
     from twin.collision.solid import spread
 
     clouds = [layer.shown.vertices]
@@ -52,8 +50,7 @@ def held_points(part: Part) -> Array:
 
 
 def out_of_the_way(board: Board, swept: Array, into: float = _INTO) -> Board | None:
-    """The board, or the largest part of it that is free of points (n, 3) in its frame; None where too little
-    would be left.
+    """The board or its largest part free of points (n, 3) in its frame; None where too little is left.
 
     into: m that points may come into it; below zero they keep that far away.
     """

@@ -35,8 +35,7 @@ _APART = 0.035
 
 @dataclass(frozen=True, eq=False)
 class Tray:
-    """Boards behind a drawer's front, and its inside from corner low (3,) to high (3,) in the part's
-    frame."""
+    """Boards behind a drawer's front, inside from corner low (3,) to high (3,) in the part's frame."""
 
     boards: tuple[Board, ...]
     low: Array
@@ -97,8 +96,7 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
 
 
 def _skirt(cloud: Cloud, leaf: Leaf) -> Mask:
-    """Which points lie right behind the front's border, where a fused surface hangs on to what was farther
-    away."""
+    """Which points lie right behind the front's border, where fusion bridges to what was farther."""
     p = cloud.points
     inside = np.all((p[:, :2] > leaf.corners[0] + _BORDER) & (p[:, :2] < leaf.corners[1] - _BORDER), axis=1)
     return np.asarray(~inside & (p[:, OUT] > -_HANGS))
@@ -125,8 +123,7 @@ def _floor(behind: Cloud, leaf: Leaf, rear: float = -np.inf) -> Layer | None:
 
 
 def _spans(along: Array, leaf: Leaf, wide: float) -> bool:
-    """Whether a layer at these places (n,) m along the side is a floor: wide, and not the rims of two sides
-    with nothing between."""
+    """Whether a layer at places (n,) m along the side is a floor: wide, not two sides' rims and a gap."""
     middle = np.abs(along - leaf.corners[:, 0].mean()) < leaf.size[0] / 4
     return bool(np.ptp(np.quantile(along, [0.05, 0.95])) > wide and middle.mean() > _MIDDLE)
 
@@ -163,8 +160,7 @@ def _sides(behind: Cloud, leaf: Leaf, floor: Layer | None) -> tuple[_Wall, _Wall
 
 
 def _side(behind: Cloud, s: int, middle: float) -> _Wall | None:
-    """The side on the left (-1) or right (1): its inner face looks to the middle, its outer one away; the
-    larger of what was seen tells."""
+    """The side left (-1) or right (1): inner face to the middle, outer one away; the larger one decides."""
     beyond = [k for k in layers(behind, SIDE, -s, _LEAST) if s * (k.offset - middle) > 0.04]
     away = [k for k in layers(behind, SIDE, s, _LEAST / 3) if s * (k.offset - middle) > 0.04]
     if not beyond and not (away and away[0].cloud.size > _LEAST):

@@ -1,5 +1,4 @@
-"""What is drawn of a scan beside boards that wear its photographs: nothing that hangs over the gaps between
-them, no skirts."""
+"""What is drawn of a scan beside textured boards: no skirts, nothing that hangs over their gaps."""
 
 from __future__ import annotations
 
@@ -19,8 +18,7 @@ _ON = 1e-4
 
 
 def trimmed(shown: Mesh, boards: Sequence[Box], eyes: Array) -> Mesh:
-    """The seen triangles without those that bridge two boards, and, beside the boards, without those that no
-    camera faced.
+    """The seen triangles without bridges between boards and, beside boards, without unfaced ones.
 
     A fused surface spans the gap between two fronts, and hangs a skirt from the outline of what stands before
     something else; its triangles look aside. boards: in the world. eyes (n, 3): where the cameras stood.

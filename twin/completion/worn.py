@@ -25,11 +25,9 @@ _TELLS = 0.01
 _OUTSET = INSET
 # Frames between those whose cameras are asked what they saw. Chosen by us: a quarter of a second.
 _EVERY = 8
-# Distance of two sRGB colours of 0..255 below which one may stand for the other. Chosen by us: wood in light
-# and in shade.
+# Distance of two sRGB colours of 0..255 that may stand for each other. Chosen by us: wood in two lights.
 _ALIKE = 60.0
-# m by which faces of two boards that lie in one plane are apart at most. Chosen by us: less than a board is
-# thick.
+# Largest distance (m) of two boards' faces in one plane. Chosen by us: less than a board is thick.
 _FLUSH = 0.002
 # Share of a face in that of a larger board with which it counts as a part of that one. Chosen by us.
 _MOSTLY = 0.5
@@ -59,8 +57,7 @@ def worn(twin: Twin) -> Twin:
     """The twin whose inferred pieces wear photographs, where its bodies have some.
 
     A texel that no photograph shows is marked in the texture's mask, and a piece of which none shows anything
-    says in its reason whose picture it wears. Handles keep their plain colour: they are slimmer than what was
-    seen.
+    says in its reason whose picture it wears. Handles keep a plain colour, being slimmer than seen.
     """
     if twin.cameras is None:
         return twin
@@ -151,11 +148,9 @@ def _texel(pieces: Sequence[Inferred]) -> float:
 
 
 def _faces(box: Mesh) -> list[tuple[Array, Array, Array, Array]]:
-    """Corner, side across, side up and outward normal of the faces of a box as `box_mesh` makes it: two along
-    each of its axes.
+    """Corner, sides across and up, outward normal of a `box_mesh` box's faces: two along each axis.
 
-    Upright faces have plumb for their side up, level ones the box's last axis, so that grain runs the same
-    way on all.
+    Upright faces have plumb for their side up, level ones the box's last axis: grain runs one way on all.
     """
     v = box.vertices
     axes = [v[4] - v[0], v[2] - v[0], v[1] - v[0]]
@@ -253,8 +248,7 @@ def board_of(piece: Inferred) -> Box:
 def _packed(
     pictures: Sequence[NDArray[np.uint8]], masks: Sequence[NDArray[np.bool_]]
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_], Array]:
-    """One image, top row first, its mask, and the place (n, 4) of each picture in it: left, bottom, width,
-    height in 0..1."""
+    """One image, top row first, its mask, and each picture's place (n, 4): left, bottom, width, height."""
     size = np.array([p.shape[1::-1] for p in pictures])
     at, _ = shelves(size + 2 * BORDER)
     wide, high = (at + size + 2 * BORDER).max(axis=0)
@@ -277,8 +271,7 @@ def _covered(
     image: NDArray[np.uint8],
     seen: NDArray[np.bool_],
 ) -> Mesh:
-    """The mesh of a piece with its texture, drawn outside those of its faces that stand before what was
-    seen."""
+    """The mesh of a piece with its texture, drawn outside its faces before what was seen."""
     board = board_of(piece)
     out = np.where(before, _OUTSET, -INSET).reshape(3, 2)
     middle = geo.make_pose(translation=(out[:, 1] - out[:, 0]) / 2)

@@ -85,8 +85,7 @@ def interpreter(name: str) -> Path:
 
 
 def install(names: Sequence[str]) -> None:
-    """Create the environments that are not there yet. Raises InputError when one can't be made; needs the
-    network."""
+    """Create the environments still missing. Raises InputError if one can't be made; needs the network."""
     for name in names:
         e = engine(name)
         if e.installed:

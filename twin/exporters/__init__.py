@@ -36,8 +36,7 @@ FORMATS: tuple[Format, ...] = get_args(Format)
 class Exported(Mapping[str, Path]):
     """Format -> main file, with a warning for everything a format can't carry.
 
-    overlaps: bodies whose collision shapes overlap by more than 2 mm with every part closed; an engine throws
-    them apart.
+    overlaps: bodies with collision shapes over 2 mm deep in others when closed; an engine throws them apart.
     """
 
     files: Mapping[str, Path]
@@ -139,8 +138,7 @@ def _meetings(twin: Twin, ready: Twin) -> list[Meeting]:
 def _trees(
     ready: Twin, tree: Tree, formats: Sequence[str], met: Sequence[Meeting]
 ) -> tuple[dict[str, Tree], list[str]]:
-    """The tree of each format, and a line for each body whose shapes are cut in URDF, which can't filter
-    pairs."""
+    """The tree of each format, and a line for each body cut in URDF, which can't filter pairs."""
     from twin.collision.meetings import meetings, with_pairs_cut
 
     cut, told = with_pairs_cut(ready, met) if "urdf" in formats else (ready, [])
@@ -186,8 +184,7 @@ def complete(
     parts where they rested, and the inferred layer that a view asks for, by default that of `usual_view`.
     collision: settings of the shapes that are made, by name.
 
-    Raises SceneError for a part whose mesh is empty or that can't move, and for a stated shape that is not
-    convex.
+    Raises SceneError for an empty or unmovable part, and for a stated shape that is not convex.
     """
     from twin.collision.stated import require_convex
 

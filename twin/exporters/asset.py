@@ -28,8 +28,7 @@ def _date() -> str:
 class AssetInfo:
     """What an asset says about itself beyond its content.
 
-    date: ISO date; by default that of $SOURCE_DATE_EPOCH, else 1970-01-01. qcode: the Wikidata item of its
-    kind.
+    date: ISO date; by default that of $SOURCE_DATE_EPOCH, else 1970-01-01. qcode: Wikidata item of its kind.
     """
 
     author: str = "unknown"

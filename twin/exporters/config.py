@@ -10,7 +10,6 @@ from twin.runs.setting import Settings, group
 
 @dataclass(frozen=True)
 class ExportConfig(Settings):
-    """How `twin export` makes what a twin lacks. With settings other than the defaults, shapes that were made
-    before are made anew."""
+    """How `twin export` makes what a twin lacks. Other settings than the defaults remake earlier shapes."""
 
     collision: CollisionConfig = group(CollisionConfig, "collision shapes")

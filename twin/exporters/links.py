@@ -1,5 +1,4 @@
-"""Links, joints and all that is drawn of them: the types of the one intermediate model that all writers
-read."""
+"""Links, joints and visuals: the types of the one intermediate model that all writers read."""
 
 from __future__ import annotations
 
@@ -33,11 +32,9 @@ class TreeCatch:
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI damping,
-    friction and armature.
+    """Joint of a link to its parent, at the link's origin. Axis (3,) unit, limits m or rad, SI for the rest.
 
-    holds: its friction stands for what held the part at rest in the recording, and must not creep. catch:
-    None without one.
+    holds: its friction stands for what held the part at rest, and must not creep. catch: None without one.
     """
 
     name: str
@@ -62,8 +59,7 @@ class TreeJoint:
 
 @dataclass(frozen=True, eq=False)
 class Visual:
-    """Something that is drawn of a link, in its frame: `<link>_visual`, what was seen, or
-    `<link>_inferred_<piece>`.
+    """A visual of a link, in its frame: `<link>_visual`, seen, or `<link>_inferred_<piece>`.
 
     basis: "seen", or what an inferred piece rests on; role and reason as of that piece. color: (r, g, b) in
     0..1 of a piece, which is plain; None where the mesh has its own.
@@ -89,10 +85,9 @@ class Region:
 class Link:
     """One rigid body; everything is in the link's frame.
 
-    parent: name of the parent link, None for what stands still. offset (3,): origin in the parent's frame.
-    visuals: what is drawn. shapes: name -> collision shape. mass in kg, inertia (3, 3) about com (3,). grasp
-    (4, 4): frame of the contact path, columns as in ContactPath, and the width (m) of what is held there.
-    kind: what it is, in one word.
+    parent: name of the parent link, None of a static one. offset (3,): origin in the parent's frame. shapes:
+    name -> collision shape. mass in kg, inertia (3, 3) about com (3,). grasp (4, 4): frame of the contact
+    path, columns as in ContactPath, and the width (m) of what is held there. kind: what it is, in one word.
     """
 
     name: str
@@ -123,13 +118,11 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links, the root first and every parent before its children, in depth-first order; source names what it
-    was made from.
+    """Links in depth-first order, the root first; source names what the model was made from.
 
-    verdict: on the twin, None where it has none; told: the line that says it, or why there is none. whole:
-    with the inferred layer. filtered: pairs of links that don't collide, each part and its parent among them.
-    meeting: pairs of links whose shapes overlap while a part opens, with the deepest overlap (m); filtered
-    ones too.
+    verdict: on the twin, or None; told: its line, or why there is none. whole: with the inferred layer.
+    filtered: pairs of links that don't collide, each part and its parent among them. meeting: pairs of links
+    whose shapes overlap while a part opens, with the deepest overlap (m); filtered ones too.
     """
 
     name: str
@@ -159,15 +152,13 @@ class Tree:
 
 
 def spawn(region: Region) -> Array:
-    """Where a thing is put down in a region, in its link's frame (3,): the middle of its floor. The axes of a
-    link are the world's."""
+    """Where a thing is put down, in a region's link frame (3,): its floor's middle. Axes are the world's."""
     corners = region.box.corners
     return np.array([*corners[:, :2].mean(axis=0), corners[:, 2].min()])
 
 
 def clear_of_each_other(tree: Tree) -> str:
-    """Whether the collision shapes of the links keep clear of each other while a part opens, and which
-    don't."""
+    """Whether the collision shapes of the links keep apart while a part opens, and which don't."""
     if not tree.meeting:
         return "the collision shapes keep clear of each other"
     pairs = [f"{a} and {b} (by up to {1e3 * d:.1f} mm)" for (a, b), d in tree.meeting.items()]

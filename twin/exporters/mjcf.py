@@ -1,5 +1,4 @@
-"""MJCF writer, in the manner of MuJoCo Menagerie: default classes, explicit inertials, a separate
-scene.xml."""
+"""MJCF writer in the manner of Menagerie: default classes, explicit inertials, a separate scene.xml."""
 
 from __future__ import annotations
 
@@ -25,15 +24,13 @@ _MJ_TYPE = {"revolute": "hinge", "prismatic": "slide"}
 
 @dataclass(frozen=True)
 class Document:
-    """A model as MJCF in memory: its XML, and the content of each file that it names, which lie in assets/
-    beside it."""
+    """A model as MJCF in memory: its XML and the content of each file it names (in assets/ beside it)."""
 
     xml: str
     assets: Mapping[str, bytes]
 
     def spec(self) -> Any:
-        """A fresh mujoco.MjSpec of it, to be edited or attached to. Raises ValueError where MuJoCo can't read
-        it."""
+        """A fresh mujoco.MjSpec of it, to edit or attach to. ValueError if MuJoCo can't read it."""
         import mujoco
 
         return mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))

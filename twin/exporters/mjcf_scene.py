@@ -22,8 +22,7 @@ _LAMP = 0.15
 
 
 def remarks(tree: Tree) -> list[Any]:
-    """The verdict as the first comment of a file, without the two minuses that no comment may hold; none of a
-    twin that has none."""
+    """The verdict as a file's first comment, without the two minuses no comment may hold; or nothing."""
     return [] if tree.verdict is None else [ET.Comment(f" {re.sub('-{2,}', '-', tree.told)} ")]
 
 
@@ -82,8 +81,7 @@ def scene(tree: Tree) -> ET.Element:
 
 
 def _lowest(tree: Tree) -> float:
-    """Lowest z (m) of any collision shape of a moving part, one part opened alone or all together; inf
-    without one."""
+    """Lowest z (m) of any collision shape of a moving part, one part open or all; inf without one."""
     shares = np.linspace(0.0, 1.0, 21)
     rows = [
         {k.name: s for k in chosen} for chosen in [tree.moving, *([k] for k in tree.moving)] for s in shares

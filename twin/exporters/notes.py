@@ -27,8 +27,7 @@ def readme(tree: Tree, fmt: str) -> str:
 
 
 def _catches(tree: Tree, fmt: str) -> str:
-    """What holds closed parts beside friction, and what the format does of it; nothing of a twin without
-    catches."""
+    """What holds closed parts beside friction, and what the format does of it; empty without catches."""
     caught = [k.joint for k in tree.moving if k.joint is not None and k.joint.catch is not None]
     done = {
         "urdf": "URDF has no word for it: it stands in a comment and in asset.json, and no program simulates it.",

@@ -1,5 +1,4 @@
-"""Wavefront OBJ meshes with their vertex colours baked into a small texture (most simulators ignore vertex
-colours)."""
+"""Wavefront OBJ meshes with their vertex colours baked into a small texture, which simulators read."""
 
 from __future__ import annotations
 
@@ -26,8 +25,7 @@ _AT_ONCE = 1 << 21  # pairs of faces at a time: some hundred megabytes
 
 @dataclass(frozen=True)
 class Textured:
-    """A mesh as files: name -> content; which is its .obj, which its texture, and its mean colour (r, g, b)
-    in 0..1."""
+    """A mesh as files: name -> content; which are .obj and texture; mean colour (r, g, b) in 0..1."""
 
     files: Mapping[str, bytes]
     obj: str
@@ -41,8 +39,7 @@ def hull(mesh: Mesh) -> bytes:
 
 
 def textured(mesh: Mesh, name: str, plain: tuple[float, float, float] | None = None) -> Textured:
-    """The mesh as name.obj, name.mtl and, when it has colours, name.png; plain: the colour (r, g, b) in 0..1
-    of one that has none."""
+    """The mesh as name.obj, name.mtl and, if coloured, name.png; plain: colour (r, g, b), 0..1, if not."""
     dressed = dress(mesh)
     baked, normals, normal_index = dressed.baked, dressed.normals, dressed.corners
     faces = mesh.faces[baked.order]
@@ -84,8 +81,7 @@ class Baked:
 
 @dataclass(frozen=True, eq=False)
 class Dressed:
-    """Texture of a mesh, and normals (M, 3) with the index (F, 3) of each corner's, faces in texture
-    order."""
+    """Texture of a mesh, and normals (M, 3) with each corner's index (F, 3), faces in texture order."""
 
     baked: Baked
     normals: Array
@@ -106,8 +102,7 @@ def dress(mesh: Mesh) -> Dressed:
 
 
 def bake(mesh: Mesh) -> Baked:
-    """The photo texture of a mesh that has one, with an image that its faces use; else vertex colours baked
-    into one."""
+    """The photo texture of a mesh that has one, cut to what its faces use; else baked vertex colours."""
     if mesh.texture is not None and len(mesh.faces):
         from twin.exporters.texture import photo_atlas  # here: it makes what this module defines
 
@@ -156,8 +151,7 @@ def _spatial_order(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def corner_normals(vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int64]]:
-    """Normals (M, 3) and the index (F, 3) of each face corner's: smooth over the surface, sharp at
-    creases."""
+    """Normals (M, 3) and the index (F, 3) of each corner: smooth over the surface, sharp at creases."""
     n = len(faces)
     if n == 0:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)

@@ -27,8 +27,7 @@ def write_package(folder: Path, urdf: str, name: str, asset: AssetInfo) -> None:
     """Turn the folder of a written URDF into the ROS 2 package `name`.
 
     Adds package.xml, CMakeLists.txt and urdf/<urdf>, a copy of the file `urdf` with its mesh paths as
-    package://<name>/... Built, or put into a workspace under any folder name, it resolves; the file without
-    package:// stays beside it.
+    package://<name>/... It resolves, built or in a workspace; the file without package:// stays.
     """
     text = (folder / urdf).read_text(encoding="utf-8")
     (folder / "urdf").mkdir()

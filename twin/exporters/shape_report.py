@@ -1,5 +1,4 @@
-"""What `twin export` tells about collision shapes: how many, how well they fit, how long they took, what was
-assumed."""
+"""What `twin export` says about collision shapes: number, fit, time and what was assumed."""
 
 from __future__ import annotations
 
@@ -24,8 +23,7 @@ class ShapeReport:
     """A part's shapes against its own mesh.
 
     closed: the fit's volume ratio refers to what the closed mesh encloses, else to area x thickness as its
-    mass does. seconds: on the clock when the shapes were made, None where that is not known. warning: of
-    thickness that no camera saw.
+    mass does. seconds: on the clock when the shapes were made, or None. warning: of unseen thickness.
     """
 
     part: str
@@ -55,15 +53,13 @@ COLUMNS = ["part", "shapes", "boxes", "volume ratio", "stands out, p95", "uncove
 def collision_reports(
     twin: Twin, cache_dir: Path | None = None, config: CollisionConfig | None = None
 ) -> list[ShapeReport]:
-    """One report for every part that has shapes; seconds and thickness come from what `with_collision` kept
-    in cache_dir."""
+    """One report for every part with shapes; `with_collision` kept seconds and thickness in cache_dir."""
     cache = ShapeCache(cache_dir, asdict(CollisionConfig() if config is None else config))
     return [_report(p, cache) for p in twin.parts if shapes_of(p) and len(p.mesh.faces)]
 
 
 def inferred_tables(twin: Twin) -> list[Table]:
-    """A row for every inferred piece, what it rests on and why it is there; no table where nothing is
-    inferred."""
+    """A row for every inferred piece, its basis and its reason; no table where nothing is inferred."""
     owners = [(twin.static.name, twin.static.completion), *((p.name, p.completion) for p in twin.parts)]
     rows = [
         [name, p.name, p.role, p.basis, p.reason]
@@ -87,8 +83,7 @@ def _report(part: Part, cache: ShapeCache) -> ShapeReport:
 
 
 def _slabs(mesh: Mesh) -> float | None:
-    """Volume (m^3) of an open mesh as its mass is estimated: area x thickness of the table's default
-    material."""
+    """Volume (m^3) of an open mesh, as for its mass: area x thickness of the table's default material."""
     table = read_materials()
     material = table.material(table.default)
     if mesh.area < 1e-9:

@@ -1,5 +1,4 @@
-"""Photo textures for the writers: of a whole mesh, or of some of its faces with an image that holds no more
-than these need."""
+"""Photo textures for the writers: of a whole mesh, or of some faces with an image cut to these."""
 
 from __future__ import annotations
 
@@ -57,8 +56,7 @@ def _charts(uv: NDArray[np.float64]) -> I64:
 
 
 def _frames(texels: NDArray[np.float64], chart: I64, most: tuple[int, int]) -> tuple[I64, I64]:
-    """First texel (C, 2) and texels (C, 2), across and down, of each chart with its border, within an image
-    of `most`."""
+    """First texel (C, 2) and texels (C, 2), across and down, of charts with border, in an image of `most`."""
     count = int(chart.max()) + 1
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, chart, texels.min(axis=1))

@@ -29,12 +29,10 @@ from twin.physics.catches import lever_of, require_catch
 from twin.scene import Part, Revolute, Twin
 from twin.verdict import verdict_line
 
-# URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above what a person's hand
-# does.
+# URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above a hand's.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
-# Far above double precision and far below any scene, chosen by us: m or rad of limits, share of a tensor's
-# trace; kg m^2.
+# Chosen by us, far above double precision, far below any scene: m or rad of limits, share of trace; kg m^2.
 _ROUNDING, _LEAST = 1e-9, 1e-9
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
@@ -42,8 +40,7 @@ _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 def build_tree(twin: Twin, visual: bool = True) -> Tree:
     """Turn a twin into links. Raises SceneError when a part lacks what simulation needs.
 
-    visual: with what is drawn, which nothing touches and whose making takes a third of the time; else links
-    show nothing.
+    visual: with what is drawn, a third of the time; else links show nothing.
     """
     require_ranges(twin)
     mass, com, inertia = _static_mass(twin)

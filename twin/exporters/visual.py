@@ -11,20 +11,17 @@ from twin.geometry import Array
 from twin.mesh import compact
 from twin.scene import Mesh
 
-# m, chosen by us: a tenth of what the check allows of a mesh's bounds, and far above a reader's smallest
-# volume
+# m, chosen by us: a tenth of what the check allows of bounds, and far above a reader's smallest volume
 SHEET = 1e-5
 _SPACINGS = 8  # of single precision, in which readers keep a mesh; chosen by us
 
 
 def drawn(mesh: Mesh) -> Mesh:
-    """The mesh as writers write it: without vertices that no face uses, and without faces when these have no
-    area.
+    """The mesh as writers write it: without vertices that no face uses, and without faces of no area.
 
     A flat mesh (a sheet seen from one side) encloses nothing, and MuJoCo refuses it in URDF and in USD, where
     nothing says that it is a shell; a single triangle it refuses everywhere. It gets its back: every face
-    once more, turned around, and SHEET behind. This is for what is drawn only: mass and collision shapes come
-    from the twin.
+    once more, turned around, and SHEET behind. Mass and collision shapes come from the twin.
     """
     used, faces = compact(mesh.faces)
     vertices = mesh.vertices[used]
@@ -46,8 +43,7 @@ def drawn(mesh: Mesh) -> Mesh:
 
 
 def _thickness(corners: Array, normals: Array, area: Array) -> float:
-    """Mean distance (m) of the faces' planes from their common centroid: what a reader multiplies by the
-    area."""
+    """Mean distance (m) of the faces' planes from their common centroid: readers multiply it by area."""
     middles = corners.mean(axis=1)
     centroid = area @ middles / area.sum()
     return float(area @ np.abs(np.einsum("fi,fi->f", normals, middles - centroid)) / area.sum())

@@ -1,2 +1,1 @@
-"""Files: written at once and whole, ours told apart from the user's, shipped assets found wherever they are
-installed."""
+"""Files: written at once and whole, ours distinguished from the user's, assets found wherever installed."""

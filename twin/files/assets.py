@@ -1,8 +1,7 @@
 """Files that ship with Funtwin: robots, materials, scenes, a recording.
 
 They lie in assets/ of a checkout, and inside the package (twin/_assets) where a wheel was installed;
-everything that reads one of them asks here. assets/MANIFEST.toml lists them with source, licence and
-checksum.
+everything that reads them asks here. assets/MANIFEST.toml lists them with source, licence and checksum.
 """
 
 from __future__ import annotations
@@ -18,8 +17,7 @@ REMEDY = "install the package funtwin again, or in a checkout restore the folder
 
 
 def places() -> tuple[Path, ...]:
-    """Folders that may hold them, the first that exists counts: as setup.py installs them, and in a
-    checkout."""
+    """Folders that may hold them, the first existing counts: as setup.py installs them, and in a checkout."""
     return _PACKAGE / "_assets", _PACKAGE.parent / "assets"
 
 
@@ -36,8 +34,7 @@ def asset(name: str) -> Path:
 
 
 def faults() -> dict[str, str]:
-    """What is "missing" or "altered" of the files and folders that the manifest lists, by their names; empty
-    when all is well.
+    """What is "missing" or "altered" of the manifest's files and folders, by name; empty if all is well.
 
     Raises InputError when the manifest itself is missing or can't be read.
     """
@@ -53,8 +50,7 @@ def faults() -> dict[str, str]:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file; of a folder, that of the lines "<sha256>  <relative path>" of its files, sorted by
-    path."""
+    """SHA-256 of a file; of a folder, of the lines "<sha256> <relative path>" sorted by path."""
     if path.is_file():
         return hashlib.sha256(path.read_bytes()).hexdigest()
     names = sorted(p.relative_to(path).as_posix() for p in path.rglob("*") if p.is_file())

@@ -22,8 +22,7 @@ _AT_CWD = -100  # AT_FDCWD
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a file, in a folder that is made if need be; one that is there is replaced at once and gives its
-    mode.
+    """Write a file, in a folder made if need be; an existing file is replaced at once and gives its mode.
 
     Raises OSError that names the file.
     """
@@ -69,8 +68,7 @@ def put(staged: Path, folder: Path, ours: Collection[str]) -> None:
         ours: paths in `folder` (relative, with /) that the new content replaces or drops; everything else in
             it stays.
 
-    Raises OSError, FileExistsError where a path that is not ours is also in `staged`; the folder is then as
-    it was.
+    Raises OSError, FileExistsError if a path not ours is also in `staged`; the folder then is as it was.
     """
     if not folder.exists():
         staged.rename(folder)
@@ -84,8 +82,7 @@ def put(staged: Path, folder: Path, ours: Collection[str]) -> None:
 
 
 def contents(folder: Path) -> list[str]:
-    """Everything in a folder but folders that hold something: relative paths with /, sorted. Links are not
-    followed.
+    """Everything in a folder but filled folders: relative paths with /, sorted. Links are not followed.
 
     Raises OSError for a folder that can't be listed.
     """
@@ -160,8 +157,7 @@ def _remove(folder: Path) -> None:
 def tidy(path: Path) -> None:
     """Remove what killed processes left beside a path; a lock on each tells whether its process lives.
 
-    Where one died between setting a folder aside and putting the new one in its place, the old one comes
-    back.
+    If a process died between setting a folder aside and putting the new one there, the old one comes back.
     """
     for left in path.parent.glob(f".{glob.escape(path.name)}-*.tmp"):
         with suppress(OSError):

@@ -1,5 +1,4 @@
-"""Which files of a folder we wrote: a list with their hashes, so that nobody else's work is replaced or
-removed."""
+"""Which files of a folder we wrote: a list with hashes, so that nobody else's work is replaced or lost."""
 
 from __future__ import annotations
 
@@ -17,14 +16,11 @@ _FORMAT = "funtwin-files/1"
 
 
 def replace_own(staged: Path, folder: Path, overwrite: bool = False) -> None:
-    """Put the files written into `staged` (from `twin.files.atomic.staging`) in the place of those that we
-    wrote into `folder` before.
+    """Put files written into `staged` (`twin.files.atomic.staging`) in the place of those we wrote before.
 
-    What we wrote before and don't write any more goes; everything else in `folder` stays. LIST in the folder
-    says what is ours.
+    What we no longer write goes; everything else stays. LIST in the folder says what is ours.
 
-    Raises InputError like `refuse_edited`; OSError when the folder can't be written. Nothing has changed
-    then.
+    Raises InputError like `refuse_edited`; OSError if it can't be written. Nothing has changed then.
     """
     folder = folder.resolve()
     fresh = hashes(staged)
@@ -36,11 +32,9 @@ def replace_own(staged: Path, folder: Path, overwrite: bool = False) -> None:
 
 
 def place_own(staged: Path, folder: Path, scope: Collection[str], overwrite: bool = False) -> None:
-    """Like `replace_own`, for a folder that is not ours: it stays itself, and each file in it changes at
-    once.
+    """Like `replace_own`, for a folder that is not ours: it stays, and each file in it changes at once.
 
-    scope: every path that such a call may write. What calls with another scope wrote stays, and stays on the
-    list.
+    scope: every path that such a call may write. Files of other scopes stay, also on the list.
     """
     folder.mkdir(parents=True, exist_ok=True)
     fresh = hashes(staged)

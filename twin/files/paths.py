@@ -1,5 +1,4 @@
-"""What public functions take for a path, and whether a folder can be written before hours are spent on what
-goes there."""
+"""What public functions take for a path, and whether a folder can be written, before hours of work."""
 
 from __future__ import annotations
 
@@ -14,11 +13,9 @@ AnyPath = str | os.PathLike[str]  # each function makes a Path of it in its firs
 
 
 def require_writable(folder: Path) -> None:
-    """Raises InputError unless files can be written into the folder, which need not exist yet; nothing is
-    left there.
+    """Raises InputError unless files can be written into the folder, which need not exist; nothing is left.
 
-    It is tried: what permissions say holds neither for root nor for file systems that can't be written at
-    all.
+    By trying: permissions say nothing for root or for file systems that can't be written at all.
     """
     try:
         here = folder.absolute()

@@ -1,5 +1,4 @@
-"""Binary PLY triangle meshes with vertex colours: exact (double coordinates) and the same bytes every
-time."""
+"""Binary PLY triangle meshes with vertex colours: exact (double coordinates) and repeatable."""
 
 from __future__ import annotations
 
@@ -21,8 +20,7 @@ _CORNERS = ("vertex_indices", "vertex_index")  # what programs call the list of 
 
 
 def ply_bytes(mesh: Mesh) -> bytes:
-    """Encode a mesh as binary little-endian PLY: x y z double, red green blue uchar when coloured, int32
-    faces."""
+    """A mesh as binary little-endian PLY: x y z double, red green blue uchar when coloured, int32 faces."""
     fields = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
     colors = [("red", "u1"), ("green", "u1"), ("blue", "u1")] if mesh.colors is not None else []
     vertices = np.zeros(len(mesh.vertices), dtype=fields + colors)

@@ -24,8 +24,7 @@ def png_bytes(image: NDArray[np.uint8], mask: NDArray[np.bool_] | None = None) -
 
 
 def read_png(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Image (H, W, 3) sRGB and mask (H, W) of what `png_bytes` made with a mask. Raises InputError naming the
-    file."""
+    """Image (H, W, 3) sRGB and mask (H, W) of `png_bytes` with a mask. Raises InputError naming the file."""
     import cv2
 
     remedy = "texture images are 8-bit PNG with red, green, blue and alpha: make the twin again"

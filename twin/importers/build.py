@@ -1,5 +1,4 @@
-"""From what a reader found to a twin: fixed bodies join, joints start closed, what is missing is filled
-in."""
+"""From what a reader found to a twin: fixed bodies join, joints start closed, gaps are filled."""
 
 from __future__ import annotations
 
@@ -40,8 +39,7 @@ def build(
     limits: Mapping[str, tuple[float, float]],
     exclude: Sequence[str],
 ) -> Twin:
-    """The twin of a file, and UserWarnings of what it can't carry. Raises InputError that names the
-    element."""
+    """The twin of a file, and UserWarnings of what is lost. Raises InputError that names the element."""
     notes = list(source.notes)
     bodies = without_helpers(source, _kept(source, exclude, notes), limits, notes)
     groups = groups_of(bodies)

@@ -18,8 +18,7 @@ from twin.importers.source import Closed, SourceJoint
 # Share of the range. A rest pose this near to an end is closed there, and travel behind the closed pose
 # that is no longer than this is slack: LIBERO's drawers have 3 and 6 %, joints that open to both sides more.
 _NEAR = 0.15
-# m, chosen by us: a part whose visuals are deeper than this in others, where they were not at rest, is not
-# closed but inside.
+# m, chosen by us: a part with visuals so much deeper in others than at rest is not closed but inside.
 _DEEPER = 1e-3
 # Share. What opens leaves its furniture: the convex hull of both is smallest when it is closed. In the
 # collections of benchmarks/imports.py the hull shrinks to 0.26..0.68 where doors, drawers and lids close, and

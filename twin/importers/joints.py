@@ -35,8 +35,7 @@ def range_of(
 
 
 def joint_of(joint: SourceJoint, T: Array, travel: Travel, mesh: Mesh) -> Joint:
-    """The joint of a twin, moved by T from the file's rest pose; its point is the nearest to the mesh's
-    middle."""
+    """A twin's joint, moved by T from the file's rest pose; its point is nearest to the mesh's middle."""
     axis = geo.unit(geo.rotate(T, joint.axis) * travel.opens)
     low, high = sorted(travel.opens * (end - travel.closed) + 0.0 for end in (travel.lower, travel.upper))
     if joint.kind == "prismatic":

@@ -11,8 +11,7 @@ _SAME = 0.01  # of the range, chosen by us: a keyframe that moves a joint by les
 
 
 def ends(model: Any, joint: int, names: tuple[str, ...]) -> tuple[float | None, float | None]:
-    """Where keyframes have a joint closed and open. One that leaves it closed, or at rest, does not open
-    it."""
+    """Where keyframes have a joint closed and open. Closed or at rest is not open."""
     closed, opened = (_keyed(model, joint, word, names) for word in ("closed", "open"))
     if opened is not None:
         start = closed if closed is not None else float(model.qpos0[model.jnt_qposadr[joint]])

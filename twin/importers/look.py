@@ -18,8 +18,7 @@ from twin.scene import Mesh, Texture
 
 U8 = NDArray[np.uint8]
 Tell = Callable[[str], None]
-# Share of a picture within which a coordinate at its border lies on it. Chosen by us: half a texel of
-# MOST_TEXELS.
+# Share of a picture by which a coordinate may miss it. Chosen by us: half a texel of MOST_TEXELS.
 _AT_BORDER = 1e-4
 # Half sides of a cube map that a face may reach from the middle of the one it wears. Chosen by us: the side
 # of a cylinder, which is cut at 45 deg, takes 1.4.
@@ -61,8 +60,7 @@ def painted(mesh: Mesh, rgb: Sequence[float] | Array | None) -> Mesh:
 
 
 def welded(vertices: Array, faces: NDArray[Any], colors: U8 | None, texture: Texture | None = None) -> Mesh:
-    """A mesh in which corners at one place, and of one colour where it has no texture, are one: files repeat
-    them."""
+    """A mesh in which corners at one place (and of one colour if untextured) are one: files repeat them."""
     key = np.round(vertices, 9) + 0.0
     if colors is not None and texture is None:
         key = np.concatenate([key, colors], axis=1)
@@ -80,8 +78,7 @@ def welded(vertices: Array, faces: NDArray[Any], colors: U8 | None, texture: Tex
 def pictured(
     vertices: Array, faces: NDArray[Any], uv: Array, picture: U8, tint: Array | None = None
 ) -> tuple[Mesh, float]:
-    """A mesh that wears a picture (H, W, 3), top row first, times a colour `tint` (3,) of 0..1; and the
-    picture's scale.
+    """A mesh with a picture (H, W, 3), top row first, times colour `tint` (3,) of 0..1; picture's scale.
 
     uv (F, 3, 2), v up, of any size: the picture repeats. Where a face shows it more than once, the texture is
     as many pictures side by side, each smaller where they would not fit into MOST_TEXELS. Raises InputError
@@ -118,8 +115,7 @@ def _repeated(picture: U8, across: int, up: int) -> U8:
 def cube_mapped(
     vertices: Array, faces: NDArray[Any], directions: Array, strip: U8, tint: Array
 ) -> tuple[Mesh, float]:
-    """As `pictured`, for a cube map: `strip` (6 n, n, 3), or (n, n, 3) for all sides, seen along directions
-    (F, 3, 3).
+    """As `pictured`, for a cube map: `strip` (6 n, n, 3), or (n, n, 3) for all along directions (F, 3, 3).
 
     Each face wears the side that its middle meets. The sides are as much larger as it takes to hold the faces
     that reach over their edges; where that is more than _BEYOND, each face gets texels of its own.
@@ -149,8 +145,7 @@ def cube_mapped(
 
 
 def read_picture(path: Path, owner: str) -> tuple[U8, bool]:
-    """A picture (H, W, 3), top row first, and whether any of it is transparent. Raises InputError that names
-    `owner`."""
+    """A picture (H, W, 3), top row first; is any of it transparent? Raises InputError that names `owner`."""
     import cv2
 
     try:

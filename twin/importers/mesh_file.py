@@ -24,9 +24,8 @@ def mesh_file(
 ) -> tuple[list[Mesh], bool]:
     """The meshes in a file, scaled (3,), and whether they have colours or pictures of their own.
 
-    owner: whose mesh it is, for errors. tell: takes what of its look is not carried. picture: what it wears
-    in place of its own. upright: turned from y up to z up. Raises InputError that names `owner` when the file
-    isn't there or can't be read.
+    owner: for errors. tell: takes what look is lost. picture: what it wears in place of its own. upright:
+    turned from y up to z up. Raises InputError that names `owner` when the file isn't there or can't be read.
     """
     pieces, factor = _loaded(path, owner, tell)
     turn = (_Y_TO_Z if upright else np.eye(3)).T * scale * factor
@@ -44,8 +43,7 @@ def inside_out(mesh: Mesh) -> Mesh:
 
 
 def _loaded(path: Path, owner: str, tell: Tell) -> tuple[Pieces, float]:
-    """Pieces of a mesh file as trimesh reads them, each in the file's frame, and metres for one of its
-    units."""
+    """Pieces of a mesh file as trimesh reads them, each in the file's frame; metres of a unit."""
     import trimesh
 
     class Beside(trimesh.resolvers.FilePathResolver):
@@ -93,8 +91,7 @@ def _is_picture(data: bytes) -> bool:
 
 
 def _dressed(piece: Any, vertices: Array, worn: U8 | None, tell: Tell) -> Mesh:
-    """A loaded piece with the picture that it is given, or with its own colours; without either where there
-    is none."""
+    """A loaded piece with the picture that it is given, else with its own colours, else with neither."""
     faces, visual = np.asarray(piece.faces, np.int64), piece.visual
     uv = _coordinates(visual)
     if worn is not None:

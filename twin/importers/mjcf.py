@@ -1,5 +1,4 @@
-"""Reads MJCF: MuJoCo compiles it, so that defaults, includes, primitives and masses are what MuJoCo takes
-them for."""
+"""Reads MJCF: MuJoCo compiles it, so that defaults, includes, primitives and masses are MuJoCo's."""
 
 from __future__ import annotations
 

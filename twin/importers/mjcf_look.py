@@ -1,5 +1,4 @@
-"""What a geom of a compiled MJCF model looks like: its colour, and its picture as MuJoCo 4 lays it on the
-shape."""
+"""The look of a geom of a compiled MJCF model: its colour and picture as MuJoCo 4 lays it on the shape."""
 
 from __future__ import annotations
 
@@ -21,8 +20,7 @@ _UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that states none; its
 
 
 def rgba(model: Any, g: int) -> Array:
-    """Colour (4,) of 0..1 that MuJoCo draws a geom in, or multiplies its picture with: its own before its
-    material's."""
+    """Colour (4,) of 0..1 that MuJoCo draws a geom or tints its picture in: its own before its material's."""
     own, material = np.asarray(model.geom_rgba[g], np.float64), int(model.geom_matid[g])
     if material < 0 or not np.allclose(own, _UNSET):
         return own
@@ -43,8 +41,7 @@ class _Picture:
 
 
 def looking(model: Any, g: int, surface: Mesh, lost: Lost) -> Mesh:
-    """The surface of a geom, in its own frame, in its colour or picture; `lost` is told what of that is not
-    carried."""
+    """The surface of a geom, in its own frame in its colour or picture; `lost` gets what is not carried."""
     owner = f"geom {str(model.geom(g).name)!r}" if model.geom(g).name else f"geom {g}"
     tell, color, picture = lost.by(owner), rgba(model, g), _picture(model, g)
     mesh = int(model.geom_dataid[g]) if int(model.geom_type[g]) == _GEOM.mjGEOM_MESH else -1
@@ -70,8 +67,7 @@ def looking(model: Any, g: int, surface: Mesh, lost: Lost) -> Mesh:
 
 
 def mesh_arrays(model: Any, mesh: int) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (V, 3) m and faces (F, 3) as MuJoCo keeps a mesh: centred, turned to its axes, single
-    precision."""
+    """Vertices (V, 3) m and faces (F, 3) as MuJoCo keeps a mesh: centred, along its axes, in float32."""
     v0, f0 = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
     vertices = np.asarray(model.mesh_vert[v0 : v0 + int(model.mesh_vertnum[mesh])], np.float64)
     return vertices, np.asarray(model.mesh_face[f0 : f0 + int(model.mesh_facenum[mesh])], np.int64)

@@ -19,9 +19,8 @@ Closed = float | str  # a coordinate of the file's joint, "lower" or "upper"
 @dataclass(frozen=True, eq=False)
 class SourceJoint:
     """A hinge or slide. axis, pivot (3,): unit and m, in the world at rest. `rest`, `lower`, `upper` are in
-    the file's own coordinate, m or rad; without limits they are None. closed, open: where keyframes of the
-    file that are named so have it, None without them. damping, frictionloss: None where the file states
-    none."""
+    the file's own coordinate, m or rad; without limits they are None. closed, open: where keyframes of those
+    names have it, None without them. damping, frictionloss: None where the file states none."""
 
     name: str
     kind: Literal["revolute", "prismatic"]
@@ -54,9 +53,8 @@ class SourceMass:
 class SourceBody:
     """A rigid body. `parent` names another, None the world. friction: of each shape that touches.
 
-    stated: whether the file states the mass, and not only the program that reads it. refused: why a twin
-    can't carry how it moves. loose: it stands on nothing. shapes: False when some of its collision shapes
-    can't be used.
+    stated: whether the file states the mass, not only its reader. refused: why a twin can't carry how it
+    moves. loose: it stands on nothing. shapes: False when some of its collision shapes can't be used.
     """
 
     name: str

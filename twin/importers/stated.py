@@ -1,5 +1,4 @@
-"""Numbers that a file states about a part: mass, friction, joint resistance, each with the file as its
-source."""
+"""Numbers that a file states of a part: mass, friction, joint resistance, with the file as source."""
 
 from __future__ import annotations
 
@@ -38,11 +37,9 @@ def stated_mass(source: Source, bodies: Sequence[SourceBody]) -> Quantity | None
 def stated_inertial(
     source: Source, bodies: Sequence[SourceBody], T: Array, notes: list[str]
 ) -> Inertial | None:
-    """Mass, centre and tensor as stated; None where they are not, or, with a note, where no body can have
-    that tensor.
+    """Mass, centre and tensor as stated; None without, or, with a note, where no body has that tensor.
 
-    bodies: what moves as the part, the one with the joint first. T (4, 4): from the file's rest pose to state
-    0.
+    bodies: the part's, the one with the joint first. T (4, 4): from the file's rest pose to state 0.
     """
     told, mass = joined_mass([b.mass for b in bodies if b.mass is not None]), stated_mass(source, bodies)
     if told is None or mass is None:
@@ -56,8 +53,7 @@ def stated_inertial(
 
 
 def with_stated(source: Source, part: Part, bodies: Sequence[SourceBody]) -> Part:
-    """A part whose numbers come from its surface and the table of materials, with those that the file states
-    in their place."""
+    """A part with numbers from its surface and the table of materials, replaced by those the file states."""
     joint, mass = bodies[0].joint, stated_mass(source, bodies)
     assert joint is not None
     assert part.inertial is not None

@@ -13,8 +13,7 @@ def filtered_pairs(
 ) -> tuple[tuple[str, str], ...]:
     """Pairs of names of what the file never lets touch.
 
-    A body without collision shapes touches nothing. Two groups without any are no pair: both get shapes that
-    keep clear.
+    A body without collision shapes touches nothing. Two groups without any form no pair: both get shapes.
 
     Args:
         names: of the static scene and of each part.

@@ -1,5 +1,4 @@
-"""Texture coordinates of primitive shapes and of cube maps, as MuJoCo 4 draws them (`render_context.c`,
-`render_gl3.c`).
+"""Texture coordinates of primitives and cube maps, as MuJoCo 4's `render_context.c`, `render_gl3.c` have.
 
 URDF says nothing of how a picture lies on a primitive; the same coordinates are taken there.
 """
@@ -26,8 +25,7 @@ CUBE = np.array(
 
 
 def box_uv(corners: Array) -> Array:
-    """Coordinates (F, 3, 2), u and v down, of faces (F, 3, 3) of a box from -1 to 1: the whole picture on
-    each side."""
+    """Coordinates (F, 3, 2), u and v down, of faces (F, 3, 3) of a box from -1 to 1: a picture a side."""
     axis = np.abs(geo.vector_areas(corners)).argmax(axis=1)
     across, up = np.array([1, 0, 0])[axis], np.array([2, 2, 1])[axis]
     face = np.arange(len(corners))[:, None]
@@ -39,8 +37,7 @@ def box_uv(corners: Array) -> Array:
 
 
 def cylinder_uv(corners: Array) -> Array:
-    """As `box_uv`, of a cylinder of radius 1 from z = -1 to 1: once around its side, and on each end from
-    above."""
+    """As `box_uv`, of a cylinder of radius 1 from z = -1 to 1: once around its side, ends from above."""
     side = np.stack([around(corners), (1 - corners[..., 2]) / 2], axis=-1)
     end = np.abs(geo.triangle_normals(corners)[0][:, 2]) > 0.5
     return np.where(end[:, None, None], (corners[..., :2] + 1) / 2, side)
@@ -52,8 +49,7 @@ def sphere_uv(corners: Array) -> Array:
 
 
 def capsule_uv(corners: Array, half: float) -> Array:
-    """As `box_uv`, of a cylinder of radius 1 from z = -half to half with half spheres on its ends, a picture
-    on each."""
+    """As `box_uv`, of a cylinder of radius 1 from z = -half to half with half spheres, a picture on each."""
     z = corners[..., 2]
     side = (1 - z / half) / 2
     high, low = _latitude(z - half), _latitude(z + half)
@@ -63,8 +59,7 @@ def capsule_uv(corners: Array, half: float) -> Array:
 
 
 def around(corners: Array) -> Array:
-    """Turns (F, 3) of 0..1 about z from x, each face's without a jump; a corner on the axis has the turn of
-    its face."""
+    """Turns (F, 3) of 0..1 about z from x without jumps in a face; a corner on the axis has its face's."""
     x, y = corners[..., 0], corners[..., 1]
     middle = np.arctan2(y.mean(axis=1), x.mean(axis=1))[:, None] % (2 * np.pi)
     apart = np.angle(np.exp(1j * (np.arctan2(y, x) - middle)))
@@ -93,8 +88,7 @@ def on_sides(directions: Array, sides: NDArray[np.int64]) -> Array:
 
 
 def cube_colors(strip: NDArray[np.uint8], directions: Array) -> NDArray[np.uint8]:
-    """Colours (..., 3) of a cube map in directions (..., 3); strip (6 n, n, 3), or (n, n, 3) for all
-    sides."""
+    """Colours (..., 3) of a cube map in directions (..., 3); strip (6 n, n, 3), or (n, n, 3) for all."""
     texels = strip.shape[1]
     sides = sides_of(directions)
     column, row = np.moveaxis(((on_sides(directions, sides) + 1) / 2 * texels).astype(np.int64), -1, 0)

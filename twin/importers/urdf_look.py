@@ -1,5 +1,4 @@
-"""What a URDF link looks like: its materials, pictures on primitives, and meshes whose files say that y
-points up."""
+"""The look of a URDF link: materials, pictures on primitives, and meshes whose files say that y points up."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ _GLTF = (".glb", ".gltf")
 # over union, to tell which way up they are. Chosen by us: a cabinet half as deep as high is twice as good the
 # right way up.
 _CLEARLY = 1.5
-# Share of its longest side by which a box is made larger, so that a sheet has a volume. Chosen by us: a
-# door's half.
+# Share of its longest side added to a box, to give a sheet volume. Chosen by us: a door's half.
 _SHEET = 0.02
 
 

@@ -34,8 +34,7 @@ class Capsule:
 
 
 def parsed(path: Path) -> Any:
-    """The robot as yourdfpy has it, a capsule as `capsule` of its geometry. Raises InputError by the
-    element."""
+    """yourdfpy's robot, a capsule as `capsule` of its geometry. Raises InputError by the element."""
     root, lines = read_xml(path)  # refuses document types, which the parser of yourdfpy would follow
     for element, problem in _malformed(root):
         name = f" {element.get('name')!r}" if element.get("name") else ""

@@ -168,8 +168,7 @@ def _files(path: Path) -> list[Path]:
     found: list[Path] = []
     for fmt, pattern in (("urdf", f"{name}.urdf"), ("mjcf", f"{name}.xml"), ("usd", f"{name}.usd*")):
         files = [f for f in (run / "export" / fmt).glob(pattern) if f.is_file()]
-        # beside the main file lie stages for other runtimes, <name>_physx.usda, whose friction only those
-        # know
+        # beside the main file lie stages for other runtimes, <name>_physx.usda, with their friction
         files.sort(key=lambda f: (len(f.name), f.name))
         scenes = {f: f.with_name(scene_file(f.stem)) for f in files if fmt == "mjcf"}
         whole = [[f, scene] for f, scene in scenes.items() if scene.is_file()]

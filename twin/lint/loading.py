@@ -17,8 +17,7 @@ _READABLE = (".obj", ".stl", ".msh")
 
 
 def load(path: Path, fmt: str) -> Any:
-    """The specification, nothing fused or discarded. Raises ValueError as MuJoCo says it; LookupError where
-    we don't ask."""
+    """The specification, nothing fused or discarded. ValueError as MuJoCo says; LookupError if not asked."""
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
     if fmt == "urdf":

@@ -87,8 +87,7 @@ def counts_y_up(path: Path) -> bool:
 
 
 def surface_problem(surface: Surface) -> str:
-    """What makes a mesh useless for collision: no face, no extent, numbers that are none, faces that name no
-    vertex."""
+    """What makes a mesh useless for collision: no face, no extent, infinite numbers, unknown vertices."""
     v, f = surface.vertices, surface.faces
     if not len(f):
         return "it has no faces"
@@ -117,8 +116,7 @@ _SHARE = 0.01
 
 
 def crosses_itself(surface: Surface) -> bool:
-    """True when the mesh passes through itself (twin.soundness.crossing). A mesh of over 5000 faces is not
-    judged."""
+    """True when the mesh passes through itself (twin.soundness.crossing). Over 5000 faces: not judged."""
     if len(surface.faces) > _MOST_FACES:
         return False
     return crossing(Mesh(surface.vertices, surface.faces.astype(np.int32)))[0] > _SHARE

@@ -1,5 +1,4 @@
-"""Reads MJCF as written: MuJoCo parses (defaults, includes, frames), and places things where it can compile
-the model."""
+"""Reads MJCF as written: MuJoCo parses (defaults, includes, frames), and places things if it compiles."""
 
 from __future__ import annotations
 
@@ -35,8 +34,7 @@ _NAMED = {
 
 
 def read(path: Path) -> LintModel:
-    """Read an MJCF file. Raises InputError when it is not one; what MuJoCo does not accept is kept as
-    `refused`."""
+    """Read an MJCF file. Raises InputError when it is not one; what MuJoCo refuses is kept as `refused`."""
     import mujoco
 
     root, lines = read_xml(path)
@@ -134,8 +132,7 @@ def _references(spec: Any, folder: Path) -> Iterator[Reference]:
 
 
 def _body(b: Any, weighs: Sequence[int]) -> Body:
-    """Mass and inertia as an <inertial> says, else what MuJoCo takes them from: geoms of the groups
-    `weighs`."""
+    """Mass and inertia as an <inertial> says, else as MuJoCo takes it: geoms of the groups `weighs`."""
     if b.explicitinertial:
         full = np.asarray(b.fullinertia, dtype=np.float64)
         if np.isnan(full[0]) or not np.any(full):

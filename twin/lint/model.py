@@ -52,12 +52,10 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rigid body. `mass`, `com` and `inertia` (3, 3 about the com, axes that don't matter) as written, None
-    when not written.
+    """A rigid body. `mass`, `com`, `inertia` (3, 3 about the com, any axes) as written, None if not written.
 
-    `inferred` names what the mass comes from when it is not written ("default density", "density"), empty
-    when nothing does. `weightless` says why its shapes weigh nothing. `scale` (3,) are the lengths of its
-    axes in the world.
+    `inferred` names what the mass comes from if not written ("default density", "density"), else "".
+    `weightless` says why its shapes weigh nothing. `scale` (3,) are the lengths of its axes in the world.
     """
 
     name: str
@@ -74,8 +72,7 @@ class Joint:
     """A joint from `parent` to `child`. `lower` and `upper` as written, in `unit`; None when not written.
     `axis` (3,) as written; `axis_world`, `pivot_world` (3,) at rest. `gap` (m, rad) is how far apart the two
     bodies see the joint's frame (USD writes it twice). `missing` names fields that the format demands.
-    `loop`: closes a loop on purpose. `implied`: not in the file, but what readers do: they fix a URDF's root
-    to the world."""
+    `loop`: closes a loop on purpose. `implied`: not in the file: readers fix a URDF's root to the world."""
 
     name: str
     element: str

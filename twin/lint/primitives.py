@@ -16,8 +16,7 @@ def box_points(size: ArrayLike) -> Array:
 
 
 def cylinder_points(radius: float, length: float, axis: int = 2) -> Array:
-    """Points (32, 3) on both rims of a cylinder about `axis`; its hull is up to 2 % of the radius inside of
-    the cylinder."""
+    """Points (32, 3) on both rims of a cylinder about `axis`; their hull is up to 2 % of it inside."""
     angle = np.arange(16) * (2 * np.pi / 16)
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(16)], axis=1) * radius
     points = np.concatenate([rim - [0, 0, length / 2], rim + [0, 0, length / 2]])

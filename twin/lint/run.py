@@ -26,8 +26,7 @@ _HEAVY = 0.1 * 9.81  # m/s^2
 _DEEP = 1e-3  # m
 _DRIFT = 1e-3  # m
 _SECONDS = 10.0  # of simulated time
-# s, chosen by us: a gate of 10 m whose damping stops it in a second takes 15 s; what is stuck stands still
-# long before
+# s, chosen by us: a gate of 10 m damped to stop in 1 s takes 15 s; stuck parts stand still long before
 _PUSHED = 60.0
 _REACHED = 0.01  # share of the range that may be left: limits are soft
 _NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -125,8 +124,7 @@ def contacts(scene: Scene) -> dict[tuple[int, int], float]:
 
 
 def overlaps(spec: Any, scene: Scene, pushing: dict[tuple[int, int], float]) -> Iterator[list[str]]:
-    """Pairs that push each other, and pairs in which a part is kept from touching what it is mounted on only
-    by this file."""
+    """Pairs that push each other, and pairs of part and parent that only this file keeps from touching."""
     for (a, b), depth in pushing.items():
         yield [
             "error", f"{scene.body(a)}, {scene.body(b)}", f"{depth * 1000:.3g} mm", "their collision shapes overlap at rest",
@@ -179,8 +177,7 @@ def stuck(scene: Scene) -> Iterator[list[str]]:
 
 
 def _pull(scene: Scene, j: int) -> float:
-    """The probe's force (N or N m); the lever of a hinge is the radius of gyration about it, sqrt(inertia /
-    mass)."""
+    """The probe's force (N or N m); a hinge's lever is its radius of gyration, sqrt(inertia / mass)."""
     m = scene.model
     mass, inertia = float(m.body_subtreemass[m.jnt_bodyid[j]]), float(m.dof_M0[m.jnt_dofadr[j]])
     return max(_FORCE[int(m.jnt_type[j])], _HEAVY * float(np.sqrt(mass * inertia)))

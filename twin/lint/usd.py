@@ -188,8 +188,7 @@ def _norm(quaternion: Any) -> float:
 
 
 def _gap(frames: list[Array | None], axis: Array | None, kind: str) -> tuple[float, float]:
-    """Distance (m) and angle (rad) between the joint's frames in the two bodies, along what the joint does
-    not free."""
+    """Distance (m) and angle (rad) between the joint's frames in the two bodies, where the joint is fixed."""
     a, b = frames
     if a is None or b is None or axis is None:
         return 0.0, 0.0

@@ -1,5 +1,4 @@
-"""Mass, inertia, friction and joint resistance of parts: filled in from their surface and a table of
-materials."""
+"""Mass, inertia, friction and joint resistance of parts, from their surface and a table of materials."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ def with_physics(
     table: MaterialTable | None = None,
     renew: bool = False,
 ) -> Twin:
-    """Give every moving part mass, inertia, friction and joint resistance, enough of it to stay where it
-    rested in the recording.
+    """Give moving parts mass, inertia, friction and resistance, enough to stay where they rested.
 
     Args:
         materials: part name -> material name; parts that are not named get the table's default.
@@ -68,11 +66,9 @@ def with_physics(
 def joint_and_contact(
     part: Part, material: Material, table: MaterialTable, chosen_by: str = ""
 ) -> PartPhysics:
-    """Friction and density of a material, and by the law of the joint's type damping and frictionloss, all
-    from the table.
+    """Friction and density of a material; by the joint's law damping and frictionloss, all from the table.
 
-    chosen_by: who named the material, kept in the density's source. Raises SceneError for a part without a
-    mass.
+    chosen_by: who named the material, kept in the density's source. Raises SceneError without a mass.
     """
     resists = resistance(part.joint, inertial_of(part), table.joints[part.joint.kind])
     word, _, detail = material.density.source.partition(": ")
@@ -84,8 +80,7 @@ def joint_and_contact(
 def weighed(part: Part, inertial: Inertial, table: MaterialTable | None = None) -> Part:
     """The part with another mass; a damping or frictionloss that nobody stated follows it, by the table.
 
-    A frictionloss that rests ask for grows with the weight on its lever; `with_rests` finds it again where
-    there are labels.
+    A frictionloss from rests grows with the weight on its lever; `with_rests` finds it again from labels.
     """
     before, part = part.inertial, replace(part, inertial=inertial)
     if part.physics is None:
@@ -119,8 +114,7 @@ def with_known(part: Part, earlier: Part, table: MaterialTable | None = None) ->
 
 
 def static_friction(twin: Twin) -> float:
-    """Sliding friction of the static scene, which is not estimated: the parts' mean, or that of the table's
-    default material."""
+    """Sliding friction of the static scene, which is assumed: the parts' mean, or the default material's."""
     values = [p.physics.friction.value for p in twin.parts if p.physics is not None]
     if values:
         return float(np.mean(values))
@@ -129,8 +123,7 @@ def static_friction(twin: Twin) -> float:
 
 
 def keep_known(twin: Twin, earlier: Twin) -> Twin:
-    """A twin made again, with what the user measured, stated or added to the earlier one from the same
-    recording.
+    """A twin made again, with what the user measured, stated or added to the earlier one of its recording.
 
     Parts are the same that have the same name and joint type.
     """

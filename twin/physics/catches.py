@@ -1,5 +1,4 @@
-"""Catches that a user asks for: a force that was measured or stated, that of a log, or what other furniture
-has; none by default."""
+"""Catches that a user asks for: a measured or stated force, a log's, other furniture's; none by default."""
 
 from __future__ import annotations
 
@@ -33,8 +32,7 @@ _UNITS: Mapping[str, Mapping[str, tuple[float, bool]]] = {
 
 
 def lever_of(part: Part) -> float | None:
-    """Distance (m) from a hinge to where the hand held the part; None of a slide, and where that is not
-    known."""
+    """Distance (m) from a hinge to where the hand held the part; None of a slide, or if not known."""
     if not isinstance(part.joint, Revolute) or part.contact is None:
         return None
     lever = float(geo.point_line_distance(part.contact.point, part.joint.pivot, part.joint.axis))
@@ -42,16 +40,14 @@ def lever_of(part: Part) -> float | None:
 
 
 def read_amount(text: str, of: str, part: Part) -> float:
-    """A force (N m of a hinge, N of a slide) or width (rad, m) that a user wrote: 24N, 7.2Nm, 3deg, 10mm; a
-    bare number is in those units.
+    """A force (N m of a hinge, N of a slide) or width (rad, m) as written: 24N, 7.2Nm, 3deg, 10mm; or bare.
 
     Args:
         text: number and unit.
         of: "force" or "width".
         part: that has the catch; N and mm of a hinge are meant where the hand held it.
 
-    Raises InputError for other texts, for a unit that the joint doesn't have, or where the place of the hand
-    is not known.
+    Raises InputError for other texts, another joint's unit, or where the hand's place is not known.
     """
     hinge = part.joint.kind == "revolute"
     known = {k: u for k, u in _UNITS[of].items() if hinge or u[1]}
@@ -172,8 +168,7 @@ def set_catch(twin: Twin, key: int | str, catch: Catch | None, table: MaterialTa
         catch: its catch.
         table: the table of materials, by default assets/materials.toml.
 
-    Raises SceneError: no such part, or one without friction. InputError: a catch that the joint has no place
-    for.
+    Raises SceneError: no such part, or one without friction. InputError: a catch with no place.
     """
     table = read_materials() if table is None else table
     old = twin.part(key)

@@ -1,5 +1,4 @@
-"""Numbers that a user gives: a weighed mass, a material, friction and joint resistance, each kept with its
-source."""
+"""Numbers that a user gives: a weighed mass, a material, friction and joint resistance, with sources."""
 
 from __future__ import annotations
 
@@ -140,8 +139,7 @@ def with_part(twin: Twin, new: Part, table: MaterialTable) -> Twin:
 
 
 def followed(before: Twin, after: Twin, edited: Part) -> tuple[str, ...]:
-    """What else a change of one part brought, each in one line: other joints that follow it, and that it will
-    not stay where it rested."""
+    """What else a change of one part brought, a line each: joints that follow; that it won't rest there."""
     pairs = zip(before.parts, after.parts, strict=True)
     others = ((b.name, c) for a, b in pairs if b.id != edited.id for c in changes(a, b))
     told = [f"{name}: its {c.name} follows: {c.before} is now {c.after}, {c.source}" for name, c in others]

@@ -1,5 +1,4 @@
-"""A catch from a log of the force that it took to open a part: near the closed state a peak, then what is
-left without the catch.
+"""A catch from a log of the force of opening: a peak near the closed state, then the force without it.
 
 A log begins with the part closed and nobody pulling hard, and opens it slowly. What a sensor adds everywhere,
 its zero or the friction of the arm that carries it, and the friction of the part's own joint, are in the peak
@@ -25,8 +24,7 @@ from twin.geometry import Array
 from twin.quantities import Catch, Quantity
 from twin.robust import mad_sigma
 
-# Column or array -> what it is, and its size in rad, m, N or N m. The last two are how logs of gt-ros-pkg/hrl
-# call them.
+# Column or array -> what it is, and its unit in rad, m, N or N m. The last two are names of gt-ros-pkg/hrl.
 STATES: dict[str, tuple[Literal["rad", "m"], float]] = {
     "angle_rad": ("rad", 1.0),
     "angle_deg": ("rad", float(np.pi / 180)),
@@ -36,8 +34,7 @@ STATES: dict[str, tuple[Literal["rad", "m"], float]] = {
 }
 FORCES: dict[str, Literal["N", "N m"]] = {"force_N": "N", "torque_Nm": "N m", "ftan": "N"}
 _WANTED = "a log has one of angle_rad, angle_deg, opening_m, opening_mm and one of force_N, torque_Nm"
-# Chosen by us: samples of a log, and of its half that is wide open; a median over so many of them takes out
-# single spikes.
+# Chosen by us: samples of a log, and of its wide open half; a median over so many removes single spikes.
 _SAMPLES, _WIDE, _SMOOTH = 20, 8, 5
 _HALF = 0.5  # of the range: a catch lets go before, and after it the level is taken; chosen by us
 _SPREAD = (5.0, 95.0)  # percentiles of the level that bound it; chosen by us
@@ -214,8 +211,7 @@ def _running_median(values: Array) -> Array:
 
 
 def _falls(state: Array, force: Array, first: int, to: float) -> tuple[float, float]:
-    """Last state from a peak on with more force than `to`, and the first one with no more: between them it
-    falls."""
+    """Last state from a peak on above `to`, and the first one with no more: between them it falls."""
     below = first + int(np.argmax(force[first:] <= to))
     return float(state[first:below].max(initial=0.0)), float(
         max(state[below], state[first:below].max(initial=0.0))

@@ -1,11 +1,9 @@
-"""What a joint adds to its part: armature, damping and dry friction, all in proportion to what the part
-weighs.
+"""What a joint adds to its part: armature, damping and dry friction, in proportion to its weight.
 
 With I the inertia about the joint (kg m^2, or kg of a slide) and m the mass, the radius of gyration r =
 sqrt(I / m) is the lever at which the whole mass would turn alike. Then armature = I / 100, damping = I /
 decay time and friction loss = share x m g r, of a slide share x m g. So a lid of 3 cm and a wardrobe door
-slow down alike. All of them are the part's own: its payload is not counted, so that finding another part
-changes no number of this one.
+slow down alike. The part's payload is not counted: finding another part changes nothing here.
 """
 
 from __future__ import annotations
@@ -33,16 +31,14 @@ def armature(joint: Joint, inertial: Inertial) -> float:
 
 
 def weight_on_lever(joint: Joint, inertial: Inertial) -> float:
-    """m g r with the radius of gyration r about a hinge (N m), m g of a slide (N): what friction is a share
-    of."""
+    """m g r with the radius of gyration r about a hinge (N m), m g of a slide (N): friction's unit."""
     return GRAVITY * float(np.sqrt(inertia_about(joint, inertial) * inertial.mass.value))
 
 
 def resistance(joint: Joint, inertial: Inertial, law: JointLaw) -> dict[str, Quantity]:
     """damping (N m s/rad or N s/m) and frictionloss (N m or N) of a part.
 
-    Intervals hold for any mass and any decay time or share in theirs; how the mass is spread counts for
-    little beside these.
+    Intervals hold for any mass, decay time or share in theirs; the spread of mass counts for little here.
     """
     turning = isinstance(joint, Revolute)
     inertia, load, mass = inertia_about(joint, inertial), weight_on_lever(joint, inertial), inertial.mass
@@ -65,7 +61,6 @@ def resistance(joint: Joint, inertial: Inertial, law: JointLaw) -> dict[str, Qua
 
 
 def _said(formula: str, number: Quantity) -> str:
-    """The source of what a formula makes of a number of the table: its word, the formula, and the number's
-    own source."""
+    """The source of a table number after a formula: its word, the formula, the number's own source."""
     word, _, detail = number.source.partition(": ")
     return f"{word}: {formula}; {detail}"

@@ -1,5 +1,4 @@
-"""How far a part's centre of mass and inertia can be off when the weight of each piece of it is known only as
-an interval."""
+"""How far a part's centre of mass and inertia can be off when the pieces' weights are intervals."""
 
 from __future__ import annotations
 
@@ -54,8 +53,7 @@ def shape_bounds(
 
 
 def _extreme_mean(value: Array, light: Array, heavy: Array) -> float:
-    """Greatest weighted mean of value (F,): heavy above some threshold, light below it (a linear-fractional
-    programme)."""
+    """Greatest weighted mean of value (F,): heavy above some threshold, light below (linear-fractional)."""
     order = np.argsort(-value)
     v, a, b = value[order], light[order], heavy[order]
     weight = np.concatenate([[0.0], np.cumsum(b - a)]) + a.sum()
@@ -64,8 +62,7 @@ def _extreme_mean(value: Array, light: Array, heavy: Array) -> float:
 
 
 def _least_spread(flat: Array, light: Array, heavy: Array) -> float:
-    """Least mean squared distance of points (F, 3) from their own weighted mean: weights and mean found in
-    turns."""
+    """Least mean squared distance of points (F, 3) from their own weighted mean: both found in turns."""
     centre, best = np.zeros(3), np.inf
     for _ in range(_ROUNDS):
         square = np.einsum("fi,fi->f", flat - centre, flat - centre)

@@ -1,5 +1,4 @@
-"""The table of materials: densities, board thickness and friction, and the resistance of joints, each with
-its source.
+"""The table of materials: densities, board thickness, friction and joint resistance, with sources.
 
 FunREC, supplement 4: a table in place of a model.
 """
@@ -32,8 +31,7 @@ class Material:
 
 @dataclass(frozen=True)
 class JointLaw:
-    """How joints of one type resist. friction: share of weight x lever; decay: s in which damping alone takes
-    the speed to 1/e."""
+    """How joints of one type resist. friction: share of weight x lever; decay: s until speed is 1/e."""
 
     friction: Quantity
     decay: Quantity
@@ -43,8 +41,7 @@ class JointLaw:
 class MaterialTable:
     """Materials by name, the default one, and how joints resist by type ("revolute", "prismatic").
 
-    catches: by type of joint, what other furniture was measured to be held by; a type that nobody measured
-    has none.
+    catches: by type of joint, what other furniture was measured to be held by; an unmeasured type has none.
     """
 
     default: str

@@ -1,5 +1,4 @@
-"""What a part weighs and how it resists: its own values, which `with_physics` fills in where nobody stated
-them."""
+"""What a part weighs and how it resists: its own values, or those that `with_physics` fills in."""
 
 from __future__ import annotations
 
@@ -24,7 +23,6 @@ def physics_of(part: Part) -> PartPhysics:
 
 
 def weight_load(part: Part, state: float) -> float:
-    """Force along the joint (N or N m) that the part's weight asks for at a state; > 0 where opening lifts
-    it."""
+    """Force along the joint (N or N m) that the part's weight asks for at a state; > 0 if opening lifts."""
     own = inertial_of(part)
     return own.mass.value * GRAVITY * float(part.joint.velocity(state, own.com)[2])

@@ -1,5 +1,4 @@
-"""Rest is evidence: a part that stayed where it was left, no hand on it, is held there by friction, a catch
-or a balance.
+"""Rest is evidence: a part that stayed without a hand is held by friction, a catch or a balance.
 
 A rest is a stretch of frames outside the moving intervals in which labelled frames follow each other, the
 part is seen in each, no pixel of any is a hand's, and the part's state stands still. Without labels there is
@@ -123,10 +122,9 @@ def carried(twin: Twin, part: Part) -> Iterator[Part]:
 def with_rests(twin: Twin, table: MaterialTable | None = None) -> Twin:
     """The twin with joints that hold its parts where they rested.
 
-    A friction loss from the table that holds its part at all rests stays as it is, and so does every one that
-    was measured or stated. Any other becomes 1.1 x the least that does, unless that is more than dry friction
-    gives (the upper end of the table's share) and something speaks against the twin's up: then it stays, and
-    `unheld` tells.
+    A table's friction loss that holds its part at all rests stays, as does every measured or stated one. Any
+    other becomes 1.1 x the least that does, unless that is more than dry friction gives (the upper end of the
+    table's share) and something speaks against the twin's up: then it stays, and `unheld` tells.
     """
     table = read_materials() if table is None else table
     doubted: bool | None = None  # looked at once, and only where it matters

@@ -45,12 +45,10 @@ _SLIVERS = (
 
 
 def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
-    """Mass (kg), centre and inertia tensor of a surface that stands for boards of `material`, each with its
-    interval.
+    """Mass (kg), centre and inertia tensor of a surface of boards of `material`, with intervals.
 
-    The mass lies between thin boards of light material and thick ones of heavy material. The intervals of
-    centre and tensor hold for any spread of such boards over the part: a heavy front on a light box, glass in
-    a frame.
+    The mass lies between thin boards of light material and thick ones of heavy material. Intervals of centre
+    and tensor hold for any spread of such boards: a heavy front on a light box, glass in a frame.
 
     Bodies that overlap are joined first, so that what they share weighs once; where that can't be, they count
     by their surface as it is (twin.soundness.overlaps tells).
@@ -87,8 +85,7 @@ def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
 
 @dataclass(frozen=True, eq=False)
 class _Shell:
-    """A surface cut into small faces: areas (F,) m^2, normals (F, 3), distance (F,) m to the board's other
-    side."""
+    """A surface cut into small faces: areas (F,) m^2, normals (F, 3), depth (F,) m of the board."""
 
     mesh: Mesh
     areas: Array
@@ -161,8 +158,7 @@ def _longest_sides(mesh: Mesh) -> Array:
 
 
 def _pieces(sides: Array, edge: float) -> float:
-    """Number of faces that come of faces with these longest sides (F,) when each is cut in four until none is
-    over `edge`."""
+    """Number of faces from faces of these longest sides (F,), each cut in four until none is over `edge`."""
     return float((4.0 ** np.ceil(np.log2(np.maximum(sides / edge, 1.0)))).sum())
 
 
@@ -185,8 +181,7 @@ def _slab_moments(mesh: Mesh, normals: Array, thickness: Array, mass: Array) -> 
 
 
 def behind(mesh: Mesh, normals: Array, reach: float) -> Array:
-    """Distance (F,) m from each face, against its normal, to a face that looks the other way; inf without one
-    in reach."""
+    """Distance (F,) m from each face, against its normal, to a face that looks the other way, or inf."""
     start = mesh.vertices[mesh.faces].mean(axis=1) - _STEP_IN * normals
     hit = _scene(mesh).cast_rays(_tensor(np.concatenate([start, -normals], axis=1)), 1)
     distance = hit["t_hit"].numpy().astype(np.float64) + _STEP_IN

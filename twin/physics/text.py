@@ -10,8 +10,7 @@ from twin.scene import Part
 
 
 def described(part: Part) -> list[tuple[str, str, str]]:
-    """Every physical number of a part: name, value with unit and interval, source. What it lacks is left
-    out."""
+    """Every physical number of a part: name, value with unit and interval, source. Missing ones are not."""
     hinge = part.joint.kind == "revolute"
     units = {"friction": "", "density": " kg/m³"}
     units |= (
@@ -37,8 +36,7 @@ def described(part: Part) -> list[tuple[str, str, str]]:
 
 
 def _described_catch(catch: Catch | None, hinge: bool) -> list[tuple[str, str, str]]:
-    """What holds a closed part, none of one without a catch; a hinge's width in degrees, as people measure
-    it."""
+    """What holds a closed part, none of one without a catch; a hinge's width in degrees."""
     if catch is None:
         return []
     unit, scale, of_width = ("N m", float(np.degrees(1.0)), "deg") if hinge else ("N", 1e3, "mm")

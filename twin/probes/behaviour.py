@@ -146,8 +146,7 @@ def _stay(part: Moved, state: float) -> dict[str, float]:
 
 
 def _reach(part: Moved, start: float, force: float) -> dict[str, float]:
-    """Pull from `start` with a steady generalised force: the share of the range that is left, and the time it
-    took."""
+    """Pull from `start` with a steady generalised force: the share of the range left, and the time."""
     goal = part.upper if force > 0 else part.lower
     span = part.upper - part.lower
     data = part.data(start)
@@ -240,8 +239,7 @@ def _energy(part: Moved, speed: float) -> dict[str, float]:
 def _demonstration(part: Moved, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Lead the part along its recorded states by a servo as heavy as a hand and no stronger: its motion (n,
     4, 4) from where it is with the others held and its own state 0, at the recorded times, and the greatest
-    force used. The servo does not press against a stop: where a recorded state lies beyond one, it leads to
-    the stop."""
+    force used. It does not press against a stop: it leads to the stop where a state lies beyond."""
     times, states = np.array(asked["times"]), np.clip(asked["states"], part.lower, part.upper)
     if len(times) < 2:
         return {"motion": [], "force": 0.0}

@@ -47,8 +47,7 @@ def around(found: list[list[list[float]]]) -> list[list[float]] | None:
 
 
 def tensor(rotation: Array, moments: ArrayLike) -> list[list[float]]:
-    """World tensor of principal moments (3,) along the columns of a rotation, or of a full tensor (3, 3) in
-    its axes."""
+    """World tensor of principal moments (3,) along a rotation's columns, or of a tensor (3, 3) in axes."""
     inner = np.asarray(moments, dtype=np.float64)
     inner = np.diag(inner) if inner.ndim == 1 else inner
     full: list[list[float]] = (rotation @ inner @ rotation.T).tolist()
@@ -56,13 +55,11 @@ def tensor(rotation: Array, moments: ArrayLike) -> list[list[float]]:
 
 
 def without_step_error(simulate: Callable[[float], Array], step: float, enough: float) -> Array:
-    """The joints' course (t, n) as the step (s), which divides the times, goes to zero, for an integrator of
-    first order.
+    """The joints' course (t, n) as the step (s), a divisor of the times, goes to 0 (first order).
 
     Richardson's extrapolation, 2 f(h / 2) - f(h), with the step halved until that moves by less than `enough`
-    of the way (up to six times); then once more, (4 b - a) / 3, for the error of second order. When it never
-    gets there, what moved least is taken: at long steps a stiff joint, at short ones rounding in single
-    precision is in the way.
+    of the way (up to six times); then once more, (4 b - a) / 3, for the error of second order. Else what
+    moved least is taken: long steps suffer from a stiff joint, short ones from rounding in single precision.
     """
     last = simulate(step)
     before = calmest = np.full_like(last, np.inf)
@@ -83,8 +80,7 @@ def without_step_error(simulate: Callable[[float], Array], step: float, enough: 
 def stepped(
     times: Sequence[float], step: float, advance: Callable[[], object], read: Callable[[], ArrayLike]
 ) -> Array:
-    """What is read (t, n) at `times` (s, increasing) of a simulation that `advance` takes on by one step
-    (s)."""
+    """What is read (t, n) at `times` (s, increasing) of a simulation that `advance` takes on a step (s)."""
     course, done = [], 0
     for until in times:
         for _ in range(round(until / step) - done):
@@ -101,8 +97,7 @@ def keep(out: dict[str, Any], field: str, values: Array, parts: Sequence[str]) -
 
 
 def edited_urdf(path: Path, folder: Path, visuals: bool, limits: bool) -> Path:
-    """A copy of a URDF in another folder, with or without its visuals and its joint limits, meshes by their
-    full path."""
+    """A copy of a URDF in another folder, with or without visuals and limits, meshes by full path."""
     tree = ET.parse(path)  # noqa: S314  (a file that was just exported, in a process of its own)
     for link in tree.getroot().iter("link"):
         for visual in [] if visuals else link.findall("visual"):

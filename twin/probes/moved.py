@@ -42,8 +42,7 @@ class Moved:
 
 
 def moved(spec: Any, whole: Any, part: str, held: Mapping[str, float]) -> Moved:
-    """The file with one joint, that of `part`, and the others' bodies fixed where `held` ({part: state}, else
-    0) has them.
+    """The file with one joint, `part`'s; others' bodies fixed where `held` ({part: state}, else 0) has them.
 
     They can't be held by putting them back after every step: within one, a heavy part that falls freely
     throws about the light one that it hangs on. Nor by inertia or constraints: both leave the solver numbers
@@ -82,8 +81,7 @@ def _place(body: Any, model: Any, data: Any) -> None:
 
 
 def _keep_apart(spec: Any, model: Any, body: int) -> None:
-    """What a joint links does not touch; without a joint of its own the parent would count as the world,
-    which does."""
+    """What a joint links does not touch; without its own joint the parent would count as the world."""
     parent = int(model.body_weldid[model.body_parentid[body]])
     if parent == 0 or spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
         return

@@ -44,8 +44,7 @@ def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
         for n, (b, _) in found.items():
             out[n]["motion"].append((now[b] @ np.linalg.inv(closed[b])).tolist())
     state = _state(model, index, job["state"])
-    # from the Jacobian, which is about the centres of mass: by default it sums up about the world's origin
-    # and loses digits
+    # from the Jacobian about the centres of mass: about the world's origin, the default, digits are lost
     mass = newton.eval_mass_matrix(model, state, J=newton.eval_jacobian(model, state)).numpy()
     # one articulation: the file's model
     keep(

@@ -1,5 +1,4 @@
-"""PhysX, the engine of Isaac Sim, reads USD: the stage with its own runtime on, beside the main one. Single
-precision.
+"""PhysX, the engine of Isaac Sim, reads USD: the stage with its runtime, beside the main one. In float32.
 
 It has no names for the parts of a joint's frame, so tree, axis and pivot are measured: every joint is moved
 by itself and the links' poses tell the rest.
@@ -41,8 +40,7 @@ over "{name}" (
 
 
 def tidy(said: list[str]) -> list[str]:
-    """What its log says of the stage; it also tells of files that it opens, of its own set-up and of every
-    stage's removal."""
+    """What its log says of the stage; files opened, its set-up and stages' removal are left out."""
     return [x for x in said if re.match(r"\[(Warning|Error)\] \[omni\.physx(\.tensors)?\.plugin\]", x)]
 
 

@@ -15,8 +15,7 @@ VERSION = pin.__version__
 
 
 def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
-    """Measure every part of the model in `path`. Pinocchio has no simulator: its accelerations are integrated
-    here."""
+    """Measure every part of the model in `path`. Its accelerations are integrated here: it can't simulate."""
     model = pin.buildModelFromUrdf(str(path)) if fmt == "urdf" else pin.buildModelFromMJCF(str(path))
     data = model.createData()
     zero = np.zeros(model.nq)

@@ -71,8 +71,7 @@ def _set(body: int, found: dict[str, int], states: list[float]) -> None:
 
 
 def _frame(body: int, link: int) -> Array:
-    """Pose of a link's frame. Its own answer for it is in single precision, so it is taken from that of the
-    centre of mass."""
+    """Pose of a link's frame, from that of the centre of mass: its own answer is in single precision."""
     state, dynamics = (
         bullet.getLinkState(body, link, computeForwardKinematics=1),
         bullet.getDynamicsInfo(body, link),
@@ -118,8 +117,7 @@ def _free(body: int, links: int, moving: list[int]) -> None:
 
 
 def _mass_matrix(body: int, moving: list[int], found: dict[str, int], state: list[float]) -> Array:
-    """Joint-space inertia (n, n): the inverse of how the joints answer to a small force on each, from rest
-    and without weight.
+    """Joint-space inertia (n, n): the inverse of the answer to a small force on each joint, without weight.
 
     Its own calculateMassMatrix refuses models whose tensors its rounding made unsymmetric by 1e-15 kg m2.
     """

@@ -66,8 +66,7 @@ def answer(probe: Any, job: dict[str, Any]) -> dict[str, Any]:
 
 
 def load(engine: str) -> Any:
-    """The probe of that name, as a member of a package of its own: the engines' names would clash with the
-    files'."""
+    """The probe of that name, as a member of a package of its own: engines' names clash with files'."""
     folder = Path(__file__).resolve().parent
     spec = importlib.util.spec_from_file_location(
         PACKAGE, folder / "__init__.py", submodule_search_locations=[str(folder)]

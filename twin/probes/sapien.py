@@ -18,8 +18,7 @@ STEP = 2e-3  # s, the largest
 
 
 def read(path: Path, fmt: str, job: dict[str, Any]) -> dict[str, Any]:
-    """Measure every part of the model in `path`. Visuals are taken out of the file first: SAPIEN needs a GPU
-    to load them."""
+    """Measure every part of the model in `path`. Visuals are taken out first: SAPIEN needs a GPU for them."""
     del fmt
     system = sapien.physx.PhysxCpuSystem()
     scene = sapien.Scene([system])

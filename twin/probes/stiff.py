@@ -1,5 +1,4 @@
-"""The course of an engine's own accelerations, for the engines of this project's environment, which has
-SciPy."""
+"""The course of an engine's own accelerations, for engines beside SciPy, in this environment."""
 
 from __future__ import annotations
 
@@ -20,9 +19,8 @@ def integrated(
 ) -> Array:
     """Positions (t, n) at `times` (s, increasing) to about 1e-8.
 
-    The step follows the motion and the method its stiffness (LSODA): a part of 1 g with the damping of a door
-    stands still within microseconds, on which an explicit method with a fixed step breaks down. Raises
-    ValueError when it fails.
+    The step follows the motion and the method its stiffness (LSODA): a part of 1 g with a door's damping
+    stands still within microseconds, where explicit fixed steps break down. Raises ValueError when it fails.
     """
     start = np.concatenate([np.asarray(position, float), np.asarray(velocity, float)])
     n = len(start) // 2

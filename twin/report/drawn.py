@@ -1,5 +1,4 @@
-"""Pictures that were drawn before: kept beside the page, and drawn again only when what they show has
-changed.
+"""Pictures drawn before: kept beside the page, and drawn again only when what they show has changed.
 
 Every verb writes the page anew; its pictures of the twin take seconds and seldom change.
 """

@@ -1,5 +1,4 @@
-"""Key frames: plain pictures kept by the reconstruction, drawn over with labels, axis and contact for the
-page."""
+"""Key frames: plain pictures kept by the reconstruction, with labels, axis and contact drawn over."""
 
 from __future__ import annotations
 
@@ -116,8 +115,7 @@ def draw_frame(image: Image, twin: Twin, frame: int, camera_matrix: Array) -> Im
 
 
 def axis_line(part: Part) -> Array:
-    """End points (2, 3) of the axis as it is drawn: along the hinge, or the way a drawer goes from its
-    middle."""
+    """End points (2, 3) of the drawn axis: along the hinge, or the way a drawer goes from its middle."""
     joint, vertices = part.joint, part.mesh.vertices
     if isinstance(joint, Revolute):
         along = (vertices - joint.pivot) @ joint.axis if len(vertices) else np.zeros(1)
@@ -138,8 +136,7 @@ def draw_polyline(
     arrow: bool = False,
     width: int = 0,
 ) -> None:
-    """Draw world points (n, 3) joined by lines into `image`, in place; what lies behind the camera is cut
-    off."""
+    """Draw world points (n, 3) joined by lines into `image`, in place; behind the camera is cut off."""
     import cv2
 
     width = width or max(2, image.shape[1] // 260)

@@ -28,8 +28,7 @@ _SUPERSAMPLING = 2
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A pinhole camera: T_world_cam (4, 4) with OpenCV axes, size in pixels, horizontal field of view in
-    radians.
+    """A pinhole camera: T_world_cam (4, 4) with OpenCV axes, size in pixels, horizontal view in radians.
 
     What lies nearer than `near` metres is cut away.
     """
@@ -119,8 +118,7 @@ def opening(twin: Twin, steps: int, width: int = 560, height: int = 420) -> list
 
 
 def dollhouse(twin: Twin, width: int = 720, height: int = 480) -> Image:
-    """The scene from outside, surfaces seen from behind left out, with camera path, first and last camera,
-    and axes."""
+    """The scene from outside, without back faces, with camera path, first and last camera, and axes."""
     view = overview(twin, width, height).scaled(_SUPERSAMPLING)
     rays = view.rays()
     static = _Caster([(twin.static.mesh, STATIC_COLOR, 0.0)]).cast(rays, cull=True)
@@ -170,8 +168,7 @@ class _Caster:
             self._scene.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(faces))
 
     def cast(self, rays: NDArray[np.float32], *, cull: bool = False) -> _Layer:
-        """Picture of the meshes along `rays` (H, W, 6); with `cull`, faces that look away are seen
-        through."""
+        """Picture of the meshes along `rays` (H, W, 6); with `cull`, back faces are seen through."""
         import open3d as o3d
 
         shape = rays.shape[:2]
@@ -200,8 +197,7 @@ class _Caster:
         return _Layer(distance, color)
 
     def _colors(self, answer: Any, at: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Colours (n, 3) where the rays `at` hit: of a mesh's texture, else of its vertices, else its own
-        one; tinted."""
+        """Colours (n, 3) where the rays `at` hit: by texture, else vertices, else the mesh; tinted."""
         uv, hit = answer["primitive_uvs"].numpy()[at], answer["geometry_ids"].numpy()[at]
         weights = np.column_stack([1 - uv.sum(axis=1), uv])
         face = answer["primitive_ids"].numpy()[at].astype(np.int64)
@@ -234,8 +230,7 @@ def _placed_layers(twin: Twin, share: float) -> list[Shown]:
 
 
 def _layers(mesh: Mesh, completion: Completion | None, color: Color, tint: float) -> list[Shown]:
-    """A seen mesh, or what an inferred layer shows of it, with the room, and its pieces in the shade of what
-    they rest on."""
+    """A seen mesh, or what an inferred layer shows of it with the room; pieces in their basis' shade."""
     if completion is None:
         return [(mesh, color, tint)]
     seen = [completion.shown, *([] if completion.room is None else [completion.room])]

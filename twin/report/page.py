@@ -33,9 +33,8 @@ STEPS = 5  # pictures from closed to open
 def render(run: AnyPath) -> Path:
     """Write RUN/report.html, one file without outside references, and return its path.
 
-    Everything that is there is shown: stages and warnings of an unfinished run, a twin without recording,
-    results of the verbs. Raises InputError when `run` is no folder or holds somebody else's report.html,
-    OSError when it can't be written.
+    Everything there is shown: unfinished runs, twins without recording, the verbs' results. Raises InputError
+    when `run` is no folder or holds somebody else's report.html, OSError when it can't be written.
     """
     run = Path(run)
     if not run.is_dir():
@@ -113,8 +112,7 @@ def _cards(
 
 
 def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Where each warning of the reconstruction comes from, and its text; those of the verbs stand with their
-    tables."""
+    """Source and text of each warning of the reconstruction; those of the verbs stand with their tables."""
     found = [("recording", w) for w in manifest.get("warnings", [])]
     return found + [(s["name"], w) for s in manifest.get("stages", []) for w in s["warnings"]]
 

@@ -26,8 +26,7 @@ def unit(part: Part) -> str:
 
 
 def state_plot(part: Part) -> str:
-    """SVG of the state over time, with limits, moving intervals and the frames in which the hand held the
-    part."""
+    """SVG of the state over time, with limits, moving intervals and frames in which the hand held it."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 

@@ -71,8 +71,7 @@ def require_own_page(run: Path) -> None:
 def twin_key(run: Path) -> str:
     """SHA-256 of RUN/twin/twin.json without what `twin export` adds to it; empty when there is none.
 
-    Collision shapes and the inferred layer are made from the twin by `twin export`, and so do not make it
-    another one.
+    Collision shapes and the inferred layer are made by `twin export` and don't make it another twin.
     """
     document = read_json(run / "twin" / "twin.json")
     if not document:

@@ -32,8 +32,7 @@ _KIND = "__kind__"
 class Codec(Protocol[T]):
     """Stores the value of a stage in an existing, empty folder, exactly.
 
-    `settle(value)` is what `load` would return after `save`: runs with and without a folder then compute on
-    equal bytes.
+    `settle(value)` is what `load` would return after `save`: runs with or without a folder use equal bytes.
     """
 
     def save(self, value: T, folder: Path) -> None: ...
@@ -50,8 +49,7 @@ class OtherVersionError(CodecError):
 
 
 class TreeCodec:
-    """Stores any nesting of dataclasses, named tuples, dicts, tuples, lists, numpy arrays, numbers, strings
-    and None."""
+    """Stores nested dataclasses, named tuples, dicts, tuples, lists, arrays, numbers, strings and None."""
 
     def save(self, value: Any, folder: Path) -> None:
         """Write `value` as data.json and arrays.npz into an existing folder."""
@@ -166,8 +164,7 @@ def _class(name: str) -> Any:
 
 
 def _write_arrays(arrays: Mapping[str, NDArray[Any]], path: Path) -> None:
-    """An .npz in which masks and labels are deflated (they shrink some fifty times) and the rest is
-    stored."""
+    """An .npz with masks and labels deflated (some fifty times smaller), the rest stored."""
     with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
         for name, array in arrays.items():
             small = array.dtype.itemsize == 1 and array.size > 4096

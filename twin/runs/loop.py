@@ -1,5 +1,4 @@
-"""How a stage tells how far its loop is, without printing: it wraps the loop in a function that the caller
-hands in."""
+"""How a stage reports a loop's progress without printing: it wraps the loop in a function it is given."""
 
 from __future__ import annotations
 

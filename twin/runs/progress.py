@@ -31,8 +31,7 @@ def silent(stage: str, fraction: float, message: str = "") -> None:
 
 @contextmanager
 def told_to(progress: Progress) -> Iterator[Progress]:
-    """While this lasts, work inside draws no bars of its own: the terminal has one already, or shall have
-    none."""
+    """Within this, work inside draws no bars of its own: the terminal has one already, or shall have none."""
     token = _told.set(True)
     try:
         yield progress
@@ -42,8 +41,7 @@ def told_to(progress: Progress) -> Iterator[Progress]:
 
 @contextmanager
 def default_progress(progress: Progress | bool | None = None) -> Iterator[Progress]:
-    """The caller's own progress; True: bars on standard error if that is a terminal, else lines; False:
-    nothing.
+    """The caller's own progress; True: bars on standard error in a terminal, else lines; False: nothing.
 
     None: bars on a terminal if the work takes longer than PATIENCE, and nothing elsewhere.
     """

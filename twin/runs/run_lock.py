@@ -13,8 +13,7 @@ from typing import IO
 from twin.errors import InputError
 
 # Record locks belong to the process and end with it, however it ends: forked workers that outlive it don't
-# keep the folder. Closing any handle of the file drops the lock, so a process opens it once and counts its
-# claims here.
+# keep the folder. Closing any handle drops the lock: a process opens it once and counts claims here.
 _HELD: dict[Path, tuple[IO[str], int]] = {}
 
 

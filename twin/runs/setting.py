@@ -1,5 +1,4 @@
-"""One setting: what it means, its unit and its range, said beside the field; and the validator that holds
-every value to them."""
+"""One setting: its meaning, unit and range, stated beside the field; and the validator of values."""
 
 from __future__ import annotations
 
@@ -43,8 +42,7 @@ class Rule:
 
     @property
     def range(self) -> str:
-        """In words, without the unit: "at least 1", "above 0 and below 0.5", "from 0 to 1"; empty without
-        bounds."""
+        """Words without unit: "at least 1", "above 0 and below 0.5", "from 0 to 1"; empty without bounds."""
         if self.at_least is not None and self.at_most is not None:
             return f"from {self.at_least:.6g} to {self.at_most:.6g}"
         words = (
@@ -76,8 +74,7 @@ class Rule:
 
 
 class SettingError(ConfigError):
-    """A value that a setting does not take: the setting's name in its class, and what is wrong with the
-    value."""
+    """A value that a setting does not take: its name in its class, and what is wrong with the value."""
 
     def __init__(self, name: str, fault: str, remedy: str = "", owner: str = "") -> None:
         super().__init__(f"{owner}{name} {fault}", remedy)
@@ -104,8 +101,7 @@ class Settings:
         )
 
     def with_(self, **changes: Any) -> Self:
-        """The settings with some of them changed, those of groups by name: `config.with_(labels={"every":
-        2})`.
+        """The settings with some of them changed, groups by name: `config.with_(labels={"every": 2})`.
 
         Lists stand for tuples, as in a file. Raises ConfigError that names the setting.
         """
@@ -132,8 +128,7 @@ def _with_tuples(value: Any) -> Any:
 
 
 def unknown_key(key: str, known: Sequence[str], where: str = "", path: str = "") -> ConfigError:
-    """The error for a setting that there is not; `where` and `path`, with the colon and the dot at their
-    ends, open it."""
+    """The error for an unknown setting; `where` and `path`, with colon and dot at their ends, open it."""
     close = nearest_name(key, list(known))
     names = ", ".join(known[:_KNOWN]) + (", ..." if len(known) > _KNOWN else "")
     hint = f"did you mean {path + close!r}?" if close else f"known keys: {names or 'none'}"
@@ -179,8 +174,7 @@ def _types_of(cls: Hashable) -> Mapping[str, Any]:
 
 
 def check(cls: type, values: Mapping[str, Any]) -> None:
-    """Hold values to the types and ranges of a dataclass' fields. Raises SettingError naming class, setting
-    and range."""
+    """Hold values to the types and ranges of fields. Raises SettingError naming class, setting and range."""
     declared = {f.name: f for f in fields(cls)}
     for name, hint in types_of(cls).items():
         if name in values:

@@ -1,5 +1,4 @@
-"""Configuration as frozen dataclasses: read from TOML with unknown keys refused, written back, turned into
-plain data."""
+"""Configuration as frozen dataclasses: read from TOML, unknown keys refused, written back, as plain data."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ T = TypeVar("T")
 
 
 def load_config(cls: type[T], path: Path | str) -> T:
-    """Read a TOML file into the dataclass `cls`; tables are its nested dataclasses, missing keys keep their
-    defaults.
+    """Read a TOML file into the dataclass `cls`; tables are nested dataclasses, missing keys are defaults.
 
     Raises ConfigError naming file and key for unreadable files, unknown keys, wrong types and refused values.
     """
@@ -52,15 +50,13 @@ def nested(cls: type) -> list[tuple[str, type]]:
 
 def as_dict(config: Any) -> Any:
     """Plain data (JSON types) of a dataclass, mapping or sequence; paths and enumerations become strings, as
-    do the infinities, which JSON lacks. Raises ConfigError naming the setting that has no plain form; NaN has
-    none."""
+    do infinities. Raises ConfigError naming the setting that has no plain form; NaN has none."""
     return _plain(config, "config", for_json=True)
 
 
 def to_toml(config: Any, note: Callable[[str], str] | None = None) -> str:
-    """TOML text of a dataclass or mapping, from which `from_dict` makes an equal one; settings that are None
-    are left out, as TOML has no null. Raises ConfigError naming the setting that has no plain form; NaN has
-    none.
+    """TOML text of a dataclass or mapping, that `from_dict` turns back; settings that are None are left out,
+    as TOML has no null. Raises ConfigError naming the setting that has no plain form; NaN has none.
 
     note: what to say of a setting, given its dotted path, in a comment above it.
     """

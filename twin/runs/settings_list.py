@@ -1,5 +1,4 @@
-"""Every setting of a configuration with its value, unit, range and meaning: for `twin config` and for
-docs/settings.md."""
+"""Every setting with its value, unit, range and meaning: for `twin config` and for docs/settings.md."""
 
 from __future__ import annotations
 
@@ -55,8 +54,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class Group:
-    """The settings of one class: the dotted path of their table, empty for the first, what they are, the
-    class' own words, each of them."""
+    """The settings of one class: dotted path of their table (empty for the first), the class' words, each."""
 
     path: str
     meaning: str
@@ -65,8 +63,7 @@ class Group:
 
 
 def groups(config: Any, default: Any = None, path: str = "", meaning: str = "") -> Iterator[Group]:
-    """The settings of a configuration, table by table, in the order of a TOML file; tables without any are
-    left out.
+    """The settings of a configuration, table by table, in a TOML file's order, without empty tables.
 
     default: what to compare with; None takes the defaults of its class.
     """

@@ -1,10 +1,8 @@
-"""Stages and the only disk cache: each stage is computed once for one input, one configuration and one
-version.
+"""Stages and the only disk cache: a stage is computed once for one input, one configuration and one version.
 
-The key of a stage is the SHA-256 of its name, its version, its configuration, the keys of the stages it reads
-and the fingerprint of the recording. A result is written to a temporary folder, which is then renamed:
-whenever the process dies, what stands under `stages/NN_name` is complete, and the next run goes on from
-there.
+The key of a stage is the SHA-256 of its name, its version, its configuration, the keys of the stages read and
+the fingerprint of the recording. A result is written to a temporary folder, which is then renamed: whenever
+the process dies, what stands under `stages/NN_name` is complete, and the next run goes on from there.
 """
 
 from __future__ import annotations
@@ -35,8 +33,7 @@ RECORD = "stage.json"
 
 
 class Progress(Protocol):
-    """Told how far a stage is: `fraction` 0..1; `message` says why it runs, or that it was taken from the
-    cache."""
+    """Told how far a stage is: `fraction` 0..1; `message` says why it runs, or that it was cached."""
 
     def __call__(self, stage: str, fraction: float, message: str = "") -> None: ...
 
@@ -44,8 +41,7 @@ class Progress(Protocol):
 @dataclass(frozen=True, eq=False)
 class StageResult(Generic[T]):
     """Value of a stage with its key, the seconds and the peak memory (MB of the process) of its computation,
-    the warnings it gave, whether it came from the cache (`cached`) and, if not, why it was computed
-    (`reason`)."""
+    the warnings it gave, whether it was `cached` and, if not, the `reason` to compute it."""
 
     name: str
     key: str
@@ -279,8 +275,7 @@ def _recording_warnings(compute: Callable[[], T]) -> tuple[T, list[str]]:
 
 
 def _make(folder: Path) -> None:
-    """Make a run folder with its cache. Raises InputError when it can't be made or holds somebody else's
-    settings."""
+    """Make a run folder with its cache. InputError: it can't be made or holds somebody else's settings."""
     if (folder / CONFIG).exists() and not (folder / MANIFEST).exists():
         raise InputError(
             f"{folder / CONFIG} is there already and {folder} is no run folder",

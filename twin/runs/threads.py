@@ -1,5 +1,4 @@
-"""Work on many frames at a time, in threads: for what lets go of Python's lock (compiled kernels, NumPy,
-OpenCV)."""
+"""Work on many frames at a time, in threads that let go of Python's lock (kernels, NumPy, OpenCV)."""
 
 from __future__ import annotations
 
@@ -20,8 +19,7 @@ _AHEAD = 2
 
 
 def threads() -> int:
-    """How many threads work at a time: OMP_NUM_THREADS where it says so, else the cores that this process may
-    use."""
+    """How many threads work at a time: OMP_NUM_THREADS if set, else the cores that this process may use."""
     said = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     return int(said) if said.isdecimal() and int(said) > 0 else len(os.sched_getaffinity(0))
 

@@ -1,5 +1,4 @@
-"""Twins on disk: `twin.json` (format "funtwin/1"), `cameras.txt`, `meshes/*.ply`, `textures/*`,
-`labels/*.png`.
+"""Twins on disk: `twin.json` ("funtwin/1"), `cameras.txt`, `meshes/*.ply`, `textures/*`, `labels/*.png`.
 
 Numbers are written with as many digits as it takes to read back the same double, so a saved and loaded twin
 is the same twin (camera rotations, stored as quaternions, to 1e-12). docs/twin_format.md describes the
@@ -67,8 +66,7 @@ def save(twin: Twin, folder: AnyPath) -> None:
 
 
 def require_place(folder: Path) -> None:
-    """Raises InputError unless a twin may be written there: a new or empty folder, or one that holds a
-    twin."""
+    """Raises InputError unless a twin may be written there: a new or empty folder, or one with a twin."""
     if folder.exists() and (
         not folder.is_dir() or (any(folder.iterdir()) and not (folder / "twin.json").exists())
     ):
@@ -88,8 +86,7 @@ def load(folder: AnyPath) -> Twin:
 
 
 def twin_folder(folder: AnyPath) -> Path:
-    """The folder that holds twin.json: RUN/twin, given itself or RUN. Raises InputError when there is
-    none."""
+    """The folder that holds twin.json: RUN/twin, given itself or RUN. InputError if there is none."""
     folder = Path(folder)
     here = folder if (folder / "twin.json").is_file() else folder / "twin"
     if not (here / "twin.json").is_file():
@@ -98,15 +95,12 @@ def twin_folder(folder: AnyPath) -> Path:
 
 
 def update(old: Twin, new: Twin, folder: AnyPath) -> None:
-    """Write into a folder that holds `old` what differs in `new`: numbers and collision shapes, not meshes,
-    textures, cameras or labels.
+    """Write what differs between `old` in a folder and `new`: numbers and collision shapes, nothing else.
 
     Every other value of twin.json stays as it stands there, and every file. New shapes get files of their
-    own; twin.json, replaced last and at once, is what makes them count. Does nothing where the twins say the
-    same.
+    own; twin.json, replaced last and at once, is what makes them count. Equal twins change nothing.
 
-    Raises InputError when a mesh of the twin is not in the folder, a mesh or texture is another, or the
-    folder can't be written.
+    Raises InputError if a mesh of the twin is missing, a mesh or texture differs, or nothing can be written.
     """
     here = twin_folder(folder).resolve()
     known: dict[str, Mesh] = {}
@@ -161,8 +155,7 @@ def digest(twin: Twin) -> str:
 
 
 def keep_aside(folder: Path) -> Path:
-    """Keep a copy of a twin's folder beside it, under its name with `_before_` and a number; returns its
-    path.
+    """Keep a copy of a twin's folder beside it, under its name with `_before_` and a number; its path.
 
     Files are linked, not copied: replacing one in either folder leaves the other's. Raises OSError.
     """
@@ -282,8 +275,7 @@ def _write_labels(labels: Mapping[int, NDArray[np.uint8]], folder: Path) -> None
 
 
 def _says_else(folder: Path, data: bytes, name: str) -> bool:
-    """Whether a file of this name says something else; the same bytes were left by a call that was
-    interrupted."""
+    """Whether a file of this name says something else; equal bytes are an interrupted call's."""
     path = folder / name
     return path.exists() and not (path.is_file() and path.read_bytes() == data)
 

@@ -17,8 +17,7 @@ _PIECES = ("pieces_image", "pieces_uv")
 
 
 def shapes_document(stem: str, shapes: Iterable[Collision], meshes: dict[str, Mesh]) -> list[Any]:
-    """Collision shapes as twin.json lists them: boxes by their numbers, hulls as files, which are added to
-    `meshes`."""
+    """Collision shapes as twin.json lists them: boxes by numbers, hulls as files (added to `meshes`)."""
     out: list[Any] = []
     for k, piece in enumerate(shapes):
         if isinstance(piece, Mesh):
@@ -38,8 +37,7 @@ def shapes_document(stem: str, shapes: Iterable[Collision], meshes: dict[str, Me
 
 
 def completion_document(owner: str, completion: Completion | None, meshes: dict[str, Mesh]) -> dict[str, Any]:
-    """{"completion": the inferred layer}, empty where there is none; every mesh it names is added to
-    `meshes`."""
+    """{"completion": the inferred layer}, empty where there is none; its meshes are added to `meshes`."""
     if completion is None:
         return {}
     stem = f"{owner}.completion"
@@ -92,8 +90,7 @@ def completion_document(owner: str, completion: Completion | None, meshes: dict[
 
 
 def pieces_texture(layer: Completion) -> Texture | None:
-    """The texture of all inferred pieces of a body, one after the other: they share its image. None where
-    they have none."""
+    """The texture of all inferred pieces of a body in order: they share its image; None without."""
     worn = [p.mesh.texture for p in layer.pieces if p.mesh.texture is not None]
     if not worn or len(worn) < len(layer.pieces):
         return None

@@ -1,5 +1,4 @@
-"""The content of twin.json (format "funtwin/1") as plain data: what a twin says there, and what others added
-to it."""
+"""The content of twin.json (format "funtwin/1") as plain data: a twin's own, and others' additions."""
 
 from __future__ import annotations
 
@@ -26,8 +25,7 @@ CAMERAS = "cameras.txt"
 
 
 def twin_document(twin: Twin, meshes: dict[str, Mesh]) -> dict[str, Any]:
-    """The content of twin.json; every mesh it names is added to `meshes` under its path relative to
-    twin.json."""
+    """The content of twin.json; each mesh named is added to `meshes` under its path relative to twin.json."""
     static = twin.static
     meshes[f"meshes/{static.name}.ply"] = static.mesh
     r = twin.recorded
@@ -204,8 +202,7 @@ def _contact(p: Part) -> dict[str, Any] | None:
 
 
 def json_text(value: Any, indent: int = 0) -> str:
-    """JSON with one line for a list of plain values and indentation for the rest; refuses NaN and
-    infinity."""
+    """JSON, one line a list of plain values, indentation for the rest; refuses NaN and infinity."""
     pad = " " * (indent + 1)
     if isinstance(value, dict) and value:
         rows = [

@@ -19,8 +19,7 @@ from twin.storage.texture import texture_files
 
 
 class Earlier:
-    """The twin that a folder holds before it is saved again: its document ({} for none) and the files that
-    are not its own."""
+    """The twin in a folder before it is saved again: its document ({} for none), and files not its own."""
 
     def __init__(self, folder: Path, document: Mapping[str, Any], strange: Collection[str]) -> None:
         self.folder, self._strange = folder, strange

@@ -15,8 +15,7 @@ LABEL = re.compile(r"\d{6,}\.png")
 
 
 class LabelFolder(Mapping[int, "NDArray[np.uint8]"]):
-    """Label images of a folder by recording frame, each read when it is asked for. Files of other names are
-    not labels."""
+    """Label images of a folder by recording frame, read when asked for. Other file names are no labels."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

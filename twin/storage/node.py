@@ -1,5 +1,4 @@
-"""Objects of twin.json with the path that leads to them: every error names the file, the field and its
-value."""
+"""Objects of twin.json with their path: every error names the file, the field and its value."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Photo textures beside twin.json: textures/NAME.png, whose alpha says what was seen, and
-textures/NAME.uv.npy."""
+"""Photo textures beside twin.json: textures/NAME.png, alpha for what was seen, and textures/NAME.uv.npy."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Run by path in another interpreter: python _rules.py ANSWER.json FILE.usd...; needs pxr, nothing of this
-package.
+"""Run in another interpreter: python _rules.py ANSWER.json FILE.usd...; needs pxr, nothing of this package.
 
 The answer is a list of {validator, severity, rule, message, file, where}.
 """
@@ -19,8 +18,7 @@ _SHADERS = "usdShadeValidators:ShaderSdrCompliance"
 
 
 def openusd(files: list[str]) -> list[dict[str, str]]:
-    """OpenUSD's validators. That of shaders is left out where this build of USD lacks the definitions of its
-    shaders."""
+    """OpenUSD's validators, but that of shaders if this build of USD lacks the definitions of its shaders."""
     try:
         known = bool(Sdr.Registry().GetShaderNodeByIdentifier("UsdPreviewSurface"))
     except Tf.ErrorException:

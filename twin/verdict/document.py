@@ -13,8 +13,7 @@ from twin.verdict.verdict import Verdict
 
 
 def verdict_document(verdict: Verdict | None) -> dict[str, Any] | None:
-    """`level`, and `reasons` with `type`, `level`, `kind`, `text`, `help` and `values` each; JSON types. None
-    stays None."""
+    """`level`, and `reasons` with `type`, `level`, `kind`, `text`, `help` and `values` each; None is None."""
     if verdict is None:
         return None
     return {"level": verdict.level, "reasons": [_reason(r) for r in verdict.reasons]}

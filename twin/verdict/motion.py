@@ -74,8 +74,7 @@ class RangeUnsure(Reason):
 
 @dataclass(frozen=True)
 class TooShort(Reason):
-    """The range (deg or mm, see `unit`) is less than `limit`, whatever its error: rattling and drift go as
-    far."""
+    """The range (deg or mm, see `unit`) is less than `limit`, whatever its error: rattling goes as far."""
 
     range: float
     unit: str
@@ -96,8 +95,7 @@ class TooShort(Reason):
 
 @dataclass(frozen=True)
 class CreepsAtRest(Reason):
-    """The state changes by `creep` (deg or mm, see `unit`), more than `limit`, in frames in which it
-    rests."""
+    """The state changes by `creep` (deg or mm, see `unit`), more than `limit`, in frames of rest."""
 
     creep: float
     unit: str
@@ -118,8 +116,7 @@ class CreepsAtRest(Reason):
 
 @dataclass(frozen=True)
 class ClosedEndUnsure(Reason):
-    """What tells which end of the travel is the closed one differs between them by `margin` (a share), less
-    than `limit`."""
+    """What decides which end of the travel is closed differs by `margin` (a share), less than `limit`."""
 
     margin: float
     limit: float
@@ -181,8 +178,7 @@ class NoUncertainty(Reason):
 
 @dataclass(frozen=True)
 class WithinDrift(Reason):
-    """The part travels by `travel_m`, less than `limit` times what the static scene seems to move by
-    meanwhile, `drift_m`."""
+    """The part travels by `travel_m`, less than `limit` times what the static scene seems to (`drift_m`)."""
 
     travel_m: float
     drift_m: float

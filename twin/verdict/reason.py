@@ -25,12 +25,10 @@ def worst(levels: Iterable[Level]) -> Level:
 
 @dataclass(frozen=True)
 class Reason(Cause):
-    """One cause of doubt. level: what it makes of the part, or of the twin, that it is about: `doubtful` or
-    `refused`.
+    """One cause of doubt. level: what it makes of its part or twin: `doubtful` or `refused`.
 
-    A subclass holds the numbers that it was told by, as numbers, texts or truth values, and alone writes what
-    it says. Raises SceneError for another level, and for a number that is not finite, which no file could
-    hold.
+    A subclass holds the numbers behind it, as numbers, texts or truth values, and alone writes what it says.
+    Raises SceneError for another level, and for a number that is not finite, which no file could hold.
     """
 
     level: Level
@@ -51,8 +49,7 @@ class Reason(Cause):
 
 @dataclass(frozen=True)
 class StatedReason(Reason):
-    """A reason of a type that this version doesn't know, kept as it was written. raw: its object in
-    twin.json, JSON types."""
+    """A reason of a type this version doesn't know, as written. raw: its object in twin.json, JSON types."""
 
     raw: Mapping[str, Any]
 

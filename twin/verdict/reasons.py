@@ -87,8 +87,7 @@ class UpUnsure(Reason):
 
 @dataclass(frozen=True)
 class MovesWithDoubted(Reason):
-    """A part that is not trusted moves when this one does: in `share` of the frames in which either moves,
-    more than `limit`."""
+    """An untrusted part moves with this one: in `share` of the frames in which either moves, over `limit`."""
 
     share: float
     limit: float
@@ -109,8 +108,7 @@ class MovesWithDoubted(Reason):
 
 @dataclass(frozen=True)
 class ManyDoubts(Reason):
-    """More than `limit` reasons, `count`, each of which would only make the part doubtful. said, cure: text
-    and help of the first."""
+    """More than `limit` reasons, `count`, each only doubtful alone. said, cure: of the first."""
 
     count: int
     limit: int
@@ -167,8 +165,7 @@ class OfPart(Reason):
 
 @dataclass(frozen=True)
 class OfRecording(Reason):
-    """A fault of the recording itself. finding: its type in the recording's inspection; said, sort, cure: its
-    text, kind and help."""
+    """A fault of the recording. finding: its type in the inspection; said, sort, cure: text, kind, help."""
 
     finding: str
     said: str

@@ -89,8 +89,7 @@ class SmallSurface(Reason):
 
 @dataclass(frozen=True)
 class SurfaceUnseen(Reason):
-    """`share` of the surface, less than `limit`, was seen to move with the part; `untold` of it was neither
-    seen to nor seen not to."""
+    """`share` of the surface, less than `limit`, was seen to move with the part; `untold` is undecided."""
 
     share: float
     untold: float
@@ -112,8 +111,7 @@ class SurfaceUnseen(Reason):
 
 @dataclass(frozen=True)
 class SurfaceContradicted(Reason):
-    """`share` of the surface, more than `limit`, is seen through where the part brings it, or stays when the
-    part has left."""
+    """`share` of the surface, over `limit`, is seen through where the part goes, or stays where it left."""
 
     share: float
     limit: float
@@ -157,8 +155,7 @@ class FewLabels(Reason):
 
 @dataclass(frozen=True)
 class Unexplained(Reason):
-    """Where nobody moves anything, `share` of the picture of `frame` shows another depth than the twin
-    carried there, more than `limit`."""
+    """Where nobody moves, `share` of the picture of `frame`, over `limit`, misses the twin's depth."""
 
     frame: int
     share: float
@@ -225,8 +222,7 @@ class LabelledElsewhere(Reason):
 
 @dataclass(frozen=True)
 class BareBorder(Reason):
-    """At rest, in `frame`, a `share` of the border between it and the static scene, more than `limit`, shows
-    no edge in colour or depth."""
+    """At rest, in `frame`, a `share` of its border with the static scene, over `limit`, shows no edge."""
 
     frame: int
     share: float
@@ -248,8 +244,7 @@ class BareBorder(Reason):
 
 @dataclass(frozen=True)
 class StaticSeenThrough(Reason):
-    """A `share` of the picture of `frame`, more than `limit`, is seen farther than what the twin says never
-    moves."""
+    """A `share` of the picture of `frame`, more than `limit`, is seen beyond the twin's static scene."""
 
     frame: int
     share: float

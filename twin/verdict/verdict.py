@@ -11,8 +11,7 @@ from twin.verdict.reasons import OfPart
 
 @dataclass(frozen=True)
 class Verdict:
-    """The reasons against a part or a twin, none of which is a reason to trust it. Its level is that of the
-    worst of them."""
+    """The reasons against a part or a twin, none if trusted. Its level is that of the worst of them."""
 
     reasons: tuple[Reason, ...] = ()
 

@@ -9,8 +9,7 @@ from twin.verdict.reason import CUT, POINT_AT_IT, Reason
 
 @dataclass(frozen=True)
 class SeenThrough(Reason):
-    """While it moves, `share` of its pixels, more than `limit`, are seen farther than the twin in its state,
-    most of them in `frame`."""
+    """As it moves, `share` of its pixels, over `limit`, are seen beyond the twin there, most in `frame`."""
 
     frame: int
     share: float
@@ -32,8 +31,7 @@ class SeenThrough(Reason):
 
 @dataclass(frozen=True)
 class MotionUnexplained(Reason):
-    """`share` of what has another depth as it moves than at rest, more than `limit`, has not the twin's depth
-    either."""
+    """`share` of what moves to another depth than at rest, more than `limit`, is not at the twin's either."""
 
     share: float
     limit: float
@@ -56,8 +54,7 @@ class MotionUnexplained(Reason):
 
 @dataclass(frozen=True)
 class MotionUnseen(Reason):
-    """As it moves, `share` of its pixels have another depth than at rest and that of the twin, less than
-    `limit`."""
+    """As it moves, `share` of its pixels, less than `limit`, leave the depth of rest for the twin's."""
 
     share: float
     limit: float
@@ -79,8 +76,7 @@ class MotionUnseen(Reason):
 @dataclass(frozen=True)
 class HalvesDisagree(Reason):
     """The joints of the first and the second half of its motion differ by `axis_deg`, more than
-    `axis_limit_deg`, or their hinges are `pivot_m` apart, more than `pivot_limit_m`; 0 where that is not
-    known."""
+    `axis_limit_deg`, or their hinges are `pivot_m` apart, more than `pivot_limit_m`; 0 if not known."""
 
     axis_deg: float
     axis_limit_deg: float
@@ -108,8 +104,7 @@ class HalvesDisagree(Reason):
 @dataclass(frozen=True)
 class TracksDisagree(Reason):
     """The part's own tracks tell an axis that is `axis_deg` away, more than `limit_deg`, or, in both halves
-    of its motion alike, a hinge that is `pivot_m` away, more than `pivot_limit_m`; 0 where that is not
-    known."""
+    of its motion alike, a hinge that is `pivot_m` away, more than `pivot_limit_m`; 0 if not known."""
 
     axis_deg: float
     limit_deg: float

@@ -1,5 +1,4 @@
-"""Proof that exported files say what the twin says: independent engines load them and are compared with the
-twin.
+"""Proof that exported files say what the twin says: independent engines load them, compared with it.
 
 The expected values come from the twin by plain arithmetic and share no code with the export.
 """
@@ -61,15 +60,13 @@ def check(
 
 
 def as_exported(twin: Twin, files: Mapping[str, Path]) -> Twin:
-    """The twin as files show it: with the inferred layer or without, with the room or without, in their
-    frame."""
+    """The twin as files show it: with or without the inferred layer and the room, in their frame."""
     view = view_of(files.values())
     return without_rests(twin) if view.plain and is_reconstructed(twin) else view.of(twin)
 
 
 def chosen_engines(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of engines, "all" spelt out. Raises InputError with the nearest name for one that is not
-    known."""
+    """Names of engines, "all" spelt out. Raises InputError with the nearest name for an unknown one."""
     for n in names:
         if n not in ENGINES and n != "all":
             close = nearest_name(n, list(ENGINES))
@@ -85,8 +82,7 @@ def check_many(
     engines: Sequence[str] = OURS,
     processes: int = CheckConfig().processes,
 ) -> list[CheckReport]:
-    """A report for every (twin, files); an engine is started once for many files, and `processes` run at a
-    time. Raises as `check`."""
+    """A report for every (twin, files); an engine starts once for all files, `processes` at a time."""
     known = {id(twin): Truth(twin) for twin, _ in sources}  # a twin may come with several files
     truths = [known[id(twin)] for twin, _ in sources]
     jobs: dict[str, list[tuple[int, str, dict[str, Any]]]] = {}

@@ -1,5 +1,4 @@
-"""Proof that exported parts behave: MuJoCo moves them, from every format, as the recording and common sense
-say they move.
+"""Proof that exported parts behave: MuJoCo moves them, from every format, as the recording moved them.
 
 What is asked of every part, one part at a time while the others stay where the recording had them:
 
@@ -19,8 +18,7 @@ the floor of MJCF's
 play.
 - catch_holds, catch_lets_go: where the twin states a catch, a pull of 0.95 of it leaves the closed part
 within 1 mm for 10 s, and 1.05 of it and the
-  friction take it past the catch's width. Only MJCF simulates catches: of other formats is asked what they
-  would do without.
+  friction take it past the catch's width. Only MJCF simulates catches; other formats are tried without.
 - demonstration: a servo no stronger than a hand takes it along the recorded states, and it passes the
 recorded poses within
   the error that the reconstruction states of itself.
@@ -63,8 +61,7 @@ from twin.verification.rest import hold, inertia, slide
 from twin.verification.rested import Rested, left, rested, rested_rows, uncaught
 
 PULL = {"revolute": 2.0, "prismatic": 10.0}  # N m, N: no furniture in a home should ask for more
-# of weight x lever (twin/physics/joints.py); chosen by us: three times the friction of a usual hinge, twice a
-# runner's
+# of weight x lever (twin/physics/joints.py); chosen by us: three usual hinges' friction, twice a runner's
 HEAVY = 0.1
 # of the friction that stands for a catch or a balance; chosen by us: both hold a part, and let a hand move it
 BALANCED = 1.5
@@ -73,8 +70,7 @@ PUSH = {
     "revolute": 1.0,
     "prismatic": 0.3,
 }  # rad/s, m/s: chosen by us, a door or drawer let go in a brisk motion
-# N; chosen by us: a brisk pull of one hand, twice what the catch of a kitchen cabinet takes
-# (benchmarks/door_forces.md)
+# N; chosen by us: a brisk pull of one hand, twice a kitchen cabinet's catch (benchmarks/door_forces.md)
 HAND = 50.0
 HAND_MASS = 1.0  # kg; chosen by us: what of an arm moves with its hand
 DEPTH = 1e-3  # m
@@ -167,8 +163,7 @@ def _pull(twin: Twin, part: Part) -> float:
 
 
 def _state_beside(part: Part, other: Part) -> float:
-    """Where `other` was when the recording first moved `part`: a drawer behind a door comes out only once
-    that is open."""
+    """Where `other` was when `part` first moved: a drawer behind a door comes out once that is open."""
     if not (part.motion.intervals and len(other.motion.frames)):
         return 0.0
     state = float(np.interp(part.motion.intervals[0][0], other.motion.frames, other.motion.state))
@@ -176,8 +171,7 @@ def _state_beside(part: Part, other: Part) -> float:
 
 
 def _lever(part: Part) -> float:
-    """Distance (m) of the part's farthest point from its hinge; 1 for a slide, whose points all move
-    alike."""
+    """Distance (m) of the part's farthest point to its hinge; 1 for a slide, whose points all move alike."""
     if not isinstance(part.joint, Revolute):
         return 1.0
     return float(

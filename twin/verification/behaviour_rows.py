@@ -10,8 +10,7 @@ from typing import Any
 @dataclass(frozen=True)
 class BehaviourRow:
     """One demand. measured and limit are in metres at the part's farthest point (rest, sweep, demonstration)
-    or shares of the range (open, close) or of the energy at play (energy); infinite where the simulation
-    broke down."""
+    or shares of the range (open, close) or of the energy at play (energy); inf if the simulation broke."""
 
     format: str
     part: str

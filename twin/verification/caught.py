@@ -1,5 +1,4 @@
-"""Demands on catches: they hold a closed part against almost as much as they say, let go of it at a little
-more, and only in MJCF."""
+"""Demands on catches: they hold almost what they say, let go at a little more, and exist only in MJCF."""
 
 from __future__ import annotations
 
@@ -29,8 +28,7 @@ def without_catches(twin: Twin) -> Twin:
 
 
 def catch_asked(physics: PartPhysics) -> dict[str, float] | None:
-    """What the probe has to know: pulls (N or N m) that the closed part bears and does not, and the width (m
-    or rad)."""
+    """What the probe needs: pulls (N or N m) that the closed part bears and not, and width (m or rad)."""
     if physics.catch is None:
         return None
     whole = physics.catch.force.value + physics.frictionloss.value

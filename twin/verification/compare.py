@@ -60,12 +60,10 @@ def tolerance(engine: str, field: str) -> float:
 
 
 def allowed(engine: str, fmt: str, field: str, twin: Twin, k: int) -> float:
-    """Largest difference that passes for part k, where it lies: far from the origin single precision can't
-    hold 1e-5 m.
+    """Largest difference that passes for part k: far from the origin single precision can't hold 1e-5 m.
 
     What is computed with 24 bits may be off by some spacings of these at the twin's distance: positions by as
-    many metres, inertia about the joint by as much relative to its lever. USD keeps orientations in single
-    precision, for every engine.
+    many metres, inertia about the joint by as much of its lever. USD keeps orientations in single precision.
     """
     single = engine in SINGLE_PRECISION
     off = spacing(twin) * (_SPACINGS if single else 1.0)
@@ -80,8 +78,7 @@ def allowed(engine: str, fmt: str, field: str, twin: Twin, k: int) -> float:
 
 
 def spacing(twin: Twin) -> float:
-    """Distance (m) between neighbouring numbers of single precision at the part's vertex farthest from the
-    origin."""
+    """Spacing (m) of single precision at the part's vertex farthest from the origin."""
     far = [float(np.abs(surface(p.mesh)).max()) for p in twin.parts if len(p.mesh.faces)]
     return float(np.spacing(np.float32(max(far, default=0.0))))
 
@@ -166,8 +163,7 @@ def compare(engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, 
 
 
 def loads(engine: str, fmt: str, error: str | None) -> CheckRow:
-    """Whether the engine makes a model of the file at all: one that it refuses is a disagreement about
-    everything in it."""
+    """Whether the engine makes a model of the file at all: a refused file disagrees in everything."""
     measured, off = ("refused", float("inf")) if error else ("a model", 0.0)
     return CheckRow(fmt, engine, "loads", "", "a model", measured, off, tolerance(engine, "loads"))
 
@@ -179,8 +175,7 @@ def _apart(want: Any, instead: float) -> bool:
 def _dynamics(
     engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, Any]]
 ) -> tuple[Array, Array]:
-    """Where the table says that a number does not arrive, the twin is moved with the one that the engine
-    reports."""
+    """If the table says that a number is lost, the twin is moved with the one that the engine reports."""
     parts = truth.twin.parts
     numbers = [physics for _, physics in filled(truth.twin)]
     armature, damping = (

@@ -1,5 +1,4 @@
-"""What each engine is known not to take from a format: one table, printed by `twin check` and in
-benchmarks/engines.md.
+"""What each engine is known to lose of a format: a table of `twin check` and of benchmarks/engines.md.
 
 A field of the table is compared all the same wherever the engine yields something for it. When that agrees
 after all, the check reports an unexpected pass: the engine has learnt it, and the entry can go. Every entry

@@ -26,8 +26,7 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What the engines are asked for: states (n, parts) along the range, `state` (parts,) away from it, and a
-    start."""
+    """What the engines are asked for: states (n, parts) along the range, `state` (parts,) off it, a start."""
 
     states: Array
     state: Array
@@ -36,9 +35,8 @@ class Course:
 
 
 def course(twin: Twin) -> Course:
-    """All parts together from limit to limit in 11 steps; a state that differs from part to part for the mass
-    matrix; and the rollout's start: the middle of the range, at a speed of half the range per second, every
-    second part backwards."""
+    """All parts together from limit to limit in 11 steps; a state that differs by part for the mass matrix;
+    and the rollout's start: mid-range, at half the range per second, every second part backwards."""
     low, high = (np.array([getattr(p.joint, x) for p in twin.parts]) for x in ("lower", "upper"))
     share = np.linspace(0, 1, STATES)[:, None]
     n = len(twin.parts)
@@ -80,8 +78,7 @@ def armatures(twin: Twin) -> Array:
 
 
 def written(part: Part) -> Array:
-    """Vertices (n, 3) m of what is drawn of a part: its seen mesh, or what an inferred layer shows of that,
-    and its pieces."""
+    """Vertices (n, 3) m drawn of a part: its seen mesh, or what an inferred layer shows of it, and pieces."""
     layer = part.completion
     if layer is None:
         return surface(part.mesh)
@@ -89,8 +86,7 @@ def written(part: Part) -> Array:
 
 
 def surface(mesh: Mesh) -> Array:
-    """Vertices (n, 3) m that a face uses: the others are no part of the surface, whatever a scan left
-    there."""
+    """Vertices (n, 3) m that a face uses: the others are no part of the surface, leftovers of scans."""
     return np.asarray(mesh.vertices[np.unique(mesh.faces)])
 
 
@@ -131,8 +127,7 @@ class Dynamics:
         return self._terms(q, np.zeros(len(q)))[0]
 
     def forces(self, q: Array, v: Array) -> Array:
-        """Generalised forces (parts,) of gravity and of turning axes, as they stand on the side of the
-        inertia: h."""
+        """Generalised forces (parts,) of gravity and of turning axes, on the side of the inertia: h."""
         return self._terms(q, v)[1]
 
     def acceleration(self, q: Array, v: Array) -> Array:

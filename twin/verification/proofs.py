@@ -1,5 +1,4 @@
-"""What `twin check` asks of exported files: do engines agree with the twin, do its parts behave, do
-validators accept the USD."""
+"""What `twin check` asks of exported files: do engines agree, do parts behave, do validators accept USD."""
 
 from __future__ import annotations
 
@@ -100,8 +99,7 @@ def _contacts(twin: Twin) -> Proof:
 
 
 def _up(twin: Twin) -> Proof:
-    """Do large planes, slides and hinges agree with the twin's up? One that they contradict is a warning:
-    what leans may lean."""
+    """Do large planes, slides and hinges agree with the twin's up? If not, a warning: what leans may lean."""
     found = level_evidence(twin)
     rows = [
         [

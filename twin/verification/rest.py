@@ -1,9 +1,7 @@
-"""Whether a part stays where it is left, by statics: the pull of its weight along the joint against the
-joint's dry friction.
+"""Whether a part stays where it is left, by statics: its weight along the joint against dry friction.
 
-A lid on a slope or a drawer that leans forward opens by itself, and a file in which it does is right. How it
-then moves is one ordinary differential equation, M(q) q'' + h(q, q') + damping q' + friction sign(q') = 0,
-with the other parts held.
+A lid on a slope opens by itself, and a file in which it does is right. How it then moves is one ordinary
+differential equation, M(q) q'' + h(q, q') + damping q' + friction sign(q') = 0, with the other parts held.
 """
 
 from __future__ import annotations
@@ -31,8 +29,7 @@ class Hold:
 
     @property
     def least(self) -> float:
-        """Pull (N or N m) that is needed at least to move it on: against friction, and a catch where it is to
-        open."""
+        """Pull (N or N m) needed to move it on: against friction, and a catch where it is to open."""
         return self.friction + (self.caught if self.pull > 0 else 0.0)
 
     @property
@@ -42,8 +39,7 @@ class Hold:
 
     @property
     def on_edge(self) -> bool:
-        """It moves, but so little is left of the pull that MuJoCo's soft friction, whose impedance is 0.9,
-        may hold it back."""
+        """It moves, but with so little pull left that MuJoCo's friction (impedance 0.9), may hold it back."""
         return self.moves and 0.85 * abs(self.pull) < self.least
 
     @property

@@ -78,8 +78,7 @@ def uncaught(twin: Twin, part: Part, where: Rested) -> Rested:
 def rested_rows(
     twin: Twin, part: Part, where: Rested, got: Sequence[Mapping[str, float] | None], lever: float
 ) -> Iterator[Demand]:
-    """A demand for every other state in which a part rested in the recording. A part that the file does not
-    hold there fails it.
+    """A demand for every other state of rest in the recording: the file holds the part there, or fails.
 
     Args:
         twin: what was exported.
@@ -103,8 +102,7 @@ def _name(part: Part, rest: Rest) -> str:
 
 
 def left(name: str, where: str, got: Mapping[str, float] | None, held: Hold, lever: float) -> Demand:
-    """Row of a part that friction or a stop holds. MuJoCo's friction yields a little to a steady pull: so far
-    it may go."""
+    """Row of a part that friction or a stop holds. MuJoCo's friction may yield so much to a steady pull."""
     drift = None if got is None else got["drift"] * lever
     creep = 0.0 if got is None or held.stopped else _YIELD * got["creep"] * lever
     text = f"{where}, left alone for 10 s; {held.text}"

@@ -14,8 +14,7 @@ Status = Literal["ok", "failed", "known", "unexpected pass"]
 
 @dataclass(frozen=True)
 class CheckRow:
-    """One comparison. difference and tolerance are in the unit of the field (deg for axis, m, rad, kg
-    relative ...).
+    """One comparison. difference and tolerance are in the field's unit (deg for axis, m, rad, kg ...).
 
     known: reason of the table of exceptions, empty when the engine should agree. told: whether the twin's
     value differs from the one which the engine is known to use instead, so that agreement means something.
@@ -60,8 +59,7 @@ class CheckReport:
 
     @property
     def ok(self) -> bool:
-        """True when every row holds, none is missing and no loader warned of anything that is not in the
-        table."""
+        """True when every row holds, none is missing and loaders warned only of what the table has."""
         return bool(self.rows) and not self.warnings and all(r.ok for r in self.rows)
 
     @property

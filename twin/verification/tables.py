@@ -35,8 +35,7 @@ def notes(report: CheckReport) -> list[str]:
 
 
 def tables(report: CheckReport) -> list[Table]:
-    """Largest difference of each quantity by engine and format; what does not agree; what is known not to be
-    supported."""
+    """Largest difference of each quantity by engine and format; disagreements; known gaps."""
     groups: dict[str, list[CheckRow]] = {}
     for r in report.rows:
         groups.setdefault(f"{r.consumer} {r.format}", []).append(r)

@@ -1,5 +1,4 @@
-"""One question to an OpenAI-compatible chat endpoint: bounded in time and size, with errors of one line that
-hold no key.
+"""One question to an OpenAI-compatible chat endpoint: bounded time and size, one-line errors without the key.
 
 Address, key and model come from the environment: FUNTWIN_VLM_URL, FUNTWIN_VLM_KEY and FUNTWIN_VLM_MODEL.
 Where neither of the first two is set, OPENAI_API_KEY goes with OPENAI_BASE_URL (by default OpenAI's own): a
@@ -86,8 +85,7 @@ DEFAULT = Limits()
 
 
 def endpoint_from_environment(model: str | None = None, environ: Mapping[str, str] | None = None) -> Endpoint:
-    """The endpoint that the environment names. Raises InputError, in one line, when key, address or model are
-    missing."""
+    """The endpoint that the environment names. Raises InputError if key, address or model is missing."""
     env = os.environ if environ is None else environ
     if env.get("FUNTWIN_VLM_URL") or env.get("FUNTWIN_VLM_KEY"):
         url, key = env.get("FUNTWIN_VLM_URL"), env.get("FUNTWIN_VLM_KEY")
@@ -114,8 +112,7 @@ def endpoint_from_environment(model: str | None = None, environ: Mapping[str, st
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked: instructions, text, and pictures as JPEG bytes in the order in which the text counts
-    them."""
+    """What is asked: instructions, text, and pictures as JPEG bytes in the order of the text."""
 
     instructions: str
     text: str

@@ -1,5 +1,4 @@
-"""A model's estimate of a part's mass, checked against the part's geometry and weighed against geometry x
-table.
+"""A model's estimate of a part's mass, checked against its geometry and weighed against geometry x table.
 
 A model sees one picture; the surface is measured. What contradicts the surface is refused or left out, and
 said. What remains is one more uncertain opinion: the mass is the product of two log-normal distributions,
@@ -90,8 +89,7 @@ class Verdict:
 def judge(answer: PhysicalAnswer, part: Part, body: Body) -> Verdict:
     """Compare an answer with the part.
 
-    Raises ServiceError when its mass is impossible or its lengths are not in metres: then nothing of it can
-    be trusted.
+    Raises ServiceError for an impossible mass or lengths not in metres: nothing of it can be trusted.
     """
     low, high = body.mass
     if not low <= answer.mass <= high:
@@ -144,8 +142,7 @@ def _tensor_problem(answer: PhysicalAnswer, part: Part) -> str:
 def combined(geometry: Quantity, stated: float) -> Quantity | None:
     """The product of both log-normal distributions; None where they contradict each other at the 95 % level.
 
-    geometry: value and 95 % interval. The result's weight of the model is that of the inverse variances of
-    ln(mass).
+    geometry: value and 95 % interval. The model's weight is by inverse variances of ln(mass).
     """
     low, high = geometry.interval
     own = max(float(np.log(high / low)) / (2 * _Z95), 1e-9)
@@ -162,11 +159,9 @@ def combined(geometry: Quantity, stated: float) -> Quantity | None:
 def apply(
     twin: Twin, key: int | str, answer: PhysicalAnswer, model: str, table: MaterialTable | None = None
 ) -> Edited:
-    """Give a part the mass that geometry x table and the model's answer agree on, and the material that the
-    model names.
+    """Give a part the mass that geometry x table and the answer agree on, and the material of the answer.
 
-    A mass or friction that was measured or stated by the user stays. Centre and tensor always come from the
-    mesh.
+    A mass or friction measured or stated by the user stays. Centre and tensor always come from the mesh.
 
     Raises ServiceError when the answer contradicts the part.
     """

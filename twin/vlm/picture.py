@@ -1,5 +1,4 @@
-"""The picture that is sent: a frame in which the part shows best, or the part as it was reconstructed, with
-the part marked."""
+"""The picture that is sent: the frame with most of the part, or the reconstructed part; the part marked."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ class Picture:
 
 
 def part_picture(twin: Twin, part: Part, run: Path, frame: Callable[[int], Image] | None = None) -> Picture:
-    """The part's picture: the recording's best frame where `frame` reads it, else the best key frame of the
-    run, else drawn from the mesh.
+    """The part's picture: the recording's best frame if `frame` reads it, else a key frame, else its mesh.
 
     Args:
         frame: colour (H, W, 3) RGB of a recording frame.
@@ -61,8 +59,7 @@ def part_picture(twin: Twin, part: Part, run: Path, frame: Callable[[int], Image
 
 
 def best_frame(twin: Twin, part: Part, frames: Sequence[int]) -> int | None:
-    """The frame with the most of the part and the least hand: part pixels times part / (part + hand). None
-    when none shows the part."""
+    """The frame with the most part and least hand: part pixels times part / (part + hand). None without."""
     best, score = None, 0.0
     for f in frames:
         labels = twin.labels[f]

@@ -37,8 +37,7 @@ from twin.exporters.usd.thumbnail import write_thumbnail
 
 
 def write(tree: Tree, folder: Path, info: AssetInfo) -> tuple[Path, list[str]]:
-    """Write the asset and its ready stages into `folder`; returns the stage for MuJoCo and Newton and what
-    USD can't carry."""
+    """Write the asset and its ready stages; returns that for MuJoCo and Newton and what USD can't carry."""
     asset = folder / tree.name / "simready_usd"
     payload, runnables = asset / "Payload", asset / "runnables"
     for place in (payload, runnables / "physics", runnables / "mujoco"):

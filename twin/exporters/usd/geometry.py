@@ -123,8 +123,7 @@ def _visual(stage: Usd.Stage, path: str, shown: Visual) -> None:
         uv = Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(baked.uv, dtype=np.float32))
         _primvar(shape, "st", Sdf.ValueTypeNames.TexCoord2fArray, uv, "faceVarying")
         colors, which = np.unique(mesh.colors, axis=0, return_inverse=True)
-        # white comes first and no vertex has it: MuJoCo takes a table's first colour and tints the texture
-        # with it
+        # white is first, of no vertex: MuJoCo takes a table's first colour and tints textures with it
         table = np.concatenate([np.ones((1, 3)), (colors / 255.0) ** 2.2])
         where, index = "vertex", which.ravel() + 1
     else:

@@ -1,5 +1,4 @@
-"""The asset's interface with its runtime variants, the payload's contents, and stages that are ready to
-simulate."""
+"""The asset's interface with its runtime variants, the payload's contents, and ready stages."""
 
 from __future__ import annotations
 

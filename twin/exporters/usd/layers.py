@@ -62,8 +62,7 @@ def joint_path(tree: Tree, name: str) -> str:
 
 
 def group_path(tree: Tree, link: str, group: Group) -> str:
-    """Prim under which a link's shapes are written: its prototype, or the link itself where the asset has
-    none.
+    """Prim under which a link's shapes are written: its prototype, or the link if the asset has none.
 
     Without the inferred layer an asset has none, so that files of what was seen stay as they were.
     """
@@ -86,8 +85,7 @@ def _abstract(stage: Usd.Stage, tree: Tree, group: Group) -> None:
 def shape_materials(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> str:
     """Path of the prim that holds the materials of a link's shapes; a prototype's is defined.
 
-    They are inside the prototype: where a relationship leads out of it, that of every copy of the asset leads
-    into the same one.
+    Inside the prototype: a relationship out of it leads from every copy of the asset into the same prim.
     """
     if not tree.whole:
         return scope_path(tree, "Materials")
@@ -96,8 +94,7 @@ def shape_materials(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> st
 
 
 def instance_group(stage: Usd.Stage, tree: Tree, link: str, group: Group) -> None:
-    """Let a link's instance refer to what this layer, or its stack, says at the prototype; nothing where the
-    asset has none.
+    """Let a link's instance refer to what this layer stack says at its prototype, if the asset has one.
 
     Opinions on what is inside an instance are ignored unless they come by an arc of the instance itself
     (OpenUSD, Scenegraph Instancing), so a layer that is not of the payload's stack needs its own. The

@@ -16,8 +16,7 @@ _UNKNOWN = "unknown"  # the material of a surface is not observed
 
 
 def write_looks(tree: Tree, payload: Path, textures: Path) -> None:
-    """Write MaterialsLibrary.usdc and Materials.usda into `payload`, and an image per coloured link into
-    `textures`."""
+    """Write MaterialsLibrary.usdc and Materials.usda (`payload`) and coloured links' images (`textures`)."""
     drawn = [(k, v, _look_name(k, v)) for k in tree.links for v in k.visuals]
     with new_layer(payload / _LIBRARY, "Materials", f"Looks of {tree.name}") as stage:
         UsdGeom.Scope.Define(stage, "/Materials")
@@ -40,8 +39,7 @@ def _look_name(link: Link, shown: Visual) -> str:
 
 
 def _look(stage: Usd.Stage, path: str, link: Link, shown: Visual, payload: Path, textures: Path) -> None:
-    """A rough surface with the link's texture (readers multiply it with the colour: white), else with its
-    plain or mean colour."""
+    """A rough surface with the link's texture (readers multiply it by the colour: white), else one colour."""
     image = dress(shown.mesh).baked.image
     plain = mean_color(shown.mesh) if shown.color is None else shown.color
     surface = define_surface(stage, path, plain if image is None else (1.0, 1.0, 1.0))
@@ -56,8 +54,7 @@ def _look(stage: Usd.Stage, path: str, link: Link, shown: Visual, payload: Path,
     texture = UsdShade.Shader.Define(stage, f"{path}/texture")
     texture.CreateIdAttr("UsdUVTexture")
     texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Path(os.path.relpath(file, payload)).as_posix())
-    # the standard takes 8-bit colour for sRGB; so does MuJoCo's renderer then, but when told "sRGB" it draws
-    # too dark
+    # the standard takes 8-bit colour for sRGB, so MuJoCo does, too; when told "sRGB" it draws too dark
     texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("auto")
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(
         reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)

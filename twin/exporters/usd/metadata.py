@@ -32,8 +32,7 @@ def verdict_data(verdict: Verdict) -> dict[str, object]:
 def metadata(tree: Tree, info: AssetInfo, runtimes: Mapping[str, str]) -> dict[str, object]:
     """The layer's custom data; runtimes: variant set -> file stem.
 
-    The profile reads SimReady_Metadata (SR.004); the runtime features still ask for four fields beside it
-    (SR.001).
+    The profile reads SimReady_Metadata (SR.004); runtime features still ask for four more fields (SR.001).
     """
     box = bounds(tree)
     size = np.zeros(3) if box is None else box[1] - box[0]

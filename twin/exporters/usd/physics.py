@@ -25,8 +25,7 @@ from twin.scene import Mesh
 
 
 def write_physics(tree: Tree, payload: Path) -> None:
-    """Write Physics.usda into `payload`: bodies, masses, joints with limits in degrees or metres, contact
-    materials."""
+    """Write Physics.usda into `payload`: bodies, masses, joints (limits in degrees or metres), materials."""
     with new_layer(payload / "Physics.usda", tree.name, "Bodies, joints, contact (UsdPhysics)") as stage:
         stage.OverridePrim(f"/{tree.name}")
         for link in tree.links:
@@ -81,8 +80,7 @@ def _mass(body: Usd.Prim, link: Link) -> None:
 
 
 def _touch(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:
-    """Contact friction; with a surface, which MuJoCo asks of every material. Restitution is left out: MuJoCo
-    has none."""
+    """Contact friction, with the surface that MuJoCo asks for. No restitution: MuJoCo has none."""
     material = UsdShade.Material(define_surface(stage, path, (0.6, 0.3, 0.3)).GetPrim().GetParent())
     api = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
     api.CreateStaticFrictionAttr(float(friction))

@@ -85,8 +85,7 @@ def _newton(stage: Usd.Stage, tree: Tree) -> None:
 
 
 def _mujoco_joints(stage: Usd.Stage, tree: Tree) -> None:
-    """MuJoCo 4 prefers newton:* and warns about these, but a runtime's payload may only hold its own
-    (requirement RV.011)."""
+    """MuJoCo 4 prefers newton:* and warns of these, but a runtime's payload holds only its own (RV.011)."""
     for _, j in _joints(tree):
         prim = stage.OverridePrim(joint_path(tree, j.name))
         prim.AddAppliedSchema("MjcJointAPI")
@@ -96,8 +95,7 @@ def _mujoco_joints(stage: Usd.Stage, tree: Tree) -> None:
 
 
 def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
-    """Groups (2 is shown, 3 is for collision shapes, 4 for sites), friction that does not creep, grasp sites
-    and keyframes."""
+    """Groups (2 shown, 3 collision shapes, 4 sites), friction without creep, grasp sites and keyframes."""
     for _, j in _joints(tree):
         if j.holds:
             prim = stage.OverridePrim(joint_path(tree, j.name))

@@ -126,8 +126,7 @@ def pivot(model: LintModel) -> Iterator[Fault]:
 
 
 def _beside(points: Array, axis: Array, pivot: Array) -> float:
-    """Distance (m) of the joint's line from the box of the points in a frame along the line: 0 when it passes
-    through."""
+    """Distance (m) of the joint's line from the box of the points in a frame along the line: 0 inside."""
     n = np.linalg.norm(axis)
     if not np.isfinite(n) or n < 1e-9:
         return 0.0

@@ -9,8 +9,7 @@ import numpy as np
 from twin.geometry import Array
 from twin.lint.model import Body, Fault, LintModel, Severity
 
-# Rounding to four digits moves the moments of a flat plate, which meet the inequality exactly, by this much;
-# chosen by us.
+# Four digits move the moments of a flat plate, which meet the inequality exactly, by this much; chosen by us.
 _TRIANGLE = 1e-3
 
 

@@ -13,16 +13,13 @@ from twin.lint.model import Body, Fault, LintModel, Severity, Shape
 
 # m. Chosen by us: the largest gate of a house, and less than the smallest button that a finger finds.
 _LARGE, _SMALL = 5.0, 0.005
-# Beyond the sizes above by this factor it is an error. Chosen by us: millimetres taken for metres make a
-# thousand.
+# Beyond these sizes times this factor is an error. Chosen by us: millimetres taken for metres are 1000.
 _SURE = 10.0
-# rad, 2 degrees. Chosen by us: a right angle that was converted from degrees twice is 1.6 degrees, a rocker
-# switch turns by 8.
+# rad, 2 degrees. Chosen by us: a right angle converted twice is 1.6 degrees, a rocker switch turns by 8.
 _TURN = 0.035
 # m. Chosen by us: keys of a keyboard go 2 mm.
 _WAY = 0.001
-# Share of the largest side that a side counts as at least: a panel is drawn with its handle and collides
-# without it. Chosen by us.
+# Least share of the largest side that a side counts as: panels collide without handles. Chosen by us.
 _THIN = 0.1
 # Largest ratio of sides that are the same, and smallest of sides that can't be. Chosen by us.
 _SAME, _OTHER = 1.25, 2.5
@@ -35,8 +32,7 @@ _BESIDE = 0.05
 
 
 def part(model: LintModel) -> Iterator[Fault]:
-    """A body that carries other parts may be small: models turn about two axes by a helper between two
-    joints."""
+    """A body that carries other parts may be small: a helper between two joints makes two axes."""
     told: set[str] = set()
     group = model.groups()
     carry = {group.get(j.parent) for j in model.joints if j.kind != "fixed"}
@@ -100,8 +96,7 @@ def collider(model: LintModel) -> Iterator[Fault]:
 
 
 def _of_body(body: Body, shapes: Sequence[Shape]) -> Fault | None:
-    """What is wrong between a body's visuals and colliders, by boxes around them along the colliders'
-    axes."""
+    """What differs between a body's visuals and colliders, by boxes around them along the colliders' axes."""
     seen, solid = (_points([s for s in shapes if s.role == role]) for role in ("visual", "collision"))
     if not len(seen) or not len(solid):
         return None
