@@ -1,5 +1,4 @@
-"""All settings of a reconstruction: one frozen dataclass per stage, read from TOML by
-`twin.runs.settings.load_config`."""
+"""All settings of a reconstruction: frozen dataclasses per stage for `twin.runs.settings.load_config`."""
 
 from __future__ import annotations
 

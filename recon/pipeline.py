@@ -1,8 +1,7 @@
 """The chain: one recording in, a twin out, stage by stage.
 
 The stages follow FunREC (CVPR 2026); docs/method.md says what each takes from the paper and where it leaves
-it. Each is a function of typed inputs and its own settings, which the folder that holds it declares together
-with its name and version.
+it. Each is a function of typed inputs and its settings, which its folder declares with name and version.
 """
 
 from __future__ import annotations
@@ -104,8 +103,7 @@ def read_stage(run: Path | str, name: str) -> Any:
     """What a stage of a run found, as the run folder keeps it: `read_stage("RUN", "tracks")` the `Tracks`,
     "labels" the label images (H, W) by frame, in which a part that was refused still has its id.
 
-    Raises InputError for a stage that there is not or that the run has not kept, and CodecError for a damaged
-    one.
+    Raises InputError for an unknown stage or one the run has not kept, CodecError for a damaged one.
     """
     if name not in _SECONDS:
         close = nearest_name(name, list(_SECONDS))

@@ -47,8 +47,7 @@ class Surveyed:
 
 
 def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -> Surveyed:
-    """The stages from the recording to the surfaces of the static scene and of each part, in a world whose z
-    is up."""
+    """The stages from the recording to the surfaces of static scene and parts, in a world whose z is up."""
     c, loop = stage.config, stage.run.loop
     # Sparse 3D tracks, without weights; the paper's tracker is learned.
     tracks = stage(TRACKS, [], lambda: track_points(recording, c.tracks, loop("tracks")))

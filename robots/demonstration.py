@@ -55,10 +55,9 @@ def matching_samples(motion: Motion, start: float, goal: float, states: Array) -
 
     One movement of the recording is shown: the first that covers the way from `start` to `goal` in the
     robot's direction as far as any does; when the recording has none worth it, the first in the other
-    direction, then seen backwards. Of its samples the longest subsequence counts in which the state only
-    grows (or only falls), so that pauses and reversals of the hand are left out. Each state gets the nearest
-    of these: a function of the state alone, monotone, so the frame stays while the part rests and goes back
-    when the part does.
+    direction, then seen backwards. Of its samples the longest subsequence of growing (or falling) states
+    counts, without pauses and reversals of the hand. Each state gets the nearest of these: a function of the
+    state alone, monotone, so the frame stays while the part rests and goes back when the part does.
 
     Raises InputError when the recorded states don't move between `start` and `goal`.
     """
@@ -85,8 +84,7 @@ def _rise(values: Array, window: tuple[int, int]) -> float:
 
 
 def _first_movement(values: Array) -> tuple[int, int]:
-    """First and last sample of the first climb that is as high as the highest one, without the rests at its
-    ends."""
+    """First and last sample of the first climb as high as the highest one, without rests at its ends."""
     if not len(values):
         return 0, 0
     climb = values - np.minimum.accumulate(values)

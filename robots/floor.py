@@ -1,5 +1,4 @@
-"""What a robot stands on: the floor where the twin shows one, else a height that is given or assumed, and
-said."""
+"""What a robot stands on: the twin's floor if seen, else a height that is given or assumed, as stated."""
 
 from __future__ import annotations
 
@@ -28,8 +27,7 @@ _EYES = 0.9  # a level less than this below the eyes is a table's; who kneels st
 
 @dataclass(frozen=True)
 class Floor:
-    """height: z in m, in the twin's world. source: "seen" in the recording, "given" by the user, or "assumed"
-    where neither."""
+    """height: z in m, in the twin's world. source: "seen", "given" by the user, or "assumed"."""
 
     height: float
     source: FloorSource
@@ -70,8 +68,7 @@ def floor_of(twin: Twin, given: Floor | float | None = None) -> Floor:
 
 
 def find_floor(twin: Twin) -> Floor:
-    """The lowest level surface of the static scene, if it can be a floor; else the scene's lowest point,
-    assumed.
+    """The lowest level surface of the static scene if it can be a floor; else the lowest point, assumed.
 
     A floor is open: on 0.25 m^2 or more nothing stands over it up to a person's height. Nothing but its own
     edge or underside lies below it, and it is 0.9 m or more below where the recording's cameras were. So a

@@ -160,8 +160,7 @@ def _completed(
     robot: str,
     contact: tuple[float, ...] | None,
 ) -> Twin:
-    """The twin with all that a simulation needs, for every plan, replay and trial; shapes are those that
-    `twin export` keeps.
+    """The twin with all that a simulation needs, for every plan, replay, trial; shapes are `twin export`'s.
 
     A robot that can't be read and a contact off its part are told before shapes are made.
     """
@@ -185,8 +184,7 @@ def _completed(
 def _demonstration(twin: Twin, run: Path, recording: Path | None) -> tuple[Any, list[str], list[str]]:
     """Frames of the recording for the film, notes and warnings; without any the film shows the robot alone.
 
-    Without `recording` it is looked for where the run's manifest says that it was. Raises InputError when
-    `recording` can't be read.
+    Without `recording` the run's manifest says where it is. Raises InputError when it can't be read.
     """
     from robots.demonstration import Demonstration
 

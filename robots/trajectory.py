@@ -35,8 +35,7 @@ class RobotTrajectory:
     (2, j), velocity_limits: (j,) in the units of q and qd. effort: (n, j) N m (N for a slide) that the motion
     and the part ask of the joints beside gravity compensation, by the twin's physics; zeros when left out.
     start, goal: states from which and to which the part is brought. grasp: how the hand holds the part.
-    score, clearance (m): of the chosen base. floor: what it was planned to stand on; None in files of earlier
-    versions, which don't say.
+    score, clearance (m): of the chosen base. floor: what it was planned to stand on; None in earlier files.
     """
 
     robot: str
@@ -114,8 +113,7 @@ class RobotTrajectory:
         return np.stack([np.interp(times, self.times, e) for e in self.effort.T], axis=1)
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Joint positions (m, j), velocities (m, j) and gripper command (m,) at any times, held beyond the
-        ends.
+        """Joint positions (m, j), velocities (m, j) and gripper command (m,) at any times, held beyond.
 
         Cubic Hermite between samples, so positions and velocities agree.
         """

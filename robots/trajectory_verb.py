@@ -1,5 +1,4 @@
-"""The verb `twin trajectory`: what a replay planned, in robots' own formats. The command line names it in its
-table."""
+"""The verb `twin trajectory`: what a replay planned, in robots' formats. The command line lists it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Compiled kernels of the poses from depth: planes in depth images, and the pose that lays a frame onto
-earlier ones."""
+"""Compiled kernels of the poses from depth: planes in depth images, and the pose of a frame on others."""
 
 from __future__ import annotations
 
@@ -36,12 +35,10 @@ def block_means(depth, step, skip):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def planes(inverse, lens, reach, most):  # type: ignore[no-untyped-def]
-    """Planes (h, w, 4) float32: unit normal n towards the camera and n x on the plane, in the camera; NaN
-    where there is none.
+    """Planes (h, w, 4) float32: unit normal n towards the camera and n x on the plane; NaN without a plane.
 
-    The inverse depth of a plane is linear in the pixel: it is fitted to (2 reach + 1)^2 pixels, of which half
-    must be known, and counts where the fit leaves no more than the share `most` of the depth. lens: fx, fy,
-    cx, cy of these pixels.
+    The inverse depth of a plane is linear in the pixel: it is fitted to (2 reach + 1)^2 pixels, half of them
+    known, and counts where the fit leaves at most the share `most` of depth. lens: fx, fy, cx, cy.
     """
     h, w = inverse.shape
     out = np.full((h, w, 4), np.float32(np.nan), dtype=np.float32)
@@ -83,8 +80,7 @@ def planes(inverse, lens, reach, most):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _area(z):  # type: ignore[no-untyped-def]
-    """Area that a pixel covers at depth z, m^2 up to a factor; no more than at 3 m, beyond which depth tells
-    little."""
+    """Area of a pixel at depth z, m^2 up to a factor; at most that at 3 m, beyond which depth says little."""
     return min(max(z, 0.3), 3.0) ** 2
 
 
@@ -153,9 +149,8 @@ def depth_system(poses, rows, points, normals, plane, lens, gate, h, g, held):  
 
 @njit(cache=True, nogil=True)
 def track_system(poses, reference, starts, here, there, lateral, gate, h, g, held):  # type: ignore[no-untyped-def]
-    """The same for points `here` (m, 3) of the frame whose tracks references see at `there` (n, 3): those of
-    the i-th from starts[i] on, in the reference of that row of poses. lateral: standard deviation across the
-    view, rad."""
+    """The same for points `here` (m, 3) of the frame whose tracks references see at `there` (n, 3): the
+    i-th's from starts[i] on, in that row's reference. lateral: standard deviation across the view, rad."""
     total = 0.0
     for i in range(len(here)):
         px, py, pz = here[i, 0], here[i, 1], here[i, 2]
@@ -225,8 +220,7 @@ def system(T_world_cam, T_ref_world, rows, depth, tracks, gate):  # type: ignore
 
 @njit(cache=True, nogil=True)
 def refine(T_world_cam, T_ref_world, rows, depth, tracks, gate, rounds, least):  # type: ignore[no-untyped-def]
-    """The pose after at most `rounds` steps of least squares, fewer where they become shorter than `least`
-    (m, rad)."""
+    """The pose after at most `rounds` steps of least squares, fewer once they are below `least` (m, rad)."""
     pose = T_world_cam.copy()
     for _ in range(rounds):
         h, g, _good, _held = system(pose, T_ref_world, rows, depth, tracks, gate)

@@ -1,10 +1,8 @@
-"""Camera poses from depth and tracks together, frame after frame: a second witness beside the tracks' own
-poses.
+"""Camera poses from depth and tracks together, frame by frame: a second witness beside tracks' poses.
 
 Each frame is laid onto earlier ones, up to some 40 frames back, by its surfaces (point to plane: Chen and
-Medioni 1992) and its tracks. What moves agrees with the last of them only, and a near part covers much of the
-picture but little area: so a door that fills the view does not take the camera along. FunREC, supplement 1.2:
-without masks of what moves.
+Medioni 1992) and its tracks. Moving surface agrees with the last frame only, and a near part covers little
+area: a door that fills the view takes no camera along. FunREC, supplement 1.2: without masks of what moves.
 """
 
 from __future__ import annotations
@@ -35,8 +33,7 @@ _GAPS = (1, 3, 6, 10, 15, 21, 28, 36)  # frames back: most of them farther than 
 _AHEAD = (1, 3, 6)  # the frame is looked for where the motion since so many frames leads
 _GATES, _ROUNDS, _LEAST = (6.0, 3.0, 2.0), (3, 2, 3), 5e-4  # sigmas; steps at each; m and rad, the last step
 _SAME = 2e-3  # m and rad: two searches that have come so near end in one place
-# Errors of depth are alike over patches and frames: its information counts as that of so many times fewer
-# looks.
+# Errors of depth are alike over patches and frames: it counts as so many times fewer looks.
 _ALIKE = 100.0
 _UNSURE = 0.03  # m: a frame whose place is less sure than that is lost
 # All chosen by us.
@@ -152,8 +149,7 @@ class _Path:
         return out
 
     def _refined(self, guesses: list[Array], *seen: Any) -> list[Array]:
-        """The guesses after least squares under ever narrower gates, without those that come to the same
-        place."""
+        """The guesses after least squares under ever narrower gates, without those that coincide."""
         out: list[Array] = []
         for guess in guesses:
             if all(np.abs(guess - other).max() > _SAME for other in out):

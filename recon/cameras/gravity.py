@@ -1,5 +1,4 @@
-"""Which way is up: as the user says, from the device when it knew, else from walls, floors and counters, and
-how the camera is held.
+"""Which way is up: as the user says, else the device, else walls, floors, counters and how one holds it.
 
 The last is a first guess, which `recon.contact.up` decides anew once surfaces and parts are known.
 """
@@ -41,8 +40,7 @@ _MAX_DEPTH = 5.0
 
 @dataclass(frozen=True)
 class Gravity:
-    """Rotation R_world_start (3, 3) that turns the start world so that z points up, and where it was
-    learnt."""
+    """Rotation R_world_start (3, 3) that turns the start world's z up, and its source."""
 
     R_world_start: Array
     source: str
@@ -66,8 +64,7 @@ def find_gravity(
     cameras: Trajectory,
     said: Up | None = None,
 ) -> Gravity:
-    """Gravity as the user says, from the recording's metadata, else from a Manhattan fit to normals of evenly
-    spread frames."""
+    """Gravity as the user says, by the metadata, else by a Manhattan fit to normals of spread frames."""
     if said is not None:
         return _as_said(said, surface_normals(recording, cameras), cameras)
     if recording.gravity_camera0 is not None and cameras.pose(0) is not None:
@@ -84,8 +81,7 @@ def find_gravity(
 
 
 def _as_said(said: Up, normals: Array, cameras: Trajectory) -> Gravity:
-    """Up as it is said, turned onto the planes' axis next to it where that is near and normals (n, 3) tell
-    it."""
+    """Up as the user says, turned onto the planes' axis next to it if near and shown by normals (n, 3)."""
     up = geo.rotate(cameras.T_world_cam[0], up_direction(said))
     axes, known = axes_told(normals)
     column = int(np.argmax(np.abs(axes.T @ up)))
@@ -98,16 +94,14 @@ def _as_said(said: Up, normals: Array, cameras: Trajectory) -> Gravity:
 
 
 def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> Array:
-    """Up axis among +-columns of `axes`: people keep their heads level, so it is square to the camera's
-    right."""
+    """Up axis among +-columns of `axes`: heads are held level, so it is square to the camera's right."""
     candidates = np.concatenate([axes.T, -axes.T])
     score = candidates @ camera_up - np.abs(candidates @ camera_right)
     return np.asarray(candidates[np.argsort(-score)[0]])
 
 
 def axes_told(normals: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """The Manhattan axes (3, 3) of normals (n, 3), and which of its columns enough of them show; of too few
-    normals none."""
+    """The Manhattan axes (3, 3) of normals (n, 3), and which columns enough show; none of few."""
     if len(normals) < _FEWEST_NORMALS:
         return np.eye(3), np.zeros(3, dtype=bool)
     axes = manhattan_axes(normals)
@@ -115,8 +109,7 @@ def axes_told(normals: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def manhattan_axes(normals: Array) -> Array:
-    """Rotation (3, 3) whose columns are the three orthogonal directions that most normals (n, 3) agree
-    with."""
+    """Rotation (3, 3) whose columns are the three orthogonal directions of most normals (n, 3)."""
     rng = np.random.default_rng(0)
     first = normals[rng.integers(0, len(normals), _HYPOTHESES)]
     second = normals[rng.integers(0, len(normals), _HYPOTHESES)]

@@ -1,5 +1,4 @@
-"""Compiled kernels of the camera poses: comparing poses, and the bundle's landmarks, residuals and normal
-equations."""
+"""Compiled kernels of camera poses: comparing poses, and the bundle's landmarks, residuals and equations."""
 
 from __future__ import annotations
 
@@ -9,8 +8,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def best_pose(poses, source, target, variance, most):  # type: ignore[no-untyped-def]
-    """The pose with the least sum of squared errors, each in units of its variance and at most `most`: MSAC
-    (Torr and Zisserman 2000)."""
+    """The pose with the least sum of squared errors, each at most `most`: MSAC (Torr and Zisserman 2000)."""
     best, least = 0, np.inf
     for k in range(len(poses)):
         t, cost = poses[k], 0.0

@@ -38,8 +38,7 @@ _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy
 _SINCE, _APART_M, _APART_RAD = (1, 10, 40), 0.01, float(np.radians(0.5))
 # of the frames that all tracks pose are posed without those of a part, or they are kept; chosen by us
 _AS_MANY = 0.9
-# by what the other path then agrees more with the frames before; chosen by us: noise makes 3 %, a lost camera
-# 20
+# by what the other path agrees more with frames before; chosen by us: noise is 3 %, a lost camera 20
 _BETTER = 1.1
 
 
@@ -90,8 +89,7 @@ def camera_poses(
 
 
 def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> Trajectory:
-    """The poses by which the room keeps its place: where they follow a part that fills the view, those by all
-    other tracks."""
+    """The poses by which the room keeps its place: by all other tracks if they follow a part."""
     lateral, rng = PIXEL_SIGMA / recording.intrinsics.fx, np.random.default_rng(0)
     poses, posed = _of_two(recording, tracks, progress)
     sigma = np.hypot(*point_sigmas(tracks.points_cam, lateral))
@@ -120,8 +118,7 @@ def _of_two(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array
 
 
 def _apart(a: Array, b: Array, both: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Frames (T,) at which two paths (T, 4, 4) have moved differently since one of the frames before; `both`:
-    known in both."""
+    """Frames (T,) at which two paths (T, 4, 4), known in `both`, have moved apart since earlier."""
     out = np.zeros(len(a), dtype=bool)
     rows = np.flatnonzero(both)
     for gap in _SINCE:

@@ -12,8 +12,7 @@ from twin.robust import geman_mcclure
 
 
 def point_sigmas(points: Array, lateral: float) -> tuple[Array, Array]:
-    """Lateral and axial standard deviations (...) m of camera points (..., 3); lateral: that across the view,
-    rad."""
+    """Lateral and axial standard deviations (...) m of camera points (..., 3); lateral: across, rad."""
     z = points[..., 2]
     return lateral * z, depth_sigma(z)
 
@@ -21,9 +20,8 @@ def point_sigmas(points: Array, lateral: float) -> tuple[Array, Array]:
 def ransac_pose(
     source: Array, target: Array, sigma: Array, rng: np.random.Generator, *, tries: int, gate: float
 ) -> Array:
-    """Robust T_target_source from point pairs (n, 3); sigma (n,) m is one standard deviation of their
-    distance, gate: the most of them within which a pair agrees. MSAC (Torr and Zisserman 2000), then weighted
-    least squares."""
+    """Robust T_target_source from point pairs (n, 3); sigma (n,) m is that of their distance, gate: sigmas
+    within which a pair agrees. MSAC (Torr and Zisserman 2000), then weighted least squares."""
     picks = rng.integers(0, len(source), size=(tries, 3))
     hypotheses = geo.fit_rigid(source[picks], target[picks])
     pose = hypotheses[best_pose(hypotheses, source, target, sigma**2, gate**2)]

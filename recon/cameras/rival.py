@@ -1,5 +1,4 @@
-"""Two rigid motions compete for the camera: that of a part that fills the view, and that of the room around
-it.
+"""Two rigid motions compete for the camera: a part's that fills the view, and the surrounding room's.
 
 A near sliding panel may hold more tracks than the room, and then the cameras go with it. But the room reaches
 farther to all sides: tracks that keep their place with the cameras and lie within the outline of others,
@@ -26,16 +25,14 @@ _STAY, _LEAVE = 2.0, 4.0  # standard deviations of a pair of points: less keeps 
 _TRIES = 200  # rigid motions; chosen by us
 _FEWEST = 20  # tracks of either motion that tell an outline
 _PAIRS = 3  # pairs of frames, at least, that show both motions
-# By how much the share of theirs within the others' outline exceeds the share of the others within theirs. On
-# 74 open random recordings it is .17 to .61 where the cameras follow a part, and -1 to -.16 where they do
-# not.
+# By how much their share within the others' outline exceeds the others' within theirs. On 74 open random
+# recordings it is .17 to .61 where the cameras follow a part, and -1 to -.16 where they do not.
 _ENCLOSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Tracks of two frames that keep their place, and those that move rigidly otherwise; by how much more
-    these enclose those."""
+    """Tracks of two frames that rest, and those that move rigidly; by how much more these enclose those."""
 
     staying: NDArray[np.int64]
     rival: NDArray[np.int64]
@@ -45,8 +42,7 @@ class _Pair:
 def followed_part(
     tracks: Tracks, poses: Array, posed: NDArray[np.bool_], sigma: Array, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """Tracks (K,) that the cameras follow although others enclose them and move rigidly otherwise; none where
-    the cameras follow the room.
+    """Tracks (K,) that followed by cameras though others, moving rigidly, enclose them; or none.
 
     poses (T, 4, 4), those of them that are known (T,), standard deviations (T, K) m of the tracks' points.
     """

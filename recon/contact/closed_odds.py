@@ -18,8 +18,7 @@ _AHEAD = 2.0
 _CAVITY = 2.0
 # What would be flush if it went on.
 _PAST = 2.0
-# Below this share at both ends nothing is flush, and what would be flush if the part went on tells the ends
-# apart.
+# Below this share at both ends nothing is flush, and what would be flush farther on decides between the ends.
 _FLUSH_AT_NEITHER = 0.3
 # A drawer is pushed away from the viewer; the rest is for a front whose outer side is mistaken. Chosen by us.
 _PUSHED_AWAY = math.log(0.98 / 0.02)

@@ -33,8 +33,7 @@ def sample(mesh: Mesh, count: int = SAMPLES) -> Surface:
 
 
 def outer_faces(surface: Surface) -> list[Face]:
-    """The outermost flat face to either side of every direction in which much of the surface lies, largest
-    first."""
+    """The outermost flat face to either side of each direction of much surface, largest first."""
     found = []
     for direction in _directions(surface.normals):
         flat = surface.points[np.abs(surface.normals @ direction) > CONE]

@@ -1,5 +1,4 @@
-"""Where the hand holds a part: the hand's surface, lifted by depth into the part's frame, against the part's
-handle.
+"""Where the hand holds a part: the hand's surface, in the part's frame, against the part's handle.
 
 Seen from outside, a hand's surface lies 2 to 6 cm before what it grips. So the hand says which handle, and
 where along it; the handle says where exactly.
@@ -170,8 +169,7 @@ def _T_part_cam(
 
 
 def _steady(hand: HandPoints) -> HandPoints:
-    """What of the hand stays at the same place of the part: cells of 2 cm which it fills in half as many
-    frames as any."""
+    """What of the hand stays at the same place of the part: 2 cm cells filled half as often as any."""
     if len(hand.points) < _MIN_POINTS:
         return hand.chosen(np.zeros(len(hand.points), dtype=bool))
     keys = voxel_keys(hand.points.astype(np.float32), 0.02)
@@ -184,8 +182,7 @@ def _steady(hand: HandPoints) -> HandPoints:
 def _middle_of_fingers(handle: Handle, hand: HandPoints, T_part_cam: Mapping[int, Array]) -> float:
     """Coordinate along a bar: the median over frames of the middle of the fist's extent along it.
 
-    A camera that looks along the bar sees one end of the fist and not the other. What is missing of a hand's
-    breadth lies at the far end.
+    A camera along the bar sees one end of the fist only. What a hand's breadth lacks lies at the far end.
     """
     fingers = _close(hand, handle.distance(hand.points), limit=np.inf)
     middles = []
@@ -222,8 +219,7 @@ def _fingertips(
     T_part_cam: Mapping[int, Array],
     surface: Surface,
 ) -> HandPoints:
-    """The fingertips that come near the part, in each frame no farther from it than `_NEAR` beyond the
-    nearest."""
+    """The fingertips near the part, in each frame no farther from it than `_NEAR` beyond the nearest."""
     from recon.contact.hand_keypoints import FINGERTIPS, detect_hands
 
     keypoints = detect_hands(recording, list(T_part_cam), labels)

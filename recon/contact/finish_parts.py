@@ -46,8 +46,7 @@ def finish_parts(
     fused: FusedScene,
     config: ContactConfig,
 ) -> tuple[FinishedPart, ...]:
-    """Count each part from its closed end and find where the hand held it; a part without a surface is left
-    out, with a warning.
+    """Count each part from its closed end and find where a hand held it; a part without surface is left out.
 
     parts: those of `found`, refined.
     """

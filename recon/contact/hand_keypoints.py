@@ -1,8 +1,7 @@
 """Hand keypoints by mediapipe (optional extra `hands`), lifted to 3D by depth.
 
 The detector looks at the whole picture first and then, where hand labels exist, at a magnified cut-out around
-them: a hand seen from the wearer's eyes with its sleeve is often too small or too covered for the whole
-picture.
+them: a sleeved hand seen from its wearer's eyes is often too small or covered for the whole picture.
 
 FunREC, supplement 4: optional; another hand model.
 """

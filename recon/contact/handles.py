@@ -32,10 +32,9 @@ _GUESSED_WIDTH_M = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Handle:
-    """Something to hold. centre: (3,) m, middle of the held section. rotation: (3, 3), columns = closing
-    direction, along the handle, out of the part. width: m along the closing direction. depth: m from the
-    centre out to the surface. low, high: m, ends along the handle relative to the centre. shape: (n, 3), its
-    surface."""
+    """Something to hold. centre: (3,) m, middle of the held section. rotation: (3, 3), columns = closing,
+    along the handle, out of the part. width: m along the closing direction. depth: m from the centre out to
+    the surface. low, high: m, ends along the handle relative to the centre. shape: (n, 3), its surface."""
 
     kind: Literal["bar", "knob", "edge", "unseen handle"]
     centre: Array
@@ -130,8 +129,7 @@ def _describe(piece: Array, off: Array, face: Face, hand: Array, joint: Joint) -
 
 
 def _section(shape: Array, rotation: Array, at: float, kind: Literal["bar", "knob"]) -> Handle:
-    """The section around the coordinate `at` along the handle, or at its end; where nothing was seen, as
-    elsewhere.
+    """The section around the coordinate `at` along the handle, or at its end; unseen as elsewhere.
 
     A bar may go on for half a fist beyond what was seen of it, in the hand.
     """
@@ -185,16 +183,14 @@ def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
 
 
 def around_edge(edge: Handle, touch: Array) -> bool:
-    """Whether the hand's surface (n, 3) reaches over the edge or lies on the panel, and not clear in front of
-    it."""
+    """Whether the hand's surface (n, 3) reaches over the edge or lies on the panel, not before it."""
     local = (touch - edge.centre) @ edge.rotation
     over = np.mean(local[:, 2] > edge.depth)
     return bool(over > 0.25 or np.median(local[:, 0]) < 0.5 * edge.width + STANDS_OFF)
 
 
 def unseen_handle(edge: Handle, touch: Array, eye: Array, joint: Joint) -> Handle:
-    """A handle that is missing from the mesh, in the fist: a little behind the surface that the eye (3,) sees
-    of it.
+    """A handle that is missing from the mesh, in the fist: a little behind what the eye (3,) sees of it.
 
     Its thickness is a guess; it stands upright, or as the hinge does.
     """

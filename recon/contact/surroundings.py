@@ -23,8 +23,7 @@ def flush_shares(
     gap: float,
     past: Array,
 ) -> list[list[float]]:
-    """Shares (2, n) of the front's rim beside which the part comes within `gap` of static surface, from each
-    end onwards.
+    """Shares (2, n) of the front's rim with static surface within `gap` of the part past each end.
 
     Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing.
     past: rad or m past the ends, from 0.

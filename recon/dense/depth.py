@@ -23,8 +23,7 @@ MAX_STEP = 0.02  # chosen by us: neighbours further apart than 2 % of their dept
 def depth_sigma(z: ArrayLike) -> Array:
     """Axial standard deviation in metres of a consumer depth camera at depth z: 2 mm + 3 mm (z - 0.4)^2.
 
-    The form is that of Nguyen, Izadi and Lovell 2012; the constants are chosen by us for today's ToF and
-    structured light.
+    The form is that of Nguyen, Izadi and Lovell 2012; constants chosen by us for ToF and structured light.
     """
     return np.asarray(DEPTH_SIGMA_M + DEPTH_SIGMA_SLOPE * (np.asarray(z) - NEAR_M) ** 2)
 
@@ -38,16 +37,14 @@ def pixel_sigma(z: float, noise: F32) -> Any:
 
 
 def mean_depth(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """Area mean (h, w) of depth over cells that are known almost everywhere, else 0; `size` is (width,
-    height)."""
+    """Area mean (h, w) of depth over cells almost all known, else 0; `size` is (width, height)."""
     known = cv2.resize((depth > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     total = cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return np.where(known > 0.9, total / np.maximum(known, 1e-6), 0.0).astype(np.float32)
 
 
 def in_mid_air(depth: F32, sigma: Array, step: float) -> NDArray[np.bool_]:
-    """Pixels (h, w) that may lie between two surfaces and on neither (flying pixels, smeared edges), or on
-    one seen edge-on.
+    """Pixels (h, w) that may lie between two surfaces (flying pixels, smeared edges), or on one seen edge-on.
 
     sigma (h, w): standard deviation, m. Within 5x5, depths must differ by six of them and by `step` of the
     depth, and the pixel be nearer than a quarter of that to neither end (chosen by us).
@@ -86,8 +83,7 @@ def look_up(
 
 
 def depth_normals(depth: NDArray[np.float32], camera: Intrinsics, max_depth: float) -> Array:
-    """Camera-facing unit normals (H, W, 3) from depth (H, W) m; NaN at holes, edges and beyond
-    `max_depth`."""
+    """Camera-facing unit normals (H, W, 3) from depth (H, W) m; NaN at holes, edges, beyond `max_depth`."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]
     points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth.astype(np.float64))
     valid = (depth > 0) & (depth < max_depth)

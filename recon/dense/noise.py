@@ -46,8 +46,7 @@ class DepthNoise:
     depth. drift: m by which all that a tile of a frame sees together lies off, along its view: the error of
     its pose, and what readings side by side share, as where an error follows depth.
 
-    What is the same from every side of a surface, as the mixed light in a corner, can't be told without truth
-    and is missing.
+    What is alike from every side of a surface, as mixed light in a corner, needs truth and is missing.
     """
 
     base: float
@@ -61,8 +60,7 @@ class DepthNoise:
         return np.asarray(self.base + self.slope * np.asarray(z, dtype=float) ** 2)
 
     def sigma(self, z: ArrayLike) -> Array:
-        """Standard deviation, m, to reckon with at depths z m: as measured, never below that of a good sensor
-        (`depth_sigma`)."""
+        """Standard deviation, m, at depths z m: as measured, at least a good sensor's (`depth_sigma`)."""
         return np.maximum(depth_sigma(z), self.measured(z))
 
     def of_mean(self, count: int) -> float:
@@ -74,8 +72,7 @@ class DepthNoise:
 
     @property
     def poor(self) -> bool:
-        """Whether a reading at 1 m is worse than a good sensor's: then errors that belong to pixels look like
-        surfaces."""
+        """Whether a reading at 1 m is worse than a good sensor's: pixels' errors look like surfaces."""
         return bool(self.measured(1.0) > depth_sigma(1.0))
 
     @property
@@ -88,8 +85,7 @@ GOOD_SENSOR = DepthNoise(0.0, 0.0, 0.0, 0.0)  # nothing beyond `depth_sigma`
 
 
 def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
-    """Measured between pairs of frames of the cameras; what moves in them differs by more than noise and is
-    left out.
+    """Measured between pairs of frames of the cameras; what moves in them differs by more and is left out.
 
     Frames far apart tell all of the noise, successive ones what is drawn anew in each. Where the frames share
     too little, it is `GOOD_SENSOR` with the drop-outs.
@@ -186,8 +182,7 @@ def _differences(points: Array, depth: F32, camera: Intrinsics) -> _Differences:
 
 
 def _scatter(pairs: list[tuple[Array, Array]], edges: Array) -> Array:
-    """Standard deviation (B,) of one reading in each bin of depth, the median over the pairs; NaN where no
-    pair has enough points."""
+    """Standard deviation (B,) of one reading in each bin of depth, the median over pairs; NaN if few."""
     out = np.full((len(pairs), len(edges) - 1), np.nan)
     for p, (z, off) in enumerate(pairs):
         at = np.searchsorted(edges, z, side="right") - 1

@@ -1,5 +1,4 @@
-"""Order statistics for compiled loops. numba compiles its own median and quantile for seconds in every
-caller."""
+"""Order statistics for compiled loops. numba's own cost seconds in every caller."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ def place(values, n, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median(values, n):  # type: ignore[no-untyped-def]
-    """Median of the first n values, n > 0, which it reorders; equal to numpy's for numbers that are not
-    NaN."""
+    """Median of the first n values, n > 0, which it reorders; equal to numpy's without NaN."""
     upper = place(values, n, n // 2)
     if n % 2:
         return upper

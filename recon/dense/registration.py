@@ -2,8 +2,7 @@
 
 The depth picture is a surface: its pixels are joined to triangles where they lie on one surface, and these
 are drawn into the colour camera behind a z-buffer. So a finer grid gets no holes, and nothing is seen through
-what stands before it. A pixel that is joined to no neighbour on some side covers its own square as far as
-half a pixel.
+nearer surfaces. A pixel joined to no neighbour on a side covers its square to half a pixel.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-10)
 
 
 def rays(lens: Lens) -> Array:
-    """(H, W, 2): x/z and y/z of each pixel's ray; NaN where the lens model has no solution, as far outside as
-    it was fitted."""
+    """(H, W, 2): x/z and y/z of each pixel's ray; NaN where the lens model has no solution."""
     k = lens.camera
     pixels = np.stack(np.meshgrid(np.arange(k.width), np.arange(k.height)), axis=-1).astype(np.float64)
     if lens.is_pinhole:
@@ -89,8 +87,7 @@ class ColorGrid:
 
 
 class DepthGrid:
-    """Brings depth pictures (h, w) m of a rig's depth camera to the pixel grid of a pinhole camera in the
-    colour camera's place."""
+    """Brings a rig's depth pictures (h, w) m to the pixels of a pinhole in the colour camera's place."""
 
     def __init__(self, rig: Rig, grid: Intrinsics) -> None:
         self._grid = grid
@@ -114,8 +111,7 @@ class DepthGrid:
         _draw_triangles(p, surface.upper, surface.lower, nearest)
         squares = np.full_like(nearest, np.inf)
         _draw_squares(*surface.squares(p), squares)
-        # squares end a surface by half a pixel: they count where nothing is drawn, or where they stand before
-        # it
+        # squares end a surface by half a pixel: they count where nothing is drawn, or before it
         nearest = np.where(squares < nearest * np.float32(1.0 - MAX_STEP), squares, nearest)
         return np.where(np.isfinite(nearest), nearest, np.float32(0.0))
 

@@ -19,16 +19,14 @@ _LARGE = 0.05  # share of the heaviest piece's weight
 def mean_evidence(
     inverse: NDArray[np.integer], evidence: F32, count: int, prior: float
 ) -> tuple[F32, NDArray[np.int64]]:
-    """Mean evidence and number of readings for each of `count` voxels, pulled to zero as by `prior`
-    readings."""
+    """Mean evidence and number of readings for each of `count` voxels, shrunk as by `prior` readings."""
     n = np.bincount(inverse, minlength=count)
     total = np.bincount(inverse, weights=evidence, minlength=count)
     return (total / (n + prior)).astype(np.float32), n
 
 
 def largest_piece(keys: NDArray[np.int64], weight: F32) -> NDArray[np.bool_]:
-    """Which voxels belong to the heaviest 26-connected piece. keys: sorted unique (n,); weight: (n,),
-    positive."""
+    """Which voxels are in the heaviest 26-connected piece. keys: sorted unique (n,); weight: (n,), > 0."""
     if not len(keys):
         return np.zeros(0, bool)
     piece = voxel_pieces(keys)
@@ -42,8 +40,7 @@ def near_piece(keys: NDArray[np.int64], piece: NDArray[np.int64]) -> NDArray[np.
 
 def solid_core(clouds: Sequence[F32], size: float, views: int = 3, reach: float = 0.1) -> F32:
     """Centres (m, 3) of the voxels that hold points of at least `views` of the clouds (n, 3), have such a
-    neighbour, and lie within `reach` m of a large piece: one that weighs at least a twentieth of the
-    heaviest.
+    neighbour, and lie within `reach` m of a large piece: at least a twentieth of the heaviest.
 
     Noise seldom falls twice into one voxel, but what belongs to the pixel does, again and again: in small
     pieces anywhere in the room (0.37 m from the part and more in a recording where they drew the hull over a
@@ -65,8 +62,7 @@ def solid_core(clouds: Sequence[F32], size: float, views: int = 3, reach: float 
 
 
 def in_hull_of(shell: F32) -> Callable[[F32], NDArray[np.bool_]]:
-    """A function that tells which points (n, 3) lie inside the convex hull of a shell (m, 3); none when it
-    spans no volume."""
+    """A test whether points (n, 3) lie inside the convex hull of a shell (m, 3); none if it is flat."""
     try:
         planes = ConvexHull(shell).equations.astype(np.float32)
     except (QhullError, ValueError):
@@ -82,8 +78,7 @@ def in_hull_of(shell: F32) -> Callable[[F32], NDArray[np.bool_]]:
 
 
 def distinct(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Sorted unique keys (m,) and the place (n,) of each key among them: `np.unique` with its inverse, by
-    hashing."""
+    """Sorted unique keys (m,) and the place (n,) of each: `np.unique` with its inverse, by hashing."""
     found, number = _numbered(keys)
     order = np.argsort(found)
     place = np.empty(len(order), np.int32)
@@ -93,8 +88,7 @@ def distinct(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int
 
 @numba.njit(cache=True, nogil=True)
 def _numbered(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Unique keys (m,) as they come, and the number (n,) of each key among them. Open addressing, at most
-    half full."""
+    """Unique keys (m,) as they come, and the number (n,) of each key. Open addressing, at most half full."""
     size, count = 1 << 12, 0
     slots = np.full(size, -1, np.int32)
     found = np.empty(size >> 1, np.int64)

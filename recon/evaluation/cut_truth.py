@@ -16,8 +16,7 @@ _SAME_TIME = 1e-5
 
 
 def truth_of(true: Truth, recording: Recording) -> Truth:
-    """The truth of a recording's frames, where they are some of those that the truth knows, by their times;
-    else as it is."""
+    """The truth of a recording's frames if they are some of those the truth knows, by times; else as is."""
     count = len(recording)
     if true.cameras is None or count >= true.frames:
         return true

@@ -42,8 +42,7 @@ __all__ = [
 SCENE = "scene"
 ALL_PARTS = "all parts"
 
-# What a missed part, a wrong type or an empty mesh is charged; a state and a range are charged the true
-# travel.
+# What a missed part, a wrong type or an empty mesh is charged; states and ranges are charged the true travel.
 CHARGE_AXIS_DEG = 90.0
 CHARGE_DIRECTION_DEG = 180.0
 CHARGE_LENGTH_MM = 1000.0
@@ -101,8 +100,7 @@ def _allowed(rows: Iterable[Row], true: Truth) -> list[Row]:
 
 
 def _require_frames(twin: Twin, true: Truth, recording: Recording | None) -> None:
-    """Raise InputError when the truth is of another number of frames than the recording, or what the twin was
-    made from."""
+    """Raise InputError when truth and recording, or twin, differ in their number of frames."""
     source, frames = (
         (twin.name, true.frames) if twin.recorded is None else (twin.recorded.source, twin.recorded.frames)
     )
@@ -146,8 +144,7 @@ def _scene_rows(
 
 
 def _label_rows(miou: str, false: str, part: str, score: LabelScore | None) -> Iterator[Row]:
-    """Rows of a mask; what no labelled frame can tell is left out, and a twin without labels (None) is
-    charged."""
+    """Rows of a mask; what no labelled frame shows is left out, a twin without labels (None) charged."""
     if score is None or score.frames:
         yield _row(miou, part, score.miou if score else None, 0.0, "share")
     if score is None or score.other_frames:
@@ -204,8 +201,7 @@ def _joint_rows(joint: JointErrors | None, true: TruthPart) -> Iterator[Row]:
 
 
 def _contact_mm(found: Part | None, true: TruthPart, T: Array) -> float | None:
-    """How much further from the centre of the grip the contact point is than the true surface, at the closed
-    state."""
+    """How much further from the grip's centre the contact is than the true surface, closed."""
     if found is None or found.contact is None or true.grip is None:
         return None
     grip = true.handle

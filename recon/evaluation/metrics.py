@@ -1,8 +1,7 @@
 """How far a reconstruction is from the truth: one small function for every measure (docs/metrics.md).
 
-Everything is in SI units and for one pair of things; charging of failures and units of display are the
-business of `recon.evaluation.evaluate`. An exact answer gives 0 (or 1) up to rounding, and nothing is ever
-NaN.
+Everything is in SI units and for one pair of things; failures and units of display are
+`recon.evaluation.evaluate`'s. An exact answer gives 0 (or 1) up to rounding, and nothing is ever NaN.
 """
 
 from __future__ import annotations
@@ -27,8 +26,7 @@ ADD_AUC_LIMIT = 0.10  # m (Xiang et al., PoseCNN, RSS 2018)
 
 
 def align_worlds(T_true_cam: Array, T_recon_cam: Array) -> Array:
-    """T_true_recon (4, 4), the rigid least-squares fit of camera poses (n, 4, 4) on four points of each
-    camera.
+    """T_true_recon (4, 4), the rigid least-squares fit of camera poses (n, 4, 4) on four points a camera.
 
     The points are the centre and those `LEVER` along the three axes, so that one camera is enough.
     """
@@ -46,14 +44,12 @@ def absolute_trajectory_error(T_true_cam: Array, T_recon_cam: Array) -> float:
 
 
 def relative_pose_error(T_true_cam: Array, T_recon_cam: Array) -> tuple[float, float]:
-    """RMSE in metres and radians of the motion between consecutive poses (n, 4, 4); (0, 0) for a single
-    pose."""
+    """RMSE in metres and radians of the motion between consecutive poses (n, 4, 4); (0, 0) for one pose."""
     if len(T_true_cam) < 2:
         return 0.0, 0.0
     true = geo.invert_pose(T_true_cam[:-1]) @ T_true_cam[1:]
     recon = geo.invert_pose(T_recon_cam[:-1]) @ T_recon_cam[1:]
-    # the length of the error's translation, without the turn into the camera's axes, which rounds: equal
-    # motions give exactly 0
+    # length of the error's translation before turning to camera axes, which rounds: equal motions give 0
     translation = np.linalg.norm(recon[:, :3, 3] - true[:, :3, 3], axis=1)
     rotation = geo.rotation_angle(np.swapaxes(true[:, :3, :3], 1, 2) @ recon[:, :3, :3])
     return float(np.sqrt(np.mean(translation**2))), float(np.sqrt(np.mean(rotation**2)))
@@ -107,8 +103,7 @@ def span_detection(true: Sequence[Span], found: Sequence[Span], least: float = 0
 def state_error(true: Array, found: Array) -> tuple[float, int]:
     """Mean absolute difference of states (n,) after fixing sign and zero once, and that sign (1 or -1).
 
-    The zero is the median difference, which makes the mean absolute difference smallest; equal errors go to
-    sign 1.
+    The zero is the median difference (least mean absolute difference); equal errors go to sign 1.
     """
     best = (np.inf, 1)
     for sign in (1, -1):
@@ -145,8 +140,7 @@ def diameter(points: Array) -> float:
 
 
 def vertex_distances(points: Array, T_true: Array, T_found: Array) -> tuple[float, float]:
-    """Mean distance in metres of points (n, 3) under two poses: of the same point (ADD), of the nearest one
-    (ADD-S)."""
+    """Mean distance (m) of points (n, 3) under two poses: of the same point (ADD) or the nearest (ADD-S)."""
     from scipy.spatial import cKDTree
 
     true, found = geo.transform(T_true, points), geo.transform(T_found, points)
@@ -155,8 +149,7 @@ def vertex_distances(points: Array, T_true: Array, T_found: Array) -> tuple[floa
 
 
 def area_under_accuracy(distances: ArrayLike, limit: float = ADD_AUC_LIMIT) -> float:
-    """Area, 0..1, under the share of frames whose distance is below a threshold, for thresholds up to
-    `limit`."""
+    """Area, 0..1, under the share of frames with a distance below thresholds up to `limit`."""
     d = np.asarray(distances, dtype=np.float64)
     return float(np.mean(np.clip(1.0 - d / limit, 0.0, 1.0))) if d.size else 0.0
 
@@ -170,8 +163,7 @@ def iou(true: NDArray[np.bool_], found: NDArray[np.bool_]) -> float:
 class Surface:
     """A mesh that answers how far points are from it.
 
-    In single precision: single points near large thin triangles are up to 0.3 mm off, means of thousands
-    below 1 um.
+    In single precision: points near large thin triangles are up to 0.3 mm off, means of thousands below 1 um.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -202,8 +194,7 @@ class Surface:
         return np.where(d < SNAP, 0.0, d)
 
     def nearest(self, points: Array) -> Array:
-        """Points (n, 3) of the surface nearest to points (n, 3); these themselves for a surface without
-        faces."""
+        """Points (n, 3) of the surface nearest to points (n, 3); the points if it has no faces."""
         if self.empty or len(points) == 0:
             return points
         import open3d as o3d

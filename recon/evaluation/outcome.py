@@ -1,5 +1,4 @@
-"""How a twin did, part by part: success or the cause of the failure, computed from the truth. For rates over
-many recordings."""
+"""How a twin did by part: success or the cause of failure, from the truth. For rates over recordings."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ Aside = Literal["closed end", "cameras", "hinge", "states"]
 AXIS_DEG, PATH_MM, PART_MIOU = 5.0, 20.0, 0.7
 LOST_MM = 30.0  # ATE of cameras that are lost, six times the goal of `twin evaluate`; chosen by us
 UP_DEG = 5.0
-# A part of the twin is invented when it matches no true part: its axis is so far off or its mask so wrong
-# against every one.
+# An invented part matches no true one: against each its axis is so far off or its mask so wrong.
 INVENTED_AXIS_DEG, INVENTED_MIOU = 15.0, 0.2
 
 
@@ -94,8 +92,7 @@ def _refused(twin: Twin) -> tuple[str, ...]:
 
 
 def is_trusted(part: Part) -> bool:
-    """Whether the twin calls a part trusted. One without a verdict was made before there were any: nothing
-    warns of it."""
+    """Whether the twin calls a part trusted. Without a verdict (an older twin) no one warns: trusted."""
     return part.verdict is None or part.verdict.level == "trusted"
 
 

@@ -12,8 +12,7 @@ from recon.evaluation.goals import Goal
 class Row:
     """One measure of the scene or of one true part.
 
-    value: failures charged. matched: the same without them, None for a failure. goal: the goal, None when
-    only reported.
+    value: failures charged. matched: without them, None for a failure. goal: None if only reported.
     """
 
     metric: str

@@ -24,8 +24,7 @@ MIN_PIXEL_SHARE = 0.004  # chosen by us: 1200 pixels at 640x480; fewer say littl
 
 @dataclass(frozen=True, eq=False)
 class CameraErrors:
-    """Cameras after the alignment T_truth_recon (4, 4): ATE and RPE in mm and deg, up error in deg, share of
-    frames."""
+    """Cameras after the alignment T_truth_recon (4, 4): ATE and RPE in mm, deg; up error in deg, share."""
 
     T_truth_recon: Array
     ate_mm: float
@@ -115,8 +114,7 @@ def label_scores(
 
 @dataclass(frozen=True)
 class JointErrors:
-    """A joint and its motion against a true part. None where there is nothing to compare (wrong type, no
-    states, not known).
+    """A joint and its motion against a true part. None where nothing compares (wrong type, no states).
 
     Angles in deg, lengths in mm, `state` and `range` in deg or mm by the true type. screw_path_deg: median
     angle between true and found velocity of the handle. add, add_s: share of moving frames with the part's
@@ -156,8 +154,7 @@ class JointErrors:
 def joint_errors(
     joint: Joint, motion: Motion, T_truth_recon: Array, truth: Truth, part: TruthPart | None = None
 ) -> JointErrors:
-    """Compare a joint (in the reconstruction's world) and its motion with a true part, by default the best
-    match."""
+    """Compare a joint (in the reconstruction's world) and motion with a true part, by default the best."""
     found = joint.transformed(T_truth_recon)
     if part is None:
         part = truth.parts[max(match_parts([(joint, motion)], T_truth_recon, truth), default=0)]
@@ -195,8 +192,7 @@ def _closed_right(true: Array, found: Array) -> bool:
 
 
 def _pivot_errors(found: Joint, part: TruthPart) -> tuple[float, float | None] | None:
-    """Pivot errors (a) line to line and (b) point nearest the part to the true line, mm; None for a sliding
-    joint.
+    """Pivot errors (a) line to line and (b) point nearest the part to true line, mm; None for a slide.
 
     (b) is None where nothing tells where the part is.
     """
@@ -228,8 +224,7 @@ class _Path:
         self.rest = rest
 
     def _angles(self) -> Array:
-        """Angles (n,) rad between the velocities; a handle on the axis has none, and counts as
-        perpendicular."""
+        """Angles (n,) rad between the velocities; a handle on the axis has none: perpendicular."""
         moves = [np.linalg.norm(v, axis=1) > 1e-9 for v in (self.true_velocity, self.found_velocity)]
         ok = moves[0] & moves[1]
         angles = np.full(len(ok), np.pi / 2)
@@ -264,8 +259,7 @@ class _Path:
 
 
 def match_parts(found: Sequence[tuple[Joint, Motion]], T_truth_recon: Array, truth: Truth) -> dict[int, int]:
-    """Index of the true part -> index of the found one, by the best sum of interval overlap less axis error
-    (per 90 deg).
+    """Index of the true part -> the found one, by the best sum of overlap less axis error (per 90 deg).
 
     Only parts whose motions overlap in time can match; a motion that lists no interval may match any. Where
     the truth tells no cameras, axes can't be compared, and the overlap alone counts.

@@ -24,8 +24,7 @@ COMPLETE_WITHIN = 0.010  # m
 
 @dataclass(frozen=True)
 class SurfaceErrors:
-    """A reconstructed surface: mean distance to the true one (mm), share of what was seen that it covers,
-    Chamfer (cm)."""
+    """A reconstructed surface: mean distance to the true one (mm), share covered, Chamfer (cm)."""
 
     accuracy_mm: float
     completeness: float

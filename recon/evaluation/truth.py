@@ -39,9 +39,8 @@ class TruthPart:
     segments: for every motion the last frame at rest before it and the first after it.
 
     Of a truth that doesn't know them: states and T_world_part are empty, and states NaN in single frames; the
-    mesh has no face. centre: the part's middle (3,) at state 0, where there is no mesh that tells it.
-    told_spans: first and last moving frame of every motion, where they are annotated and not to be found in
-    the states.
+    mesh has no face. centre: the part's middle (3,) at state 0 if there is no mesh. told_spans: first and
+    last moving frame of every motion, where they are annotated and not to be found in the states.
     """
 
     id: int
@@ -112,8 +111,7 @@ class TruthPart:
 
     @property
     def handle(self) -> Array:
-        """Point (3,) at the most closed state shown that the hand leads: the grip, else the vertex that moves
-        furthest."""
+        """Point (3,) at the most closed state shown that the hand leads: grip or farthest vertex."""
         point = self.grip
         if point is None:
             v = self.mesh.vertices
@@ -156,8 +154,7 @@ class Truth:
 
 
 def load_truth(folder: Path | str) -> Truth:
-    """Read a folder truth/, or the annotations of a HOI4D or Arti4D clip. Raises InputError naming the file
-    and the value."""
+    """Read a folder truth/, or a HOI4D or Arti4D clip's annotations. InputError names file and value."""
     folder = Path(folder)
     own = next((f for f in (folder, folder / "truth") if (f / "truth.json").is_file()), None)
     if own is not None:
@@ -261,8 +258,7 @@ def _part(
 
 
 def joint_of(kind: str, axis: Any, pivot: Any, states: Array) -> Joint:
-    """A joint whose limits are the states (n,) that were shown. Raises ValueError for an axis without
-    direction."""
+    """A joint limited by the states (n,) shown. Raises ValueError for an axis without direction."""
     told = states[np.isfinite(states)]
     limits = float(min(told.min(initial=0.0), 0.0)), float(max(told.max(initial=0.0), 0.0))
     direction = geo.unit(np.array(axis, dtype=np.float64))

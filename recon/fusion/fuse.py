@@ -56,8 +56,7 @@ _MIN_VIEWS = 0.25
 
 @dataclass(frozen=True, eq=False)
 class FusedScene:
-    """Coloured meshes in the world. parts: id -> mesh at the joint's state 0; ids without any surface are
-    missing."""
+    """Coloured meshes in the world. parts: id -> mesh at state 0; ids without any surface are missing."""
 
     static: Mesh
     parts: dict[int, Mesh]

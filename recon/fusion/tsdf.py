@@ -220,8 +220,7 @@ def _slope(depth: F32, y: int, x: int, direction: int, reach: int, noise: F32) -
 
 @numba.njit(cache=True, inline="always")
 def _end(depth: F32, y: int, x: int, direction: int, step: int, noise: F32) -> tuple[float, float]:
-    """Sum and number of the inverse depths of three pixels across the direction, `step` px along it, on the
-    same surface."""
+    """Sum and number of the inverse depths of three pixels across, `step` px along, on the same surface."""
     h, w = depth.shape
     z, total, count = depth[y, x], 0.0, 0.0
     for along in range(-1, 2):
@@ -237,8 +236,7 @@ def _end(depth: F32, y: int, x: int, direction: int, step: int, noise: F32) -> t
 
 
 def surface(field: Field, min_weight: float) -> tuple[Array, NDArray[np.int32]]:
-    """Zero level as vertices (v, 3) in field coordinates and faces (f, 3), by marching cubes on chunks of the
-    field."""
+    """Zero level as vertices (v, 3) in field coordinates and faces (f, 3) (chunked marching cubes)."""
     from skimage.measure import marching_cubes
 
     chunk = 8

@@ -1,7 +1,6 @@
 """What other than the camera changes in depth: between neighbouring frames, and against the whole stretch.
 
-With the cameras found from tracks, a point that floats in front of what another frame saw there was not there
-then.
+With the cameras found from tracks, a point in front of what another frame saw was not there then.
 """
 
 from __future__ import annotations
@@ -41,8 +40,7 @@ class Depths:
     cameras: Trajectory
 
     def in_front(self, frame: int, of: int) -> Mask | None:
-        """Mask (h, w) of the pixels of `frame` that float in front of what frame `of` saw; None without both
-        poses."""
+        """Mask (h, w) of the pixels of `frame` in front of what frame `of` saw; None without both poses."""
         there, here = self.cameras.pose(of), self.cameras.pose(frame)
         if there is None or here is None:
             return None
@@ -74,8 +72,7 @@ def depths_of(stretch: Stretch) -> Depths | None:
 
 
 def moving_shares(depths: Depths, gap: int, frames: NDArray[np.int64]) -> Array:
-    """Share of the picture that changes between each of `frames` and the frame `gap` later; NaN without
-    poses."""
+    """Share of the picture that changes from each of `frames` to `gap` later; NaN without poses."""
     out = []
     for i in frames.tolist():
         masks = [depths.in_front(i, i + gap), depths.in_front(i + gap, i)]
@@ -98,8 +95,7 @@ def arm_in_view(depths: Depths, frame: int) -> bool:
 
 
 def _border(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(rows, columns) down the left, along the lower and up the right border of what is known, `_BAND` inside
-    it."""
+    """(rows, columns) down the left, along the lower, up the right border of known pixels, `_BAND` in."""
     at = np.argwhere(known)
     (top, left), (bottom, right) = at.min(axis=0) + _BAND, at.max(axis=0) - _BAND
     x, y = np.arange(left, right), np.arange(top, bottom)
@@ -109,8 +105,7 @@ def _border(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _arm_on(through: Mask, z: Array, focal: float) -> bool:
-    """Whether a run on a line of pixels is an arm. through (n,): seen through by others, z (n,): m, 0
-    unknown."""
+    """Whether a run on a line of pixels is an arm. through (n,): by others, z (n,): m, 0 unknown."""
     joined = cv2.morphologyEx(through.astype(np.uint8)[None], cv2.MORPH_CLOSE, np.ones((1, 3), np.uint8))[0]
     ends = np.flatnonzero(np.diff(np.concatenate([[0], joined.astype(int), [0]])))
     aside = np.concatenate([np.zeros(_ASIDE), z, np.zeros(_ASIDE)])
@@ -128,8 +123,7 @@ def _arm_on(through: Mask, z: Array, focal: float) -> bool:
 
 
 def _grown(z: Array, first: int, end: int) -> tuple[int, int]:
-    """A run with what continues it without a step of depth: not all of an arm need be seen through by
-    others."""
+    """A run with what continues it without a step of depth: others may see through part of an arm only."""
     while first > 0 and z[first - 1] > 0 and abs(z[first - 1] - z[first]) < _STEP:
         first -= 1
     while end < len(z) and z[end] > 0 and abs(z[end] - z[end - 1]) < _STEP:

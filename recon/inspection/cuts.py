@@ -1,8 +1,6 @@
-"""Cuts in the video: most of the picture and its depth change at once, unlike from the frames before and to
-those after.
+"""Cuts in the video: most of the picture and its depth change at once, unlike the frames before and after.
 
-A screen that shows another picture changes no depth, and an arm that comes into view changes less than half
-of the picture.
+A screen with a new picture changes no depth; an arm that appears changes less than half of the picture.
 """
 
 from __future__ import annotations
@@ -26,13 +24,11 @@ _BLUR = 1.5  # px of it
 _CONTRAST = 4.0
 # Blocks down and across; of their changes the median counts
 _BLOCKS = (3, 4)
-# Relative change of depth by which a pixel counts at most, and share of the pixels whose depth has to be
-# known in both frames
+# Least relative change of depth of a changed pixel, and least share of pixels with depth in both frames
 _FARTHER, _KNOWN = 0.2, 0.1
 # Of the contrast, and relative to depth: what noise and a steady camera change
 _NOISE = 0.003
-# Frames on either side that a change is compared with: two, as videos whose frames were doubled change in
-# every second
+# Frames on either side to compare with: two, as videos of doubled frames change in every second
 _NEIGHBOURS = 2
 # How many times a cut changes colour and depth more than its neighbours do. 64 recordings without a cut, 59
 # of them random: 2.9 and 1.2 at most, but for colour where an arm appears at once (4.9) and on two screens
@@ -43,8 +39,7 @@ _MORE_COLOUR, _MORE_DEPTH = 8.0, 2.0
 
 @dataclass(frozen=True, eq=False)
 class Thumbnail:
-    """A small grey picture (h, w) of mean 0 and contrast 1, so that a change of light as a whole is none, and
-    its depth (h, w) m."""
+    """A small grey picture (h, w) of mean 0 and contrast 1 (no overall light), and its depth (h, w) m."""
 
     grey: F32
     depth: F32

@@ -36,8 +36,7 @@ _BLOCKS = 6  # of the jackknife
 
 @dataclass(frozen=True)
 class FocalFit:
-    """ratio: the best focal length over the stated one. sigma: its standard deviation, by a jackknife over
-    times."""
+    """ratio: the best focal length over the stated. sigma: standard deviation, jackknifed over times."""
 
     ratio: float
     sigma: float
@@ -126,8 +125,7 @@ def _system(a: Array, b: Array, k: Array, first: bool) -> tuple[Array, Array]:
     shared[:, 0, 1] += 1.0
     shared[:, 1, 2] += 1.0
     j = np.concatenate([project @ moved, shared], axis=2)
-    # noise of the first frame's depth reaches the pixel through the camera's motion, that of pixels the depth
-    # hardly
+    # noise of depth reaches the pixel by the camera's motion, that of pixels hardly the depth
     ray = np.column_stack([(a[:, :2] - k[2:]) / k[:2], np.ones(len(a))])
     by_depth = np.einsum("nij,nj->ni", project, ray @ turn.T)
     sigma2 = np.column_stack([np.full(len(a), 2 * PIXEL_SIGMA**2)] * 2 + [depth_sigma(b[:, 2]) ** 2])

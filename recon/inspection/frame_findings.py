@@ -9,8 +9,7 @@ from recon.inspection.finding import Finding
 
 @dataclass(frozen=True)
 class ClockGap(Finding):
-    """After `frame` the clock goes on by `step` s, usual is `usual`. count: gaps in all; this is the
-    longest."""
+    """After `frame` the clock goes on by `step` s, usual is `usual`. count: of gaps; this is the longest."""
 
     frame: int
     step: float
@@ -36,8 +35,7 @@ class ClockGap(Finding):
 
 @dataclass(frozen=True)
 class ClockDoubled(Finding):
-    """`count` frames follow the one before them almost at once, first after `frame` by `step` s; usual is
-    `usual`."""
+    """`count` frames follow the one before at once, first after `frame` by `step` s (usual: `usual`)."""
 
     frame: int
     step: float

@@ -51,8 +51,7 @@ def inspect(recording: Recording | Path | str) -> Inspection:
 
 
 def quick_findings(recording: Recording) -> tuple[Finding, ...]:
-    """What the checks find that need no tracks, before a reconstruction: each is a warning too. Cuts are
-    looked for in all frames."""
+    """What the checks without tracks find before a reconstruction, each a warning too. Cuts: in all."""
     stretches = glance(recording)
     shown = [s.shown for s in stretches]
     if len(stretches) > 1:

@@ -1,10 +1,8 @@
-"""By how much depth lags behind colour: where an edge passes a pixel, colour and depth change at the same
-time.
+"""By how much depth lags behind colour: where an edge passes, both change at the same time.
 
 For every lag and every shift in space, the changes of depth from frame to frame are laid over the changes of
 colour (cross-correlation by the Fourier transform). At the true lag they meet. The shift is free at each lag:
-depth that lies beside colour is not taken for depth that is late, and where both would explain the pictures
-alike, no lag stands out.
+depth beside colour is not taken for late depth; where both explain the pictures alike, no lag stands out.
 """
 
 from __future__ import annotations
@@ -23,29 +21,25 @@ from twin.geometry import Array
 F32 = NDArray[np.float32]
 C64 = NDArray[np.complex64]
 
-# px: edges in colour and depth are a pixel or two wide at this size, moving ones some pixels apart from frame
-# to frame
+# px: at this size edges in colour and depth are a pixel or two wide, moving ones some pixels apart
 _WIDTH = 320
 # Frames of a stretch; lags are told up to one less, a quarter of a second at 15 frames a second
 MOST = 5
 # px at `_WIDTH`, 6 % of the picture: how far beside colour depth may lie
 _REACH = 10
-# Relative step of depth from one frame to the next where an edge has passed: over what noise and slanted
-# surfaces give
+# Relative step of depth between frames where an edge has passed: above noise and slanted surfaces
 _JUMP = 0.05
 # px, of the window that a change of colour is compared with, and by how much it counts at most
 _AROUND, _CLIP = 21, 4.0
 _BLOCKS = 6  # of the jackknife over times
 # Standard deviations by which the sum at the lag exceeds that at every lag two frames from it and farther. In
-# 30 random recordings and five others 5 and more, 2 at most where the frames of one of the two were shuffled
-# or turned around
+# 35 recordings 5 and more, 2 at most where one of the two was shuffled or turned around
 SURE = 3.0
 
 
 @dataclass(frozen=True)
 class Lag:
-    """By how many frames of a stretch depth lags behind colour (early: negative). sigma: by a jackknife over
-    times."""
+    """Frames by whichdepth of a stretch lags behind colour (early: negative). sigma: jackknife over times."""
 
     frames: float
     sigma: float
@@ -76,8 +70,7 @@ def _profile(sums: Array) -> Array:
 
 
 def _place(profile: Array, k: int) -> float:
-    """Lag between samples about the highest one: edges that pass at any time within a frame make the peak a
-    triangle."""
+    """Lag between samples about the highest one: edges passing at any time in a frame make a triangle."""
     before, top, after = profile[k - 1 : k + 2]
     base = min(before, after)
     return float(k - MOST + (0.5 * (after - before) / (top - base) if top > base else 0.0))
@@ -105,8 +98,7 @@ def _sum(color: list[C64], depth: list[C64], size: tuple[int, int], frames: NDAr
 
 
 def _changes(stretch: Stretch) -> tuple[list[C64], list[C64], tuple[int, int]]:
-    """Transforms of the changes of colour and of depth from each frame to the next, and the size of their
-    pictures."""
+    """Transforms of the changes of colour and depth from each frame to the next, and the pictures' size."""
     k = stretch.small.intrinsics
     size = (_WIDTH, max(2 * _REACH + 1, round(k.height * _WIDTH / k.width)))
     color, depth = [], []
@@ -128,8 +120,7 @@ def _pictures(color: NDArray[np.uint8], depth: F32, size: tuple[int, int]) -> tu
 
 
 def _change(before: F32, now: F32) -> F32:
-    """Change of grey over that around it: edges of bright and dark places count alike, and a change of light
-    nowhere."""
+    """Change of grey over that around it: bright and dark edges count alike, a change of light nowhere."""
     size = np.abs(now - before)
     around = cv2.blur(size, (_AROUND, _AROUND))
     return np.asarray(np.minimum(size / (around + 1.0), _CLIP), dtype=np.float32)

@@ -93,8 +93,7 @@ def registration(stretches: list[Stretch], recording: Recording) -> Found:
 
 
 def _surely(interval: np.ndarray, least: float) -> float:
-    """The value of an interval (2,) that is nearest zero if it is beyond `least`, else 0, also when it is not
-    known."""
+    """The value of an interval (2,) that is nearest zero if it is beyond `least`, else 0, also if unknown."""
     low, high = interval
     nearest = low if low > 0 else high if high < 0 else 0.0
     return float(nearest) if abs(nearest) > least else 0.0

@@ -10,8 +10,7 @@ from recon.inspection.finding import Finding
 @dataclass(frozen=True)
 class Misregistered(Finding):
     """Depth lies beside colour by x, y px of the recording (depth to the right of and below colour is
-    positive); border: px by which a wrong scale moves the left and right borders apart besides. None: could
-    not be told."""
+    positive); border: px by which a wrong scale moves the side borders apart besides. None: unknown."""
 
     x: float | None
     y: float | None
@@ -45,8 +44,7 @@ class Misregistered(Finding):
 
 @dataclass(frozen=True)
 class NoCommonEdges(Finding):
-    """None of `edges` pixels on edges of depth, taken together, lie on edges of colour, up to `reach` px
-    away."""
+    """None of `edges` pixels on edges of depth, together, lie on edges of colour within `reach` px."""
 
     edges: int
     reach: float
@@ -70,8 +68,7 @@ class NoCommonEdges(Finding):
 
 @dataclass(frozen=True)
 class DepthDelayed(Finding):
-    """Depth lags `lag` s behind colour (is ahead of it: negative), +- sigma; frames: the nearest whole number
-    of the recording's."""
+    """Depth lags `lag` s behind colour (ahead: negative), +- sigma; frames: the nearest whole number."""
 
     frames: int
     lag: float
@@ -123,8 +120,7 @@ class WrongFocal(Finding):
 
 @dataclass(frozen=True)
 class NoRest(Finding):
-    """Something besides the camera moves in the first (`before`) or the last (`after`) `seconds`; share: of
-    the picture, the greater."""
+    """Something besides the camera moves in the first (`before`) or last (`after`) `seconds`, by `share`."""
 
     before: bool
     after: bool

@@ -1,5 +1,4 @@
-"""What a recording holds as a whole, and what its reconstruction will take: length, motions, minutes and
-memory."""
+"""What a recording holds, and what its reconstruction takes: length, motions, minutes and memory."""
 
 from __future__ import annotations
 
@@ -25,8 +24,7 @@ from twin.scene import Trajectory
 _WIDTH, _DEPTH_WIDTH = 320, 160
 # Frames that are looked at: two minutes, `REST_SECONDS` apart; of a longer recording they are farther apart
 _MOST = 360
-# Share of the picture that something other than the camera changes from one to the next, as for rest at the
-# ends
+# Share of the picture that something other than the camera changes between two, as for rest at ends
 _MOVES = 0.003
 # s of rest between two motions: a hand that waits on a handle for less does not end one
 _REST = 2.0
@@ -36,8 +34,7 @@ _CORNERS, _APART = 300, 6  # corners followed, and px between them
 _TRIES, _GATE = 60, 4.0  # as for the focal length
 
 
-# What a reconstruction takes, by runs of the kitchens and the shipped recording, of these alone and four
-# times in a row
+# What a reconstruction takes, by runs of the kitchens and the shipped recording, alone and four times
 _VGA = 640 * 480
 # s before and after all frames, and s a frame of VGA, least and most, on the two cores of two machines
 _START_S, _FRAME_S = 5.0, (0.3, 0.7)
@@ -45,8 +42,7 @@ _START_S, _FRAME_S = 5.0, (0.3, 0.7)
 _TWICE = 1000
 # MB without frames, and of textures at VGA
 _BASE_MB, _TEXTURE_MB = 800.0, 700.0
-# Tracks that a frame of VGA begins, bytes that a track takes in a frame, and how many copies of that are held
-# at once
+# Tracks that a frame of VGA begins, bytes of a track in a frame, and copies of that held at once
 _TRACKS, _BYTES, _COPIES = 60, 49, 4
 # MB beyond which a piece is advised: what many a computer has to spare
 _MUCH_MB = 6000
@@ -54,9 +50,8 @@ _MUCH_MB = 6000
 
 @dataclass(frozen=True)
 class Outlook:
-    """seconds: length. motions: stretches of time in which something other than the camera moves, None where
-    that can't be told. minutes: least and most that a reconstruction takes on two cores. memory_mb: the most
-    memory that it takes."""
+    """seconds: length. motions: stretches of time in which something other than the camera moves, None if
+    unknown. minutes: least and most for a reconstruction on two cores. memory_mb: its most memory."""
 
     seconds: float
     motions: int | None
@@ -89,8 +84,7 @@ def outlook(recording: Recording) -> Outlook:
 def cost(frames: int, pixels: int) -> tuple[tuple[float, float], int]:
     """Minutes, least and most, and MB that the reconstruction of so many frames of so many pixels takes.
 
-    Memory grows with the square of the frames: each track has a place in every frame, and every frame begins
-    new ones.
+    Memory grows with the square of the frames: each track has a place in each, and each begins new ones.
     """
     area = pixels / _VGA
     low, high = (s * frames * area for s in _FRAME_S)
@@ -141,8 +135,7 @@ def _small(frame: Frame, camera: Intrinsics) -> _Small:
 
 
 def _share(before: _Small, now: _Small) -> float:
-    """Share of the picture that changes by anything but the camera; NaN where too few corners tell how that
-    moves."""
+    """Share of the picture that changes not by the camera; NaN with too few corners for its motion."""
     pose = _camera_motion(before, now)
     if pose is None:
         return float("nan")

@@ -72,12 +72,10 @@ def facts_of(color: NDArray[np.uint8], depth: F32) -> PictureFacts:
 
 
 def edge_blur(grey: F32) -> Array:
-    """Standard deviation (4,) px of the blur along each of DIRECTIONS, from edges across it; NaN where there
-    are too few.
+    """Standard deviation (4,) px of blur along each of DIRECTIONS, from edges across it; NaN with too few.
 
     An edge blurred by s has a gradient that a further, known blur b lowers by sqrt(s^2 + b^2) / s (Zhuo and
-    Sim 2011). The first quartile over edges is taken: soft edges are in the scene, sharp ones only in a sharp
-    picture.
+    Sim 2011). The first quartile over edges counts: scenes have soft edges, only sharp pictures sharp ones.
     """
     again = cv2.GaussianBlur(grey, (0, 0), _REBLUR)
     (gx, gy), (bx, by) = _gradients(grey), _gradients(np.asarray(again))

@@ -32,9 +32,8 @@ _MIN_PEAK = 6.0
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
     """score (n, 2, 2, 2, 3, 2 REACH + 1): sum of colour's gradient beside the edges of depth, by frame, fill
-    of holes (with what is behind, with what is before), axis (x, y), side of the object (where it begins
-    along the axis, where it ends), third of the picture along the axis, and distance in px; count: the same
-    without the last."""
+    of holes (what is behind, what is before), axis (x, y), side of the object (begin, end), third of the
+    picture along the axis, and distance in px; count: the same without the last."""
 
     score: Array
     count: Array
@@ -136,21 +135,18 @@ def offset(table: EdgeTable) -> Offset:
         parts.append([_middle(rest, 0, a, slice(None)) for a in range(2)])
     sigma = jackknife(np.array(parts))
     edges = int(table.count[:, 0].sum())
-    # the thirds' middles are two thirds of the width apart, the borders a whole one, each half of it from the
-    # middle
+    # the thirds' middles are two thirds of the width apart, the borders a whole one, half on each side
     return Offset(np.sort(shift, axis=1), np.sort(0.75 * (right - left)), sigma, edges)
 
 
 def jackknife(parts: Array) -> Array:
-    """Standard deviation (...) of an estimate from its values (n, ...) without each of n blocks (Tukey
-    1958)."""
+    """Deviation (...) of an estimate by its values (n, ...) without each of n blocks (Tukey 1958)."""
     n = len(parts)
     return np.asarray(np.sqrt((n - 1) / n * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 def _middle(table: EdgeTable, fill: int, axis: int, part: slice) -> float:
-    """Mean of the peaks on both sides of objects, in which what widens or narrows them cancels; NaN without
-    two peaks."""
+    """Mean of the peaks on both sides of objects, in which widening cancels; NaN without two peaks."""
     places = []
     for side in range(2):
         count = table.count[:, fill, axis, side, part].sum()

@@ -34,8 +34,7 @@ _NEGLIGIBLE, ROUGHLY = 1e-8, 2e-3
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """A refined model: residual (K, T) m with NaN where not seen, robust weight (K, T), noise sigma (m, one
-    coordinate).
+    """A refined model: residual (K, T) m, NaN where not seen, robust weight (K, T), noise sigma (m).
 
     covariance: of the joint's tangent (2 or 4) followed by the states (T), under the gauge of a fixed mean
     state. landmarks (K, 3): points at state 0.
@@ -66,8 +65,7 @@ def smoothness(information: Array, state: Array) -> Array:
     """Hessian (T, T) of the smoothness prior on the state, strong only in frames that the data leave open.
 
     The prior says that second differences are of the size that well observed frames show (twice their RMS); a
-    frame whose own data are three times sharper than that is left alone, so that well observed motion is not
-    bent.
+    frame whose own data are three times sharper than that is left alone: well observed motion is not bent.
     """
     n = len(state)
     if n < 3:
@@ -154,8 +152,7 @@ def _radius(model: Model, landmarks: Array) -> float:
 
 
 def _system(obs: Observations, weight: Array, model: Model, sigma: float) -> tuple[Array, Array, Array]:
-    """Prior (T, T), Hessian and gradient with prior and gauge, all in units of squared metres (times
-    sigma^2)."""
+    """Prior (T, T), Hessian and gradient with prior and gauge, in squared metres (times sigma^2)."""
     hessian, gradient = normal_equations(obs, weight, model)
     n = len(gradient) - len(model.state)
     information = np.diag(hessian)[n:] / sigma**2
@@ -170,8 +167,7 @@ def _system(obs: Observations, weight: Array, model: Model, sigma: float) -> tup
 
 
 def _recentred(model: Model, landmarks: Array, weight: Array) -> Model:
-    """Slide the pivot along the axis to the landmarks' centroid, where tilt and shift are least
-    correlated."""
+    """Slide the pivot along the axis to the landmarks' centroid: tilt and shift are least correlated."""
     if model.kind == "prismatic":
         return model
     per_track = weight.sum(axis=1)
@@ -182,8 +178,7 @@ def _recentred(model: Model, landmarks: Array, weight: Array) -> Model:
 def _covariance(
     obs: Observations, square: Array, weight: Array, model: Model, sigma: float, unknowns: int
 ) -> Array:
-    """Covariance of joint tangent and states: inverse Hessian times the M-estimator's noise factor (Huber
-    1981)."""
+    """Covariance of tangent and states: inverse Hessian by the M-estimator's noise factor (Huber 1981)."""
     _, hessian, _ = _system(obs, weight, model, sigma)
     seen = obs.weight > 0
     count = max(int(seen.sum()), 1)
@@ -198,8 +193,7 @@ def _covariance(
 
 
 def correlation_factor(obs: Observations, square: Array, weight: Array, model: Model) -> float:
-    """How many successive observations of a track count as one: (1 + rho) / (1 - rho) of the lag-one
-    correlation.
+    """How many observations of a track count as one: (1 + rho) / (1 - rho) of the lag-one correlation.
 
     White noise gives 1. Tracks that drift or share a depth bias repeat their error from frame to frame.
     """

@@ -83,8 +83,7 @@ def fit_kinds(
 
 
 def _candidates(obs: Observations, sigma: float, search: Search, kinds: Sequence[Kind]) -> dict[Kind, Model]:
-    """The joint of each kind that most tracks follow over the whole motion, refined on a part of the
-    tracks."""
+    """The joint of each kind that most tracks follow over the motion, refined on some of them."""
     rng = np.random.default_rng(0)
     travel, _ = travel_and_noise(obs)
     tracks = np.flatnonzero(travel >= FAR_SHARE * np.quantile(travel, 0.95))

@@ -25,8 +25,7 @@ class JointConfig(Settings):
 
 @dataclass(frozen=True)
 class Search:
-    """How widely hypotheses are searched. pairs: of frames. tracks, frames: most on which they are compared,
-    for speed."""
+    """How widely hypotheses are searched. pairs: of frames. tracks, frames: most to compare, for speed."""
 
     pairs: int = 48
     tracks: int = 300
@@ -50,8 +49,7 @@ MIN_DELTA_BIC = 20.0
 MIN_RANGE = float(np.radians(3.0))
 # m; greatest distance of a hinge from its part. Chosen by us.
 MAX_RADIUS = 3.0
-# m; least noise while searching: a third of the paper's eps_f = 0.01 m. The refinement measures the noise
-# itself.
+# m; least noise while searching: a third of the paper's eps_f = 0.01 m. Refinement measures noise.
 SEARCH_SIGMA = 0.003
 # Hypotheses come from tracks that travel this share of the farthest (95th percentile). Chosen by us: of
 # tracks that move a little, half are background that drifts along an edge, and most rest at any moment.
@@ -64,8 +62,7 @@ SAMPLES = 96
 CANDIDATES = 3
 # A track whose median residual exceeds that of noise by this factor does not follow the joint. Chosen by us.
 PRUNE_SIGMAS = 3.0
-# Limits are this quantile of the smoothed state and its opposite: least and greatest grow with the noise.
-# Chosen by us.
+# Limits are this quantile of the smoothed state and its opposite: extremes grow with noise. Chosen by us.
 LIMIT_QUANTILE = 0.02
 # Fewest tracks of a part. A rigid motion needs 3.
 MIN_TRACKS = 4

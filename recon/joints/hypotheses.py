@@ -28,8 +28,7 @@ _NOISE_MIN = 1e-4  # m; thresholds never get finer than this
 
 @njit(cache=True, nogil=True)
 def _track_statistics(points, weight, window):  # type: ignore[no-untyped-def]
-    """Travel (K,) m: largest distance between running medians; seconds (sum of it): squared second
-    differences."""
+    """Travel (K,) m: largest distance of running medians; seconds (summed): squared second differences."""
     n_tracks, n_frames = weight.shape
     travel = np.zeros(n_tracks)
     jerk = np.full((n_tracks, n_frames), np.nan)
@@ -165,8 +164,7 @@ class Hypothesis:
 
 @njit(cache=True, nogil=True)
 def _ways(points, seen, gap):  # type: ignore[no-untyped-def]
-    """For each frame (T - gap,): how many tracks are seen in it and `gap` frames on, and how far (m) a
-    quarter of them moves at least."""
+    """For each frame (T - gap,): tracks seen there and `gap` on, and the way (m) of their upper quarter."""
     tracks, frames = seen.shape
     count, way = np.zeros(frames - gap, np.int64), np.zeros(frames - gap)
     square = np.empty(tracks)
@@ -187,8 +185,7 @@ def _ways(points, seen, gap):  # type: ignore[no-untyped-def]
 
 
 def frame_pairs(obs: Observations, most: int, least: float) -> NDArray[np.int64]:
-    """At most `most` pairs of frames (P, 2) between which the tracks move by more than `least` metres, long
-    motions preferred."""
+    """At most `most` pairs of frames (P, 2) in which the tracks move by over `least` metres, long first."""
     n_frames = obs.weight.shape[1]
     seen = obs.weight > 0
     rows: list[tuple[int, int]] = []
@@ -210,8 +207,7 @@ def frame_pairs(obs: Observations, most: int, least: float) -> NDArray[np.int64]
 def pair_hypotheses(
     obs: Observations, sigma: float, pairs: int, rng: np.random.Generator
 ) -> list[Hypothesis]:
-    """Joints of both kinds from rigid motions between at most `pairs` pairs of frames (triples, truncated
-    squares, least squares)."""
+    """Joints of both kinds from rigid motions of at most `pairs` frame pairs (triples, truncated squares)."""
     tau2 = (3.0 * np.sqrt(2.0) * sigma) ** 2 * 1.5
     seen = obs.weight > 0
     found: list[Hypothesis] = []
@@ -234,8 +230,7 @@ def pair_hypotheses(
 
 
 def joints_of_motion(pose: Array, before: Array, after: Array) -> list[Hypothesis]:
-    """The slide along the mean shift and the hinge of a rigid motion (its pivot by least norm near the
-    points)."""
+    """The slide along the mean shift and the hinge of a rigid motion (pivot of least norm)."""
     shift = (after - before).mean(axis=0)
     out: list[Hypothesis] = []
     if np.linalg.norm(shift) > SIGMA_MIN:

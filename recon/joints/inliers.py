@@ -20,8 +20,7 @@ from twin.robust import LENGTH3_MEDIAN
 
 
 def track_support(obs: Observations, model: Model, sigma: float) -> Array:
-    """How much better each track (K,) follows a model, over everything it was seen, than standing still:
-    0..1.
+    """How much better each track (K,) follows a model, wherever seen, than standing still: 0..1.
 
     Following is the mean over its observations of 1 - r^2 / tau^2 (not below 0). Standing still is judged
     alike, and taken off: else a model that hardly moves wins by all the tracks that rest most of the time.
@@ -66,8 +65,7 @@ def row_medians(values, weight):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _creep(z, weight, landmarks, state):  # type: ignore[no-untyped-def]
-    """Per track: length of the slope of z over the state, its information (sum of squared states), state
-    range."""
+    """Per track: length of the slope of z over the state, its information (squared states), state range."""
     n_tracks, n_frames = weight.shape
     out = np.zeros((n_tracks, 3))
     for k in range(n_tracks):
@@ -95,8 +93,7 @@ def _creep(z, weight, landmarks, state):  # type: ignore[no-untyped-def]
 
 
 def creeping(obs: Observations, model: Model, sigma: float, members: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tracks (K,) that move against the part in step with its state, as a hand that turns about the handle
-    does.
+    """Tracks (K,) that move against the part in step with its state, as a hand that turns about a handle.
 
     The slope of a track's pulled-back points over the state is zero for a rigid member. It counts when it
     exceeds four standard deviations (one in a thousand by chance; the deviation is rescaled by the members'
@@ -111,8 +108,7 @@ def creeping(obs: Observations, model: Model, sigma: float, members: NDArray[np.
 
 
 def follows(obs: Observations, model: Model, sigma: float) -> NDArray[np.bool_]:
-    """Tracks (K,) whose median residual stays within `PRUNE_SIGMAS` times that of pure noise and that do not
-    creep."""
+    """Tracks (K,) with a median residual within `PRUNE_SIGMAS` times that of pure noise and without creep."""
     square, _, marks = residuals(obs, model, sigma)
     middle = np.sqrt(row_medians(square, obs.weight))
     moved = predicted_travel(obs, model, marks) > MOVER_SIGMAS * sigma

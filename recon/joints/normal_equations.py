@@ -50,8 +50,7 @@ def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, angle, c, s, o
 
 @njit(cache=True, nogil=True)
 def _take_out(hessian, column, total, n, first, last):  # type: ignore[no-untyped-def]
-    """Take a track's landmark out of the states' rows first..last: subtract the products of its columns (3, n
-    + T)."""
+    """Take a track's landmark out of the states' rows first..last: less its columns' products (3, n + T)."""
     for t in range(first, last):
         s0, s1, s2 = column[0, t] / total, column[1, t] / total, column[2, t] / total
         if s0 == 0.0 and s1 == 0.0 and s2 == 0.0:
@@ -64,8 +63,7 @@ def _take_out(hessian, column, total, n, first, last):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state):  # type: ignore[no-untyped-def]
-    """Hessian (n + T, n + T) and gradient of half the weighted squared residual, landmarks eliminated track
-    by track."""
+    """Hessian (n + T, n + T) and gradient of half the weighted squared residual without landmarks."""
     n_tracks, n_frames = weight.shape
     n = 4 if revolute else 2
     hessian, gradient = np.zeros((n + n_frames, n + n_frames)), np.zeros(n + n_frames)
@@ -108,8 +106,7 @@ def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state)
 
 
 def normal_equations(obs: Observations, weight: Array, model: Model) -> tuple[Array, Array]:
-    """Hessian (n + T, n + T) and gradient (n + T,) of half the weighted squared residual, landmarks
-    eliminated."""
+    """Hessian (n + T, n + T) and gradient of half the weighted squared residual, landmarks eliminated."""
     revolute = model.kind == "revolute"
     basis = geo.orthogonal_basis(model.axis)[:, :2].copy()
     z = pull_back(obs.points, weight, revolute, model.axis, model.pivot, model.state)

@@ -43,8 +43,7 @@ class Observations:
 
     @classmethod
     def of(cls, points: Array, visible: NDArray[np.bool_], confidence: Array | None = None) -> Observations:
-        """From points (T, K, 3) with NaN where not visible (T, K); confidence (T, K) multiplies the
-        weights."""
+        """From points (T, K, 3) with NaN where not visible (T, K); confidence (T, K) weighs."""
         seen = visible & np.isfinite(points).all(-1)
         weight = seen.astype(np.float64) if confidence is None else np.where(seen, confidence, 0.0)
         weight = np.nan_to_num(np.clip(weight, 0.0, None))
@@ -163,8 +162,7 @@ def residuals(
 
 @njit(cache=True, nogil=True)
 def _robust_means(z, given, start, scale2, rounds):  # type: ignore[no-untyped-def]
-    """Squared residuals and Cauchy weights (K, T) about means (K, 3) that are reweighted `rounds` times,
-    track by track."""
+    """Squared residuals and Cauchy weights (K, T) about means (K, 3) reweighted `rounds` times."""
     n_tracks, n_frames = given.shape
     square, weight, marks = np.zeros((n_tracks, n_frames)), np.zeros((n_tracks, n_frames)), start.copy()
     for k in range(n_tracks):

@@ -22,8 +22,7 @@ class MotionFit:
     frames with an estimate only. residual: m, RMS over the observations that agree. inliers: share of the
     moving evidence that agrees. track_inliers (K,): tracks that are rigid with the part. landmarks (K, 3):
     their points at state 0, NaN for others. evidence, type_source: why this type. residual_rad: RMS of the
-    rotations, known when poses were fitted; such a fit has no tracks, and `track_inliers` and `landmarks` are
-    empty.
+    rotations, known when poses were fitted; it has no tracks: `track_inliers` and `landmarks` are empty.
     """
 
     joint: Prismatic | Revolute

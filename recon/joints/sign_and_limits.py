@@ -34,8 +34,7 @@ class Oriented:
 
 
 def orient(model: Model, covariance: Array, frames: NDArray[np.int64], quantile: float) -> Oriented:
-    """Zero at the first rest pose, positive along the net motion (along the larger excursion when it comes
-    back).
+    """Zero at the first rest pose, positive along the net motion (of the larger excursion if it returns).
 
     Args:
         model: state for every frame.
@@ -76,8 +75,7 @@ def smoothed(state: Array) -> Array:
 
 
 def first_rest(smooth: Array, tolerance: float) -> int:
-    """How many leading states stay within `tolerance` of the first ones (at least one): the first rest
-    pose."""
+    """How many leading states stay within `tolerance` of the first ones (>= 1): the first rest pose."""
     start = float(np.median(smooth[:3]))
     away = np.flatnonzero(np.abs(smooth - start) > tolerance)
     return max(int(away[0]) if len(away) else len(smooth), 1)
@@ -86,8 +84,7 @@ def first_rest(smooth: Array, tolerance: float) -> int:
 def joint_of(
     model: Model, covariance: Array, sign: float, lower: float, upper: float, state_sigma: float
 ) -> Prismatic | Revolute:
-    """The twin's joint: axis in the wanted sense, covariance turned into the basis that goes with that
-    axis."""
+    """The twin's joint: axis in the wanted sense, covariance turned into that axis' basis."""
     axis = geo.unit(sign * model.axis)
     old, new = (geo.orthogonal_basis(a)[:, :2] for a in (model.axis, axis))
     cov = turned_covariance(covariance, old, new)

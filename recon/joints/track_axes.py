@@ -13,8 +13,7 @@ MIN_LENGTH = 8  # frames and tracks; fewer say nothing about an order; chosen by
 # Chosen by us, on the closed-form tracks of the tests: frames first, neighbours on the track axis are at
 # least as far from each other as a point moves in a frame; tracks first, they are 5 to 100 times nearer.
 MUCH_NEARER = 0.2
-# Consecutive entries of an axis without an order are as far apart as any two (1); along time they are much
-# nearer.
+# Entries along an unordered axis are as far apart as any two (1); along time they are much nearer.
 NO_ORDER = 0.7
 
 
@@ -22,9 +21,8 @@ def first_axis(points: Array) -> Literal["frames", "tracks", "unclear"]:
     """What the first axis of points (A, B, 3) counts, NaN where not visible.
 
     "tracks" only where there is no doubt: neighbours on the second axis lie much nearer to each other than
-    those on the first, and those on the first as far from each other as any two, so that it can't be time.
-    "unclear" when the first of these holds alone: few fast frames of dense tracks, or tracks sorted by their
-    place.
+    those on the first, and those on the first as far apart as any two, so no time. "unclear" when the first
+    of these holds alone: few fast frames of dense tracks, or tracks sorted by their place.
     """
     if min(points.shape[:2]) < MIN_LENGTH:
         return "frames"

@@ -44,8 +44,7 @@ class TypeEvidence:
 
 @dataclass(frozen=True)
 class TypeHint:
-    """Somebody's word for a joint type: `source` says that a part of this kind moves in recording frames
-    first..last.
+    """Somebody's word for a joint type: `source`: a part of this kind moves in recording frames first..last.
 
     weight: BIC by which it moves the evidence towards its kind; infinite for a word that no motion overrules.
     """

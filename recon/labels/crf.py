@@ -79,8 +79,7 @@ def _unlikeness(
 def agree(
     scores: F32, color: F32, depth: F32, color_scale: float, radius: int, rounds: int, pull: float
 ) -> F32:
-    """Belief (K, h, w) after mean-field rounds of a local conditional random field (Potts, Gaussian
-    likeness).
+    """Belief (K, h, w) after mean-field rounds of a local conditional random field (Potts, Gaussian).
 
     Args:
         scores: (K, h, w) log scores.
@@ -93,8 +92,7 @@ def agree(
     n, h, w = scores.shape
     now, belief = scores.copy(), np.empty((n, h, w), np.float32)
     inv_c = np.float32(0.5 / (color_scale * color_scale))
-    # Likeness of each pixel's neighbours, found when the pixel is first asked; pages of settled pixels are
-    # never touched.
+    # Likeness of each pixel's neighbours, found when first asked; pages of settled pixels are never touched.
     likeness = np.empty((h * w, (2 * radius + 1) ** 2), np.float32)
     masses = np.zeros(h * w, np.float32)
     vote, settled = np.empty(n, np.float32), np.zeros((h, w), np.bool_)

@@ -34,12 +34,10 @@ def enclosed_by_parts(
     camera: Intrinsics,
     noise: DepthNoise,
 ) -> list[NDArray[np.bool_]]:
-    """Masks (2, P, h, w) of what lies inside the convex hull, and inside the box, of what surely is a part,
-    in its frame.
+    """Masks (2, P, h, w) of what lies in the convex hull and box of a part's sure points (its frame).
 
     Between the walls of a drawer that slides there is no room for anything static. Sure is what references at
-    rest see through where it is now and see again where it was; scores are those of the references alone,
-    before any pooling.
+    rest see through where it is now and see again where it was; scores are of the references alone.
     """
     size = voxel_size(views, noise)
     world = list(each(lambda v: world_points(v, camera, cameras.pose(v.frame)), views))
@@ -62,8 +60,7 @@ def enclosed_by_parts(
             certain.append(points[v][mine[seen.depth > 0]])
         if not eyes:
             continue
-        # A drawer's back wall is far from its front; only where noise is poor such pieces are more often
-        # noise.
+        # A drawer's back wall is far from its front; with poor depth such pieces are more often noise.
         shell = solid_core(certain, size, reach=_REACH_M if noise.poor else np.inf)
         inside = each(in_hull_of(with_box(shell, part, np.mean(eyes, axis=0))), points.values())
         for (v, p), held in zip(points.items(), inside, strict=True):
@@ -79,8 +76,7 @@ def with_box(shell: F32, part: MovingPart, eye: Array) -> F32:
     cabinet's depth farther from the eye (3,).
 
     A drawer that stands open shows a floor and walls that slide within themselves and look the same before
-    and after. Between its front and the cabinet there is no room for anything static: the front could not go
-    back.
+    and after. Between its front and the cabinet nothing static has room: the front could not go back.
     """
     axis = part.joint.axis
     if part.joint.kind != "prismatic" or len(shell) < 3:

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32, pixel_sigma
 
 ENOUGH = 2.0  # supporting references; more make nothing surer
-# Cosines between normal and ray: below the first a surface is seen edge-on, above the second well; chosen by
-# us.
+# Cosines between normal and ray: below the first seen edge-on, above the second well; by us.
 _EDGE_ON, _FACING = np.float32(0.15), np.float32(0.35)
 
 
 @numba.njit(cache=True, nogil=True)
 def median_depth(depth: F32, factor: int) -> F32:
-    """Depth (h // factor, w // factor): the lower median of the known readings of each block, 0 where none is
-    known.
+    """Depth (h // factor, w // factor): lower median of each block's known readings, 0 without.
 
     A median of actual readings never invents a surface between two others.
     """
@@ -49,8 +47,7 @@ def _row(
     depth: F32, wanted: NDArray[np.bool_], y: int, camera: F32, slack: float, noise: F32,
     column: NDArray[np.int32], points: F32, variance: F32,
 ) -> Any:  # fmt: skip
-    """How many pixels of a row are wanted and known: their `column`, `points` (3, w) in the camera and
-    `variance` of depth."""
+    """Number of a row's wanted, known pixels: `column`, `points` (3, w) in the camera, depth `variance`."""
     n, slack2 = 0, np.float32(slack * slack)
     for x in range(depth.shape[1]):
         z = depth[y, x]
@@ -109,8 +106,7 @@ def _agreement(
     ref_depth: F32, ref_color: F32, r: int, ui: Any, vi: Any, qz: float, color: F32, y: int, x: int,
     inv_var: float, inv_color: np.float32,
 ) -> Any:  # fmt: skip
-    """How well the best of 3x3 pixels of reference frame r agrees with a point of depth qz and the colour of
-    pixel (x, y), 0..1."""
+    """How well the best of 3x3 pixels of reference r agrees with depth qz and pixel (x, y)'s colour, 0..1."""
     one, none = np.float32(1.0), np.float32(np.inf)
     c0, c1, c2 = color[y, x, 0], color[y, x, 1], color[y, x, 2]
     least = none  # the inverse of the agreement
@@ -129,8 +125,7 @@ def _agreement(
 
 @numba.njit(cache=True, inline="always")
 def _seen_through(t: float, move: F32, points: F32, i: int, normal: F32) -> Any:
-    """How surely point i of a row (3, w) with a normal (3,) is seen through, 0..1, where what is read lies t
-    standard deviations behind it.
+    """How surely point i of a row (3, w), normal (3,), is seen through, 0..1, if read t sigmas behind.
 
     Less where it is seen edge-on, as a board is then thinner than the error of its place.
     """

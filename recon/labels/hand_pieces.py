@@ -1,5 +1,4 @@
-"""Which pieces of what nothing explains are no hand: crumbs, and at rest what stays where it is and has no
-arm."""
+"""Which pieces of what nothing explains are no hand: crumbs, and what rests and has no arm."""
 
 from __future__ import annotations
 
@@ -67,8 +66,7 @@ class Rests:
         """Take the hand from pieces that stay where they are while nothing moves and that no arm joins to the
         picture's border: a part's rim that a joint puts a little aside, or what another state hides.
 
-        An arm may be too near for depth: it also runs across unknown pixels. Fingers beside a part that moves
-        may have their arm behind it.
+        An arm may be too near for depth and run across unknown pixels. A part may hide the arm of fingers.
         """
         others = [v for phase in self.phases if seen.frame in phase for v in self.views if v.frame in phase]
         others = [v for v in others if v.frame != seen.frame]

@@ -65,9 +65,8 @@ _POSE_ERROR = 0.003
 _REFERENCES = 6
 # Frames of the whole recording that join as free-space witnesses. Chosen by us.
 _WITNESSES = 8
-# Log scores, chosen by us and the same for every recording: agreement of two references is worth 1.5, being
-# seen through by 1.5 of them 4. Without any evidence a pixel is static; a moving one without more is part or
-# hand alike.
+# Log scores, chosen by us and the same for every recording: two references' agreement is worth 1.5, 1.5 that
+# see through 4. Without any evidence a pixel is static; a moving one without more is part or hand alike.
 _SUPPORT, _VIOLATION = 1.5, 4.0
 _PRIOR_PART, _HAND = -0.5, -0.7
 _BOX_MARGIN_M = 0.1

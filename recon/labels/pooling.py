@@ -54,8 +54,7 @@ def voxel_size(views: list[View], noise: DepthNoise) -> float:
 
 
 class VoxelPool:
-    """The voxels of the world and of each part's own frame, and which of them the pixels of the views fall
-    into.
+    """The voxels of the world and of each part's own frame, and which of them pixels fall into.
 
     A part is the heaviest connected piece with what lies near it. A floor below a door turns within itself:
     it goes along as well as it stays.
@@ -76,9 +75,8 @@ class VoxelPool:
         self._frames += [_Voxels.of(views, part, cameras, camera, size) for part in parts]
 
     def add_to(self, scores: list[F32], settled: bool = False) -> None:
-        """Add to each score what all views say about the pixel's voxel, in the world and in each part's own
-        frame. settled: once beliefs have spread along surfaces, what lies far from a part that turns is none
-        of it."""
+        """Add to scores what all views say of the pixel's voxel, in the world and in each part's own frame.
+        settled: beliefs have spread; what lies far from a turning part is none of it."""
         every = range(len(self._frames))
         found = list(each(lambda k: self._evidence(k, scores), every))
         pieces = {k: self._piece(k, found[k]) for k in every[1:]}
@@ -113,8 +111,7 @@ class VoxelPool:
             scores[v][k][known] = mine
 
     def _gains(self, k: int, found: _Evidence, piece: NDArray[np.int64] | None) -> list[NDArray[Any]]:
-        """What hypothesis k gains at the known pixels of each of its views. piece: what is part k; None for
-        static scene."""
+        """What hypothesis k gains at its views' known pixels. piece: of part k; None for static scene."""
         voxels, (mean, _, ahead) = self._frames[k], found
         gain = _VOXEL_GAIN * mean[voxels.of_pixel]
         if piece is not None:
@@ -126,8 +123,7 @@ class VoxelPool:
         return np.split(flat, np.cumsum([np.count_nonzero(self._known[v]) for v in voxels.rows])[:-1])
 
     def _evidence(self, k: int, scores: list[F32]) -> _Evidence:
-        """Mean lead of hypothesis k and number of pixels (m,) in each of its voxels, and the lead of each
-        known pixel of its views."""
+        """Mean lead of hypothesis k and pixels (m,) per voxel; the lead of each known pixel."""
         voxels = self._frames[k]
         ahead = np.concatenate([lead_of(scores[v], k)[self._known[v]] for v in voxels.rows])
         mean, n = mean_evidence(
@@ -138,8 +134,7 @@ class VoxelPool:
 
 @dataclass(frozen=True, eq=False)
 class _Voxels:
-    """keys (m,): sorted, of the voxels that hold points. of_pixel (n,): the voxel of each known pixel of the
-    views `rows`."""
+    """keys (m,): sorted, of the filled voxels. of_pixel (n,): each known pixel's voxel in views `rows`."""
 
     keys: NDArray[np.int64]
     of_pixel: NDArray[np.int32]

@@ -108,8 +108,7 @@ def _views(recording: Recording, frames: NDArray[np.int64], factor: int) -> list
 def relative_moves(
     cameras: Trajectory, parts: Sequence[MovingPart], frame: int, others: Sequence[int]
 ) -> Array:
-    """Poses (1 + P, R, 3, 4) from a frame's camera to other frames' cameras: as static scene, then as each
-    part.
+    """Poses (1 + P, R, 3, 4) from a frame's camera to others: as static scene, then as each part.
 
     NaN where a pose or a state is not known.
     """
@@ -193,8 +192,7 @@ def _unexplained(
     slack: float,
     noise: DepthNoise,
 ) -> list[NDArray[np.bool_]]:
-    """For each view the pixels (h, w) that neither the static scene nor any part explains, by the other
-    views.
+    """For each view the pixels (h, w) that neither static scene nor parts explain, by other views.
 
     At least two of the others, and a seventh of them, must look through a pixel under every hypothesis.
     """

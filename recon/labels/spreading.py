@@ -1,5 +1,4 @@
-"""Belief spread along surfaces from where part and static scene are told apart to where they look the
-same."""
+"""Belief spread along surfaces from where part and static scene differ to where they look alike."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ _HAND_FARTHER_PX = (
 
 
 def _filled(depth: F32) -> F32:
-    """Depth with unknown pixels taking the nearest known one, so that a gap along a depth edge is no bridge
-    over it."""
+    """Depth with unknown pixels filled by the nearest known one, so that a gap bridges no depth edge."""
     if not (depth > 0).any():
         return depth
     _, nearest = cv2.distanceTransformWithLabels(
@@ -53,8 +51,7 @@ def pool_in_space(
     scale: float,
     noise: DepthNoise,
 ) -> None:
-    """Let what all views say about a voxel, and what is sure along a surface, count in the scores of each
-    view.
+    """Let what all views say about a voxel, and what is sure along a surface, count in each view.
 
     Args:
         sure: masks (1 + P, h, w) of what surely moved and of what surely stays, as `spread_along_surfaces`
@@ -76,8 +73,7 @@ def pool_in_space(
 def spread_along_surfaces(
     score: F32, sure: NDArray[np.bool_], enclosed: NDArray[np.bool_], seen: View, scale: float
 ) -> None:
-    """Where nothing tells part from static scene, what a part encloses is its own; else what is nearer along
-    the surface.
+    """If nothing decides part or static, what a part encloses is its own; else the nearer one along it.
 
     A drawer's bottom slides along itself and looks the same whether it moves or not; but its sides, which it
     adjoins without a depth edge, do move. Static surface is only sure where it stays or where the part can't
@@ -102,8 +98,7 @@ def spread_along_surfaces(
 
 
 def follow_surroundings(score: F32, seen: View, scale: float) -> None:
-    """Pixels without depth take the score of the labels around them, by how near these are along like
-    colours.
+    """Pixels without depth take the score of the labels around them, the nearer along like colours.
 
     A stereo camera has no depth on plain surfaces, and no depth is no evidence for what is static. scale:
     standard deviation of colour within a surface.

@@ -1,5 +1,4 @@
-"""Learned models that may help a reconstruction: a Protocol for each kind of question and one thin adapter
-for each model.
+"""Learned models that may help a reconstruction: a Protocol for each question, a thin adapter for each model.
 
 None is asked unless the user names it, and what they say is a hint that motion evidence may overrule.
 """
@@ -14,8 +13,7 @@ __all__ = ["JointHint", "PrecomputedJointHint", "joint_hint"]
 
 
 def joint_hint(name: str) -> JointHint:
-    """The source of hints of that name: "vlm" asks a vision-language model (FUNTWIN_VLM_URL), else a JSON
-    file."""
+    """The source of hints of that name: "vlm" asks a vision-language model (FUNTWIN_VLM_URL), else JSON."""
     if name == "vlm":
         from recon.models.vlm_joint_hint import VlmJointHint
 

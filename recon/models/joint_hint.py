@@ -49,8 +49,7 @@ def read_hints(text: str, frames: int, source: str) -> tuple[TypeHint, ...]:
     """Hints from JSON: {"parts": [{"object_name", "joint_type": revolute | prismatic | unknown,
     "first_frame", "last_frame"}]}. A part of unknown type gives none.
 
-    Raises ServiceError that names the field: wrong type, or frames that the recording of `frames` frames does
-    not have.
+    Raises ServiceError that names the field: wrong type, or frames beyond the recording's `frames`.
     """
     parts = Fields("", json_object(text)).children("parts")[:_MOST]
     hints = []

@@ -25,8 +25,7 @@ with frame numbers as the text counts them.
 
 @dataclass(frozen=True)
 class VlmJointHint:
-    """Asks the endpoint of the environment. frames: how many pictures are sent. longest: px of each; both
-    chosen by us."""
+    """Asks the environment's endpoint. frames: how many pictures. longest: their px; chosen by us."""
 
     frames: int = 8
     longest: int = 512

@@ -25,8 +25,7 @@ REST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Interval:
-    """First and last moving frame, inclusive, and the joint kind when something other than motion hints at
-    it."""
+    """First and last moving frame, inclusive, and the joint kind if anything but motion hints at it."""
 
     first: int
     last: int
@@ -63,8 +62,7 @@ def state_intervals(
 
 
 def _next_plateau(state: Array, start: int, tolerance: float, length: int = 10) -> int:
-    """Last moving index before the state stays within `tolerance` of one value for `length` frames, or for
-    good."""
+    """Last moving index before the state stays within `tolerance` of one value (`length` frames or good)."""
     n = len(state)
     for k in range(start + 1, n):
         rest = state[k : min(n, k + length)]

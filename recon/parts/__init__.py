@@ -1,2 +1,1 @@
-"""Which parts there are: groups of tracks that one joint each carries, told from the hand and from drifting
-tracks."""
+"""Which parts there are: groups of tracks on one joint each, separated from hand and drifting tracks."""

@@ -24,8 +24,7 @@ class MotionConfig(Settings):
     clusters: ClusterConfig = group(ClusterConfig, "the paper's motion clustering, with method = clusters")
 
 
-# Tracks that travel less than this share of the farthest (95th percentile) wait for the last fits. Chosen by
-# us.
+# Tracks that travel less than this share of the farthest (95th percentile) wait for the last fits. By us.
 FAR_SHARE = 0.3
 # m; a track of the part stays within it while the part rests. Chosen by us.
 REST_TOLERANCE = 0.012
@@ -42,7 +41,6 @@ MAX_LOOSENESS = 2.5
 MAX_MOVING_SHARE = 0.8
 # rad; greatest uncertainty of its axis. Chosen by us.
 MAX_AXIS_SIGMA = float(np.radians(1.4))
-# rad and m; fits whose axes and pivots differ by less, and which move at the same time, are faces of one
-# part. Chosen by us.
+# rad and m; fits that differ by less in axis and pivot and move together are faces of a part. Chosen by us.
 SAME_AXIS = float(np.radians(10.0))
 SAME_PIVOT = 0.06

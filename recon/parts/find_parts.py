@@ -61,8 +61,7 @@ def find_parts(
     hints: Sequence[TypeHint] = (),
     said: Said = _UNSAID,
 ) -> FoundParts:
-    """Find every part that moves by a joint. hints: joint types that somebody expects; see
-    `recon.joints.type_selection`.
+    """Find every part that moves by a joint. hints: expected joint types; see `recon.joints.type_selection`.
 
     said: the user's word. Where it points at parts or gives intervals, exactly these parts are looked for.
 
@@ -97,8 +96,7 @@ def _said_parts(
     hints: Sequence[TypeHint],
     said: Said,
 ) -> FoundParts:
-    """The part of each of the user's words, among the tracks that no earlier one explains; a warning for each
-    without one."""
+    """The part of each of the user's words, among unexplained tracks; a warning for each without."""
     parts: list[PartTracks] = []
     frames = len(seen.movers.visible)
     free, hand = seen.movers.moving.copy(), np.zeros_like(seen.movers.moving)
@@ -133,8 +131,7 @@ def _hints(said: Said, number: int, hints: Sequence[TypeHint]) -> Sequence[TypeH
 
 
 def _groups(movers: Movers, config: MotionConfig, joints: JointConfig) -> Iterator[NDArray[np.bool_]]:
-    """Masks (K,) of the tracks among which the next part is looked for: always all, or one cluster after the
-    other."""
+    """Masks (K,) of the tracks to look for the next part among: all, or cluster by cluster."""
     if config.method == "fits":
         yield from repeat(movers.moving)
     moving = np.flatnonzero(movers.moving)
@@ -168,8 +165,7 @@ class _Search:
         self.failed: list[ReconstructionError] = []
 
     def take(self, group: NDArray[np.bool_], given: GroupFit | None = None) -> bool:
-        """Look for a part among the free tracks of a group (K,), or take the one that is given; False when
-        there is none."""
+        """Look for a part among a group's free tracks (K,), or take the given one; False if there is none."""
         try:
             best = given or self._fit(self.free & group)
         except ReconstructionError as e:

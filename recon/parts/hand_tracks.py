@@ -27,8 +27,7 @@ from twin.scene import Trajectory
 _BINS = 24
 # px; width to which frames are shrunk. Chosen by us.
 _WIDTH = 160
-# m; the hand is so far in front of the surface behind it, beyond 4 standard deviations of depth. Chosen by
-# us.
+# m; a hand is so far before the surface behind it, beyond 4 standard deviations of depth. Chosen by us.
 _MARGIN = 0.03
 # Frames looked at on each side of the motion. Chosen by us.
 _MAX_FRAMES = 12
@@ -80,8 +79,7 @@ def hand_tracks(
 
 
 def _compared(rests: Sequence[tuple[int, int]], most: int) -> Iterator[tuple[int, list[int]]]:
-    """Frames without a hand, each with those of its span of rest that are compared with it, at most
-    `most`."""
+    """Frames without a hand, each with those of its rest compared with it, at most `most`."""
     for number, (first, last) in enumerate(rests):
         references = ([first] if number == 0 or len(rests) == 1 else []) + (
             [last] if number == len(rests) - 1 else []
@@ -92,8 +90,7 @@ def _compared(rests: Sequence[tuple[int, int]], most: int) -> Iterator[tuple[int
 
 
 def _smooth_log_odds(hand: Array, rest: Array, bins: int) -> Array:
-    """Log odds per colour bin, hand and rest equally likely beforehand, histograms blurred by about one
-    bin."""
+    """Log odds per colour bin, hand and rest equally likely beforehand, histograms blurred by a bin."""
     out = []
     for histogram in (hand, rest):
         cube = histogram.reshape(bins, bins, bins)
@@ -132,8 +129,7 @@ def _in_front(
     frame: int,
     camera: Intrinsics,
 ) -> NDArray[np.bool_] | None:
-    """Mask of the pixels of `frame` that float in front of what `reference` saw, `seen` m; None without
-    poses."""
+    """Mask of the pixels of `frame` in front of what `reference` saw, `seen` m; None without poses."""
     T_world_ref, T_world_frame = cameras.pose(reference), cameras.pose(frame)
     if T_world_ref is None or T_world_frame is None:
         return None

@@ -35,7 +35,6 @@ class MovingPart:
         return float(self.motion.state[k]) if known else None
 
     def pose(self, frame: int) -> Array | None:
-        """T_world_part (4, 4): part points at state 0 to the world at a recording frame; None without an
-        estimate."""
+        """T_world_part (4, 4): from state 0 to the world at a recording frame; None without an estimate."""
         state = self.state(frame)
         return None if state is None else self.joint.pose(state)

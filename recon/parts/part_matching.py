@@ -80,8 +80,7 @@ def is_another_part(
 ) -> bool:
     """A further part must move as a part does: from rest to rest, rigidly, far, and seen by enough tracks.
 
-    Tracks that drift along edges while the camera sways also follow some joint, but loosely and without ever
-    resting.
+    Tracks that drift along edges while the camera sways also follow some joint, but loosely and never rest.
     """
     enough = int(members.sum()) >= max(MIN_TRACKS, MIN_SHARE * int(of_first.sum()))
     lever = np.linalg.norm(fit.joint.velocity(0.0, np.nanmedian(fit.landmarks, axis=0)))

@@ -1,5 +1,4 @@
-"""What the user's word leaves to choose from: tracks that move in the frames that were said, together with
-the point that was said.
+"""What the user's word leaves to choose from: tracks that move in the given frames along with the point.
 
 Tracks near the point are its seeds: those of them that keep their distances to most of each other while they
 move are one body. A hand, corners that drift and what stands still don't. The joint of the seeds alone tells
@@ -31,15 +30,13 @@ from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
-# m. Surface farther than that from all tracks of a part is doubted to be the part's
-# (`recon.verdict.of_parts`): so are seeds.
+# m. Surface farther than that from a part's tracks is doubted (`recon.verdict.of_parts`): so are seeds.
 REACH_M = 0.3
 # Of the tracks in reach the nearest; a rigid motion needs 3, and one to agree. Chosen by us.
 _SEEDS, _FEWEST = 24, 4
 _SIGMAS = 3.0  # of depth: nine of ten distances between two points lie within 2.3 (1.64 times the root of 2)
-# Support of tracks that join the seeds, round by round: those that follow well settle the joint before the
-# others are asked. A wrong joint has a quarter or less (`AS_WELL` of `recon.joints.group_fits`). Chosen by
-# us.
+# Support of tracks that join the seeds, by rounds: those that follow well settle the joint before the others
+# are asked. A wrong joint has a quarter or less (`AS_WELL` of `recon.joints.group_fits`). Chosen by us.
 _FOLLOWS = (0.6, 0.5, 0.4)
 _COMMON = 5  # frames in which two tracks are seen together, fewest; as many as a running median takes
 _CLOSE_M = 0.05  # a seed so near counts twice as much as one at thrice the distance; chosen by us
@@ -69,8 +66,7 @@ class Sought:
 def sought(word: Word, seen: Observed, free: NDArray[np.bool_], hints: Sequence[TypeHint]) -> Sought:
     """What may be the part that a word is about, among the free tracks (K,).
 
-    Raises ReconstructionError where nothing that moves was followed near the point, or the camera of its
-    frame isn't known.
+    Raises ReconstructionError where no followed track moves near the point, or its frame has no camera.
     """
     movers = seen.movers
     if word.interval is not None:
@@ -123,8 +119,7 @@ def _within(interval: tuple[int, int], seen: Observed) -> Movers:
 
 
 def _place(point: tuple[int, int, int], recording: Recording, cameras: Trajectory) -> tuple[Array, float]:
-    """Where a point is in the world (3,), m, and by how much the distance of two points there may change by
-    noise, m."""
+    """Where a point is in the world (3,), m, and by how much distances there may change by noise, m."""
     x, y, frame = point
     T_world_cam = cameras.pose(frame)
     if T_world_cam is None:
@@ -175,8 +170,7 @@ def _grown(
     joints: JointConfig,
     hints: Sequence[TypeHint],
 ) -> GroupFit:
-    """The joint of the seeds (K,), then of all of a group that follow it, as long as the seeds follow as
-    well."""
+    """The joint of the seeds (K,), then of all of a group that follow it, while the seeds follow too."""
     best = fit_group((seeds,), seeds, movers, joints, hints)
     chosen = seeds
     for least in _FOLLOWS:
@@ -200,8 +194,7 @@ def _grown(
 
 
 def _one_body(movers: Movers, near: NDArray[np.int64], away: Array, tolerance: float) -> NDArray[np.int64]:
-    """Those of the tracks (n,) near a point, `away` m, that move rigidly with the one which has the nearest
-    company."""
+    """Tracks (n,) near a point, `away` m, that move rigidly with the one that has the nearest company."""
     if not len(near):
         return near
     rigid = np.stack([_rigid(movers, k, near, tolerance) for k in near]) > 0

@@ -38,8 +38,7 @@ def rest_spans(fit: MotionFit, frames: int) -> list[tuple[int, int]]:
 
 
 def known_rest_spans(fit: MotionFit, frames: int) -> list[tuple[int, int]]:
-    """Spans of rest cut to the frames whose state is known: past the last of these the part may well move
-    on."""
+    """Spans of rest cut to the frames whose state is known: past these the part may move on."""
     spans = []
     for first, last in rest_spans(fit, frames):
         known = fit.frames[(fit.frames >= first) & (fit.frames <= last)]

@@ -1,5 +1,4 @@
-"""Parts by two witnesses, tracks and changed depth, of which neither alone is enough: tracks drift along
-edges, depth is coarse."""
+"""Parts by two witnesses, tracks and changed depth: tracks alone drift along edges, depth alone is coarse."""
 
 from __future__ import annotations
 

@@ -60,8 +60,7 @@ class Reader(Protocol):
         ...
 
     def streams(self, path: Path) -> Streams:
-        """What the files hold, of which headers and index are read. Raises InputError naming the file, the
-        value and the remedy."""
+        """What the files hold by headers and index. InputError names file, value and remedy."""
         ...
 
 

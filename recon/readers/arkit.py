@@ -1,5 +1,4 @@
-"""What recordings of ARKit's frames share, whichever app wrote them: its axes, its one lens, its depth and
-confidence images.
+"""What recordings of ARKit's frames share, whichever app wrote them: axes, lens, depth and confidence.
 
 ARKit's camera has x right, y up and looks along -z, its world has y up. Depth is of the colour camera at a
 resolution of its own (256x192 on phones), so that the colour camera's numbers, scaled, are those of depth.
@@ -23,11 +22,9 @@ from twin.geometry import Array
 
 FLIP_YZ = np.diag([1.0, -1.0, -1.0, 1.0])  # T_arkitcam_opencvcam
 Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
-# chosen by us: 0 is ARKit's "low", mostly edges and glass; apps write low, medium, high as 0, 1, 2 or 0, 127,
-# 255
+# chosen by us: 0 is ARKit's "low", edges and glass; apps write low, medium, high as 0, 1, 2 or 0, 127, 255
 MIN_CONFIDENCE = 1
-# px of a recording's picture, by which one camera for all frames may put a pixel beside its place; half of
-# one, chosen by us
+# px of a picture by which one camera for all frames may misplace a pixel; half of one, chosen by us
 STEADY = 0.5
 # Of the focal length, chosen by us: what changes by more is told
 MAX_LENS_CHANGE = 0.01
@@ -40,8 +37,7 @@ _AGAIN = "export the recording again"
 
 
 class OwnCameras(NamedTuple):
-    """The camera of a recording, the frames' own fx, fy, cx, cy (n, 4) where a lens moves, and what is to be
-    told of it."""
+    """A recording's camera, the frames' own fx, fy, cx, cy (n, 4) if a lens moves, and notes for the user."""
 
     camera: Intrinsics
     own: Array | None
@@ -49,14 +45,12 @@ class OwnCameras(NamedTuple):
 
 
 def opencv_z_up(T_arkit: Array) -> Array:
-    """T_world_cam (n, 4, 4) with OpenCV's camera axes in a z-up world, of poses camera to world with ARKit's
-    axes."""
+    """T_world_cam (n, 4, 4) with OpenCV's camera axes in a z-up world, from poses with ARKit's axes."""
     return np.asarray(Y_UP_TO_Z_UP @ T_arkit @ FLIP_YZ)
 
 
 def camera_of(coefficients: Array, width: int, height: int, source: str) -> OwnCameras:
-    """One camera for the frames' own fx, fy, cx, cy (n, 4), their median, and their own where they differ
-    from it."""
+    """One camera for the frames' own fx, fy, cx, cy (n, 4), their median, and their own if different."""
     if not np.isfinite(coefficients).all() or not (coefficients[:, :2] > 0).all():
         raise InputError(f"{source}: a camera has numbers that are not finite, or no focal length", _AGAIN)
     fx, fy, cx, cy = (float(v) for v in np.median(coefficients, axis=0))
@@ -83,8 +77,7 @@ def camera_of(coefficients: Array, width: int, height: int, source: str) -> OwnC
 
 
 def rig_of(color: Intrinsics, depth_size: tuple[int, int], source: str) -> Rig:
-    """Colour and depth through one lens. Raises InputError where one of the two pictures was turned or
-    cropped."""
+    """Colour and depth through one lens. Raises InputError where one picture was turned or cropped."""
     width, height = depth_size
     if abs(color.width * height / (color.height * width) - 1.0) > MAX_ASPECT_CHANGE:
         turned = (color.width > color.height) != (width > height)
@@ -150,8 +143,7 @@ def depth_reader(
 
 
 def png_size(path: Path) -> tuple[int, int]:
-    """(width, height) that a PNG's header tells. Raises InputError when it is none, or too large for a
-    camera's."""
+    """(width, height) by a PNG's header. Raises InputError if it is none or too large for a camera's."""
     header = PngHeader(path)
     return header.width, header.height
 

@@ -1,5 +1,4 @@
-"""ARKitScenes: lowres_wide/, lowres_depth/, confidence/ and lowres_wide_intrinsics/ named <video>_<time>, and
-lowres_wide.traj.
+"""ARKitScenes: lowres_wide/, lowres_depth/, confidence/, lowres_wide_intrinsics/ (<video>_<time>), .traj.
 
 The layout is that of the data set's own documentation and loader (github.com/apple/ARKitScenes): depth in mm,
 a .pincam with "w h fx fy cx cy" for each frame, and a .traj with "t", the rotation as axis times angle, and

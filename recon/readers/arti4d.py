@@ -148,8 +148,7 @@ def _above(path: Path, names: Sequence[str]) -> Path | None:
 
 
 def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Column names, in small letters and without blanks, and rows of a CSV. Raises InputError for other
-    files."""
+    """Column names, lower case without blanks, and rows of a CSV. Raises InputError for other files."""
     try:
         text = files.read_bytes(path).decode("utf-8-sig")
         rows = [
@@ -163,8 +162,7 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
 
 
 def _read_poses(path: Path, columns: Sequence[str]) -> tuple[Array, Array]:
-    """Times (n,) s and poses (n, 4, 4); columns: those that hold time, position and qx qy qz qw, in this
-    order."""
+    """Times (n,) s and poses (n, 4, 4); columns: of time, position and qx qy qz qw, in this order."""
     head, rows = read_table(path)
     missing = [c for c in columns if c not in head]
     if missing or not rows:

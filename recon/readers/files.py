@@ -80,8 +80,7 @@ def check_complete(name: str, data: bytes) -> None:
 
 
 def decode_color(name: str, data: bytes) -> NDArray[np.uint8]:
-    """Colour image (H, W, 3) uint8 RGB, stored orientation. Raises InputError when it is damaged or
-    truncated."""
+    """Colour image (H, W, 3) uint8 RGB, stored orientation. Raises InputError if damaged or truncated."""
     import cv2  # here: what is wrong with a recording is told without it
 
     require_sane_size(name, data)
@@ -163,8 +162,7 @@ def read_tum_poses(path: Path) -> tuple[Array, Array]:
 
 
 def poses_from_xyzw(translation: Array, quat_xyzw: Array, source: str, lines: Sequence[int]) -> Array:
-    """Poses (n, 4, 4). Raises InputError naming the line of a value that is not finite or of no unit
-    quaternion."""
+    """Poses (n, 4, 4). Raises InputError naming the line of a value not finite or no unit quaternion."""
     ok = np.isfinite(translation).all(1) & np.isfinite(quat_xyzw).all(1)
     if not ok.all():
         k = int(np.flatnonzero(~ok)[0])
@@ -186,8 +184,7 @@ def poses_from_xyzw(translation: Array, quat_xyzw: Array, source: str, lines: Se
 
 
 def nearest_frames(stamps: Array, times: Array, tolerance: float) -> NDArray[np.int64]:
-    """Index of the nearest of the sorted `times` for every stamp, -1 where it is further than `tolerance`
-    s."""
+    """Index of the nearest of the sorted `times` for every stamp, -1 beyond `tolerance` s."""
     right = np.clip(np.searchsorted(times, stamps), 1, max(len(times) - 1, 1))
     left = right - 1
     right = np.minimum(right, len(times) - 1)
@@ -196,8 +193,7 @@ def nearest_frames(stamps: Array, times: Array, tolerance: float) -> NDArray[np.
 
 
 def trajectory_at(stamps: Array, poses: Array, times: Array, tolerance: float) -> Trajectory | None:
-    """The pose nearest in time to every recording time, where one is within `tolerance` s; None without
-    any."""
+    """The pose nearest in time to every recording time within `tolerance` s; None without any."""
     order = np.argsort(stamps, kind="stable")
     nearest = nearest_frames(times, stamps[order], tolerance)
     frames = np.flatnonzero(nearest >= 0)

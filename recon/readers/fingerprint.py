@@ -1,5 +1,4 @@
-"""What identifies a recording: a hash over its names, sizes and bytes, or, where there are many, over samples
-of them."""
+"""What identifies a recording: a hash over names, sizes and bytes, or, where many, over samples of them."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ def fingerprint(root: Path, files: Iterable[Path]) -> str:
 
 
 def fingerprint_of(path: Path) -> str:
-    """SHA-256 of one file's bytes, or of its size and `BLOCKS` blocks where it is larger than `WHOLE_BYTES`;
-    its name does not count."""
+    """SHA-256 of a file's bytes, or size and `BLOCKS` blocks if over `WHOLE_BYTES`; no name."""
     size = _size(path)
     if size > WHOLE_BYTES:
         return _of_samples([path], [""], [size])

@@ -1,5 +1,4 @@
-"""HOI4D clips: ZY.../H*/C*/N*/S*/s*/T*/ with align_rgb/ and align_depth/, as the data set's decode.py leaves
-them.
+"""HOI4D clips: ZY.../H*/C*/N*/S*/s*/T*/ with align_rgb/ and align_depth/, as its decode.py leaves them.
 
 After the data set's instructions: 1920x1080 colour (image.mp4, or images %05d.jpg at 15 frames a second),
 depth as 16-bit PNG in millimetres on colour's pixels, K in camera_params/<ZY...>/intrin.npy, and among the
@@ -86,8 +85,7 @@ def clip_name(path: Path) -> str:
 
 
 def clip_folders(path: Path) -> Iterator[Path]:
-    """The clip's folder, then the folders in which a tree of annotations beside the data would keep this
-    clip."""
+    """The clip's folder, then the folders where a tree of annotations beside the data has this clip."""
     yield path
     parts = path.resolve().parts
     at = next((k for k, p in enumerate(parts) if _CAMERA.fullmatch(p)), None)
@@ -99,8 +97,7 @@ def clip_folders(path: Path) -> Iterator[Path]:
 
 
 def read_redwood_log(path: Path) -> Array:
-    """T_world_cam (n, 4, 4) of a Redwood log: for each camera a line of three numbers and the four rows of
-    its matrix."""
+    """T_world_cam (n, 4, 4) of a Redwood log: a line of three numbers and four matrix rows a camera."""
     lines = files.read_lines(path)
     rows = []
     for at in range(0, len(lines), 5):

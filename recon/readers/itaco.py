@@ -1,5 +1,4 @@
-"""iTACO's recordings: rendered views of PartNet-Mobility objects, and real ones of a phone with depth made
-finer.
+"""iTACO's recordings: rendered views of PartNet-Mobility objects, and a phone's with refined depth.
 
 After the project's own loader (data.py). Rendered, view_<k>/: rgb/%06d.jpg, depth/%06d.npz with `a` (H, W)
 float m along the view, intrinsics.npy K (3, 3), camera_pose.npy (n, 7) = position and quaternion w x y z of

@@ -139,8 +139,7 @@ def _intrinsics(path: Path, name: str) -> Intrinsics:
 
 
 class VideoFacts(NamedTuple):
-    """What Open3D's video readers note beside the intrinsics: depth counts a metre, frames a second (None:
-    unknown)."""
+    """What Open3D's videos note besides intrinsics: depth counts a metre, frames a second (or None)."""
 
     depth_per_metre: float
     fps: float | None

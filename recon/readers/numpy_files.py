@@ -28,8 +28,7 @@ _GARBLED = (
 
 
 def read_npy(path: Path, most: int = MAX_BYTES) -> NDArray[Any]:
-    """The array of a .npy file, of at most `most` bytes. Raises InputError for objects (pickle), other files
-    and truncated ones."""
+    """The array of a .npy of at most `most` bytes. InputError: objects (pickle), other or cut files."""
     try:
         with path.open("rb") as stream:
             return _array(stream, shown(path), most)
@@ -40,8 +39,7 @@ def read_npy(path: Path, most: int = MAX_BYTES) -> NDArray[Any]:
 
 
 def read_npz(path: Path, key: str, most: int = MAX_BYTES) -> NDArray[Any]:
-    """The array `key` of a .npz file, of at most `most` bytes. Raises InputError as `read_npy`, and when
-    there is none."""
+    """The array `key` of a .npz of at most `most` bytes. Raises InputError as `read_npy`, and without one."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()

@@ -44,8 +44,7 @@ def pictures(folder: Path, suffixes: Sequence[str], what: str) -> list[Path]:
 
 
 def numbers(paths: Sequence[Path]) -> NDArray[np.int64]:
-    """(n,) the last number in each name. Raises InputError for a name without one and for one that is too
-    large."""
+    """(n,) the last number in each name. Raises InputError for a name without one or with one too large."""
     found = []
     for path in paths:
         digits = re.findall(r"\d+", path.stem)
@@ -78,22 +77,19 @@ def color_of(path: Path) -> NDArray[np.uint8]:
 
 
 def depth_of(path: Path) -> NDArray[np.float32]:
-    """A depth picture (H, W) float32 m from a 16-bit PNG in millimetres. Raises InputError naming the
-    file."""
+    """A depth picture (H, W) float32 m from a 16-bit PNG (mm). Raises InputError naming the file."""
     PngHeader(path)  # tells what is no PNG at all
     return files.decode_depth(files.shown(path), files.read_bytes(path), MM_PER_METRE)
 
 
 def tree_fingerprint(path: Path, inputs: Iterable[Path]) -> str:
-    """The fingerprint of files of which some may lie in folders above the recording's: names count from the
-    lowest that holds all."""
+    """The fingerprint of files, some in folders above the recording's: names from the lowest common one."""
     resolved = [p.resolve() for p in inputs]
     return fingerprint(Path(os.path.commonpath([path.resolve(), *resolved])), resolved)
 
 
 def known_depth(metres: NDArray[np.floating], name: str) -> NDArray[np.float32]:
-    """Depth (H, W) float32 m with 0 for what is not finite or not in front. Raises InputError for all along
-    -z."""
+    """Depth (H, W) float32 m with 0 where not finite or in front. Raises InputError for all along -z."""
     if metres.ndim != 2:
         raise InputError(f"{name} has shape {metres.shape}", "depth is one number a pixel, (height, width)")
     with np.errstate(invalid="ignore", over="ignore"):
@@ -108,8 +104,7 @@ def known_depth(metres: NDArray[np.floating], name: str) -> NDArray[np.float32]:
 
 
 def camera_of(K: ArrayLike, width: int, height: int, name: str) -> Intrinsics:
-    """A camera from K (3, 3) in pixels. Raises InputError for what is no camera, or one of another
-    resolution."""
+    """A camera from K (3, 3) in pixels. Raises InputError for no camera or another resolution."""
     k = np.asarray(K, dtype=np.float64)
     if k.shape != (3, 3):
         raise InputError(f"{name} is of shape {k.shape}, not (3, 3)", "write the camera matrix K")

@@ -1,5 +1,4 @@
-"""Polycam's raw data: keyframes/ with an image, a camera, depth and confidence for each key frame, named by
-its time.
+"""Polycam's raw data: keyframes/ with an image, a camera, depth and confidence a key frame, named by time.
 
 The layout is that of the app's own description (github.com/PolyCam/polyform): names are microseconds; camera
 files hold fx, fy, cx, cy at width x height and the rows t_00 .. t_23 of the pose, camera to world with
@@ -93,8 +92,7 @@ def _folder(path: Path) -> Path:
 
 
 def _chosen(folder: Path) -> tuple[dict[int, Path], dict[int, Path], tuple[str, str]]:
-    """Images and cameras by time, both of the same set: a pose that was optimised does not go with one that
-    was not."""
+    """Images and cameras by time, from one set: an optimised pose does not go with a raw one."""
     for names in _SETS:
         images = arkit.numbered(folder / names[0], files.COLOR_SUFFIXES)
         cameras = arkit.numbered(folder / names[1], (".json",))

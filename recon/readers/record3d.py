@@ -1,5 +1,4 @@
-"""Record3D's .r3d: a zip of JPEG colour, LZFSE-compressed float depth and confidence, and one JSON of
-metadata.
+"""Record3D's .r3d: a zip of JPEG colour, LZFSE-compressed float depth and confidence, and JSON metadata.
 
 The app writes no specification; the layout is the one its users' readers agree on: `metadata` with w, h, dw,
 dh, fps, K (column-major, at w x h), poses [qx, qy, qz, qw, tx, ty, tz] camera to world,
@@ -169,8 +168,7 @@ class Metadata:
             ) from None
 
     def cameras(self, width: int, height: int, numbers: Sequence[int]) -> OwnCameras:
-        """Camera of the colour images as they are stored, width x height, and the frames' own by their
-        numbers."""
+        """Camera of the colour images as stored, width x height, and the frames' own by number."""
         k = self.table("K", 1)
         if k is None or k.size != 9:
             raise InputError(f"{self.name}: K is {self.values['K']}", "export the recording again")
@@ -214,8 +212,7 @@ class Metadata:
         return times, opencv_z_up(arkit)
 
     def depth_size(self, values: int) -> tuple[int, int]:
-        """(height, width) of a depth image, 256x192 turned like the colour image when the file doesn't
-        say."""
+        """(height, width) of a depth image, 256x192 turned like the colour image by default."""
         if "dw" in self.values and "dh" in self.values:
             return int(self.values["dh"]), int(self.values["dw"])
         short = (192, 256) if self.values["w"] > self.values["h"] else (256, 192)

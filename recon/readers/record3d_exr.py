@@ -1,5 +1,4 @@
-"""Record3D's export as EXR and RGB: metadata.json, rgb/<i>.jpg or .png, depth/<i>.exr of one half-float
-channel in metres.
+"""Record3D's EXR and RGB export: metadata.json, rgb/<i>.jpg or .png, depth/<i>.exr (one half-float, metres).
 
 metadata.json means what it does in a .r3d file (record3d.py). Numbers may have gaps where the app dropped a
 picture; metadata.json keeps the pose and the time of every number.
@@ -136,8 +135,7 @@ def _depth_reader(depth: Sequence[Path], size: tuple[int, int]) -> ReadDepth:
 
 
 def exr_size(path: Path) -> tuple[int, int]:
-    """(width, height) of an EXR image, from its header. Raises InputError when it is none, or too large for a
-    depth camera's."""
+    """(width, height) of an EXR by its header. Raises InputError if it is none, or too large for depth."""
     header = _opened(path, header_only=True).header
     try:
         low, high = (np.asarray(corner, dtype=np.int64) for corner in header["dataWindow"])

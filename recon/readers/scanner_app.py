@@ -1,5 +1,4 @@
-"""3D Scanner App's "All Data" export: frame_<i>.json for each frame, depth_<i>.png, conf_<i>.png, and
-frame_<i>.jpg for some.
+"""3D Scanner App's "All Data" export: frame_<i>.json, depth_<i>.png, conf_<i>.png, some frame_<i>.jpg.
 
 The app writes no specification; the layout is the one its users' readers agree on: json with `time` (s),
 `intrinsics` (9 numbers, row by row, at the size of the JPEGs) and `cameraPoseARFrame` (16 numbers, row by

@@ -180,8 +180,7 @@ class _Sens:
         return color, depth, ()
 
     def poses(self, times: Array) -> tuple[Array, Array] | None:
-        """Times (k,) s and T_world_cam (k, 4, 4) of the colour camera where there is one; None without any,
-        or all the same."""
+        """Times (k,) s and T_world_cam (k, 4, 4) of the colour camera; None without, or all equal."""
         found = np.isfinite(self.T).all(axis=(1, 2)) & self.T.any(axis=(1, 2))
         if not found.any() or np.array_equal(self.T[found], np.broadcast_to(np.eye(4), self.T[found].shape)):
             return None

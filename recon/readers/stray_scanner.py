@@ -1,5 +1,4 @@
-"""Stray Scanner: rgb.mp4, depth/ and confidence/ of numbered PNGs, and odometry.csv with a time and a pose
-for each frame.
+"""Stray Scanner: rgb.mp4, depth/ and confidence/ of numbered PNGs, odometry.csv with each frame's pose.
 
 The layout is that of the app's own encoders (github.com/strayrobots/scanner). The video counts frames where
 odometry.csv has their times, so that only the latter tells the clock; its first frame lies before the start
@@ -81,8 +80,7 @@ class StrayScannerReader:
 
 @dataclass(frozen=True, eq=False)
 class _Odometry:
-    """odometry.csv: times (n,) s, numbers of the depth images, T_world_cam (n, 4, 4) z-up, fx fy cx cy (n, 4)
-    where it has them."""
+    """odometry.csv: times (n,) s, depth image numbers, T_world_cam (n, 4, 4) z-up, fx fy cx cy (n, 4)."""
 
     times: Array
     frames: list[int]
@@ -152,8 +150,7 @@ def _common(path: Path, video: int, rows: int) -> tuple[int, tuple[str, ...]]:
 
 
 def _camera(path: Path, odometry: _Odometry, video: Video) -> arkit.OwnCameras:
-    """The colour camera: the frames' own where odometry.csv has them, else camera_matrix.csv, which is the
-    last frame's."""
+    """The colour camera: the frames' own if in odometry.csv, else camera_matrix.csv (the last's)."""
     file = path / "camera_matrix.csv"
     if odometry.coefficients is not None:
         return arkit.camera_of(

@@ -1,5 +1,4 @@
-"""What a reader returns: two streams of pictures, each with its camera and clock, before they become one
-recording."""
+"""What a reader returns: two streams of pictures, each with camera and clock, to become a recording."""
 
 from __future__ import annotations
 
@@ -63,8 +62,7 @@ def recording_of(streams: Streams) -> Recording:
     """Bring two streams onto one pixel grid and one clock, that of colour.
 
     Colour is undistorted and scaled down to `longest`; depth is brought into that camera behind a z-buffer. A
-    frame is a colour picture and the nearest depth picture within the tolerance. Raises InputError when the
-    clocks don't meet.
+    frame is a colour picture and the nearest depth within tolerance. InputError: the clocks don't meet.
     """
     color, depth, lost = _frames(streams)
     times = streams.color_times[color]
@@ -95,8 +93,7 @@ def recording_of(streams: Streams) -> Recording:
 
 
 def associate(first: Array, second: Array, tolerance: float) -> NDArray[np.int64]:
-    """Pairs (n, 2) of indices into two sorted lists of times (s), nearest pairs first, each time used at most
-    once.
+    """Pairs (n, 2) of indices into two sorted lists of times (s), nearest first, each time used at most once.
 
     Pairs are further apart than `tolerance` nowhere, and come in the order of `first`.
     """
@@ -169,8 +166,7 @@ def _require_increasing(source: str, name: str, times: Array) -> None:
 
 
 def _on_one_grid(streams: Streams) -> tuple[ReadColor, ReadDepth, Intrinsics]:
-    """Readers of both pictures on the recording's pixel grid, by their own indices, and that grid's
-    camera."""
+    """Readers of both pictures on the recording's pixel grid, by own indices, and that grid's camera."""
     rig = streams.rig
     native, seen = rig.color.camera, rig.depth.camera
     scale = 1.0 if streams.longest is None else min(1.0, streams.longest / max(native.width, native.height))

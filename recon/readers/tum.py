@@ -24,8 +24,7 @@ DEPTH_PER_METRE = 5000.0
 MAX_TIME_DIFFERENCE = 0.02  # s, the benchmark's own tool associates with it
 
 # Colour and depth are registered to each other by the driver; for the first two cameras the benchmark's
-# authors recommend the driver's default (their lens is not corrected), the third one's images are published
-# undistorted.
+# authors recommend the driver's default (uncorrected), the third one's images are undistorted.
 PUBLISHED_INTRINSICS = {
     "freiburg1": Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5),
     "freiburg2": Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5),
@@ -35,8 +34,7 @@ PUBLISHED_INTRINSICS = {
 
 @dataclass(frozen=True)
 class TumReader:
-    """Reads a folder of the TUM RGB-D benchmark; intrinsic.json beside the lists goes before the published
-    values."""
+    """Reads a folder of the TUM RGB-D benchmark; an intrinsic.json overrides published values."""
 
     layout: str = "a TUM RGB-D folder with rgb.txt and depth.txt"
 

@@ -1,5 +1,4 @@
-"""Poses that are told for a picture held another way: by which quarter turn do they move the pictures as
-these really move?
+"""Poses stated for a picture held another way: by which quarter turn do they move pictures as they moved?
 
 Record3D stored portrait pictures up to 1.10 and stores landscape ones since 1.10.1, whose poses may still be
 those of the portrait picture. No version is written into the file, so the pictures decide.
@@ -33,8 +32,7 @@ _CLEAR = 0.5
 
 
 def with_turned_poses(streams: Streams) -> Streams:
-    """The same with poses of the pictures as they are stored: landscape ones of Record3D 1.10.1 and newer may
-    have those of portrait."""
+    """The same with poses of stored pictures: landscape ones of Record3D >= 1.10.1 may have portrait's."""
     camera = streams.rig.color.camera
     if streams.poses is None or camera.width <= camera.height:
         return streams

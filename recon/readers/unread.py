@@ -1,8 +1,7 @@
 """Recordings that are recognised but not read: what each is, and what to do with it today.
 
 `UNREAD` is the one table. A file is known by its first bytes, so that a renamed one is known as well, and by
-its name only where its format has no signature or its bytes are not those of its name; a folder is known by
-the files in it.
+its name only if its format has no signature or its bytes are others; a folder is known by the files in it.
 """
 
 from __future__ import annotations
@@ -161,8 +160,7 @@ def refuse_named(path: Path) -> None:
 
 
 def refuse_unread(path: Path) -> None:
-    """Raise InputError that tells what the path is and what to do, when it is one of `UNREAD`, or named like
-    what is read.
+    """Raise InputError with the remedy, when `UNREAD` has the path or it is named like a recording.
 
     A folder with intrinsic.json is one that was converted.
     """
@@ -193,8 +191,7 @@ def _kind(path: Path) -> Unread | None:
 
 
 def refuse_unread_inside(folder: Path) -> None:
-    """Raise InputError when a folder that no reader knows holds a file or a folder that is one of
-    `UNREAD`."""
+    """Raise InputError when a folder that no reader knows holds one of `UNREAD`."""
     inside = sorted(folder.iterdir())[:LOOKED_AT] if folder.is_dir() else []
     for path in inside:
         kind = _kind(path)
@@ -203,8 +200,7 @@ def refuse_unread_inside(folder: Path) -> None:
 
 
 def refuse_colour_alone(folder: Path) -> None:
-    """Raise InputError when most files of a folder and of the folders in it are pictures, and none is depth
-    by its name or kind."""
+    """Raise InputError when most files of a folder tree are pictures, and none is depth by name or kind."""
     if not folder.is_dir():
         return
     inside = sorted(folder.iterdir())[:LOOKED_AT]

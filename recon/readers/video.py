@@ -1,8 +1,7 @@
 """Frames of a video file by their number, in display order.
 
-Opening reads the container's index or, where that does not tell display times, its packets; nothing is
-decoded. A frame is decoded from the key frame before it, and frames in order one after the other, each once.
-Threads may share a video.
+Opening reads the container's index or, without display times, its packets; nothing is decoded. A frame is
+decoded from the key frame before, frames in order each once. Threads may share a video.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ _AHEAD = 2  # frames, chosen by us: MP4 lands a key frame early for times too ne
 # key frames that are tried, chosen by us: of frames that are all key frames, seeking lands a few too late
 _BACK = 4
 
-# FFmpeg's demuxer and the bytes that its files begin with. No other one is tried: some follow links in the
-# file.
+# FFmpeg's demuxer and the bytes that its files begin with. Others are not tried: some follow links.
 _SIGNATURES = (
     ("mov", 4, (b"ftyp", b"moov", b"wide", b"mdat", b"free", b"skip")),
     ("matroska", 0, (b"\x1aE\xdf\xa3",)),
@@ -54,9 +52,8 @@ class _Entry(NamedTuple):
 class Video:
     """One file's first video track.
 
-    `times` (n,) s are those at which the frames are shown, strictly increasing; `width` and `height` px as
-    stored: a flag that turns the picture for display is not followed; `decoded` counts the frames decoded so
-    far.
+    `times` (n,) s are display times, strictly increasing; `width` and `height` px as stored: a flag that
+    turns the picture for display is not followed; `decoded` counts the frames decoded so far.
     """
 
     def __init__(self, path: Path, every_stored: bool = False) -> None:
@@ -93,8 +90,7 @@ class Video:
         return len(self.times)
 
     def read(self, index: int) -> NDArray[np.uint8]:
-        """Frame (H, W, 3) uint8 RGB. Raises InputError naming the file and the frame where it is damaged or
-        missing."""
+        """Frame (H, W, 3) uint8 RGB. Raises InputError naming file and frame if damaged or missing."""
         if not 0 <= index < len(self):
             raise InputError(f"{shown(self.path)} has frames 0..{len(self) - 1}, not {index}")
         with self._lock:  # the conversion too: it has state that belongs to the frame
@@ -128,8 +124,7 @@ class Video:
             )
 
     def _index(self) -> tuple[list[int], list[tuple[int, int]]]:
-        """Display times (n,) of the frames in order, and of each key frame its display and its decoding time;
-        all in ticks."""
+        """Display times (n,) of frames in order, and each key frame's display and decoding time; ticks."""
         # copied: reading packets moves the container's own entries
         listed = self._stream.index_entries if self._format == "mov" else ()
         entries = [_Entry(e.pos + e.size, e.timestamp, e.is_keyframe, e.is_discard) for e in listed]
@@ -141,8 +136,7 @@ class Video:
                 "copy the recording again",
             )
         packets = self._packets()
-        # times to decode at are times to show at without B-frames; a file in fragments has no index of them
-        # all
+        # times to decode at are display times without B-frames; a file in fragments has no full index
         if entries and self._stream.frames and not self._stream.codec_context.has_b_frames:
             first = next(packets, None)
             late = 0 if first is None or first.pts is None else first.pts - entries[0].at
@@ -224,16 +218,14 @@ class Video:
         return self._numbered(packets, start)
 
     def _places(self, index: int) -> list[int]:
-        """Ticks to seek to for a frame. By which time a container seeks, and where it then lands, depends on
-        its format."""
+        """Ticks to seek to for a frame. What a container seeks by, and where it lands, varies."""
         last = bisect_right(self._keys, index) - 1
         keys = self._key_ticks[max(last - _BACK + 1, 0) : last + 1]
         near = [self._ticks[index], self._ticks[min(index + _AHEAD, len(self) - 1)]]
         return near + [tick for ticks in reversed(keys) for tick in ticks]
 
     def _landed(self) -> tuple[int, Iterator[Any]]:
-        """Number of the first frame from where the container stands, len(self) for none, and the packets from
-        there."""
+        """Number of the first frame from where the container stands, len(self) for none; its packets."""
         packets = self._container.demux(self._stream)
         first = next(packets, None)
         if first is None or first.pts is None:

@@ -62,8 +62,7 @@ class Intrinsics:
         return np.array([self.fx, self.fy, self.cx, self.cy])
 
     def binned(self, factor: int) -> Intrinsics:
-        """The camera whose pixels are blocks of `factor` x `factor`; what fills no block at the right and
-        below is cut off."""
+        """The camera whose pixels are blocks of `factor` x `factor`; partial blocks right, below are cut."""
         cx, cy = ((c + 0.5) / factor - 0.5 for c in (self.cx, self.cy))
         return Intrinsics(
             self.width // factor, self.height // factor, self.fx / factor, self.fy / factor, cx, cy
@@ -89,8 +88,7 @@ class Intrinsics:
 
 
 class Frame(NamedTuple):
-    """One frame: colour (H, W, 3) uint8 RGB and depth (H, W) float32 in metres, 0 = unknown, on one pixel
-    grid."""
+    """One frame: colour (H, W, 3) uint8 RGB and depth (H, W) float32 m, 0 = unknown, on one pixel grid."""
 
     color: NDArray[np.uint8]
     depth: NDArray[np.float32]
@@ -105,8 +103,7 @@ class Recording:
     nothing is kept. Readers hand in `read_color` and `read_depth`, whose images are aligned on the grid of
     `intrinsics`. times (N,) s strictly increase. poses: known camera poses, used only when asked.
     gravity_camera0: unit vector (3,) that points down, in the first camera's axes, when the device knew it.
-    path: where the recording lies, None for one in memory; opened_with: what `recon.open_recording` was told
-    beside it.
+    path: where the recording lies, None for one in memory; opened_with: further options of it.
     """
 
     name: str
@@ -189,8 +186,7 @@ class Recording:
     def __getitem__(self, index: SupportsIndex | slice) -> Frame | Recording:
         """A frame, or a recording of the frames of a slice, which reads from this one.
 
-        Raises InputError for a frame that does not exist, and for a slice that goes backwards or holds too
-        few frames.
+        Raises InputError for a missing frame, and for a slice that goes backwards or holds too few frames.
         """
         if isinstance(index, slice):
             from recon.recording.part import part_of

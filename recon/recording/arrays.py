@@ -259,8 +259,7 @@ def _digest(camera: Intrinsics, clock: Array, poses: Trajectory | None, gravity:
 
 
 def _check_all(read: _Frames, count: int, digest: Any) -> str:
-    """SHA-256 of all frames. Raises InputError for a frame without depth, and for depth in another unit than
-    said."""
+    """SHA-256 of all frames. Raises InputError for a frame without depth, or depth in another unit."""
     middles = []
     for k in range(count):
         color, depth = read.image(k), read.metres(k)

@@ -1,5 +1,4 @@
-"""Depth that lags behind colour, brought back to it: each colour picture gets the depth that was taken at its
-time."""
+"""Depth that lags behind colour, brought back to it: each colour picture gets the depth of its time."""
 
 from __future__ import annotations
 
@@ -21,8 +20,7 @@ _REMEDY = 'give whole frames, such as 2, or a time such as "66ms"; negative wher
 def without_delay(recording: Recording, delay: int | str) -> Recording:
     """The same colour, with the depth of frames that are `delay` later: frames, or a text such as "66ms".
 
-    Frames whose depth is not in the recording are left out. Raises InputError for another delay, and where
-    too few are left.
+    Frames whose depth is not recorded are left out. Raises InputError for another delay, or too few frames.
     """
     frames, partners = _pairs(recording, delay)
     if np.array_equal(frames, partners) and len(frames) == len(recording):

@@ -42,8 +42,7 @@ def _remembering(read: ReadDepth, most_bytes: int) -> ReadDepth:
 
 
 def _packed(image: NDArray[np.float32]) -> NDArray[np.uint16] | NDArray[np.float32]:
-    """A copy in half the bytes where depth (h, w) m is in whole millimetres, as most files hold it; else as
-    it is."""
+    """A copy in half the bytes if depth (h, w) m is whole millimetres, as in most files; else as is."""
     whole = np.rint(image * _MILLIMETRE)
     if whole.min() >= 0 and whole.max() < 2**16:
         small = whole.astype(np.uint16)

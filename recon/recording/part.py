@@ -16,11 +16,9 @@ from twin.scene import Trajectory
 
 
 def part_of(recording: Recording, index: slice) -> Recording:
-    """A recording of the frames of a slice, read from `recording` when asked for. Its first frame is the new
-    frame 0.
+    """A recording of the frames of a slice, read from `recording` if asked. Its first frame is frame 0.
 
-    Known poses and gravity come along; gravity is turned into the new first camera by the poses, and dropped
-    without them.
+    Known poses and gravity come along; gravity is turned to the new first camera by poses, or dropped.
     """
     kept = np.arange(len(recording))[index]
     if index.step is not None and index.step < 0:

@@ -1,8 +1,6 @@
-"""The user's word on a recording: where a moving part is seen, when it moves, by which type of joint, and
-which way is up.
+"""The user's word on a recording: where a part is, when it moves, its type of joint, which way is up.
 
-It takes the place of what the stages would choose themselves. It proves nothing: verdicts are given as
-without it.
+It takes the place of what the stages would choose. It proves nothing: verdicts are given as without it.
 """
 
 from __future__ import annotations
@@ -40,11 +38,9 @@ class Word:
 
 @dataclass(frozen=True)
 class Said(Settings):
-    """The user's word, which takes the place of what the stages would choose; as --at, --interval, --type and
-    --up give it.
+    """The user's word, in place of what stages would choose; as --at, --interval, --type and --up give it.
 
-    With points or intervals exactly these parts are looked for, one for each; where both are given they
-    belong together in order.
+    With points or intervals exactly these parts are looked for; if both are given, they pair in order.
     """
 
     at: tuple[tuple[int, int, int], ...] = setting(
@@ -105,8 +101,7 @@ def up_direction(up: Up) -> Array:
 
 
 def require_said(said: Said, recording: Recording) -> None:
-    """Raises InputError for a frame or pixel that the recording doesn't have, and for a pixel without
-    depth."""
+    """Raises InputError for a frame or pixel beyond the recording, and for a pixel without depth."""
     last, camera = len(recording) - 1, recording.intrinsics
     for interval in said.intervals:
         if interval[1] > last:

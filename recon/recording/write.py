@@ -22,8 +22,7 @@ from twin.runs.loop import Loop, untold
 
 Layout = Literal["native", "tum"]
 MILLIMETRES = 1000.0  # counts a metre of the native layout without `depth_scale`
-# Counts a metre for depth between whole mm, the finest whose range holds the recording: to 6.5, 13.1, 32.7
-# and 65.5 m.
+# Counts a metre for depth between mm, the finest whose range holds it: to 6.5, 13.1, 32.7 and 65.5 m.
 FINER = (10000.0, 5000.0, 2000.0, MILLIMETRES)
 TUM_PER_METRE = 5000.0  # the layout's own
 MAX_COUNT = 65535
@@ -93,8 +92,7 @@ def _whole(out: Path) -> Iterator[Path]:
 
 @dataclass
 class _Depth:
-    """Writes depth images; the counts a metre are found on the way, and what was written before is written
-    again."""
+    """Writes depth images; counts a metre are found on the way, earlier ones written again."""
 
     recording: Recording
     folder: Path

@@ -1,5 +1,4 @@
-"""Doors, lids and drawer fronts are boards: two flat faces that are parallel and as far apart as wood is
-thick.
+"""Doors, lids and drawer fronts are boards: two flat faces, parallel and as far apart as wood is thick.
 
 A surfel holds the joint only as long as it is in view. A door that opens by more than a right angle shows its
 front before and its inside after, and what ties the two together is the few frames between, in some of which
@@ -32,8 +31,7 @@ MAX_TURN, MAX_TILT, MAX_SPREAD = np.radians(25.0), np.radians(12.0), np.radians(
 # 6 mm thick, doors of furniture 12 to 40, with frames and seals up to 80.
 _APART = (0.025, 0.015, 0.005, 0.080)
 _HINGE = (0.0, 0.025, -0.060, 0.060)  # of the face above the hinge
-# Its outer edge is found as exactly as this, and as a pixel's footprint on it; what ends further off is
-# another edge.
+# Error of the outer edge, and of a pixel's footprint on it; what ends further off is another edge.
 _EDGE, _COARSEST, _OTHER_EDGE, _SCATTER = 0.006, 0.02, 0.08, 2.0
 # The edge is told by so many pieces of its length, with so many points within that distance (m) of a face in
 # each, of which that quantile is the end; the strip along it is so wide (m) to both sides; so far beside it
@@ -54,8 +52,7 @@ Pixels = Callable[[int, Array, Array], tuple[NDArray[np.bool_], NDArray[np.bool_
 class Board:
     """The surfels (K,) of a face and of the opposite one, where that is seen; the unit normal (3,) that both
     share (the near face's; the far one's is opposite) and their offsets along it; the direction (3,) from the
-    axis to their outer edges, how flat they are (m, RMS) and from where to where it reaches along the axis
-    (m)."""
+    axis to their outer edges, how flat they are (m, RMS) and their reach along the axis (m)."""
 
     near: NDArray[np.bool_]
     far: NDArray[np.bool_] | None
@@ -67,8 +64,7 @@ class Board:
 
 
 def find_board(joint: Joint, points: Array, normals: Array, noise: DepthNoise) -> Board | None:
-    """The board that surfels (K, 3), in the part's frame, with their normals lie on; None when they are
-    none."""
+    """The board that surfels (K, 3) with their normals (part frame) lie on; None when they are none."""
     if not isinstance(joint, Revolute) or len(points) < MIN_SURFELS:
         return None
     flatness = max(MAX_RMS, float(noise.measured(1.0)))
@@ -120,8 +116,7 @@ def _face(
 
 
 def _mode(directions: Array) -> Array:
-    """Most frequent direction (2,) of those in a plane (n, 2), by a histogram of 5 degree bins over three
-    neighbours."""
+    """Most frequent direction (2,) of those in a plane (n, 2): histogram of 5 degree bins over neighbours."""
     angle = np.arctan2(directions[:, 1], directions[:, 0])
     count, edges = np.histogram(angle, bins=72, range=(-np.pi, np.pi))
     smooth = count + np.roll(count, 1) + np.roll(count, -1)
@@ -134,8 +129,7 @@ def _mode(directions: Array) -> Array:
 
 
 def flat_face(points: Array, normal: Array, flatness: float) -> tuple[Array, NDArray[np.bool_]] | None:
-    """Unit normal (3,) of the plane that most points (n, 3) lie on and those that do; None when they form no
-    long, flat face."""
+    """Unit normal (3,) of the plane of most points (n, 3), and those; None without a long, flat face."""
     offset = float(np.median(points @ normal))
     for scale in (5.0, 5.0, 2.5, 1.7, 1.0, 1.0, 1.0, 1.0):
         weight = geman_mcclure(((points @ normal - offset) / (scale * flatness)) ** 2, 1.0)
@@ -164,8 +158,7 @@ def _normal(faces: list[Array], weights: list[Array]) -> Array:
 def with_board(terms: Terms, board: Board, edges: Tie | None) -> Terms:
     """What surfels of a board see, with what is known of its faces.
 
-    With two of them it counts a second time, as distances to their planes, which are parallel: all that is
-    seen of a face at one offset.
+    With two faces it counts twice, as distances to their parallel planes: all seen of a face at one offset.
     """
     side = np.full(len(terms.normals), -1)
     side[board.near] = 0
@@ -211,8 +204,7 @@ def _some(terms: Terms) -> Terms:
 def edge_tie(
     board: Board, patches: InPart, state: Array, rests: NDArray[np.bool_], pixels: Pixels
 ) -> Tie | None:
-    """That the board ends at the same outer edge when it rests closed and when it rests open, None where that
-    can't be told."""
+    """That the board ends at the same outer edge when closed and open, None where that is not known."""
     groups: tuple[list[_Strip], list[_Strip]] = ([], [])
     middle = 0.5 * (state.min() + state.max())
     for k, x, q in patches:

@@ -1,5 +1,4 @@
-"""What refinement observes: scalar distances of surfels to depth images, and of tracked points to planes
-through them."""
+"""What refinement observes: distances of surfels to depth images, and of tracked points to planes."""
 
 from __future__ import annotations
 
@@ -43,8 +42,7 @@ _MIN_VIEWS = 2
 
 @dataclass(frozen=True)
 class Drift:
-    """Slow error of the cameras as it shows at the part, one standard deviation in each direction: shift in
-    m, angle in rad.
+    """Slow error of the cameras at the part, one standard deviation in each direction: shift m, angle rad.
 
     The defaults hold where the recording itself shows no larger drift (`recon.dense.noise`); 0.17 mm and
     0.014 degrees were measured on the recordings of benchmarks/reconstruct.md.
@@ -54,8 +52,7 @@ class Drift:
     angle: float = float(np.radians(0.015))
 
     def at_least(self, measured: float) -> Drift:
-        """With a shift that was measured (m) in place of a smaller one, and an angle that is as much
-        larger."""
+        """With a shift measured (m) in place of a smaller one, and the angle as much larger."""
         if not 0.0 < self.shift < measured:
             return self
         return Drift(measured, min(self.angle * measured / self.shift, np.pi))
@@ -87,8 +84,7 @@ def _part_points(views: Views, joint: Joint, state: Array, rows: NDArray[np.int6
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Points and normals (n, 3) of a part in the camera of every labelled frame: rows of its motion, points,
-    normals."""
+    """A part in each labelled frame's camera: rows of its motion, points and normals (n, 3)."""
 
     index: list[int]
     points: list[Array]
@@ -127,8 +123,7 @@ def build_surfels(
     state: Array,
     voxel: float = VOXEL,
 ) -> tuple[Array, Array]:
-    """Mean points and normals (K, 3) in the part frame per voxel and normal direction, seen in several
-    frames."""
+    """Mean points and normals (K, 3) (part frame) per voxel and normal direction, in several frames."""
     keys, points, normals, seen_in = [], [], [], []
     for k, at, facing in zip(patches.index, patches.points, patches.normals, strict=True):
         T = geo.invert_pose(joint.pose(float(state[k]))) @ views.T_world_cam[rows[k]]

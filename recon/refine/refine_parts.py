@@ -1,5 +1,4 @@
-"""Refine a joint and its states with every pixel of the part: surfels (point to plane) and tracks in one
-system.
+"""Refine a joint and its states with every pixel of the part: surfels (point to plane) and tracks together.
 
 Once labels tell the part from the hand, its surface says more than its tracks: a surfel's distance to the
 depth image fixes the state even where nothing can be tracked. Each surfel keeps a free offset along its
@@ -66,8 +65,7 @@ def refine_found(
     noise: DepthNoise,
     progress: Loop = untold,
 ) -> tuple[MovingPart, ...]:
-    """Labels with the joints found so far, then joints and states refined with every labelled pixel; what
-    moves alike is one part."""
+    """Labels by the joints so far, then joints and states refined by labelled pixels; one part a motion."""
     parts = [p.part for p in found.parts]
     if not parts:
         return ()
@@ -87,8 +85,7 @@ def polish_parts(
     refined: Sequence[MovingPart],
     noise: DepthNoise,
 ) -> tuple[MovingPart, ...]:
-    """Refined once more with the final labels, which show what the first ones missed, by the last, tight
-    gates."""
+    """Refined once more with the final labels, which show what the first ones missed, by tight gates."""
     tracks = tuple(replace(t, part=p) for t, p in zip(found.of(refined), refined, strict=True))
     return refine_parts(recording, cameras, labels, replace(found, parts=tracks), noise, GATES[-3:])
 

@@ -16,13 +16,11 @@ from recon.refine.terms import Terms
 from twin.geometry import Array
 from twin.joint import Joint
 
-# Chosen by us: rounds at most; the tilt (rad) and shift (m) of one that is none; and the metres that count as
-# much as a radian.
+# Chosen by us: most rounds; the tilt (rad) and shift (m) of a settled joint; metres that count as a radian.
 MOST_ROUNDS = 24
 _TILT, _SHIFT = np.radians(0.01), 1e-4
 _LEVER = 0.3
-# changes between steps that are combined: with more, what association draws anew each round is taken for
-# slope
+# changes between steps that are combined: with more, association's noise is taken for slope
 _MEMORY = 2
 _LONGEST = 10.0  # times the plain step, that a combined one is at most
 _LEFT = 10.0  # rounds: as far as the last step goes on in these is how wrong the joint may still be

@@ -12,16 +12,14 @@ from twin.geometry import Array
 from twin.robust import chi2_scale, geman_mcclure, mad_sigma
 from twin.scene import Joint
 
-# Share of the range by which a part at rest may seem to move in a frame; chosen by us, ten times what good
-# data leave.
+# Share of the range that a resting part may seem to move in a frame; chosen by us, ten times good data's.
 _REST_SHARE = 0.002
 
 
 def step(
     joint: Joint, state: Array, start: Array, rests: NDArray[np.bool_], terms: Terms
 ) -> tuple[Joint, Array]:
-    """One robust Gauss-Newton step over the joint's tangent, all states, and a board's normal, which the next
-    association finds anew."""
+    """One robust Gauss-Newton step over the joint's tangent, all states, and a board's normal."""
     value, jac = linearise(joint, state, terms)
     weight, _ = robust_weights(value, terms)
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
@@ -86,8 +84,7 @@ def add_priors(
 
 @njit(cache=True, nogil=True)
 def reduced(term, frame, weight, value, jac, n_states):  # type: ignore[no-untyped-def]
-    """Normal equations of joint and states after eliminating every term's offset. Observations are sorted by
-    term."""
+    """Normal equations of joint and states without every term's offset. Observations are sorted by term."""
     d = jac.shape[1] - 1
     size = d + n_states
     h = np.zeros((size, size))

@@ -1,5 +1,4 @@
-"""What refinement observes, as numbers: distances of world points to planes in the part's frame, and what
-ties them together."""
+"""What refinement observes, as numbers: distances of world points to the part's planes, and ties."""
 
 from __future__ import annotations
 
@@ -85,11 +84,9 @@ def join(a: Terms, b: Terms) -> Terms:
 
 
 def linearise(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
-    """Values n.y (n,) and their derivatives (n, d + 1) by the unknowns that all share and by the frame's own
-    state.
+    """Values n.y (n,) and their derivatives (n, d + 1) by the shared unknowns and by the frame's state.
 
-    y = T(s)^-1 q is the observed point in the part frame. All share the joint's tangent, and a board's tilts
-    where its planes are terms.
+    y = T(s)^-1 q is the observed point in the part frame. All share the joint's tangent, and a board's tilts.
     """
     value, jac, y = (_of_hinge if isinstance(joint, Revolute) else _of_slide)(joint, state, terms)
     if not isinstance(terms.board, BoardTies) or terms.board.planes is None:

@@ -1,5 +1,4 @@
-"""What is known of a hinged board, and of a drawer's front, beside what is seen of them, as errors of a joint
-and its states."""
+"""What is known of a hinged board, and of a drawer's front, beside what is seen, as errors of both."""
 
 from __future__ import annotations
 
@@ -13,8 +12,7 @@ from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
 _PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standard deviation; chosen by us
-# Of a slide's axis to the normal of its front, standard deviation and limit: runners have play, fronts hang
-# askew. Chosen by us
+# A slide's axis to its front's normal, standard deviation and limit: runners have play. Chosen by us
 _SQUARE, ASKEW = np.radians(1.0), np.radians(3.0)
 
 
@@ -86,8 +84,7 @@ def add_board(
 ) -> tuple[Array, Array]:
     """Normal equations `h` and `g` with what is known of a board where a joint and its states are beyond it.
 
-    Each counts as much as everything that was seen of its faces: depth that is biased at outlines is no less
-    so for being seen often.
+    Each counts as all that was seen of its faces: biased depth at outlines is no less so if seen often.
     """
     errors = board_errors(joint, state, terms)
     broken = errors.beyond != 0
@@ -105,8 +102,7 @@ def with_board_known(
     """Joint, states (n,) and their covariance (d + n, d + n) with what is known of a board as further
     observations (Kalman 1960): it counts where the recording says less.
 
-    Where the two disagree by more than both claim, the recording's errors are larger than it shows: they grow
-    by Birge's ratio (1932).
+    If the two disagree by more than both claim, the errors grow by Birge's ratio (1932).
     """
     errors = board_errors(joint, state, terms)
     of_ties = np.sqrt(np.einsum("ki,ij,kj->k", errors.rows, covariance, errors.rows) + errors.sigmas**2)

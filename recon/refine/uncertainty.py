@@ -1,5 +1,4 @@
-"""How sure a refined joint and its states are: a sandwich estimator over spans of frames, and slow errors of
-the cameras."""
+"""How sure a refined joint and states are: a sandwich estimator over spans, and slow camera errors."""
 
 from __future__ import annotations
 
@@ -92,14 +91,12 @@ def with_uncertainty(
 
 def _of_a_state(covariance: Array) -> float:
     """One standard deviation of a state, root mean square over the frames of a covariance (n, n), each state
-    counted from their mean: which frame is the zero is free, and one that a hand hides would make all others
-    unsure."""
+    counted from their mean: the zero frame is free, and a hidden one would make all others unsure."""
     return float(np.sqrt(max(float(np.diag(covariance).mean() - covariance.mean()), 0.0)))
 
 
 def _drift(joint: Joint, state: Array, terms: Terms, weight: Array, jac: Array, drift: Drift) -> Array:
-    """Scores (modes, d + n) of unseen slow errors: cosines over the recording, in six directions about the
-    part."""
+    """Scores (modes, d + n) of unseen slow errors: cosines over the recording, six directions at the part."""
     way, turn = _moves(joint, state, terms)
     moves = np.concatenate([drift.shift * way, drift.angle * turn], axis=1)
     time = (np.arange(len(state)) + 0.5) / len(state)
@@ -119,11 +116,9 @@ def _of_spans(
     jac: Array,
     blocks: NDArray[np.int64],
 ) -> Array:
-    """Scores (modes, d + n) of errors that all pixels of a span of frames share, in three directions, as
-    large as spans show (`_shared`).
+    """Scores (modes, d + n) of errors shared by a span's pixels, in three directions, as large as spans show.
 
-    A joint that moves within a single span fits that one's error without a residual: the sandwich sees none
-    there.
+    A joint that moves within one span fits that one's error without residual: the sandwich sees none.
     """
     way, _ = _moves(joint, state, terms)
     size = _shared(_beside(way, jac[:, -1], weight, terms.frame), weight, residual, blocks)
@@ -163,8 +158,7 @@ def _moves(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
 
 
 def _scores(errors: Iterable[Array], terms: Terms, weight: Array, jac: Array, frames: int) -> Array:
-    """What errors (n,) of the values do to the normal equations' right side (d + frames,), each after its
-    terms' offsets."""
+    """What errors (n,) do to the normal equations' right side (d + frames,), after their terms' offsets."""
     total = np.maximum(np.bincount(terms.term, weight, len(terms.normals)), 1e-12)
     d, out = jac.shape[1] - 1, []
     for value in errors:

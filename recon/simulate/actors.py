@@ -1,5 +1,4 @@
-"""Actors: what is rendered at its own pose in every frame, or only in some: furniture, parts, hands, things
-that are carried."""
+"""Actors: rendered at their own pose in every frame, or only in some: furniture, hands, carried things."""
 
 from __future__ import annotations
 

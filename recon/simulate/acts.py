@@ -1,5 +1,4 @@
-"""One interaction in its place: the part, what stands around it, where it is held, when, and its state in
-every frame."""
+"""One interaction: the part, what stands around it, where it is held, when, and its state in every frame."""
 
 from __future__ import annotations
 

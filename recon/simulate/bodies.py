@@ -1,5 +1,4 @@
-"""Bodies as the kernels read them: arrays of each, kept while frames use it, and one atlas of all
-textures."""
+"""Bodies as the kernels read them: arrays of each, kept while in use, and one atlas of all textures."""
 
 from __future__ import annotations
 
@@ -45,8 +44,7 @@ class Prepared:
 
 
 class BodyCache:
-    """The bodies of the last frames, prepared. Bodies and images are known by identity: reuse them between
-    frames.
+    """The bodies of the last frames, prepared. Known by identity: reuse bodies and images between frames.
 
     At most KEPT bodies are held, or as many as one frame has, with the textures they wear: what long
     recordings show for a while only is forgotten.
@@ -76,9 +74,8 @@ class BodyCache:
 
 class Atlas:
     """Texture images and their mip levels in one flat array of equal slots; slots of images not kept are
-    reused. What has been handed out as `texels` stays as it is, as frames may still be rendered with it: new
-    images go into a copy.
-    """
+    reused. `texels` handed out stay as they are for frames still being rendered: new images go into a
+    copy."""
 
     def __init__(self) -> None:
         sides = [SIZE]
@@ -99,8 +96,7 @@ class Atlas:
         return self._texels
 
     def starts(self, image: Image) -> NDArray[np.int64]:
-        """Where each mip level of `image` (SIZE, SIZE, 3) starts in `texels`; the image is added when it is
-        new."""
+        """Where each mip level of `image` (SIZE, SIZE, 3) starts in `texels`; a new image is added."""
         if id(image) not in self._held:
             if not self._free:
                 self._grow()

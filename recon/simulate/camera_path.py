@@ -43,8 +43,7 @@ def camera_path(
     config: SimulateConfig,
     rng: np.random.Generator,
 ) -> Array:
-    """Poses T_world_camera (frames, 4, 4), OpenCV axes, with a free line of sight to the grip of each act
-    while it lasts."""
+    """Poses T_world_camera (frames, 4, 4), OpenCV axes, with free sight of each act's grip while it lasts."""
     places = []
     for act in acts:
         around = _surroundings(act, still, bounds)
@@ -64,8 +63,7 @@ def camera_path(
 
 
 def _targets(acts: Sequence[Act], config: SimulateConfig) -> Array:
-    """What is looked at (frames, 3): between the grip and the middle of the part that is handled, or is
-    handled next."""
+    """What is looked at (frames, 3): between the grip and the middle of the part handled now or next."""
     looked = []
     for act in acts:
         part = merged_mesh(list(act.scene.part))
@@ -101,8 +99,7 @@ def _caster(meshes: list[tuple[Array, NDArray[np.int64]]]) -> Caster:
 def _viewpoint(
     scene: Articulation, around: Surroundings, grasp: Grasp, config: SimulateConfig, rng: np.random.Generator
 ) -> Array:
-    """Best of a fan of viewpoints about a seeded (or the asked) bearing: the grip and the part stay in
-    sight."""
+    """Best of a fan of viewpoints about a seeded (or the asked) bearing: grip and part stay in sight."""
     facing = unit(grasp.outward * [1.0, 1.0, 0.0]) if abs(grasp.outward[2]) < 0.9 else _facing(scene, around)
     right = np.cross([0.0, 0.0, 1.0], facing)
     asked = config.azimuth_deg
@@ -145,8 +142,7 @@ def _facing(scene: Articulation, around: Surroundings) -> Array:
 
 
 def _sight(scene: Articulation, around: Surroundings, grasp: Grasp, eye: Array) -> float:
-    """Share of the states in which the grip, and share of the part's points that, are seen; less for bad
-    places."""
+    """Share of the states in which the grip is, and of the part's points that are seen; less if bad."""
     if np.any(eye < around.low + 0.2) or np.any(eye > around.high - 0.15):
         return -2.0
     penalty = 2.0 if around.static.distance(eye) < NEAR_STATIC else 0.0

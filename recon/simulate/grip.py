@@ -43,9 +43,8 @@ class Grasp:
 def find_grasp(scene: Articulation, handle: str | None, rng: np.random.Generator) -> Grasp:
     """Find the grip of the scene's part.
 
-    The part is looked at from the directions its large faces point to, in the furniture as it stands closed;
-    what lies more than STANDS_OFF in front of the face that is seen is the handle. Parts without one are held
-    at the edge that moves most.
+    The part is looked at from the directions its large faces point to, with all closed; what lies over
+    STANDS_OFF before the seen face is the handle. Parts without one are held at the edge that moves most.
 
     Raises:
         InputError: `handle` is neither a site nor a geom of the part.
@@ -66,8 +65,7 @@ def outward_normal(scene: Articulation) -> Array:
 
 
 def _views(scene: Articulation) -> list[tuple[Array, float]]:
-    """Directions in which the closed part can be seen, largest visible area first, with the offset of its
-    face."""
+    """Directions in which the closed part can be seen, largest visible area first, with its offset."""
     part = merged_mesh(list(scene.part))
     caster = Caster()
     for surface in scene.static:
@@ -104,8 +102,7 @@ def _views(scene: Articulation) -> list[tuple[Array, float]]:
 
 
 def _face_directions(part: trimesh.Trimesh) -> list[Array]:
-    """Distinct directions (at least 20 degrees apart) of the part's faces, those with 4 % of its area or
-    more."""
+    """Distinct directions (at least 20 degrees apart) of the part's faces, of 4 % of its area or more."""
     normals, areas = np.asarray(part.face_normals), np.asarray(part.area_faces)
     out: list[Array] = []
     left = areas > 0.0

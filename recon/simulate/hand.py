@@ -29,8 +29,7 @@ PHALANGES = {
 }
 FINGER_Z = {"index": 0.031, "middle": 0.010, "ring": -0.011, "little": -0.031}
 FINGER_RADIUS = {"index": 0.0088, "middle": 0.0090, "ring": 0.0085, "little": 0.0075}
-# Directions of the phalanges in the x-y plane, degrees from x (chosen by us to wrap a bar of 6 to 10 mm
-# radius).
+# Directions of the phalanges in the x-y plane, degrees from x (chosen by us to wrap 6 to 10 mm bars).
 CLOSED_DEG, OPEN_DEG = (97.0, 178.0, 248.0), (62.0, 84.0, 100.0)
 WRIST = np.array([0.020, -0.108, 0.000])
 KNUCKLE_X, KNUCKLE_Y = 0.020, -0.023
@@ -48,8 +47,7 @@ class HandShape:
 
 
 def skeleton(closure: float, left: bool = False) -> Array:
-    """Keypoints (21, 3) of a hand that is `closure` 0 (open) .. 1 (closed around the bar); left: mirrored at
-    x = 0."""
+    """Keypoints (21, 3) of a hand that is `closure` 0 (open) .. 1 (around the bar); left: mirrored in x."""
     out = np.zeros((KEYPOINTS, 3))
     out[0] = WRIST
     thumb_closed = np.array(
@@ -90,10 +88,8 @@ def _cones(points: Array) -> list[tuple[Array, Array, float, float]]:
 
 @numba.njit(cache=True, nogil=True)
 def _nearness(points: NDArray[np.float32], cones: Array) -> NDArray[np.float32]:
-    """Sum (n,) over cones (m, 8) = start, end, start and end radius, with spherical ends and the radius
-    interpolated along the axis, of exp(-2.5 distance / BLEND) at points (n, 3): 1 on the smooth union's
-    surface.
-    """
+    """Sum (n,) over cones (m, 8) = start, end, start and end radius (spherical ends, radius interpolated
+    along the axis) of exp(-2.5 distance / BLEND) at points (n, 3): 1 on the smooth union's surface."""
     total = np.zeros(len(points), np.float32)
     for k in range(len(cones)):
         cone = cones[k]
@@ -184,8 +180,7 @@ def arm(skin: Material, cloth: Material, bare: bool = False) -> tuple[Surface, .
 def _tube(
     name: str, pieces: list[tuple[Array, Array, float, float]], folds_height: float, material: Material
 ) -> Surface:
-    """Open tube through cones (start, end, start radius, end radius) about the y axis, with folds of a
-    relative height."""
+    """Open tube through cones (start, end, and their radii) about y, folds of a relative height."""
     sides, folds = 28, 36
     phi = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
     circle = np.stack([np.cos(phi), np.zeros(sides), np.sin(phi)], axis=1)

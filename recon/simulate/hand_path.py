@@ -39,8 +39,7 @@ class HandMotion:
 
 @dataclass(frozen=True)
 class Arm:
-    """Which hand it is and where it comes from: `sign` 1 right, -1 left; `outside` and `shoulder` (3,) as
-    OUTSIDE and SHOULDER."""
+    """Which hand, whence: `sign` 1 right, -1 left; `outside` and `shoulder` (3,) as OUTSIDE, SHOULDER."""
 
     sign: float
     outside: Array
@@ -59,8 +58,7 @@ class Arm:
 
 
 def grip_pose(grasp: Grasp, eye: Array, sign: float = 1.0) -> Array:
-    """T_world_hand (4, 4) at the closed part: z along the bar (thumb up, or towards the other hand), y into
-    the part."""
+    """T_world_hand (4, 4) at the closed part: z along the bar (thumb up or to the other), y into it."""
     forward = -grasp.outward
     inwards = sign * np.cross([0.0, 0.0, 1.0], unit((grasp.point - eye) * [1.0, 1.0, 0.0]))
     along = grasp.bar

@@ -1,5 +1,4 @@
-"""The joints of an MJCF scene, by MuJoCo alone: a wrong name is told before anything that draws is
-imported."""
+"""The joints of an MJCF scene, by MuJoCo alone: a wrong name is reported before drawing is imported."""
 
 from __future__ import annotations
 
@@ -15,8 +14,7 @@ JOINT_TYPES = {3: "revolute", 2: "prismatic"}  # mujoco.mjtJoint: mjJNT_HINGE, m
 
 
 def require_joint(scene: Path | str, joint: str) -> None:
-    """Raises InputError unless the scene (an MJCF file or "kitchen") can be loaded and has this hinge or
-    slide joint."""
+    """Raises InputError unless the scene (an MJCF file or "kitchen") loads and has this hinge or slide."""
     find_joint(load_model(scene_path(scene)), joint)
 
 

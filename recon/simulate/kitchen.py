@@ -12,8 +12,7 @@ INSIDE = Path("envs", "assets", "kitchen_franka", "kitchen_assets", "kitchen_env
 
 
 def kitchen_scene() -> Path:
-    """Path of the Franka Kitchen's MJCF. Raises MissingDependencyError, naming the extra, when it is
-    absent."""
+    """Path of the Franka Kitchen's MJCF. Raises MissingDependencyError naming the extra if absent."""
     spec = find_spec("gymnasium_robotics")
     for place in (spec.submodule_search_locations or []) if spec is not None else []:
         if (Path(place) / INSIDE).is_file():

@@ -1,5 +1,4 @@
-"""How much of each lamp and of the room a surface sees: shadow and ambient rays on a grid of pixels, spread
-to all."""
+"""How much of each lamp and of the room a surface sees: shadow and ambient rays from a grid of pixels."""
 
 # Numba compiles the kernels; they are plain loops because that is what it makes fast. Arrays are float32.
 from __future__ import annotations
@@ -28,8 +27,7 @@ PASSES = (1, 2, 4)
 
 @dataclass(frozen=True)
 class Seen:
-    """What the pixel centres see: `rays` (H W, 6), `depth` (H, W) m, `normals` (H, W, 3), `body` (H, W), -1
-    for nothing."""
+    """Pixels: `rays` (H W, 6), `depth` (H, W) m, `normals` (H, W, 3), `body` (H, W), -1 for nothing."""
 
     rays: F32
     depth: F32
@@ -39,8 +37,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class LightRays:
-    """How the light is traced: shadow rays a light, ambient rays, and the `pitch` in pixels of the grid they
-    start from."""
+    """How the light is traced: shadow rays a light, ambient rays, and the `pitch` (px) of their grid."""
 
     shadow: int
     ambient: int
@@ -53,8 +50,7 @@ def received(
     """Visibility of each light and ambient openness (H, W, L + 1), smoothed along surfaces.
 
     Rays start from every `pitch`-th pixel of every `pitch`-th row. Passes of smoothing reach equally far at
-    any pitch; other pixels get the mean of the grid's around them on the same surface, and trace their own
-    rays where there are none.
+    any pitch; other pixels get the mean of the grid's around them on their surface, else trace rays.
 
     Args:
         seen: what the pixel centres see.
@@ -141,8 +137,7 @@ def ray_starts(rays: FloatArray, depth: FloatArray, normals: FloatArray, pixels:
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
 def light_rays(starts: FloatArray, light: FloatArray, index: FloatArray, shift: FloatArray) -> FloatArray:
-    """Rays (n, 6) from `starts` (n, 3) to points of a rectangular light (centre, half edge, half edge: (3,
-    3))."""
+    """Rays (n, 6) from `starts` (n, 3) to points of a rectangular light (centre, half edges: (3, 3))."""
     out = np.empty((len(starts), 6), np.float32)
     for i in range(len(starts)):
         u, v = _point(index[i], shift)
@@ -157,8 +152,7 @@ def light_rays(starts: FloatArray, light: FloatArray, index: FloatArray, shift: 
 def ambient_rays(
     starts: FloatArray, normals: FloatArray, reach: float, index: FloatArray, shift: FloatArray
 ) -> FloatArray:
-    """Rays (n, 6) of length `reach` from `starts` in cosine-distributed directions about the normals (n,
-    3)."""
+    """Rays (n, 6) of length `reach` from `starts` in cosine-weighted directions about the normals (n, 3)."""
     out = np.empty((len(starts), 6), np.float32)
     for i in range(len(starts)):
         u, v = _point(index[i], shift)

@@ -89,8 +89,7 @@ def articulations(
     contrast: float,
     rng: np.random.Generator,
 ) -> tuple[Articulation, ...]:
-    """The parts of `joints` of one scene, which all share what stands still beside them. Raises InputError as
-    `load_articulation`.
+    """The parts of `joints` of one scene, which share what stands still. InputError as `load_articulation`.
 
     The closed end of each is taken with the others closed; a part doesn't carry another one.
     """
@@ -170,8 +169,7 @@ def _articulation(
 
 
 def travel(model: mujoco.MjModel, joint: str) -> tuple[str, float]:
-    """Kind of a joint, "revolute" or "prismatic", and its travel from the closed end, rad or m. Raises
-    InputError when it isn't there."""
+    """Kind of a joint, "revolute" or "prismatic", and its travel from the closed end, rad or m."""
     index = find_joint(model, joint)
     kind = JOINT_TYPES[int(model.jnt_type[index])]
     return kind, _closed_end(model, index, kind)[2]
@@ -196,8 +194,7 @@ def _closed_end(model: mujoco.MjModel, index: int, kind: str) -> tuple[float, fl
 
 
 def _furniture(model: mujoco.MjModel, joint: int) -> set[int]:
-    """The bodies of the furniture that a joint belongs to: the whole tree that stands on the world, or those
-    that a tuple lists."""
+    """The bodies of a joint's furniture: the whole tree on the world, or those a tuple lists."""
     listed = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TUPLE, model.joint(joint).name + FURNITURE)
     if listed >= 0:
         start = int(model.tuple_adr[listed])
@@ -271,8 +268,7 @@ def _geom_material(
 
 
 def _mass(model: mujoco.MjModel, data: mujoco.MjData, bodies: set[int]) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia (xx yy zz xy xz yz, about it, world axes) of bodies moving
-    together."""
+    """Mass, centre of mass and inertia (xx yy zz xy xz yz, about it, world axes) of joined bodies."""
     index = sorted(bodies)
     masses = np.asarray(model.body_mass[index], dtype=np.float64)
     mass = float(masses.sum())

@@ -1,5 +1,4 @@
-"""Painters of procedural surfaces: tileable albedo images drawn from a seed. Nothing is photographed or
-copied."""
+"""Painters of procedural surfaces: tileable albedo images drawn from a seed. None is a photograph."""
 
 from __future__ import annotations
 

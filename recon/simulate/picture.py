@@ -37,8 +37,7 @@ class Picture:
         return exposed(colour, flow, self._rows * self._fps, self._faults.shutter)
 
     def brightness(self, index: int) -> Array:
-        """Factor (H, 1, 1) on the rows of frame `index`: the lamps' swing and the automatic exposure's
-        steps."""
+        """Factor (H, 1, 1) on the rows of frame `index`: lamps' swing and the automatic exposure's steps."""
         times = index / self._fps + self._rows
         opened = self._faults.shutter / self._fps
         swing = np.sin(2.0 * np.pi * self._lamp * times + self._phase) * np.sinc(self._lamp * opened)

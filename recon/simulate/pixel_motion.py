@@ -1,5 +1,4 @@
-"""Compiled kernels of the shutter: how pixels move, where they are at a row's time, what they cover and stem
-from."""
+"""Compiled kernels of the shutter: how pixels move, where they are at a row's time, their sources."""
 
 # Numba compiles these functions; they are plain loops because that is what it makes fast. Sums are taken in
 # the order they are written in (no fastmath), so that a still pixel comes back to exactly its own place.
@@ -18,8 +17,7 @@ FloatArray = Any  # numba sees the concrete types
 def motion(
     depth: FloatArray, body: FloatArray, focal: float, cx: float, cy: float, moves: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocity and acceleration (H, W, 2) in px/frame and px/frame^2 of the parabola through the places a
-    frame before, now and after.
+    """Velocity and acceleration (H, W, 2), px per frame (^2), of the parabola through three frames' places.
 
     `body` (H, W) is the index of what is seen at `depth` (H, W), -1 or 0 m for nothing, which stays; `moves`
     (bodies, 2, 3, 4) takes the points of a body from the camera now to the camera before and after. What
@@ -125,9 +123,8 @@ def _between(row: float, offsets: FloatArray) -> float:
 @numba.njit(cache=True, nogil=True)
 def carried(way: FloatArray, depth: FloatArray) -> FloatArray:
     """Which pixel (H, W), counted along rows, each pixel of the result stems from, -1 for none, where pixels
-    go `way` (H, W, 2): each covers the four places about its own, so that a surface that comes nearer has no
-    cracks; the nearest stays.
-    """
+    go `way` (H, W, 2): each covers four places about its own, so that approaching surface has no cracks; the
+    nearest stays."""
     height, width = depth.shape
     source = np.full((height, width), -1, np.int64)
     front = np.full((height, width), np.inf, np.float32)

@@ -59,8 +59,7 @@ def write_frame(
 
 
 def late_depth(out: Path, lag: int) -> None:
-    """Give every frame the depth of the one `lag` frames before (after: negative), and those without one the
-    first, or the last."""
+    """Give each frame the depth of the one `lag` before (after: negative), else the first or last."""
     if lag == 0:
         return
     files = sorted((out / "depth").iterdir())

@@ -47,8 +47,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Lights:
-    """Rectangular lights: `shapes` (L, 3, 3) = centre and two half edges, `powers` (L, 3), `sky` (3,)
-    ambient."""
+    """Lights: `shapes` (L, 3, 3) = centre and two half edges, `powers` (L, 3), `sky` (3,) ambient."""
 
     shapes: F32
     powers: F32
@@ -127,8 +126,7 @@ class Renderer:
     def prepared(
         self, bodies: list[Body], poses: list[Array], T_world_camera: Array, rng: np.random.Generator
     ) -> Callable[[], View]:
-        """The same for later: what is returned renders in any thread, beside other frames; this one thread at
-        a time."""
+        """The same for later: the result renders in any thread, beside other frames; this, one thread."""
         return partial(self._rendered, _Frame(self._cache, bodies, poses), T_world_camera, rng)
 
     def _rendered(self, frame: _Frame, T_world_camera: Array, rng: np.random.Generator) -> View:

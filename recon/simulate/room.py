@@ -1,5 +1,4 @@
-"""The room around a scene: floor, walls, ceiling, pictures, boxes and books, so that a camera can be
-tracked."""
+"""The room around a scene: floor, walls, ceiling, pictures, boxes and books, to track cameras."""
 
 from __future__ import annotations
 
@@ -25,11 +24,9 @@ def build_room(
     rng: np.random.Generator,
     others: Sequence[Articulation] = (),
 ) -> tuple[tuple[Surface, ...], Array, Array]:
-    """Surfaces of a room about the furniture, with its inner corners (3,), (3,). others: parts that move as
-    well.
+    """Surfaces of a room around, with its inner corners (3,), (3,). others: parts that move as well.
 
-    The wall behind the furniture touches it, on the side away from where the part faces (`outward`,
-    flattened).
+    The wall behind the furniture touches it, opposite to where the part faces (`outward`, flattened).
     """
     facing = outward * [1.0, 1.0, 0.0]
     axis = int(np.argmax(np.abs(facing))) if np.linalg.norm(facing) > 0.3 else 1

@@ -45,8 +45,7 @@ def primary_rays(
 
 @numba.njit(cache=True, nogil=True)
 def crossed(body: FloatArray, face: FloatArray) -> FloatArray:
-    """Pixels (H, W) whose samples may meet another face than their centres: those beside another one or the
-    rim."""
+    """Pixels (H, W) whose samples may meet another face than their centres: beside another or the rim."""
     height, width = body.shape
     out = np.ones((height, width), np.bool_)
     for row in range(1, height - 1):
@@ -116,8 +115,7 @@ def _texel(atlas: FloatArray, start: int, size: int, u: float, v: float) -> Trip
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
 def _plane(m: FloatArray, normal: Triple) -> tuple[int, int]:
-    """Triplanar lookup: the texture axes (u, v) of the plane that faces the surface most; `m` (3, 4) to
-    texture."""
+    """Triplanar: the texture axes (u, v) of the plane facing the surface most; `m` (3, 4) to texture."""
     a = abs(m[0, 0] * normal[0] + m[0, 1] * normal[1] + m[0, 2] * normal[2])
     b = abs(m[1, 0] * normal[0] + m[1, 1] * normal[1] + m[1, 2] * normal[2])
     c = abs(m[2, 0] * normal[0] + m[2, 1] * normal[1] + m[2, 2] * normal[2])
@@ -128,8 +126,7 @@ def _plane(m: FloatArray, normal: Triple) -> tuple[int, int]:
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
 def _level(d: Triple, normal: Triple, depth: float, scale: float, levels: int) -> int:
-    """Mip level of what one sample along `d` covers at `depth`; `scale` is the texels of level 0 a sample at
-    depth 1."""
+    """Mip level of what one sample along `d` covers at `depth`; `scale`: texels of level 0 at depth 1."""
     length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     facing = abs(d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]) / length
     texels = depth * scale / math.sqrt(max(facing, 0.08))
@@ -163,8 +160,7 @@ def _same_surface(
 def _lit(
     point: Triple, normal: Triple, d: Triple, albedo: Triple, gloss: float, light: FloatArray, lamps: Lamps
 ) -> Triple:
-    """The light that leaves a point against the ray `d`: ambient, lamps with distance fall-off, a weak
-    highlight."""
+    """The light that leaves a point against the ray `d`: ambient, lamps with fall-off, a weak highlight."""
     shapes, powers, sky = lamps
     ambient = (0.78 + 0.22 * normal[2]) * (0.12 + 0.88 * light[len(shapes)])  # light bounces into corners
     r, g, b = sky[0] * ambient, sky[1] * ambient, sky[2] * ambient
@@ -201,8 +197,7 @@ def shade_insides(
     """Write linear colour `out` (H W, 3) of `pixels` (m,) that lie inside one face: the texture is sampled
     where the rays plus `steps` (n, 3) meet the plane of the face, the light is that of the centre.
 
-    `hits` are depth, face and normal of the face; `light` (H W, lamps + 1) is the visibility of each lamp,
-    then ambient openness.
+    `hits` are depth, face and its normal; `light` (H W, lamps + 1): each lamp's visibility, then ambient.
     """
     depth, face, flat = hits
     face_surface, textures, tiles, glosses, starts, atlas, size = surfaces

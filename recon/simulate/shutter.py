@@ -1,5 +1,4 @@
-"""Pictures at other times than they were rendered at: motion blur, rolling shutter and delayed colour, by the
-exact motion of the image.
+"""Pictures at other times than rendered: motion blur, rolling shutter, delayed colour, by exact image motion.
 
 What a pixel shows is a point of a rigid body; where that body and the camera are a frame before and after
 says how the pixel moves. Pixels are carried along that motion, the nearest on top; those beside an edge,
@@ -27,8 +26,7 @@ F32 = NDArray[np.float32]
 MOST_SAMPLES = 24  # times in an open shutter; chosen by us, at speeds above 24 px in it the blur has steps
 EDGE = 0.02  # relative step in depth from one pixel to the next that is an edge; chosen by us
 STILL = 1e-6  # pixels: what rounding alone moves
-# a pixel is seen at the time of the row that it has come to; each shrinks the error by its way in a row's
-# time
+# a pixel is seen at the time of the row that it has come to; each shrinks the error
 ROUNDS = 3
 
 
@@ -59,8 +57,7 @@ class Flow:
 def poses_around(poses: Array, index: int, present: Sequence[bool] | None = None) -> Array:
     """Poses (3, 4, 4) in the frames before, at and after `index`, of a body's poses (frames, 4, 4).
 
-    At the ends of the recording, and next to frames in which the body is not there, the motion goes on as on
-    the other side.
+    At the ends, and next to frames without the body, the motion goes on as on the other side.
     """
     there = [0 <= k < len(poses) and (present is None or present[k]) for k in (index - 1, index + 1)]
     now = poses[index]
@@ -144,8 +141,7 @@ def _filled(source: NDArray[np.int64], way: Array, depth: F32) -> NDArray[np.int
 
 
 def exposed(colour: F32, flow: Flow, rows: Array, opened: float) -> F32:
-    """Colour (H, W, 3) as a shutter sees it that is open for `opened` frames about the times `rows` (H,) of
-    its rows, in frames."""
+    """Colour (H, W, 3) of a shutter open for `opened` frames about its rows' times `rows` (H,), in frames."""
     if opened == 0.0:
         return shifted(colour, flow, rows)
     speed = float(np.quantile(np.linalg.norm(flow.velocity, axis=-1), 0.995))

@@ -50,8 +50,7 @@ def simulate(
         depth_lag: frames by which depth lags behind colour (early: negative), or "drawn".
 
     Returns:
-        `out`. The layout is the native one (color/, depth/, intrinsic.json, timestamps.txt) with truth/
-        beside it.
+        `out`. The layout is the native one (color/, depth/, intrinsic.json, timestamps.txt) and truth/.
 
     Raises:
         InputError: scene, joint, handle or folder can't be used.
@@ -63,8 +62,7 @@ def simulate(
 
 
 def opening(scene: Path, joint: str, config: SimulateConfig) -> Stage:
-    """The part of `joint`, which stands closed, is opened once. Raises InputError, ConfigError as
-    `simulate`."""
+    """The part of `joint`, closed, is opened once. Raises InputError, ConfigError as `simulate`."""
     model = load_model(scene)
     episode = opening_episode(joint, _opening(model, joint, config), config)
     return Stage(Script(model, str(scene), (episode,), config.rest_after_s), config)
@@ -112,8 +110,7 @@ def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_l
 
 
 def drawn_lag(seed: int) -> int:
-    """1 to `MOST_LAG` frames, by a random stream of its own, from which nothing else of a recording is
-    drawn."""
+    """1 to `MOST_LAG` frames, by a random stream of its own, used for nothing else."""
     return int(np.random.default_rng([seed, LAGGING]).integers(1, MOST_LAG + 1))
 
 

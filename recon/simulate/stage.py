@@ -87,8 +87,7 @@ class Stage:
         return self.prepared(index)()
 
     def prepared(self, index: int) -> Callable[[], View]:
-        """The same for later: what is returned renders in any thread, beside other frames; this one thread at
-        a time."""
+        """The same for later: the result renders in any thread, beside other frames; this, one thread."""
         k = index + self._first
         there = [a for a in self.actors if a.present[k]]
         rng = np.random.default_rng([self.config.seed, 6, index])
@@ -194,8 +193,7 @@ class Stage:
 
 
 def room_lights(low: Array, high: Array, scene: Articulation, eye: Array) -> Lights:
-    """Two lamps under the ceiling: a warm one beside the person, a cooler one farther off; ambient from
-    everywhere."""
+    """Two lamps under the ceiling: a warm one beside the person, a cooler one farther; ambient all over."""
     middle = 0.5 * (scene.lower + scene.upper)
     height = min(float(high[2]) - 0.08, max(float(eye[2]), float(middle[2])) + 1.6)
     away = (eye - middle) * [1.0, 1.0, 0.0]

@@ -19,10 +19,8 @@ SMOOTH_ANGLE_DEG = (
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh of one material. `vertices` (V, 3) m and `corner_normals` (F, 3, 3) are in the frame of the
-    object that carries it: the world at state 0 for furniture. `T_texture_object` (4, 4) maps to texture
-    coordinates.
-    """
+    """A mesh of one material. `vertices` (V, 3) m and `corner_normals` (F, 3, 3) are in the frame of its
+    object: the world at state 0 for furniture. `T_texture_object` (4, 4) maps to texture coordinates."""
 
     name: str
     vertices: Array

@@ -114,8 +114,7 @@ def kind_of(name: str, rng: np.random.Generator) -> str:
 def make_material(
     kind: str, contrast: float, rng: np.random.Generator, colour: Array | None = None
 ) -> Material:
-    """A material of `kind` (see PAINTERS) with its own drawing; `contrast` scales it around its mean
-    colour."""
+    """A material of `kind` (see PAINTERS) with its own drawing; `contrast` scales it about its mean."""
     painter, tile, gloss = PAINTERS[kind]
     if colour is None:
         palette = PALETTES[kind]
@@ -133,8 +132,7 @@ def skin_material(tone: int | None, contrast: float, rng: np.random.Generator) -
 
 
 def material_for(name: str, rgb: Array, contrast: float, rng: np.random.Generator) -> Material:
-    """The material of an MJCF geom: kind from its material's name; painted surfaces keep `rgb` unless it is
-    grey."""
+    """The material of an MJCF geom: kind from its material's name; paint keeps `rgb` unless grey."""
     own = np.random.default_rng([int(rng.integers(2**31)), zlib.crc32(name.encode())])
     kind = kind_of(name, own)
     coloured = kind in ("laminate", "plaster", "fabric", "tiles") and float(rgb.max() - rgb.min()) > 0.08

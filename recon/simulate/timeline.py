@@ -1,5 +1,4 @@
-"""When things happen: what the person does one after the other, the phases in frames, and the part's state
-over time."""
+"""When things happen: the person's acts in order, the phases in frames, the part's state over time."""
 
 from __future__ import annotations
 
@@ -16,8 +15,7 @@ from twin.geometry import Array
 
 @dataclass(frozen=True)
 class Leg:
-    """The part goes to state `to`, rad or m, within `seconds` by minimum jerk; where it is there already,
-    that is a pause."""
+    """The part goes to state `to`, rad or m, within `seconds` by minimum jerk; if there, it pauses."""
 
     to: float
     seconds: float
@@ -52,10 +50,9 @@ class Episode:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Frame indices of one interaction: `enter` first frame with the hand, `grasp` first closed, `turns` last
-    at rest, then the ends of the legs, `release` last closed, `gone` first without the hand; `frames` of the
-    whole recording.
-    """
+    """Frame indices of one interaction: `enter` first with the hand, `grasp` first closed, `turns` last at
+    rest, then legs' ends, `release` last closed, `gone` first without the hand; `frames` of the whole
+    recording."""
 
     enter: int
     grasp: int
@@ -80,8 +77,7 @@ class Timeline:
         return self.turns[-1]
 
     def states(self, levels: Sequence[float]) -> Array:
-        """State (frames,) of the part, which goes through `levels`, one for each of `turns`, in minimum
-        jerks."""
+        """State (frames,) of the part through `levels`, one for each of `turns`, in minimum jerks."""
         out = np.full(self.frames, float(levels[0]))
         for k in range(len(levels) - 1):
             t = (np.arange(self.frames) - self.turns[k]) / (self.turns[k + 1] - self.turns[k])
@@ -89,8 +85,7 @@ class Timeline:
         return out
 
     def segments(self, levels: Sequence[float]) -> list[tuple[int, int]]:
-        """Frames (last at rest, first at rest again) of each leg that moves the part; legs without a pause
-        between are one."""
+        """Frames (last at rest, first at rest again) of each moving leg; legs without a pause are one."""
         out: list[tuple[int, int]] = []
         for k in range(len(levels) - 1):
             if levels[k + 1] != levels[k]:

@@ -37,8 +37,7 @@ class TruthPart:
 
 @dataclass(frozen=True)
 class Truth:
-    """Everything that is exactly known about a recording; arrays over all frames. still: what never moves, in
-    the world."""
+    """All that is exactly known about a recording; arrays over all frames. still: what never moves."""
 
     parts: tuple[TruthPart, ...]
     still: tuple[Surface, ...]
@@ -50,8 +49,7 @@ class Truth:
 
 
 def write_truth(out: Path, truth: Truth, camera: Camera, depth_lag: int = 0) -> None:
-    """Write time stamps and the truth/ folder (labels are written with the frames). depth_lag: frames, told
-    where it is not 0."""
+    """Write time stamps and the truth/ folder (labels go with frames). depth_lag: frames, told if not 0."""
     (out / "timestamps.txt").write_text("".join(f"{t:.6f}\n" for t in truth.times))
     folder = out / "truth"
     lines = ["# timestamp tx ty tz qx qy qz qw   (camera to world, OpenCV camera axes, metres)"]
@@ -75,8 +73,7 @@ def write_truth(out: Path, truth: Truth, camera: Camera, depth_lag: int = 0) -> 
 
 
 def hand_arrays(truth: Truth, camera: Camera) -> dict[str, NDArray[Any]]:
-    """Keypoints in the world, in pixels (NaN behind the camera), their depth, whether in view, and hand
-    poses."""
+    """Keypoints in the world, in pixels (NaN behind the camera), their depth, if in view, and hand poses."""
     n = len(truth.times)
     in_camera = np.empty_like(truth.keypoints)
     for i in range(n):

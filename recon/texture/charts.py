@@ -1,5 +1,4 @@
-"""Charts: a mesh cut into pieces that lie nearly flat, each projected onto its own plane and packed into one
-square image.
+"""Charts: a mesh cut into nearly flat pieces, each projected onto its own plane, packed into one square.
 
 A chart grows over neighbouring faces that turn no more than `MAX_TURN` from its first face, the largest that
 is left: decimation leaves the largest faces where a surface is flat. Where two sheets of one chart would lie
@@ -68,8 +67,7 @@ def lay_out(mesh: Mesh, texel: Array) -> Layout:
 
 
 def _low_turn(turn: Array, area: Array, charts: I32) -> Array:
-    """The cosine (C,) that all but `TURNED` of a chart's area does not turn beyond: texels finer by it are as
-    small there as was asked."""
+    """The cosine (C,) that all but `TURNED` of a chart's area exceeds: so much finer are its texels."""
     order = np.lexsort((turn, charts))
     last = np.flatnonzero(np.diff(charts[order], append=-1))
     total = np.cumsum(area[order])
@@ -117,8 +115,7 @@ def _cut(
 def _grow(
     chart: I32, seeds: I32, beside: I32, normals: Array, texel: Array, turn: float, count: int
 ) -> I32:  # pragma: no cover - compiled
-    """Give every face without a chart one, numbered from `count` on; returns the first face of each new
-    one."""
+    """Give every face without a chart one, numbered from `count` on; the first face of each new one."""
     first = np.empty(len(seeds), np.int32)
     queue = np.empty(len(seeds), np.int32)
     new = 0

@@ -35,8 +35,7 @@ from twin.scene import STATIC_LABEL, Mesh, Revolute, Texture, Trajectory
 
 TEXTURE = Stage("texture", 2, ("texture",))
 
-# texels a pixel of the nearer photographs, chosen by us: sampling twice, into the texture and out of it,
-# blurs less
+# texels a pixel of the nearer photographs, chosen by us: sampling twice, in and out, blurs less
 _PER_PIXEL = 1.4
 _NEARER = 0.1  # share of the depths that are nearer than what the texel is made for
 _PLACES = 3000  # points of a body, spread evenly over its vertices, in which photographs are compared

@@ -1,5 +1,4 @@
-"""Brightness of the photographs, made equal: a gain for each frame and channel from the places that several
-of them show."""
+"""Brightness of photographs made equal: a gain a frame and channel from places that several show."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ _MOST = 2.0  # largest gain: what differs by more is no exposure
 
 
 def gains(seen: Sequence[tuple[Array, Array]], frames: int) -> Array:
-    """Gains (frames, 3) by which a photograph's sRGB levels are multiplied; their geometric mean, weighted by
-    what they tell, is 1.
+    """Gains (frames, 3) on photographs' sRGB levels; their geometric mean, weighted by information, is 1.
 
     A gain of light is nearly one of sRGB levels, whose curve is nearly a power. Weighted least squares of log
     colour = place + frame, by turns, with the weights of Geman and McClure 1987.

@@ -17,8 +17,7 @@ PLAIN = 180.0  # of a body that no photograph shows
 
 
 def over_surface(colors: F32, seen: NDArray[np.bool_], faces: NDArray[np.int32]) -> Array:
-    """Colours (V, 3) of all vertices: as given where `seen`, elsewhere the mean of the neighbours', which
-    runs evenly from edge to edge.
+    """Colours (V, 3) of all vertices: as given where `seen`, elsewhere the neighbours' mean, evenly.
 
     A piece of the surface without any takes the median of those that there are.
     """

@@ -1,5 +1,4 @@
-"""How thick a part's handle is, by its outline in photographs: a fused surface makes 15 to 35 mm of a bar of
-12, a photograph does not.
+"""A handle's thickness by its outline in photographs: a fused surface makes 15 to 35 mm of a 12 mm bar.
 
 Each photograph without a hand near is laid onto the plane of the handle's outer face and told row by row
 along the handle, which leaves a profile of colour across it. A bar that is as deep as wide shows its front
@@ -52,8 +51,7 @@ _SURE = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Colours (n, 3) across a handle, `_STEP` m apart, seen from `angle` rad aside in that direction; a pixel
-    is `pixel` m there."""
+    """Colours (n, 3) across a handle, `_STEP` m apart, seen `angle` rad aside; a pixel is `pixel` m there."""
 
     color: Array
     angle: float
@@ -128,8 +126,7 @@ def profiles_of(
 def _sampled(
     points: Array, shape: tuple[int, ...], frame: int, twin: Twin, recording: Recording
 ) -> Array | None:
-    """Colours (rows, n, 3) of a frame at points (rows * n, 3) in its camera; None where they leave the
-    picture or a hand is near."""
+    """Colours (rows, n, 3) of a frame at its camera's points (rows * n, 3); None out of view, near a hand."""
     camera = recording.intrinsics
     if points[:, 2].min() < 0.1:
         return None
@@ -146,8 +143,7 @@ def _sampled(
 
 
 def width_of(profiles: list[Profile], fused: float) -> float | None:
-    """Width (m) of a handle by profiles across it, None where they don't tell. fused: its width (m) in the
-    fused surface."""
+    """Width (m) of a handle by profiles across it, or None. fused: its width (m) in the fused surface."""
     if len(profiles) < _VIEWS:
         return None
     half = min(_REACH, max(_AROUND[0], fused / 2 + _AROUND[1]))
@@ -159,8 +155,7 @@ def width_of(profiles: list[Profile], fused: float) -> float | None:
 
 
 def _misfit(profile: Profile, half: float) -> Array:
-    """-2 log likelihood (widths,) of one profile within `half` m, the handle where it fits best; a pixel
-    counts as one sample."""
+    """-2 log likelihood (widths,) of one profile within `half` m, handle at its best; pixels are samples."""
     n = 2 * round(half / _STEP) + 1
     start = len(profile.color) // 2 - n // 2
     color = profile.color[start : start + n]

@@ -46,9 +46,8 @@ class Shot:
 @dataclass(frozen=True, eq=False)
 class Photos:
     """K frames for one body. which (K,): their places among all shots; color (K, H, W, 3); depth (K, H, W) m;
-    trust (K, H, W) 0..1: 0 where the pixel does not show the body; low (K, h, w, 3): the body's colours
-    without detail, a pixel of it `LOW` of the photograph; T_cam_body (K, 3, 4) from the body at state 0;
-    camera: of the photographs."""
+    trust (K, H, W) 0..1: 0 off the body; low (K, h, w, 3): the body's colours without detail, its pixel `LOW`
+    of the photograph; T_cam_body (K, 3, 4) from the body at state 0; camera: of the photographs."""
 
     which: NDArray[np.int64]
     color: U8
@@ -89,8 +88,7 @@ def _without_hands(labels: U8) -> U8:
 
 
 def of_body(shots: Sequence[Shot], key: int, poses: Sequence[Array | None], camera: Intrinsics) -> Photos:
-    """The shots for the body with label `key`, whose poses T_world_body (4, 4) are given shot by shot; None
-    leaves a shot out."""
+    """The shots for the body with label `key` at poses T_world_body (4, 4), shot by shot; None: left out."""
     used = [k for k, s in enumerate(shots) if poses[k] is not None and np.any(s.labels == key)]
     typical = float(np.median([s.sharpness for s in shots])) if shots else 1.0
 
@@ -135,8 +133,7 @@ def _trust(own: NDArray[np.bool_], depth: F32) -> F32:
 
 
 def _low(color: U8, own: NDArray[np.bool_]) -> F32:
-    """(h, w, 3): mean colour around each block of `LOW` px over the body's own pixels; what no own pixel is
-    near stays 0."""
+    """(h, w, 3): mean colour around each block of `LOW` px over the body's pixels; 0 far from its pixels."""
     h, w = own.shape
     size = (-(-w // LOW), -(-h // LOW))
     weight = own.astype(np.float32)

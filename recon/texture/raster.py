@@ -18,8 +18,7 @@ MARGIN = 1.5  # texels around a chart that its faces run on over: what cubic sam
 def within(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, x: float, y: float
 ) -> float:  # pragma: no cover - compiled
-    """How far a point lies within a triangle that runs anticlockwise; negative outside: the distance to a
-    line it is beyond."""
+    """How far a point lies within an anticlockwise triangle; negative outside: distance to a line beyond."""
     ab, bc, ca = np.hypot(bx - ax, by - ay), np.hypot(cx - bx, cy - by), np.hypot(ax - cx, ay - cy)
     if min(ab, bc, ca) < 1e-9:
         return -np.inf

@@ -35,8 +35,7 @@ _AT_ONCE = 1 << 16
 
 @dataclass(frozen=True, eq=False)
 class Shaded:
-    """Colours (n, 3) float32 in 0..255 of points, and how many photographs show each (n,); 0: its colour is
-    0."""
+    """Colours (n, 3) float32 in 0..255, and how many photographs show each (n,); none: 0."""
 
     color: F32
     views: NDArray[np.uint8]
@@ -63,8 +62,7 @@ def shade(
 
 
 def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tuple[Array, Array]:
-    """What each photograph shows of points (n, 3) m without detail: colours (n, K, 3) and weights (n, K), 0
-    where it does not show one."""
+    """What is shown of points (n, 3) m without detail: colours (n, K, 3), weights (n, K), 0 if unseen."""
     return _lows(
         points, normals, photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector, noise.base,
         noise.slope,
@@ -75,8 +73,7 @@ def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tu
 def _seen(
     p: Array, n: Array, T: Array, camera: Array, depth: F32, trust: F32, base: float, slope: float
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    """Column and row at which a photograph shows a point, and how well: pixels per metre on the surface,
-    squared, times trust."""
+    """Column and row of a point in a photograph, and its quality: (pixels per metre)^2 times trust."""
     x = T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3]
     y = T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3]
     z = T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3]

@@ -129,8 +129,7 @@ def track_points(
 def followed(
     before: NDArray[np.uint8], after: NDArray[np.uint8], start: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Where corners (n, 2) px of one grey picture are in another, and which (n,) of them come back to their
-    start from there."""
+    """Where corners (n, 2) px of a grey picture are in another, and which (n,) of them come back."""
     lk = {
         "winSize": (_WINDOW, _WINDOW),
         "maxLevel": _LEVELS,

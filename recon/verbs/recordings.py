@@ -67,8 +67,7 @@ def calibrate(
     coefficients: Literal[5, 8] | None,
     **sizes: Any,
 ) -> Outcome:
-    """A camera, or a colour and a depth camera, from pictures of a board. sizes: of the board, where no file
-    tells them."""
+    """A camera, or a colour and a depth camera, from pictures of a board. sizes: the board's if no file."""
     require_writable(out)
     from recon.readers.calibration.board import Board, Kind, read_board
     from recon.readers.calibration.calibrate import calibrate as calibration_of

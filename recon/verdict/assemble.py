@@ -1,5 +1,4 @@
-"""Put a twin together from what the stages found, and keep it in the run folder beside what the user changed
-there."""
+"""Put a twin together from what the stages found, and keep it in the run folder with the user's changes."""
 
 from __future__ import annotations
 
@@ -42,8 +41,7 @@ from twin.storage import aside_name, digest, keep_aside, load, save
 from twin.storage.texture import same_textures
 from twin.verdict import Verdict, of_twin, verdict_document
 
-# Intersection over union of the pixels of one part in two twins of a recording: from half on, no other part
-# has as many of them.
+# Intersection over union of one part's pixels in two twins: from half on, no other part has as many.
 _SAME = 0.5
 
 
@@ -109,8 +107,7 @@ def assemble(
 def given_names(
     earlier: Twin | None, recording: Recording, labels: Mapping[int, NDArray[np.uint8]]
 ) -> dict[int, str]:
-    """Names of the parts of an earlier twin of the recording, by the id of the part that has their pixels
-    now."""
+    """Names of the parts of an earlier twin of the recording, by the id of their pixels' part now."""
     recorded = None if earlier is None else earlier.recorded
     if earlier is None or recorded is None or recorded.fingerprint != recording.fingerprint:
         return {}
@@ -128,8 +125,7 @@ def given_names(
 
 
 def _left_out(part: MovingPart, name: str, verdict: Verdict) -> dict[str, Any]:
-    """What provenance says of a refused part: JSON types, in the world with the state counted from the first
-    frame."""
+    """What provenance says of a refused part: JSON types, in the world, states from the first frame on."""
     joint = part.joint
     pivot = joint.pivot.tolist() if isinstance(joint, Revolute) else None
     told = {"id": part.id, "name": name, "type": joint.kind, "axis": joint.axis.tolist(), "pivot": pivot}
@@ -137,8 +133,7 @@ def _left_out(part: MovingPart, name: str, verdict: Verdict) -> dict[str, Any]:
 
 
 def _without(labels: Mapping[int, NDArray[np.uint8]], ids: Sequence[int]) -> Mapping[int, NDArray[np.uint8]]:
-    """Label images in which the pixels of these parts are unknown: whether they are static is not known
-    either."""
+    """Label images in which the pixels of these parts are unknown, static ones included."""
     if not ids:
         return labels
     table = np.arange(256, dtype=np.uint8)
@@ -178,8 +173,7 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
 
 
 def _with_textures(earlier: Twin, twin: Twin) -> Twin:
-    """The earlier twin with the textures of the new one, wherever their meshes have the same faces: a digest
-    knows nothing of them."""
+    """The earlier twin with the new one's textures where meshes have the same faces: digests skip them."""
 
     def dressed(old: Mesh, new: Mesh) -> Mesh:
         same = np.array_equal(old.faces, new.faces) and np.array_equal(old.vertices, new.vertices)
@@ -192,8 +186,7 @@ def _with_textures(earlier: Twin, twin: Twin) -> Twin:
 
 
 def earlier_twin(run: Run, folder: Path) -> Twin | None:
-    """The twin that a folder holds, None where there is none; one that can't be read is kept aside, with a
-    warning."""
+    """The twin in a folder, None without one; an unreadable one is kept aside, with a warning."""
     if not (folder / "twin.json").is_file():
         return None
     try:

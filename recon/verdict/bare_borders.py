@@ -26,8 +26,7 @@ _WIDTH, _FRAMES = 320, 4
 # side. Least pixels of a border, and of depth of either side of a profile. Chosen by us
 _REACH, _BESIDE, _FEWEST, _FEWEST_KNOWN = 9, 3, 40, 2
 # An edge is what changes by so many grey levels within 3 px, and by three times what the part itself does, at
-# most by so many: on a face with a strong pattern any border has one, and it doesn't tell. m that depth
-# leaves the face. By us
+# most by so many: with a strong pattern any border has one. m that depth leaves the face. By us
 _LEVELS, _TIMES, _MOST_LEVELS, _OFF_M = 6.0, 3.0, 30.0, 0.02
 _ACROSS, _MOSTLY = 3, 0.8
 
@@ -37,8 +36,7 @@ F32 = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class _Profiles:
-    """What lies across a border: positions t px, outwards positive; picture (n, t, 3) and depth (n, t) m, 0
-    where unknown."""
+    """Across a border: positions t px, outwards positive; picture (n, t, 3), depth (n, t) m, 0 unknown."""
 
     t: Array
     color: F32
@@ -49,8 +47,7 @@ def bare_border(
     twin: PosedTwin, part: MovingPart, labels: Mapping[int, NDArray[np.uint8]]
 ) -> tuple[int, float] | None:
     """Of the rests before and after a part's motion the one where more of its border with the static scene
-    shows no edge: the label image in the middle of those, and the share of the border. None where neither
-    shows enough of a border."""
+    shows no edge: its middle label image, and the share. None without enough border."""
     first, last = part.motion.intervals[0][0], part.motion.intervals[-1][1]
     frames = sorted(labels)
     rests = [f for f in frames if f < first][:_FRAMES], [f for f in frames if f > last][-_FRAMES:]
@@ -62,8 +59,7 @@ def bare_border(
 
 
 def _bare(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -> float | None:
-    """Share of the border in one label image (H, W) that shows neither an edge in colour nor one in depth;
-    None where it is too short."""
+    """Share of the border in a label image (H, W) without an edge in colour or depth; None if too short."""
     profiles = _profiles(twin, part_id, frame, image)
     if profiles is None:
         return None
@@ -71,8 +67,7 @@ def _bare(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -
 
 
 def _profiles(twin: PosedTwin, part_id: int, frame: int, image: NDArray[np.uint8]) -> _Profiles | None:
-    """Profiles across the border between a part and the static scene, where that is what lies on its
-    sides."""
+    """Profiles across the border between a part and the static scene, where those lie on its sides."""
     step = max(1, twin.recording.intrinsics.width // _WIDTH)
     label = image[::step, ::step]
     mine = (label == part_id).astype(np.uint8)

@@ -25,8 +25,7 @@ _COMMON = 0.1  # of the picture, seen by both frames at least; less may be one t
 
 
 def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
-    """The two frames that agree least on where the room is, and by how much, m; 0 where no two frames look at
-    the same places."""
+    """The two frames that agree least on where the room is, and by how much, m; 0 if no two overlap."""
     known = twin.cameras.frames
     rows = np.unique(np.linspace(0, len(known) - 1, min(len(known), _FRAMES)).round().astype(int))
     frames = [int(known[r]) for r in rows]
@@ -51,8 +50,7 @@ def _room(twin: PosedTwin, frame: int) -> NDArray[np.float32]:
 def _apart(
     twin: PosedTwin, one: tuple[int, NDArray[np.float32]], other: tuple[int, NDArray[np.float32]]
 ) -> float:
-    """By how much (m) the depth of two frames differs where they look at the same places; 0 where these are
-    too few."""
+    """By how much (m) two frames' depths differ where they look at the same places; 0 if these are few."""
     (a, near), (b, far) = one, other
     y, x = np.nonzero(near)
     points = twin.camera.backproject(np.stack([x, y], axis=-1).astype(float), near[y, x].astype(float))

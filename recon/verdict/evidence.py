@@ -65,8 +65,7 @@ class SceneEvidence:
 
     @cached_property
     def resting_hand(self) -> tuple[int, float]:
-        """The labelled frame with most that is labelled hand and keeps its place before and after, and the
-        share of it."""
+        """The labelled frame with most labelled hand that keeps its place before and after, and its share."""
         return resting_hand(self.posed, self.labels)
 
     @cached_property
@@ -79,8 +78,7 @@ class SceneEvidence:
 class PartEvidence:
     """One part among all of them, with the tracks that are rigid with it.
 
-    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`; None and .5 for a part
-    without a surface.
+    closed_margin, closed_probability: see `recon.contact.closed_end.ClosedEnd`; None, .5 without surface.
     """
 
     scene: SceneEvidence

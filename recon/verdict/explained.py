@@ -1,5 +1,4 @@
-"""Whether the twin explains the video: carried to its states in the frames of rest, does it have the depth
-that was recorded?
+"""Whether the twin explains the video: does it have the recorded depth in its states of rest?
 
 The fit looks at tracks and labels; this looks at all pixels of frames in which nobody moves anything. A part
 that was missed stands in the first frames where nothing is in the last ones, or the other way round, and no
@@ -17,18 +16,15 @@ from recon.verdict.hands import hand_in_view
 from recon.verdict.posed import PosedTwin, gate, opened, wide
 from twin.scene import STATIC_LABEL
 
-# Of the recording at each end, and how many frames of it are looked at, those with labels where there are
-# any; chosen by us
+# Share of the recording at each end, and frames of it looked at, labelled ones if any; chosen by us
 SHARE, FRAMES = 1 / 12, 3
 THROUGHOUT = 24  # frames of the whole recording; chosen by us
 
 
 def unexplained(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
-    """The frame at one end of the recording in which the twin is worst, and the share of its pixels with
-    another depth.
+    """The frame at an end of the recording where the twin is worst, and the share with another depth.
 
-    Of the two ends, the one that is worse on average. What is labelled hand and moves is left out. labels:
-    label images by frame.
+    The end that is worse on average, without moving pixels labelled hand. labels: label images by frame.
     """
     posed = twin.cameras.frames
     count = max(FRAMES, round(SHARE * len(posed)))
@@ -74,7 +70,6 @@ def _share(twin: PosedTwin, frame: int, image: NDArray[np.uint8] | None, sign: i
 
 
 def other_depth(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Pixels (H, W) whose depth differs from the expected one (0 = unknown, in both), single ones and those
-    beside steps left out."""
+    """Pixels (H, W) whose depth differs from the expected one (0 = unknown), not single or beside steps."""
     known, off = gate(seen, expected)
     return opened(known & (np.abs(seen - expected) > off))

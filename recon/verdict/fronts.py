@@ -1,5 +1,4 @@
-"""Whether what slides has a front: a drawer goes along the normal of one, to which refinement draws its axis,
-whatever its borders show."""
+"""Whether a slide has a front: a drawer goes along its normal, to which refinement draws the axis."""
 
 from __future__ import annotations
 
@@ -16,8 +15,7 @@ _FACING = np.radians(15.0)  # of the normals that are taken for the front's; cho
 
 
 def square_to_front(joint: Joint, mesh: Mesh | None) -> bool:
-    """Whether a joint's axis is along the mean normal of the faces that are about square to it, a good share
-    of a mesh at its state 0."""
+    """Whether a joint's axis is along the mean normal of a mesh's faces about square to it, if large."""
     if mesh is None or not len(mesh.faces):
         return False
     normals, area = geo.triangle_normals(mesh.vertices[mesh.faces])

@@ -47,8 +47,7 @@ class Halves:
 @dataclass(frozen=True)
 class Whole:
     """The axis that the tracks tell over the whole motion: how far from the part's, rad, one standard
-    deviation of it, rad, and how many times farther they scatter about the part's joint than about their
-    own."""
+    deviation of it, rad, and their scatter about the part's joint over that about their own."""
 
     off: float
     sigma: float
@@ -65,8 +64,7 @@ def whole(movers: Movers, part: MovingPart, tracks: PartTracks) -> Whole | None:
 
 
 def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | None:
-    """The joints of the two halves of the motion; None where one of them has too few frames or tracks for a
-    fit."""
+    """The joints of the two halves of the motion; None with too few frames or tracks."""
     rows = moving_rows(part)
     if not len(rows):
         return None
@@ -99,8 +97,7 @@ def halves(movers: Movers, part: MovingPart, tracks: PartTracks) -> Halves | Non
 
 @dataclass(frozen=True, eq=False)
 class _Half:
-    """The joint by the tracks of some frames, and how many times farther they scatter about the part's
-    own."""
+    """The joint by the tracks of some frames, and their scatter about the part's own over that."""
 
     own: Bundle
     worse: float
@@ -125,8 +122,7 @@ def _fit(movers: Movers, part: MovingPart, tracks: PartTracks, rows: NDArray[np.
 
 
 def _scatter(seen: Observations, given: Model, sigma: float) -> float:
-    """Noise (m) of tracks about a given joint, at the states that suit them best; sigma: that about their
-    own."""
+    """Noise (m) of tracks about a given joint, at their best states; sigma: about their own."""
     states = states_of(seen, Hypothesis(given.kind, given.axis, given.pivot), max(sigma, _LEAST_M))
     square, _, _ = residuals(seen, replace(given, state=states), max(sigma, _LEAST_M))
     unknowns = 3 * len(seen.points) + int((seen.weight > 0).any(axis=0).sum())

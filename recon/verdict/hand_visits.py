@@ -1,5 +1,4 @@
-"""Visits of the hand: what comes into view to open something and goes again has moved a part, or one was
-missed."""
+"""Visits of the hand: a hand that comes to open something and goes has moved a part, or one was missed."""
 
 from __future__ import annotations
 
@@ -16,9 +15,8 @@ from twin.scene import HAND_LABEL
 # motion may miss a visit, share of a part's range that is more than a shake. Chosen by us.
 _IN_VIEW, _MISSED, _SLACK, _MOVES = 0.004, 1, 0.4, 0.2
 # s that a hand is in view while nothing moves, by how many motions it is beside. Opening something takes .8 s
-# at least, from the first finger in view. Who reaches for something or leaves it takes 1.6 s at most in 46
-# open recordings, 2.2 in 90 labelled by earlier code; where the other part was missed, 3.1 to 6.7 in ten. All
-# of them looked at
+# at least, from the first finger in view. Reaching or leaving takes 1.6 s at most in 46 open recordings, 2.2
+# in 90 labelled by earlier code; a missed part 3.1 to 6.7 in ten. All looked at
 _IDLE_S = (0.8, 3.0, 6.0)
 
 
@@ -49,8 +47,7 @@ def _seconds(recording: Recording, first: int, last: int) -> float:
 
 
 def _idle(recording: Recording, parts: Sequence[MovingPart], visit: tuple[int, int]) -> list[tuple[int, int]]:
-    """First and last frames of the times in a visit before, between and after motions, and too long for
-    that."""
+    """First and last frames of the times in a visit before, between and after motions, if too long."""
     spans, since, beside = [], visit[0], 0
     for first, last in sorted(m for part in parts for m in _motions(recording, part, visit)):
         spans.append((since, first, beside + 1))

@@ -1,9 +1,8 @@
 """Whether what is labelled hand is one.
 
 A hand stands in front of what the twin shows. It reaches in from the viewer, or it moves. What has the twin's
-depth, or keeps its place in the world without reaching in or in the size of furniture, is what the labels
-could not explain otherwise. An arm that slides along itself, without reaching the border, would be taken for
-furniture.
+depth, or rests without reaching in or in furniture's size, is what labels could not explain. An arm that
+slides along itself, without reaching the border, would be taken for furniture.
 """
 
 from __future__ import annotations
@@ -38,8 +37,7 @@ _FEWEST = 30  # px of the thinned picture that have a shape; chosen by us
 
 
 def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
-    """Of the first and the last labelled frame the one with more of it, and the share of its pixels that are
-    labelled hand and are none."""
+    """The worse of the first and last labelled frame, and the share of pixels labelled hand that are none."""
     worst = (min(labels), 0.0)
     for frame, others in _ends(twin, sorted(labels)):
         share = float(_false(twin, frame, labels[frame], others).mean())
@@ -49,8 +47,7 @@ def false_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tupl
 
 
 def resting_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tuple[int, float]:
-    """The labelled frame with most that is labelled hand and keeps its place before and after, and the share
-    of its pixels."""
+    """The labelled frame with most labelled hand that keeps its place before and after, and its share."""
     worst = (min(labels), 0.0)
     for frame, image in sorted(labels.items()):
         hand = twin.thinned(image) == HAND_LABEL
@@ -64,9 +61,8 @@ def resting_hand(twin: PosedTwin, labels: Mapping[int, NDArray[np.uint8]]) -> tu
 
 
 def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: int) -> NDArray[np.bool_]:
-    """Pixels (H, W) of a frame that are labelled hand and are no furniture at rest: pieces that mostly don't
-    keep their place in the frames after (sign 1) or before it (-1), and arms that reach in from the
-    border."""
+    """Pixels (H, W) of a frame that are labelled hand and are no furniture at rest: pieces that mostly move
+    in the frames after (sign 1) or before (-1), and arms from the border."""
     hand = twin.thinned(image) == HAND_LABEL
     if not hand.any():
         return hand
@@ -78,8 +74,7 @@ def hand_in_view(twin: PosedTwin, frame: int, image: NDArray[np.uint8], sign: in
 def _at_rest(
     twin: PosedTwin, frame: int, hand: NDArray[np.bool_], others: Sequence[int]
 ) -> NDArray[np.bool_]:
-    """Of the pixels (H, W) of a frame that are labelled hand those that keep their place in other frames, in
-    pieces that are no hand."""
+    """Of a frame's pixels (H, W) labelled hand those that keep their place elsewhere in pieces of no hand."""
     kept = hand & _keeps_place(twin, frame, others)
     still, pieces = _still_pieces(twin, frame, hand, kept, ACROSS)
     return np.asarray(kept & still[pieces])
@@ -121,8 +116,7 @@ def _at_border(pieces: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32], nearer: float) -> bool:
-    """Whether a piece (H, W) comes from the viewer: where it leaves the picture it is so much nearer than at
-    its far end."""
+    """Whether a piece (H, W) comes from the viewer: nearer by a ratio at the border than at its far end."""
     at_border = np.zeros_like(piece)
     at_border[[0, -1]], at_border[:, [0, -1]] = piece[[0, -1]], piece[:, [0, -1]]
     there = seen[at_border & (seen > 0)]
@@ -131,8 +125,7 @@ def _reaches_in(piece: NDArray[np.bool_], seen: NDArray[np.float32], nearer: flo
 
 
 def _ends(twin: PosedTwin, labelled: Sequence[int]) -> list[tuple[int, list[int]]]:
-    """The first and the last labelled frame, each with the frames that tell whether something keeps its
-    place."""
+    """The first and the last labelled frame, each with frames that show what rests."""
     return [(frame, _near(twin, frame, sign)) for frame, sign in ((labelled[0], 1), (labelled[-1], -1))]
 
 
@@ -171,7 +164,6 @@ def _keeps_place(twin: PosedTwin, frame: int, others: Sequence[int]) -> NDArray[
 
 
 def _looked_up(twin: PosedTwin, frame: int, points: Array) -> Array:
-    """Depth (H, W) m recorded where points (H, W, 3) of the camera's frame are; NaN out of view and where
-    unknown."""
+    """Depth (H, W) m recorded where a camera's points (H, W, 3) are; NaN out of view or unknown."""
     found = look_up(twin.seen(frame), twin.camera, points.reshape(-1, 3), near=0.0).z
     return np.where(found > 0, found, np.nan).reshape(points.shape[:2])

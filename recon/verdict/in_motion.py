@@ -1,5 +1,4 @@
-"""Whether the twin explains the motion itself: carried through frames in which a part moves, against the
-recorded depth.
+"""Whether the twin explains the motion: carried through a part's moving frames, against recorded depth.
 
 A hand is nearer than what it hides, never farther. Where the twin in its state is nearer than what was seen,
 it is wrong there and no hand is the excuse. And what has another depth than it had at rest must have the one
@@ -38,8 +37,7 @@ class InMotion:
 
 
 def in_motion(twin: PosedTwin, part: MovingPart) -> InMotion | None:
-    """What the frames show in which a part moves, None where there are none. parts' surfaces must be those of
-    `twin`."""
+    """What the frames of a part's motion show, None without any. parts' surfaces must be those of `twin`."""
     counts = {frame: _count(twin, part, frame) for frame in frames_by_travel(part, FRAMES)}
     if not counts:
         return None

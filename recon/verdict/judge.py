@@ -46,15 +46,13 @@ MOST_DOUBTS = 2
 # Probability of the closed end from which all cues together outweigh one that contradicts another. Of 20
 # parts of open recordings, looked at, those with the wrong end reach .96 at most.
 CLOSED_SURE = 0.98
-# Of the frames in which either of two parts moves, those in which both do: one hand opens one part at a time.
-# By us
+# Of the frames in which either of two parts moves, those in which both do: a hand opens one part. By us
 TOGETHER = 0.5
 
 
 @dataclass(frozen=True)
 class Judged:
-    """The verdict on each found part by its id, those without a surface too, and the reasons against the
-    scene."""
+    """The verdict on each part by id, those without a surface too, and the reasons against the scene."""
 
     parts: Mapping[int, Verdict]
     scene: tuple[Reason, ...]

@@ -74,6 +74,5 @@ def _narrow(mask: Bits) -> Bits:
 
 
 def middle(shares: list[tuple[int, float]]) -> tuple[int, float] | None:
-    """Of frames and their shares the median by share: the lower of the two in the middle of an even number.
-    None of none."""
+    """Of frames and their shares the median by share, the lower of two middles. None of none."""
     return sorted(shares, key=lambda share: share[1])[(len(shares) - 1) // 2] if shares else None

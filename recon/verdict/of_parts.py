@@ -63,8 +63,7 @@ BORDERS_M, SIDEWAYS_DOUBTFUL = 0.008, 2.5
 # 41 to 2100 in 45, and 25 in one whose states ran on unseen; wrong or none 0 to 41 in 10 and 48 to 330 in 8,
 # which other reasons tell. Below the first, a half sure axis refuses. Below the second it may be at rest.
 RANGE_DOUBTFUL, RANGE_REFUSED = 40.0, 10.0
-# rad and m of range, whatever its error. What rattles, and corners that drift, go as far; a cupboard that
-# opens goes farther. By us.
+# rad and m of range, whatever its error. Rattling and drifting corners go as far, a cupboard farther. By us.
 TURN_DOUBTFUL, TURN_REFUSED = np.radians(6.0), np.radians(3.0)
 SLIDE_DOUBTFUL, SLIDE_REFUSED = 0.02, 0.01
 # Shares by which the ends of the travel differ. Right: .35 and more in 24; wrong: 0 in one.
@@ -91,8 +90,7 @@ UNEXPLAINED, UNEXPLAINED_REFUSED = 0.002, 0.05
 # Share of the area that moves across itself, by more than this sine, about the middle of the range (half a
 # share of it to either side). Sliding panels have .02 to .1, doors and drawers above .6; by us.
 ACROSS, ACROSS_SINE, AJAR = 0.25, 0.25, 0.05
-# Share of the picture of any frame. Right: 0 in 27, .0005 in one; .0036 where another part was missed that is
-# out of view at the end.
+# Share of a frame's picture. Right: 0 in 27, .0005 in one; .0036 where a missed part leaves view at the end.
 STATIC_THROUGH = 0.001
 # Label images. Of two, each may be the moment at which something else moved.
 FEWEST_LABELS = 3

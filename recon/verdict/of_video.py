@@ -1,5 +1,4 @@
-"""Evidence against a part that its fit did not use: the depth of the frames in which it moves, its two
-halves, hands that are none.
+"""Evidence against a part that its fit did not use: depth in its motion, its two halves, hands that are none.
 
 The limits are floors, chosen by us on recordings that were looked at while this was built: 24 right runs, 5
 of one recording with a fault of the sensor each, and 37 on random scenes, 5 of them right. Each limit is at
@@ -77,8 +76,7 @@ LABELLED = 0.8
 # trusted, looked at, .24 in one, .38 in one whose upper third was labelled room (its path 16 mm off); wrong
 # labels: .21 to .6 in ten, less in as many that end at others' edges.
 BARE = 0.2
-# Most of the outline is none: whatever moves there is another surface. By us; more than any right one has
-# (.38).
+# Most of the outline is none: what moves is another surface. By us; more than any right one (.38).
 BARE_REFUSED = 0.5
 # Share of the first or last labelled frame. Right: 0 to .009, with time of flight most, .0014 at most in 24
 # recordings that are cut at some 700 frames with a true hand in view; wrong: .008 to .59, from .02 in 25 of
@@ -98,8 +96,7 @@ def labelled_at_ends(e: PartEvidence) -> Reason | None:
 
 
 def seen_through(e: PartEvidence) -> Reason | None:
-    """Where the moving twin is nearer than what was seen; no hand makes anything farther. Of a part never in
-    view `motion_seen` tells."""
+    """Where the moving twin is nearer than the reading; no hand adds depth. Unseen parts: `motion_seen`."""
     m = e.in_motion
     if m is None or m.own == 0 or m.through <= THROUGH * m.own:
         return None
@@ -116,8 +113,7 @@ def motion_explained(e: PartEvidence) -> Reason | None:
 
 
 def motion_seen(e: PartEvidence) -> Reason | None:
-    """How much of the part is seen to move by another depth. Where none is, and of its surface none either,
-    nothing shows that it moves."""
+    """How much of the part is seen to move by another depth. Without any, nothing shows that it moves."""
     m, p = e.in_motion, e.places
     if m is None or m.right >= WITNESSED * max(m.own, 1):
         return None
@@ -127,8 +123,7 @@ def motion_seen(e: PartEvidence) -> Reason | None:
 
 
 def seen_to_move(e: PartEvidence) -> Reason | None:
-    """How much of its surface is seen at two places, and one of them empty in between; None where it hardly
-    goes anywhere."""
+    """How much surface is seen at two places, one of them empty in between; None if it hardly moves."""
     p = e.places
     if p is None or p.far < TOLD or p.witnessed >= MOVED:
         return None
@@ -147,8 +142,7 @@ def surely_moved(e: PartEvidence) -> bool:
 
 
 def contradicted(e: PartEvidence) -> Reason | None:
-    """How much of its surface is seen not to move with it: a wall, a table, a neighbour that were labelled
-    part."""
+    """How much of its surface is seen not to move with it: wall, table or neighbour labelled part."""
     p = e.places
     if p is None or p.contradicted <= CONTRADICTED:
         return None
@@ -157,8 +151,7 @@ def contradicted(e: PartEvidence) -> Reason | None:
 
 
 def _telling(halves: Halves | None) -> Halves | None:
-    """The halves where they tell their axes, and where the part's joint is not as good for their tracks as
-    their own."""
+    """The halves where their axes are known and the part's joint is worse for their tracks than theirs."""
     if halves is None or _SIGMAS * halves.axis_sigma > SURE_AXIS or halves.worse <= AS_WELL:
         return None
     return halves
@@ -191,8 +184,7 @@ def _another(whole: Whole | None) -> Whole | None:
 
 
 def as_its_tracks(e: PartEvidence) -> Reason | None:
-    """Whether the part's tracks tell its axis and its hinge: all of them, or where both halves agree on
-    others."""
+    """Whether the part's tracks tell its axis and its hinge: all of them, or both halves."""
     another = _another(e.whole)
     if another is not None:
         off, limit = float(np.rad2deg(another.off)), float(np.rad2deg(WHOLE_AXIS))
@@ -230,7 +222,6 @@ def hand_is_one(e: PartEvidence) -> Reason | None:
 
 
 def hand_moves_something(e: PartEvidence) -> Reason | None:
-    """Whether a part moves whenever a hand comes into view: against each part, as what was missed may be a
-    piece of it or another one."""
+    """Whether a part moves at each visit of a hand: against each part; a missed one may be a piece of it."""
     visit = e.scene.idle_visit
     return None if visit is None else HandMovesNothing("doubtful", *visit)

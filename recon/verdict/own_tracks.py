@@ -1,5 +1,4 @@
-"""The tracks of a part that are a witness of its joint: a hand that leads it goes along, and turns about the
-handle as it does."""
+"""The part's tracks that are a witness of its joint: a leading hand goes along and turns about the handle."""
 
 from __future__ import annotations
 

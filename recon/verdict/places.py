@@ -23,11 +23,9 @@ from twin.geometry import Array
 from twin.mesh import sample_surface
 from twin.scene import Mesh
 
-# How many places, evenly by area; frames of the motion, evenly by travel, and of each rest beside it. All
-# chosen by us
+# How many places, evenly by area; frames of the motion, by travel; of each rest beside. Chosen by us
 PLACES, MOVING, RESTING = 600, 10, 4
-# By how many limits of the depth a place must move to be told, and frames that contradict one, at least.
-# Chosen by us
+# Limits of depth that a place must move by, and least frames that contradict one. Chosen by us
 APART, TWICE = 2.0, 2
 _BESIDE = 5  # px of the thinned picture: what is that near a place's ray may be it
 _UNKNOWN, _HIDDEN, _THERE, _EMPTY = 0, 1, 2, 3  # what a frame says of a point of the room
@@ -48,8 +46,7 @@ class Places:
 
 
 def places(twin: PosedTwin, part: MovingPart, mesh: Mesh) -> Places | None:
-    """What was seen of each place of a part's surface at state 0; None where it has no area, or never
-    moves."""
+    """What was seen of each place of a part's surface at state 0; None without area or motion."""
     points = sample_surface(mesh, PLACES, np.random.default_rng(0))[0]
     frames = looked_at(twin, part)
     if not len(points) or len(frames) < 2:
@@ -66,8 +63,7 @@ def places(twin: PosedTwin, part: MovingPart, mesh: Mesh) -> Places | None:
 
 
 def looked_at(twin: PosedTwin, part: MovingPart) -> list[int]:
-    """Frames of the part's motion and of the rests before and after it, until another part moves; none where
-    it never moves."""
+    """Frames of the part's motion and of the rests around it, until another part moves; None if at rest."""
     moving = frames_by_travel(part, MOVING)
     if not moving:
         return []
@@ -83,8 +79,7 @@ def looked_at(twin: PosedTwin, part: MovingPart) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Depth:
-    """Depth (H, W) m, 0 = unknown; its least and its greatest beside each pixel, inf and 0 where all of it is
-    unknown."""
+    """Depth (H, W) m, 0 = unknown; least and greatest beside each pixel, inf and 0 if all are unknown."""
 
     here: F32
     nearest: F32
@@ -99,8 +94,7 @@ class _Depth:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A frame: what was seen, what the twin shows in its state there, and how far (m) depths differ that are
-    others."""
+    """A frame: what was seen, what the twin shows in its state, and how far (m) other depths differ."""
 
     T_cam_world: Array
     seen: _Depth
@@ -121,12 +115,10 @@ def _views(twin: PosedTwin, frames: list[int]) -> list[_View]:
 def _told(
     twin: PosedTwin, views: list[_View], posed: Array, limit: float
 ) -> tuple[Bits, NDArray[np.int64], NDArray[np.int64]]:
-    """Which places (n,) are seen at two positions farther apart than `limit` m, in how many frames each is
-    seen to have moved there, and how many contradict it. posed (F, n, 3): where the part brings them in each
-    frame."""
+    """Which places (n,) are seen at two positions farther apart than `limit` m, how many frames show each
+    moved there, how many contradict it. posed (F, n, 3): where the part brings them in each frame."""
     frames = np.arange(len(views))
-    # said[r, f]: what frame r says of the points where they are in frame f; left[r, f]: the twin has nothing
-    # there in frame r.
+    # said[r, f]: what frame r says of the points as in frame f; left[r, f]: the twin is empty there in r.
     pairs = [_says(twin, view, posed.reshape(-1, 3)) for view in views]
     said = np.array([s for s, _ in pairs]).reshape(len(frames), *posed.shape[:2])
     left = np.array([e for _, e in pairs]).reshape(said.shape)
@@ -140,8 +132,7 @@ def _told(
 
 
 def _says(twin: PosedTwin, view: _View, points: Array) -> tuple[NDArray[np.int8], Bits]:
-    """What a frame says of points (n, 3) of the room, and at which of them (n,) the twin has nothing in its
-    state there."""
+    """What a frame says of points (n, 3) of the room, and where (n,) the twin has nothing in its state."""
     at = geo.transform(view.T_cam_world, points)
     inside, x, y, seen = look_up(view.seen.here, twin.camera, at)
     known, z, off = inside & (seen > 0), at[:, 2], view.off

@@ -19,21 +19,17 @@ from twin.geometry import Array
 from twin.scene import STATIC_LABEL, UNKNOWN_LABEL, Mesh, Trajectory
 
 WIDTH = 160  # px to which pictures are thinned out
-# m and multiples: another depth is one that differs by more than both. Six medians of the frame's own
-# differences are 4 sigma.
+# m and multiples: another depth differs by more than both. Six medians of a frame's differences are 4 sigma.
 GATE_M, GATE_MEDIANS = 0.03, 6.0
-# what is narrower is a gap that fusion closed, or an edge that it drew on; a joint's gap and twice a voxel;
-# by us
+# narrower ones are gaps closed by fusion, or an edge it drew on; a joint's gap and twice a voxel; by us
 _GAP_M = 0.025
-# Beside steps in depth (m, and share of the depth) a pixel of the mesh may be one of the picture's other
-# side.
+# Beside steps in depth (m, and share of the depth) a pixel of the mesh may be one of the other side.
 _STEP_M, _STEP_SHARE, _BESIDE = 0.05, 0.03, 5
 
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Depth (H, W) m along z, 0 where there is nothing, and owner (H, W): the label of the surface, 0 where
-    there is none."""
+    """Depth (H, W) m along z, 0 without surface, and owner (H, W): the surface's label, 0 without."""
 
     depth: NDArray[np.float32]
     owner: NDArray[np.uint8]
@@ -41,8 +37,7 @@ class Expected:
 
 @dataclass(frozen=True, eq=False)
 class PosedTwin:
-    """A twin that can be looked at in any state. parts: with their meshes at state 0, None for one without a
-    surface."""
+    """A twin to be looked at in any state. parts: with meshes at state 0, None for one without a surface."""
 
     recording: Recording
     cameras: Trajectory
@@ -79,8 +74,7 @@ class PosedTwin:
         }
 
     def expected(self, frame: int, states: Mapping[int, float] | None = None) -> Expected:
-        """The view of a frame with a known camera. states: by part id; those of the frame where none are
-        given, and then it is kept."""
+        """A frame's view with a known camera. states: by part id; by default the frame's, then it is kept."""
         if states is None:
             if frame not in self._kept:
                 self._kept[frame] = self.expected(frame, self.states(frame))
@@ -114,8 +108,7 @@ class PosedTwin:
 
 
 def gate(seen: NDArray[np.float32], expected: NDArray[np.float32]) -> tuple[NDArray[np.bool_], float]:
-    """Pixels (H, W) that can be compared (known in both, not beside a step), and how far (m) depths must
-    differ to be others."""
+    """Pixels (H, W) to compare (known in both, not beside a step), and how far (m) other depths differ."""
     both = (seen > 0) & (expected > 0)
     kernel = np.ones((_BESIDE, _BESIDE), np.uint8)
     jump = cv2.dilate(expected, kernel) - cv2.erode(expected, kernel)
@@ -166,8 +159,7 @@ def _scene(mesh: Mesh) -> Any:
 
 
 def _cast(scene: Any, rays: Array, T_scene_cam: Array) -> NDArray[np.float32]:
-    """Depth (H, W) along z of the nearest surface, metres, 0 where there is none. rays (H, W, 3): points at 1
-    m depth."""
+    """Depth (H, W) along z of the nearest surface, metres, 0 without. rays (H, W, 3): points at 1 m depth."""
     import open3d as o3d
 
     core: Any = o3d.core

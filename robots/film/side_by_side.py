@@ -20,8 +20,7 @@ _INK, _PAPER = (235, 235, 235), (28, 30, 33)
 
 
 def pace_text(seconds: float, frames: int, rate: float) -> str:
-    """How fast a film of so many frames at `rate` a second shows `seconds` of simulation, such as "1.6 x real
-    time"."""
+    """How fast a film's frames at `rate` a second show `seconds` of simulation, such as "1.6 x real time"."""
     pace = seconds * rate / frames
     return "real time" if abs(pace - 1.0) < _REAL else f"{pace:.2g} x real time"
 
@@ -47,8 +46,7 @@ def side_by_side(
     demonstration: Demonstration,
     pace: str,
 ) -> list[Image]:
-    """The robot's `images` (f of (H, W, 3)), each to the right of the frame in which the person had the part
-    at its state.
+    """The robot's `images` (f of (H, W, 3)), each beside the frame in which the person had the part there.
 
     Args:
         states: (f,) the part's states in the images, m or rad.
@@ -88,8 +86,7 @@ def fitted(image: Image, height: int) -> Image:
 
 
 def captioned(image: Image, text: str, right: str = "") -> Image:
-    """The image with a line below it, of even height: a text, and one that ends at the right; both smaller
-    where they would meet."""
+    """The image with a line of text below, of even height, and one at the right; smaller if they meet."""
     height, width = image.shape[:2]
     tall = max(2 * round(_LINE * height / 2), 12)
     line = np.full((tall, width, 3), _PAPER, dtype=np.uint8)

@@ -39,14 +39,12 @@ def write_video(
     config: ReplayConfig,
     demonstration: Demonstration | None = None,
 ) -> bool:
-    """Draw joint positions `frames` (f, nq), beside what the person did if that is given, and write them to
-    `path`.
+    """Draw joint positions `frames` (f, nq), beside the person's film if given, and write them to `path`.
 
     The pace, simulated time over the film's, stands in the picture and in the file's comment.
 
-    Returns False, after one warning, when no OpenGL is found: the replay itself doesn't need it. A
-    demonstration that doesn't fit costs one warning and its half of the film. Raises OSError when the file
-    can't be written.
+    Returns False, after one warning, when no OpenGL is found: the replay itself doesn't need it. An unfit
+    demonstration costs a warning and its half of the film. Raises OSError when the file can't be written.
     """
     try:
         images = draw(world, trajectory, part, frames, config.video_size)
@@ -68,8 +66,7 @@ def write_video(
 def draw(
     world: World, trajectory: RobotTrajectory, part: Part, frames: Array, size: tuple[int, int]
 ) -> list[NDArray[np.uint8]]:
-    """Images (height, width, 3) uint8 of the scene with the joint axis drawn in. Raises
-    MissingDependencyError."""
+    """Images (height, width, 3) uint8 of the scene with the joint axis. Raises MissingDependencyError."""
     model = world.model
     _finish_looks(model, size)
     renderer = _renderer(model, size)
@@ -118,8 +115,7 @@ def _renderer(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.Renderer:
 def _prefer_egl() -> None:
     """Without a screen, and where nothing else was asked for, draw through EGL.
 
-    MuJoCo reads MUJOCO_GL once, when it is first imported; whoever sets it later, our command line included,
-    is not heard.
+    MuJoCo reads MUJOCO_GL when it is first imported; a later setting, also our command line's, has no effect.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     if platform.system() == "Linux" and (asked == "egl" or not (asked or os.environ.get("DISPLAY"))):
@@ -130,8 +126,7 @@ def _prefer_egl() -> None:
 
 
 def axis_arrow(part: Part) -> tuple[Array, Array]:
-    """Start and end (3,) of the joint axis as an arrow: through the pivot of a hinge, above a slider at state
-    0."""
+    """Start and end (3,) of the axis as an arrow: through a hinge's pivot, above a slider at state 0."""
     joint = part.joint
     if isinstance(joint, Revolute):
         along = (part.mesh.vertices - joint.pivot) @ joint.axis
@@ -156,8 +151,7 @@ def _draw_axis(scene: mujoco.MjvScene, arrow: tuple[Array, Array], width: float)
 
 
 def _with_hidden_axis(image: Image, scene: mujoco.MjvScene, arrow: tuple[Array, Array]) -> Image:
-    """Dashes along the axis, also where furniture or robot hide the arrow: a hinge mostly lies inside of
-    boards."""
+    """Dashes along the axis, also where something hides the arrow: hinges mostly lie inside of boards."""
     height, width = image.shape[:2]
     camera = mujoco.mjv_averageCamera(scene.camera[0], scene.camera[1])
     forward, up = np.array(camera.forward), np.array(camera.up)
@@ -176,8 +170,7 @@ def _with_hidden_axis(image: Image, scene: mujoco.MjvScene, arrow: tuple[Array, 
 
 
 def encode(path: Path, images: list[NDArray[np.uint8]], rate: int, comment: str = "") -> None:
-    """Write images as H.264, yuv420p, with a comment in the file. Raises OSError when the file can't be
-    written."""
+    """Write images as H.264, yuv420p, with a comment. Raises OSError when the file can't be written."""
     import av
 
     height, width = images[0].shape[:2]

@@ -26,8 +26,7 @@ _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera: `eye` (3,) m in the world, azimuth and elevation (rad) of its direction as MuJoCo counts
-    them."""
+    """A camera: `eye` (3,) m in the world, azimuth and elevation (rad) of its direction in MuJoCo's terms."""
 
     eye: Array
     azimuth: float
@@ -118,16 +117,14 @@ def fit(points: Array, azimuth: float, elevation: float, wide: float, high: floa
 
 
 def _edge(across: Array, depth: Array, slope: float) -> tuple[float, float]:
-    """Where across and how far along the eye must be, in the plane of one picture axis, for |across - x| <=
-    slope (depth - z)."""
+    """Where across and how far along the eye is, on one axis, for |across - x| <= slope (depth - z)."""
     one, other = float((across - slope * depth).max()), float((-across - slope * depth).max())
     return (one - other) / 2, -(one + other) / (2 * slope)
 
 
 @dataclass(frozen=True, eq=False)
 class _Moment:
-    """One moment: hand, middle of the robot (3,), points of the grip (g, 3), corners of robot and part (n,
-    3)."""
+    """One moment: hand, robot's middle (3,), points of the grip (g, 3), corners of robot and part (n, 3)."""
 
     data: mujoco.MjData
     hand: Array

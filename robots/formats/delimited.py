@@ -13,8 +13,7 @@ FILES = ("trajectory.csv",)
 
 
 def columns(source: PlannedMotion) -> list[str]:
-    """Column names; each ends in its unit (quaternions and phases have none), tool poses are in the twin's
-    world."""
+    """Column names; each ends in its unit (but quaternions, phases); tool poses are in the twin's world."""
     joints = [f"{j}_{u}" for j, u in zip(source.trajectory.joint_names, source.joint_units, strict=True)]
     return [
         "time_s", "phase",

@@ -5,8 +5,7 @@ src/lerobot/datasets/ (dataset_metadata.py, feature_utils.py, io_utils.py): meta
 meta/tasks.parquet (its pandas index is the task), meta/episodes and data in chunk-CCC/file-FFF.parquet, one
 row group an episode.
 
-The states are the planned ones, not measured: an episode to start from, to merge with others or to test a
-reader on.
+The states are the planned ones, not measured: an episode to start from, to merge or to test a reader on.
 """
 
 from __future__ import annotations
@@ -105,8 +104,7 @@ def frames(source: PlannedMotion) -> tuple[dict[str, NDArray[Any]], dict[str, li
 
 
 def statistics(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """What LeRobot normalises with, each (d,) over the frames, and their count (1,); extremes of integers are
-    integers."""
+    """What LeRobot normalises with, each (d,) over the frames, and their count (1,); integers stay."""
     table = values.reshape(len(values), -1)
     if not np.issubdtype(table.dtype, np.integer):
         table = table.astype(np.float64)
@@ -117,8 +115,7 @@ def statistics(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
 
 
 def _tool(times: Array, poses: Array, at: Array) -> Array:
-    """Position and quaternion wxyz (m, 7) at times `at` (m,): linear, and along the shortest turn between
-    samples."""
+    """Position and quaternion wxyz (m, 7) at times `at` (m,): linear and by the shortest turn."""
     at = np.clip(at, times[0], times[-1])
     k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     u = ((at - times[k]) / (times[k + 1] - times[k]))[:, None]

@@ -1,5 +1,4 @@
-"""moveit_msgs/CartesianTrajectory as YAML: the tool's poses, velocities and accelerations in the robot's base
-frame.
+"""moveit_msgs/CartesianTrajectory as YAML: the tool's poses, velocities, accelerations in the base frame.
 
 A base that moves is no frame to give poses in: they are given in that of its stance, which stands still.
 
@@ -56,8 +55,7 @@ def render(source: PlannedMotion) -> dict[str, bytes]:
 
 
 def velocities(times: Array, poses: Array) -> tuple[Array, Array]:
-    """Linear (n, 3) m/s and angular (n, 3) rad/s velocity of poses (n, 4, 4) at times (n,), in the poses'
-    outer frame.
+    """Linear (n, 3) m/s and angular (n, 3) rad/s velocity of poses (n, 4, 4) at times (n,), outer frame.
 
     Second-order differences on uneven steps (Fornberg 1988, as numpy.gradient); rotations by their rotation
     vectors from each sample to its neighbours, weighted in the same way.

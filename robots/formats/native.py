@@ -55,8 +55,7 @@ def render_npz(source: PlannedMotion) -> dict[str, bytes]:
 
 
 def json_bytes(trajectory: RobotTrajectory, part: Part | None = None) -> bytes:
-    """Contents of trajectory.json; arrays to nine decimals. part: what it moves, whose verdict is told
-    first."""
+    """Contents of trajectory.json; arrays to nine decimals. part: moved, its verdict first."""
     document: dict[str, Any] = {"format": FORMAT}
     if part is not None and part.verdict is not None:
         document["verdict"] = verdict_document(part.verdict)
@@ -73,8 +72,7 @@ def json_bytes(trajectory: RobotTrajectory, part: Part | None = None) -> bytes:
 
 
 def npz_bytes(trajectory: RobotTrajectory, part: Part | None = None) -> bytes:
-    """Contents of trajectory.npz: the arrays, phases (n,) as text and, where the part has one, the verdict on
-    it as a line."""
+    """Contents of trajectory.npz: arrays, phases (n,) as text and any verdict on the part as a line."""
     out = io.BytesIO()
     arrays: dict[str, Any] = {name: getattr(trajectory, name) for name in _ARRAYS}
     if part is not None and part.verdict is not None:

@@ -32,9 +32,8 @@ def render(source: PlannedMotion) -> dict[str, bytes]:
     """The arm's trajectory, the gripper's and, of a planar base, that of the body; they share their clock.
 
     Positions are in rad, velocities in rad/s, fingers that slide in m. Accelerations and efforts stay empty:
-    a controller that is given positions and velocities interpolates with cubics, which is what the replay did
-    too. A stamp of 0 means "start on receipt". The fingers' last value is a command, not a place: closed asks
-    for full grip force.
+    a controller interpolates positions and velocities with cubics, as the replay did. A stamp of 0 means
+    "start on receipt". The fingers' last value is a command, not a place: closed asks for full grip force.
     """
     t, robot, n = source.trajectory, source.robot, source.base
     about = f"trajectory_msgs/msg/JointTrajectory: {source.title}"

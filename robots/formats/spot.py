@@ -1,8 +1,6 @@
-"""Spot's impedance control of the arm: bosdyn.api.ArmImpedanceCommand.Request in protobuf's JSON, one file a
-leg.
+"""Spot's impedance control of the arm: bosdyn.api.ArmImpedanceCommand.Request in protobuf's JSON, by leg.
 
-Where the plan moves a mobile base there is, for each leg, bosdyn.api.SE2TrajectoryCommand.Request of the body
-too.
+Where the plan moves a mobile base, each leg has the body's bosdyn.api.SE2TrajectoryCommand.Request too.
 
 Source of the fields: Spot SDK, protos/bosdyn/api/{arm_command,basic_command,trajectory,geometry}.proto.
 Largest stiffness and damping: the SDK's example arm_impedance_control. Force and torque caps: the defaults
@@ -10,8 +8,7 @@ that arm_command.proto states.
 
 The command is about the tool alone, so any robot's trajectory can be given to Spot. The task frame is the
 tool frame at the trajectory's first sample (the hand 10 cm in front of the handle, opened): whoever sends the
-command sets `rootTformTask` to where that is for the robot at hand, by default the pose in the base frame of
-the plan.
+command sets `rootTformTask` to where that is, by default the pose in the base frame of the plan.
 
 A mobile base takes the frame "body" along, so the files of a plan that moves it are about "odom". They are
 written as if it were Spot's "flat_body" at the first sample; one transform, odom_tform_flat_body read when
@@ -46,11 +43,9 @@ WRIST_T_TOOL = geo.make_pose([[0, 0, 1], [1, 0, 0], [0, 1, 0]], [0.19557, 0, 0])
 
 @dataclass(frozen=True)
 class Impedance:
-    """Diagonal stiffness (N/m, N m/rad) and damping (N s/m, N m s/rad) in the tool frame, caps of force (N),
-    torque (N m).
+    """Diagonal stiffness (N/m, N m/rad) and damping (N s/m, N m s/rad) (tool frame), caps (N, N m).
 
-    Defaults: the largest stiffness and damping that Spot takes, and the caps that it uses by itself.
-    Raises ConfigError outside of these.
+    Defaults: the largest stiffness and damping that Spot takes, and its own caps. ConfigError beyond these.
     """
 
     stiffness: tuple[float, ...] = (500.0, 500.0, 500.0, 60.0, 60.0, 60.0)
@@ -72,8 +67,7 @@ class Impedance:
 
 def render(source: PlannedMotion) -> dict[str, bytes]:
     """A command for each leg on which the hand moves. Fingers close between approach and move and open before
-    the retreat, a claw's while the hand moves sideways, so that the jaw that does not turn comes to the
-    handle."""
+    the retreat, a claw's while the hand moves sideways, so that the fixed jaw comes to the handle."""
     t = source.trajectory
     phases = np.array(t.phases)
     impedance = Impedance()
@@ -81,8 +75,7 @@ def render(source: PlannedMotion) -> dict[str, bytes]:
     frame, root = "body", source.T_base_tool[0]
     body: Array | None = None
     if source.base:
-        # where the body is from where it stands at first; the stance's own frame lies on the floor, and Spot
-        # has none there
+        # where the body is from its first stance; that stance's frame is on the floor, where Spot has none
         body = geo.invert_pose(source.T_base_body[0]) @ source.T_base_body
         frame, root = "odom", geo.invert_pose(source.T_base_body[0]) @ root
     files = {}
@@ -121,8 +114,7 @@ def request(
 
 
 def body_trajectory(times: Array, poses: Array, frame: str) -> dict[str, Any]:
-    """The body's message as a mapping: times (n,) s, level poses (n, 4, 4). Without endTime, which is in the
-    robot's clock."""
+    """The body's message as a mapping: times (n,) s, level poses (n, 4, 4). No endTime: the robot's clock."""
     turns = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
     points = [
         {

@@ -21,8 +21,7 @@ VERDICT = "verdict.json"  # beside the formats, most of which have no room for i
 
 @dataclass(frozen=True)
 class Format:
-    """One format: what it is, every file it may write (paths in the output folder), and the function that
-    makes them.
+    """One format: what it is, the files it may write (paths in the output folder), and the function for them.
 
     `render` returns the contents of those that this trajectory needs.
     """
@@ -102,8 +101,7 @@ def _known(name: str) -> str:
 
 
 def _refuse_strangers(folder: Path, name: str) -> None:
-    """A format's own folder is read as a whole, so a file of somebody else in it would be taken for a
-    part."""
+    """A format's own folder is read as a whole, so another's file in it would be taken for a part."""
     own = FORMATS[name].files
     for top in {path.split("/")[0] for path in own if "/" in path}:
         found = (p.relative_to(folder).as_posix() for p in (folder / top).rglob("*") if not p.is_dir())

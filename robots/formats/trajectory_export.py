@@ -70,8 +70,7 @@ class PlannedMotion:
 
     @property
     def T_base_tool(self) -> Array:
-        """Tool poses (n, 4, 4) in the frame of the base's stance, which stands still where the plan has
-        it."""
+        """Tool poses (n, 4, 4) in the base's stance, which stands still where the plan has it."""
         return np.asarray(geo.invert_pose(self.trajectory.T_world_base) @ self.trajectory.T_world_tool)
 
     @property
@@ -119,8 +118,7 @@ class PlannedMotion:
 
 
 def require_trust(part: Part, accept_doubtful: bool = False) -> None:
-    """Raises InputError for a part whose verdict is worse than trusted, unless that is accepted: a robot
-    would do what it says.
+    """Raises InputError for a part whose verdict is worse than trusted, unless accepted: a robot would obey.
 
     A part without a verdict was stated by somebody, or made before there were verdicts.
     """
@@ -145,11 +143,9 @@ def seconds_nanoseconds(seconds: float) -> dict[str, int]:
 
 
 def smooth_quaternions_wxyz(rotations: Array) -> Array:
-    """Unit quaternions (n, 4), order wxyz, of rotations (n, 3, 3); each has the sign that is nearer to the
-    one before.
+    """Unit quaternions (n, 4), order wxyz, of rotations (n, 3, 3); each of the sign nearer to the one before.
 
-    The first has w >= 0. Readers interpolate between neighbours, so a change of sign would be a full turn to
-    them.
+    The first has w >= 0. Readers interpolate between neighbours, so a change of sign is a full turn to them.
     """
     q = geo.quat_wxyz_from_matrix(rotations)
     steps = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)
@@ -160,8 +156,7 @@ def smooth_quaternions_wxyz(rotations: Array) -> Array:
 def yaml_bytes(message: Mapping[str, Any], comments: Sequence[str]) -> bytes:
     """A ROS message as YAML: one line for each field, and for each element of an array of messages.
 
-    Strings are quoted and numbers written without exponent, which YAML 1.1 readers would take for text
-    (1e-05).
+    Strings are quoted and numbers written without exponent, which YAML 1.1 readers take for text (1e-05).
     """
     lines = [f"# {c}" for c in comments]
     for key, value in message.items():

@@ -1,5 +1,4 @@
-"""Where a part's shape alone offers something to hold: bars and knobs before the faces that a hand may meet,
-then rims."""
+"""Where a part's shape alone offers something to hold: bars and knobs on reachable faces, then rims."""
 
 from __future__ import annotations
 
@@ -34,8 +33,7 @@ class NothingToHold(InputError):
 
 
 def solid_of(part: Part) -> Mesh:
-    """What there is of a part to hold, at state 0: its inferred pieces and what is shown beside them, else
-    its seen mesh.
+    """What a part offers to hold, at state 0: inferred pieces and what is shown beside, else its seen mesh.
 
     A scan has ragged borders, below which fingers would close on nothing where the part ends as a board.
     """
@@ -64,8 +62,7 @@ class Side:
             yield contact_at(middle, self.along, self.face.normal)
 
     def rims(self) -> Iterator[ContactPath]:
-        """A contact on the middle of each border of the face, the one with most leverage first, none at the
-        hinge."""
+        """A contact on the middle of each border of the face, by leverage, none at the hinge."""
         flat = self.points[np.abs(self.face.height(self.points)) < self.face.skin]
         if len(flat) < 50:
             return
@@ -177,8 +174,7 @@ def _ahead(part: Part, points: Array, normals: Array) -> Array:
 
 
 def _across(twin: Twin, part: Part, points: Array, normals: Array) -> Array:
-    """Unit direction (3,) across the joint's axis out of the largest such face, away from the static
-    scene."""
+    """Unit direction (3,) across the joint's axis out of the largest face, away from the static scene."""
     _, vectors = np.linalg.eigh(normals.T @ normals)
     axis = part.joint.axis
     face = vectors[:, 2] - axis * (vectors[:, 2] @ axis)

@@ -73,8 +73,7 @@ def widest(spec: RobotSpec) -> float:
 
 
 def shaped_holds(mesh: Mesh, contact: ContactPath, spec: RobotSpec, seed: int = 0) -> list[Hold]:
-    """What the mesh offers near a contact, best first, whether or not the gripper opens wide enough: bars and
-    knobs, or else rims."""
+    """What the mesh offers near a contact, best first, for any gripper: bars and knobs, or rims."""
     rng = np.random.default_rng(seed)
     points, normals = sample_surface(mesh, _SAMPLES, rng)
     if not len(points):
@@ -88,8 +87,7 @@ def dominant_face(points: Array, normals: Array, contact: ContactPath) -> Face:
     """The large flat face in front of which the contact lies.
 
     Its normal is the mean of the normals that agree with the contact's outward direction, sharpened twice;
-    its height the outermost of the well-filled ones, so an inner wall of a drawer does not win over the
-    front.
+    its height the outermost well-filled one, so an inner wall of a drawer does not win over the front.
     """
     normal = np.array(contact.rotation[:, 2])
     for cone in (45.0, 25.0, 15.0):
@@ -105,8 +103,7 @@ def protruding(mesh: Mesh, face: Face, rng: np.random.Generator) -> list[Array]:
     """What of a mesh stands off a face: connected groups of points (n, 3) on it, each 1 cm across or more.
 
     Only the surface that stands off is sampled: a share of the samples of a whole door would leave gaps in a
-    thin handle. What is too high for a handle is cut off a little above that height, where `Face.low_enough`
-    still sees it.
+    thin handle. What is too high for a handle is cut off a little above, where `Face.low_enough` sees it.
     """
     _, above = cut(triangles_of(mesh), face.normal, face.offset + face.skin)
     off, _ = cut(above, face.normal, face.offset + TALLEST + CELL)
@@ -188,8 +185,7 @@ def _knobs(outer: Array, basis: Array, base: float, top: float, contact: Contact
 
 
 def _edges(points: Array, normal: Array, contact: ContactPath) -> list[Hold]:
-    """Rims that the fingers can pinch: as the hand held it, then the borders of the dominant face, nearest
-    first."""
+    """Rims that the fingers can pinch: as held by hand, then the dominant face's borders, nearest first."""
     told = contact.rotation[:, 1] - normal * (contact.rotation[:, 1] @ normal)
     along = geo.unit(told) if np.linalg.norm(told) > 0.3 else geo.orthogonal_basis(normal)[:, 0]
     side = np.cross(along, normal)

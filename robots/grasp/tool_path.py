@@ -26,8 +26,7 @@ class Grasp:
     T_world_tool: (4, 4) at state 0, tool axes x along the handle, y closing, z out of the hand. turn: share
     of a revolute angle by which the hand lags behind the part, about the line `handle` (3,) through
     hold.centre. freedom: (3,) orientation weights about the tool axes for inverse kinematics. room: m by
-    which the open hand stays to the side (-y of the tool) before it closes and after it opened. cost: what
-    makes it less natural, 0 = best.
+    which the open hand stays aside (-y of the tool) until it closes. cost: 0 = most natural.
     """
 
     hold: Hold

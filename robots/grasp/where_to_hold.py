@@ -66,8 +66,7 @@ def elsewhere(part: Part, holds: Sequence[Hold], spec: RobotSpec, seed: int) -> 
 
 
 def _at_point(twin: Twin, part: Part, point: Array) -> list[ContactPath]:
-    """A contact at a user's point for each face that a hand may meet, the likeliest first, its directions
-    from the part."""
+    """A contact at a user's point for each face a hand may meet, likeliest first, turned by the part."""
     place = np.asarray(point, dtype=np.float64)
     if place.shape != (3,) or not np.all(np.isfinite(place)):
         raise InputError(

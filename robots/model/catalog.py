@@ -14,8 +14,7 @@ from twin.files.paths import AnyPath
 from twin.packages import to_install
 
 _LOG = logging.getLogger(__name__)
-# the real models' modules in the package robot_descriptions, which clones MuJoCo Menagerie when one is
-# imported
+# the real models' modules in the package robot_descriptions; importing one clones MuJoCo Menagerie
 _FETCHED = {"franka": "panda_mj_description", "spot": "spot_mj_description"}
 
 
@@ -61,8 +60,7 @@ def resolve(robot: AnyPath) -> RobotSpec:
 
 
 def fetch(robot: str) -> Path:
-    """Download the real model of a bundled robot, the only place where robots need a network; returns its
-    file.
+    """Download the real model of a bundled robot, the only use of a network; returns its file.
 
     It is done by the package robot_descriptions, which clones MuJoCo Menagerie into its cache; a robot file
     may then name the model by its path in Menagerie.

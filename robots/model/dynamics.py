@@ -29,15 +29,13 @@ class Terms:
     inertial: Array
 
     def shortest(self, limit: Array) -> float:
-        """The least T from which on every torque is within +- limit (j,); infinite where `still` alone is
-        not."""
+        """The least T with every torque within +- limit (j,); infinite if `still` alone is not."""
         a = np.concatenate([self.inertial, -self.inertial]).ravel()
         b = np.concatenate([self.viscous, -self.viscous]).ravel()
         c = (np.concatenate([self.still, -self.still]) - limit).ravel()
         if np.any(c >= 0):
             return float("inf")
-        # First x = 1 / T > 0 at which a x^2 + b x + c leaves the negative; in this form it holds for a = 0 as
-        # well.
+        # First x = 1 / T > 0 at which a x^2 + b x + c leaves the negative; this form holds for a = 0 too.
         root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
         crosses = (b * b - 4 * a * c >= 0) & (b + root > 0)
         rate = np.full(len(c), np.inf)
@@ -71,8 +69,7 @@ class PartLoad:
 
 
 def with_payload(twin: Twin, part: Part) -> Part:
-    """The part with mass, centre and inertia of its payload added: all parts that it carries, at rest where
-    they are at state 0.
+    """The part with mass, centre and inertia of its payload added: the parts it carries, all at state 0.
 
     A part that another one carries is moved while that one rests: nothing of its parent is added.
     """
@@ -95,8 +92,7 @@ def with_payload(twin: Twin, part: Part) -> Part:
 
 
 def part_load(part: Part) -> PartLoad:
-    """What a part's physics say about the force it takes to move it, without its payload (see
-    `with_payload`)."""
+    """What a part's physics say about the force to move it, without its payload (see `with_payload`)."""
     resists, own = inertia_about(part.joint, inertial_of(part)), physics_of(part)
     return PartLoad(part, resists, own.damping.value, own.frictionloss.value, own.catch)
 

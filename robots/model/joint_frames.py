@@ -19,8 +19,7 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 
-# How far axes and bodies may lie apart (chosen by us): what published models of one arm differ by is less, a
-# link of another size more.
+# How far axes and bodies may lie apart (chosen by us): models of one arm differ by less, links by more.
 APART = 1e-3  # m
 TURNED = float(np.deg2rad(0.5))  # rad
 _STATES = 8  # joint states that are compared beside the home state
@@ -105,8 +104,7 @@ class Pair:
     def frames(self) -> Array:
         """Where their bodies lie in ours: T_ours_theirs (b, 4, 4).
 
-        Raises InputError when joints or bodies lie more than `APART` or `TURNED` from each other in any of
-        the states.
+        Raises InputError when joints or bodies lie more than `APART` or `TURNED` apart in any state.
         """
         j = len(self.joint_names)
         ours, theirs = self.ours.at(self.home), self.theirs.at(self.home[:j])
@@ -126,8 +124,7 @@ class Pair:
         return frames
 
     def _laid(self, ours: Pose, theirs: Pose) -> Array:
-        """Their anchor's frame in ours (4, 4), by the axes: their directions, and the lines on which hinges
-        lie."""
+        """Their anchor's frame in ours (4, 4), by the axes: directions and hinge lines."""
         j, hinges = len(self.joint_names), self.hinges
         u, p = ours.axes[:j], ours.origins[:j]
         if j < 2 or np.linalg.svd(theirs.axes, compute_uv=False)[1] < _SPREAD:

@@ -1,8 +1,6 @@
-"""Forward kinematics, Jacobian and inverse kinematics of a serial arm for many configurations at once
-(numpy).
+"""Forward and inverse kinematics and Jacobian of a serial arm for many configurations at once (numpy).
 
-The joints of a planar base, two slides and a hinge, come first in the chain: base and arm are solved
-together.
+The joints of a planar base, two slides and a hinge, come first in the chain: both are solved together.
 
 The planner screens hundreds of base poses with it; the final path comes from `robots.planning.ik`. The chain
 is read from the compiled MJCF model, so there is one description of the arm.
@@ -45,8 +43,7 @@ class Chain:
     base: int = 0
 
     def forward(self, q: Array) -> tuple[Array, Array]:
-        """Poses T_base_tool (B, 4, 4) and geometric Jacobians (B, 6, n) in tool axes (linear, angular), q (B,
-        n)."""
+        """Poses T_base_tool (B, 4, 4) and Jacobians (B, 6, n) in tool axes (linear, angular), q (B, n)."""
         batch, n = q.shape
         r = np.broadcast_to(np.eye(3), (batch, 3, 3))
         p = np.zeros((batch, 3))

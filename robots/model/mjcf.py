@@ -1,8 +1,7 @@
 """The MuJoCo model of a robot: the file as it is, plus what a robot file adds to it.
 
 A URDF has no actuators and no sites, and a published MJCF may press with a gripper too weak to open anything.
-So a robot file may say where the tool point is and how stiff the servos are; then the model's own actuators
-of these joints are replaced.
+So a robot file may give the tool point and the servos' stiffness; these joints' actuators are then replaced.
 """
 
 from __future__ import annotations

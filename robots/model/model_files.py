@@ -1,8 +1,7 @@
 """Finds robot model files on this machine. Nothing is imported from other packages, nothing is downloaded.
 
 The search goes from what the user said to what happens to be installed: beside the robot file, the folder
-named by FUNTWIN_MENAGERIE (a checkout of MuJoCo Menagerie), a cache that robot_descriptions has filled,
-installed packages.
+named by FUNTWIN_MENAGERIE (a checkout of MuJoCo Menagerie), robot_descriptions' cache, packages.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def locate(model: str, beside: Path) -> Path:
-    """The file of a robot file's `model`, a relative path such as "panda.xml" or
-    "franka_emika_panda/panda.xml".
+    """The file of a `model`, a relative path such as "panda.xml" or "franka_emika_panda/panda.xml".
 
     Raises InputError when the path leaves the folders it is looked for in, or no folder has it.
     """
@@ -38,8 +36,7 @@ def locate(model: str, beside: Path) -> Path:
 
 
 def find(model: str, beside: Path) -> Path | None:
-    """The same file beside the robot file or in a checkout, None when neither has it. Installed packages take
-    a second to look through.
+    """The same file beside the robot file or in a checkout, or None. Installed packages take a second.
 
     Raises InputError when the path leaves the folders it is looked for in, or FUNTWIN_MENAGERIE names none.
     """

@@ -9,8 +9,7 @@ from twin.errors import InputError, nearest_name
 
 
 def check_keys(values: dict[str, Any], known: set[str], where: str, path: Path) -> None:
-    """Raise InputError, with the nearest known name, for a key of the section `where` (such as "arm.") that
-    is not known."""
+    """Raise InputError, with the nearest known name, for an unknown key of section `where` ("arm.")."""
     for key in sorted(set(values) - known):
         near = nearest_name(key, sorted(known))
         raise InputError(

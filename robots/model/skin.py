@@ -46,8 +46,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """What a robot wears: the file it is from, its compiled model, the pieces, and our bodies whose own
-    shapes are then hidden."""
+    """What a robot wears: its file, its compiled model, pieces, and our bodies whose shapes are hidden."""
 
     source: Path
     model: mujoco.MjModel
@@ -56,9 +55,8 @@ class Skin:
 
 
 def skin_of(spec: RobotSpec) -> Skin | None:
-    """What the robot wears; None, its own shapes, where no such model is on this machine, or, after one
-    warning, where it can't be used: files are missing, it is malformed, or its joints are not where ours are.
-    What was taken is logged."""
+    """What the robot wears; None, its own shapes, without such a model, or, after one warning, with an
+    unusable one: incomplete, malformed, or with other joints. What was taken is logged."""
     try:
         skin = find_skin(spec)
     except InputError as e:

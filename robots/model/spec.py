@@ -172,8 +172,7 @@ class RobotSpec:
         return np.full(len(self.gripper_joints), opening / len(self.gripper_joints))
 
     def gripper_command(self, opening: Array) -> Array:
-        """Actuator command (n,) for openings (n,) in m; where 0 is asked, one that presses with the full
-        force."""
+        """Actuator command (n,) for openings (n,) in m; for 0, one that presses with full force."""
         if self.gripper_kind == "claw":
             span = self.jaw_open - self.jaw_closed
             squeeze = self.jaw_closed - np.sign(span) * 0.5  # rad
@@ -181,16 +180,14 @@ class RobotSpec:
         return np.where(opening > 1e-6, opening, -_SQUEEZE)
 
     def beside(self, thickness: float) -> float:
-        """How far (m, along y) the tool point stands off the middle of a handle of this thickness when it is
-        held.
+        """How far (m, along y) the tool point stands off the middle of a held handle of this thickness.
 
         0 for fingers that close evenly; the jaw of a claw that does not move lies on the handle.
         """
         return 0.0 if self.gripper_kind == "parallel" else self.fixed_jaw - thickness / 2
 
     def room(self, thickness: float) -> float:
-        """How far (m, along -y) the hand stays from where it holds until it closes, so that both jaws clear
-        the handle."""
+        """How far (m, along -y) the hand stays off its hold until it closes, for jaws to clear the handle."""
         return (
             0.0 if self.gripper_kind == "parallel" else min(_JAW_ROOM, max(self.stroke - thickness, 0.0) / 2)
         )

@@ -1,5 +1,4 @@
-"""Puts a skin on a robot: copies the pieces of the compiled other model, meshes and materials included, onto
-our bodies."""
+"""Puts a skin on a robot: copies the other model's pieces, meshes and materials included, onto our bodies."""
 
 from __future__ import annotations
 
@@ -11,8 +10,7 @@ from twin.geometry import Array
 
 
 def wear(robot: mujoco.MjSpec, skin: Skin, hidden: int) -> None:
-    """Put the skin on an editable model of the robot; the own shapes of its bodies go to geom group
-    `hidden`."""
+    """Put the skin on an editable model of the robot; its bodies' shapes go to geom group `hidden`."""
     for name in skin.bodies:
         for geom in robot.body(name).geoms:
             geom.group = hidden
@@ -41,8 +39,7 @@ def wear(robot: mujoco.MjSpec, skin: Skin, hidden: int) -> None:
 
 
 def _add_mesh(robot: mujoco.MjSpec, model: mujoco.MjModel, mesh: int) -> str:
-    """Copy a compiled mesh; returns its name. Its surface stands for its mass, which nobody asks for: visuals
-    are seldom closed."""
+    """Copy a compiled mesh; returns its name. Surface stands for mass, as visuals are seldom closed."""
     name = f"looks/{mesh}"
 
     def rows(values: Array, starts: Array, counts: Array) -> Array:

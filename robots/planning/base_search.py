@@ -60,8 +60,7 @@ class Base:
 
 
 class BaseSearch:
-    """Tries base poses for the tool paths of several grasps on one part, on a floor at the height `floor`
-    (m)."""
+    """Tries base poses for tool paths of several grasps on a part, on a floor at the height `floor` (m)."""
 
     def __init__(
         self,
@@ -167,8 +166,7 @@ def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:
 def _follow(
     chain: Chain, targets: Array, grasps: Sequence[Grasp], choice: Array, spec: RobotSpec
 ) -> tuple[Array, Array]:
-    """Rough joint paths (B, W, n) and errors (B, W, 6) along targets (B, W, 4, 4), from the middle
-    outwards."""
+    """Rough joint paths (B, W, n) and errors (B, W, 6) along targets (B, W, 4, 4), middle first."""
     batch, count = targets.shape[:2]
     q = np.empty((batch, count, len(spec.home)))
     error = np.empty((batch, count, 6))
@@ -258,8 +256,7 @@ def _rated(
         reason = Unreachable(float(states[worst]), ways.unit, float(position[worst]), turned, stopped)
     elif jump > 1.0:
         reason = Reconfigures(jump)
-    # Terms of about equal weight: a third of a radian from the limits and a manipulability of 0.06 count as
-    # plenty.
+    # Terms of about equal weight: 1/3 rad from the limits and a manipulability of 0.06 count as plenty.
     score = min(margin, 0.35) / 0.35 + min(manipulability, 0.06) / 0.06
     score -= grasp.cost + 0.15 * jump + penalty + 20.0 * float(position.max()) + 0.5 * free_angle
     return replace(

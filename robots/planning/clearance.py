@@ -75,8 +75,7 @@ class ClearanceCheck:
         return replace(base, clearance=float(least), score=base.score + least / self._reach)
 
     def _poses(self, base: Base, states: Array) -> Iterator[tuple[Array, float, float]]:
-        """Arm, part and opening of the hand along the way; jaws that swing are also looked at while they
-        close."""
+        """Arm, part and opening of the hand along the way; swinging jaws also while they close."""
         spec, full = self._spec, self._spec.stroke
         yield base.q[0], states[0], full
         if spec.gripper_kind == "claw":

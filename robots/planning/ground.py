@@ -26,12 +26,10 @@ class Ground:
         self._expected = _POINTS / max(static.area, 1e-9) * np.pi * footprint**2
 
     def supports(self, poses: Array, handle: float, config: PlanConfig) -> Array:
-        """Height (B,) of what a pedestal under each pose would stand on: floor or level surface; NaN where it
-        can't.
+        """Height (B,) of what a pedestal under each pose stands on: floor or level surface; or NaN.
 
         Nothing may be above the support within the footprint up to the shoulder, nor up to the handle: a base
-        under a table or inside a cupboard is shut in. Poses after the wanted number of free ones are left out
-        (NaN).
+        under a table or inside a cupboard is shut in. Poses beyond the wanted number are left out (NaN).
         """
         if self._tree is None:
             return np.full(len(poses), self.floor)

@@ -40,8 +40,7 @@ def refined(
     effort: Effort,
     config: PlanConfig,
 ) -> RobotTrajectory:
-    """The precise path over a base, timed. Raises PlanningError when it misses the tolerances or a joint is
-    too weak."""
+    """The precise path over a base, timed. Raises PlanningError beyond tolerances or if a joint is weak."""
     legs = _Legs(solver, base, grasp, config, unit(part))
     states = task.states(_WAYPOINTS)
     rough = CubicSpline(np.linspace(0.0, 1.0, len(base.q) - 2), base.q[1:-1])
@@ -149,11 +148,9 @@ class _Legs:
 
 
 def moves_alone(part: Part, state: float) -> bool:
-    """True when the part's weight, or its catch, would move it away from `state`, so that a hand must hold it
-    there.
+    """True when the part's weight, or its catch, would move it off `state`, so that a hand must hold it.
 
-    A lid falls shut, an oven's door falls open; at the ends of the range the stops hold against one of the
-    two.
+    A lid falls shut, an oven's door falls open; at the ends of the range the stops hold against one.
     """
     load = weight_load(part, state) + physics_of(part).caught(state)
     friction = 0.8 * physics_of(part).frictionloss.value
@@ -164,8 +161,7 @@ def moves_alone(part: Part, state: float) -> bool:
 
 
 def may_move_alone(part: Part, state: float) -> bool:
-    """True when the part would move alone with its axis as the twin has it, or two sigma off in any
-    direction."""
+    """True when the part would move alone with its axis as the twin has it, or two sigma off anywhere."""
     if part.joint.covariance is None:
         return moves_alone(part, state)
     values, vectors = np.linalg.eigh(part.joint.covariance[:2, :2])

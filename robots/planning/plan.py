@@ -117,8 +117,7 @@ def _planned(
     robot: AnyPath,
     floor: Floor,
 ) -> RobotTrajectory:
-    """The best trajectory that takes the part by one of the holds; rounds: closer looks around bases that
-    nearly do.
+    """The best trajectory that takes the part by one of the holds; rounds: closer looks around near misses.
 
     Raises PlanningError with the reason of the base that came nearest.
     """
@@ -163,8 +162,7 @@ def _planned(
 
 
 def _seeds(accepted: Sequence[Base], rejected: Sequence[Base]) -> list[Base]:
-    """Bases worth a closer look around: free ones, then those that nearly are, then those that nearly
-    reach."""
+    """Bases worth a closer look around: free ones, then nearly free, then nearly reaching."""
     touching = sorted((b for b in rejected if b.clearance < 0), key=lambda b: -b.clearance)
     short = sorted(
         (b for b in rejected if b.clearance == 0 and np.isfinite(b.position_error)),

@@ -15,9 +15,8 @@ _WRISTS = ((0.0, 0.0), (0.0, 1.57), (0.0, -1.57), (1.2, 0.0), (-1.2, 0.0))
 def planar_starts(target: Array, chain: Chain, spec: RobotSpec) -> list[Array]:
     """Start configurations, each (B, n), for tool poses `target` (B, 4, 4) in the frame of the base's stance.
 
-    The base stays where it was put; the shoulder turns towards the target; the last three joints, whatever
-    they are, take the hand's main orientations. A home pose bent at the elbow keeps all of them away from
-    singularities.
+    The base stays where it was put; the shoulder turns towards the target; the last three joints take the
+    hand's main orientations. A home pose bent at the elbow keeps all of them away from singularities.
     """
     n = len(chain.lower)
     shoulder = chain.base

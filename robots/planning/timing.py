@@ -21,8 +21,7 @@ SHORTEST = 0.8  # s of a leg
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Waypoints over a share 0..1: q (w, n), part state (w,), position error (w,) m, tool poses (w, 4, 4) in
-    the world."""
+    """Waypoints over 0..1: q (w, n), part state (w,), error (w,) m, tool poses (w, 4, 4) in the world."""
 
     q: Array
     state: Array
@@ -186,8 +185,7 @@ def _rest(name: str, leg: Leg, at: int, seconds: float, gripper: float, effort: 
 
 
 def _duration(spline: CubicSpline, leg: Leg, spec: RobotSpec, config: PlanConfig) -> float:
-    """Shortest quintic time that keeps tool speed, joint velocity and joint acceleration within their
-    shares."""
+    """Shortest quintic time with tool speed, joint velocity and joint acceleration in their shares."""
     s = np.linspace(0.0, 1.0, 201)
     first, second = np.abs(spline(s, 1)), np.abs(spline(s, 2))
     by_speed = 1.875 * leg.length / config.tool_speed

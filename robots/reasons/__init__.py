@@ -1,7 +1,6 @@
 """Why a plan is refused or a replay failed: one type for each cause, which alone writes its text.
 
-Who wants to know what happened asks for the type; who counts causes counts `kind`, which leaves the numbers
-out.
+What happened is the type; causes are counted by `kind`, which leaves the numbers out.
 """
 
 from robots.reasons.plans import InCollision, NoRoom, Reconfigures, TooWeak, Unlawful, Unreachable, reason_of

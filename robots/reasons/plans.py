@@ -23,8 +23,7 @@ class NoRoom(Reason):
 
 @dataclass(frozen=True)
 class Unreachable(Reason):
-    """The arm misses the tool pose at `state` (in `unit`) by `short` m and `turned` rad; stopped: joints at a
-    limit."""
+    """The arm misses the tool pose at `state` (in `unit`) by `short` m, `turned` rad; stopped: at limits."""
 
     state: float
     unit: str
@@ -50,8 +49,7 @@ class Unreachable(Reason):
 
 @dataclass(frozen=True)
 class Reconfigures(Reason):
-    """The arm would jump to another configuration on the way. jump: rad, of one joint; None where it was not
-    measured."""
+    """The arm would jump to another configuration on the way. jump: rad, of one joint, or None."""
 
     jump: float | None = None
 

@@ -72,8 +72,7 @@ class LostPart(Reason):
 
 @dataclass(frozen=True)
 class CameBack(Reason):
-    """The part was brought to the goal and did not stay there. done: "opened" or "closed"; peak, final:
-    shares of the way."""
+    """The part was brought to the goal and did not stay. done: "opened" or "closed"; peak, final: shares."""
 
     done: str
     peak: float
@@ -106,8 +105,7 @@ class ClosedByItself(Reason):
 
 @dataclass(frozen=True)
 class Stuck(Reason):
-    """The part was not brought to the goal; pressed: the two bodies that pressed against each other, if any
-    did."""
+    """The part was not brought to the goal; pressed: the two bodies that pressed on each other, if any."""
 
     done: str
     peak: float

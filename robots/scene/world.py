@@ -33,8 +33,7 @@ from twin.scene import Twin
 
 AnyArray = NDArray[Any]
 # Bits of MuJoCo's contact masks. The robot meets everything, itself included. Parts and static scene do not
-# meet each other: their reconstructed surfaces touch at the seams, and there a contact would brake what the
-# hand moves.
+# meet each other: their surfaces touch at seams, where a contact would brake what the hand moves.
 ROBOT, PART, STATIC = 1, 2, 4
 # Twins' names hold no slash, so none of theirs is ever one of these.
 PREFIX = "robot/"
@@ -73,8 +72,7 @@ class World:
         self.model.body_quat[self.mount] = geo.quat_wxyz_from_matrix(T_world_base[:3, :3])
 
     def body_of(self, geom: int) -> str:
-        """Name of a geom's body, as the twin or the robot's own model has it; of an inferred piece with that
-        piece's."""
+        """Name of a geom's body in the twin or the robot's own model, with an inferred piece's own."""
         body = str(self.model.body(self.model.geom_bodyid[geom]).name).rpartition("/")[2]
         if self.owner[geom] not in (PART, STATIC):
             return body
@@ -83,16 +81,14 @@ class World:
         return f"{body}: inferred {piece}" if piece else body
 
     def set_stiffness(self, share: float) -> None:
-        """Scale the arm's servos: stiffness by `share`, damping by its square root, so that the damping ratio
-        stays."""
+        """Scale the arm's servos: stiffness by `share`, damping by its root, for one damping ratio."""
         self.model.actuator_gainprm[self.arm_ctrl, 0] *= share
         self.model.actuator_biasprm[self.arm_ctrl, 1] *= share
         self.model.actuator_biasprm[self.arm_ctrl, 2] *= np.sqrt(share)
 
 
 def completed(twin: Twin, cache_dir: AnyPath | None = None) -> Twin:
-    """The twin with collision shapes for its static part and every part, masses and friction: itself where it
-    has them all.
+    """The twin with collision shapes for static scene and parts, masses and friction: itself if it has all.
 
     Who plans and replays makes it once and passes it on. cache_dir: where shapes are kept between runs.
     """
@@ -223,8 +219,7 @@ def _add_robot(
     for name in spec.arm_actuators:  # commands carry velocity and torque too; the force stays limited
         child.actuator(name).ctrllimited = 0
     with warnings.catch_warnings():
-        # the scene is attached to nothing: files of the robot's meshes are read where they lie, those of a
-        # skin are in memory
+        # the scene is attached to nothing: the robot's mesh files are read in place, a skin's from memory
         warnings.filterwarnings("ignore", "Attaching a child without asset dict")
         scene.attach(child, prefix=PREFIX, frame=mount.add_frame())
 

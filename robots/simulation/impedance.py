@@ -1,5 +1,4 @@
-"""Compliant control of the hand: a spring and a damper at the tool, as arms with an impedance controller
-have.
+"""Compliant control of the hand: a spring and a damper at the tool, as in arms with impedance control.
 
 The preset is that of Spot's `ArmImpedanceCommand` at its highest stiffness and default caps (bosdyn.api,
 version 5): 500 N/m and 60 N m/rad in the tool's axes, at most 60 N and 15 N m. What moving the arm and the
@@ -21,8 +20,7 @@ from twin.geometry import Array
 
 TRANSLATION, ROTATION = 500.0, 60.0  # N/m, N m/rad
 FORCE_CAP, TORQUE_CAP = 60.0, 15.0  # N, N m
-# Critical damping of the mass (kg) and inertia (kg m^2) that an arm of 15 to 25 kg shows at its hand (chosen
-# by us).
+# Critical damping of the mass (kg) and inertia (kg m^2) at the hand of a 15 to 25 kg arm (chosen by us).
 _MASS, _INERTIA = 4.0, 0.10
 _SLACK, _SLACK_DAMPING = (
     10.0,
@@ -38,8 +36,7 @@ class Impedance:
     def __init__(
         self, world: World, trajectory: RobotTrajectory, chain: Chain, times: Array, share: float = 1.0
     ) -> None:
-        """share: of the preset's stiffness; damping goes with its square root, caps stay. times: (n,) s of
-        the steps."""
+        """share: of the preset's stiffness; damping by its root, caps stay. times: (n,) s of the steps."""
         self._w, self._share, self._first = world, share, chain.base
         self._q, self._qd, _ = trajectory.at(times)
         self._effort = trajectory.effort_at(times)

@@ -1,5 +1,4 @@
-"""Plays a trajectory back in MuJoCo: the arm's own servos, contact and friction, nothing else moves the
-part."""
+"""Plays a trajectory back in MuJoCo: the arm's own servos, contact and friction, nothing else."""
 
 from __future__ import annotations
 
@@ -105,11 +104,9 @@ def replay(
 
 
 def _dressed(world: World, twin: Twin, trajectory: RobotTrajectory) -> World:
-    """The scene for the film: with the real robot's visuals where they are on this machine, else the one that
-    was simulated.
+    """The scene for the film: with the real robot's visuals if on this machine, else the simulated one.
 
-    It is another scene, so that nothing of a skin can change what is simulated; their joint positions are the
-    same.
+    It is another scene, so that a skin can't change the simulation; their joint positions are the same.
     """
     skin = skin_of(world.spec)
     if skin is None:
@@ -129,8 +126,7 @@ def simulate(
     config: ReplayConfig,
     observe: Callable[[mujoco.MjData], None] | None = None,
 ) -> tuple[Record, Array]:
-    """Run the scene; returns the record and the joint positions (f, nq) of at most config.video_frames
-    moments.
+    """Run the scene; returns the record and the joint positions (f, nq) of up to config.video_frames moments.
 
     The scene is left as it is: how the arm is driven is set on a copy. observe: called with the simulation
     before each step, its commands set; it must leave the simulation as it is.
@@ -151,8 +147,7 @@ def simulate(
     data.qpos[world.gripper_qpos] = spec.jaws(float(trajectory.gripper[0]))
     mujoco.mj_forward(model, data)
     recorder = _Recorder(world, trajectory.part_id, spec)
-    # A trajectory without approach begins with the part in the hand: until the fingers have closed it is held
-    # still.
+    # A trajectory without approach begins with the part in the hand: held still until fingers close.
     gripped = times[phases == PHASES.index("close")][-1] if trajectory.phases[0] == "close" else -1.0
     frame_at = set(np.linspace(0, steps - 1, config.video_frames).astype(int).tolist())
     frames = []

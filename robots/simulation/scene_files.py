@@ -1,5 +1,4 @@
-"""The scene of a replay as files: robot, twin and keyframes in one MJCF that plain MuJoCo loads, complete in
-its folder."""
+"""A replay's scene as files: robot, twin and keyframes in one MJCF for plain MuJoCo, complete there."""
 
 from __future__ import annotations
 
@@ -26,10 +25,9 @@ _KEYS = {"close": "grasp", "hold": "goal"}
 def write_scene(folder: Path, twin: Twin, spec: RobotSpec, trajectory: RobotTrajectory) -> Path:
     """Write scene.xml and all files that it names, under assets/; returns its path.
 
-    It is the scene that was simulated, to the six digits in which MuJoCo writes numbers, and what a replay
-    does not need: a motor for each joint of the twin, which does nothing while its control is 0; keyframes
-    "start", "grasp" and "goal" with the controls that hold them; a floor to look at, and the robot's shapes
-    where a viewer shows them.
+    The simulated scene, to MuJoCo's six digits, and what a replay does not need: a motor for each joint of
+    the twin, which does nothing while its control is 0; keyframes "start", "grasp" and "goal" with the
+    controls that hold them; a floor to look at, and the robot's shapes where a viewer shows them.
 
     Raises PlanningError: MuJoCo refuses the scene.
     """

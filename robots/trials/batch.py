@@ -39,8 +39,7 @@ def replay_all(
     group: int = GROUP,
     tell: Tell | None = None,
 ) -> list[ReplayReport]:
-    """Replay the trajectory in the scene of each draw; reports in the order of the draws, whatever the
-    workers.
+    """Replay the trajectory in the scene of each draw; reports in the draws' order, whatever the workers.
 
     The very simulation and measurement of a single replay runs in processes: a step of MuJoCo takes some 40
     us, too short for threads, which would wait for each other's interpreter. `group` draws are one worker's

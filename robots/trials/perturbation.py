@@ -1,5 +1,4 @@
-"""What the real part may be like when its twin is not exact: sizes of errors, draws from them, and the scene
-they make."""
+"""What the real part may be like if its twin is inexact: sizes of errors, draws from them, their scene."""
 
 from __future__ import annotations
 
@@ -58,8 +57,7 @@ class ErrorSizes:
 class Spread:
     """How uncertain one part is. joint: (4, 4) covariance of axis tilts (rad) and shifts (m) in the basis of
     `Joint.covariance`, rows and columns of the shifts zero for a slide; contact: m, one sigma along each
-    axis; mass (kg), friction, damping, frictionloss: (low, high). missing: one line for each that the twin
-    did not state."""
+    axis; mass (kg), friction, damping, frictionloss: (low, high). missing: a line each."""
 
     joint: Array
     contact: float
@@ -72,8 +70,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """One real part: its joint, the shift (3,) m of its geometry against the twin's, mass (kg) and joint
-    physics."""
+    """One real part: its joint, its geometry's shift (3,) m off the twin's, mass (kg) and joint physics."""
 
     joint: Joint
     contact: Array
@@ -135,8 +132,7 @@ def draw(part: Part, spread: Spread, sizes: ErrorSizes | None, seed: int, trial:
 
     Axis and pivot are normal with the joint's covariance, the contact normal along each axis, the rest
     uniform in its interval. With `sizes` the first three have exactly these lengths and a uniform direction.
-    A trial's directions and physics are the same in every row, so rows differ by the sizes of their errors
-    alone.
+    A trial's directions and physics are the same in every row, so rows differ by sizes of errors alone.
     """
     rng = np.random.default_rng([seed, trial])
     z, c, u = rng.normal(size=4), rng.normal(size=3), rng.uniform(size=4)
@@ -162,8 +158,7 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
 
     The part's shapes keep their place at state 0 but for the contact's shift, whatever the joint: an axis
     error shows only once the part moves. It is the scene that `build_world` makes of the drawn part, without
-    building it again, which takes more than half as long as the replay (0.05 of 0.09 s, a reconstructed
-    drawer).
+    building it again, over half as long as the replay (0.05 of 0.09 s, a reconstructed drawer).
     """
     model = copy.copy(world.model)
     dof, own = world.part_dof[part.id], inertial_of(part)
@@ -173,8 +168,7 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
     to_body = data.xmat[body].reshape(3, 3).T
     model.jnt_axis[joint] = to_body @ drawn.joint.axis
     if isinstance(drawn.joint, Revolute):
-        # Not by the difference of the pivots: the exported joint may lie anywhere on the twin's axis, and a
-        # tilt moves far points.
+        # Not by the difference of pivots: the exported joint may lie anywhere on the axis; tilts move points.
         anchor = data.xanchor[joint]
         drawn_anchor = geo.nearest_point_on_line(anchor, drawn.joint.pivot, drawn.joint.axis)
         model.jnt_pos[joint] += to_body @ (drawn_anchor - anchor)
@@ -184,8 +178,7 @@ def perturbed(world: World, part: Part, drawn: Draw) -> World:
     model.dof_frictionloss[dof] = drawn.frictionloss
     model.dof_armature[dof] = armature(drawn.joint, _drawn_inertial(part, drawn))
     geoms = world.geom_part == part.id
-    # MuJoCo takes the larger friction of a pair, which is the finger pads': what makes the part slippery must
-    # reach them.
+    # MuJoCo takes a pair's larger friction, the finger pads': a slippery part must be slippery at these.
     model.geom_friction[geoms | world.finger, 0] *= drawn.friction / physics_of(part).friction.value
     if np.any(drawn.contact):
         # Shapes and centre of mass together: MuJoCo's bounding volumes are relative to the latter.
@@ -215,8 +208,7 @@ def path_error(part: Part, drawn: Draw, point: Array, goal: float) -> float:
 
 
 def closes_itself(part: Part, drawn: Draw, state: float) -> bool:
-    """True when the drawn part's weight, or a catch, overcomes its dry friction at `state` and pulls it
-    shut."""
+    """True when the drawn part's weight, or a catch, overcomes dry friction at `state` and pulls it shut."""
     com = inertial_of(part).com + drawn.contact
     lift = float(drawn.joint.velocity(state, com)[2])  # height gained per unit of state
     return drawn.mass * GRAVITY * lift + physics_of(part).caught(state) > drawn.frictionloss

@@ -19,8 +19,7 @@ _GOOD, _BAD, _INK = "#2a7f62", "#c8553d", "#333333"
 
 
 def plot(report: TrialReport) -> bytes:
-    """PNG: left, opening and success of all trials over the path error; right, success for each size of
-    error."""
+    """PNG: left, opening and success of all trials over the path error; right, success by size of error."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

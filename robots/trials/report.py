@@ -146,8 +146,7 @@ class TrialRow:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrialReport:
-    """All rows of one part; the twin's own uncertainty first. floor: what the robot stands on. assumed: what
-    the twin did not state."""
+    """All rows of one part; the twin's uncertainty first. floor: it stands on. assumed: unstated."""
 
     robot: str
     twin: str

@@ -1,7 +1,6 @@
 """How often a plan made from the twin opens the real part, when the twin is only nearly right.
 
-The robot plans once, on the twin. Each trial replays that trajectory in a scene whose part differs from the
-twin.
+The robot plans once, on the twin. Each trial replays that trajectory in a scene whose part differs.
 """
 
 from __future__ import annotations

@@ -55,8 +55,7 @@ def mean(values: Sequence[float], confidence: float = CONFIDENCE) -> Estimate:
 
 
 def binned(errors: Sequence[float], successes: Sequence[bool], bins: int) -> list[tuple[float, Estimate]]:
-    """Success over error: trials sorted by error in equally full bins; (mean error, rate with interval) of
-    each."""
+    """Success over error: trials in equally full bins of error; (mean error, rate, interval) of each."""
     order = np.argsort(np.asarray(errors), kind="stable")
     groups = [g for g in np.array_split(order, bins) if len(g)]
     return [

@@ -1,5 +1,4 @@
-"""Up is decided once the surfaces and the parts are known, by all witnesses together, and the world is turned
-accordingly.
+"""Up is decided once surfaces and parts are known, by all witnesses, and the world is turned accordingly.
 
 The stages before it work in a world whose up the camera's posture alone tells: a steep view has walls for
 floors there. What these stages find doesn't depend on it.
@@ -29,8 +28,7 @@ from twin.scene import Trajectory
 from twin.verdict import UpUnsure
 
 UP = Stage("up", 1, ())
-# Odds of the best direction against the second from which up is no doubt: one wrong in twenty-one, if they
-# are honest.
+# Odds of the best direction against the second that clear up: one wrong in 21, if honest.
 ODDS = 20.0
 
 
@@ -46,8 +44,7 @@ class World:
 
 @dataclass(frozen=True, eq=False)
 class Upright:
-    """The direction (3,) of the world as it stands that is up, and why that is doubted; None where it is
-    sure."""
+    """The direction (3,) of the world as it stands that is up, and why that is doubted, or None."""
 
     up: Array
     doubt: UpUnsure | None = None
@@ -61,8 +58,7 @@ def find_up(
 ) -> Upright:
     """The most likely up among the world's z and the other directions of its walls and floors.
 
-    What the user or the device says of up stands. Where depth shows fewer than two such directions, z stands
-    and is doubted.
+    What the user or the device says of up stands. With fewer than two such directions z stands, doubted.
     """
     z = np.array([0.0, 0.0, 1.0])
     if said.up is not None or (recording.gravity_camera0 is not None and world.cameras.pose(0) is not None):

@@ -18,11 +18,9 @@ from twin.geometry import Array
 from twin.level import Plane, large_planes
 from twin.scene import HAND_LABEL, Mesh, Prismatic, Trajectory
 
-# Share of a label image from which a hand in it tells where the arm comes from; chosen by us, as hands that
-# visit.
+# Share of a label image that a hand must fill to show where its arm comes from; chosen by us (hand visits).
 _HAND_SHARE = 0.004
-# Fewest pixels of the picture's border by which an arm leaves it; a narrow wrist has some thirty. Chosen by
-# us.
+# Fewest pixels of the picture's border that an arm crosses; a narrow wrist has some thirty. Chosen by us.
 _BORDER_PIXELS = 10
 
 
@@ -97,8 +95,7 @@ def _arm(cameras: Trajectory, labels: Mapping[int, NDArray[np.uint8]]) -> Array 
 
 
 def _ways_out(cameras: Trajectory, labels: Mapping[int, NDArray[np.uint8]]) -> Iterator[Array]:
-    """Of each label image with an arm: the unit vector (3,) from the middle of the hand to the middle of
-    where it leaves the picture."""
+    """Of each label image: unit vector (3,) from the hand's middle to the arm's exit."""
     for frame, image in labels.items():
         T, hand = cameras.pose(frame), image == HAND_LABEL
         if T is None or hand.mean() < _HAND_SHARE:

@@ -1,9 +1,7 @@
-"""How likely it is to see what is seen where a direction is up: one log-likelihood, the sum of what five
-witnesses say.
+"""The likelihood of what is seen if a direction is up: a log-likelihood summed over five witnesses.
 
 The figures describe people and furniture. They are chosen by us where no source is named, before 25 open
-recordings that look steeply (seeds 5000 to 5024, by the truth of their parts) were looked at; these changed
-one, as noted.
+recordings that look steeply (seeds 5000 to 5024, true parts) were looked at; these changed one, as noted.
 """
 
 from __future__ import annotations
@@ -17,8 +15,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.level import Plane
 
-# Degrees. A person who opens furniture looks a little down, at most straight at the feet, and hardly ever at
-# the ceiling.
+# Degrees. Who opens furniture looks a little down, at most straight at the feet, hardly ever at the ceiling.
 _PITCH = -15.0
 _PITCH_SIGMA = 22.0
 # Degrees. Heads and phones are kept level.
@@ -41,8 +38,7 @@ _SAME_HEIGHT = 0.15
 # Degrees within which a plane is level.
 _LEVEL_DEG = 15.0
 
-# m. Eyes above the floor: of standing women 1.52 +- .06, of men 1.63 +- .07 (Gordon et al. 1989), lowered and
-# widened for bent heads.
+# m. Eyes above the floor: women 1.52 +- .06, men 1.63 +- .07 (Gordon et al. 1989), lowered and widened.
 _STANDING = 1.5
 _STANDING_SIGMA = 0.18
 # Share of those that stand; the others kneel or sit.
@@ -79,8 +75,7 @@ _ARM_FROM_BELOW = 0.7
 
 
 def terms(up: Array, seen: UpEvidence) -> dict[str, float]:
-    """Log-likelihood (nats, up to a constant that is the same for all directions) by witness, for unit vector
-    `up` (3,)."""
+    """Log-likelihood (nats, up to a constant for all directions) by witness, for unit vector `up` (3,)."""
     return {
         "camera": _camera(up, seen.camera),
         "planes": _planes(up, seen),

@@ -1,5 +1,4 @@
-"""Truth that others annotated, read from their files as it is asked for; nothing is written and no pickle is
-opened."""
+"""Truth that others annotated, read from their files when asked; nothing is written, no pickle is opened."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Truth of an Arti4D scene: axes in the map, their types, when they were moved, and the cameras of its
-odometry.
+"""Truth of an Arti4D scene: axes in the map, types, times of motion, and its odometry's cameras.
 
 After the data set's loaders: <scene>.json holds {axis: {"position": [3], "axis": [3]}} in the map;
 metadata.yaml, in the folder of the rooms, joint_types: {room: {scene: {axis: PRISMATIC or REVOLUTE}}};

@@ -1,5 +1,4 @@
-"""Truth of a HOI4D clip: joints from the annotated poses of its parts, cameras from 3Dseg/output.log,
-intervals from action/color.json.
+"""Truth of a HOI4D clip: joints by annotation, cameras (3Dseg/output.log), intervals (action/color.json).
 
 After the data set's instructions and its users' loaders: objpose/<frame>.json lists, in the camera's frame,
 each part with its label, `center` (m), `rotation` (rad: turn about x, then about the new y, then about the
@@ -43,8 +42,7 @@ def recognises(folder: Path) -> bool:
 
 
 def hoi4d_truth(folder: Path) -> Truth:
-    """The truth of a clip; its annotations lie in its folder or in the data set's tree of annotations beside
-    it.
+    """The truth of a clip; annotations lie in its folder or the data set's tree beside it.
 
     Raises InputError that names what is missing or garbled.
     """
@@ -86,8 +84,7 @@ def hoi4d_truth(folder: Path) -> Truth:
 
 @dataclass(frozen=True, eq=False)
 class _Track:
-    """An annotated part: frames (k,), T_world_part (k, 4, 4) of the middle of its box, and the box's size
-    (3,) m."""
+    """An annotated part: frames (k,), T_world_part (k, 4, 4) of its box's middle, box size (3,) m."""
 
     name: str
     frames: Array
@@ -160,8 +157,7 @@ def _vector(value: Mapping[str, Any], keys: Sequence[str]) -> Array:
 
 
 def _events(folder: Path, frames: int) -> list[Span]:
-    """First and last frame of every annotated event that moves a joint; none where events are not
-    annotated."""
+    """First and last frame of every annotated event that moves a joint; none without annotated events."""
     path = _first(folder, ("action/color.json",))
     if path is None:
         return []

@@ -28,8 +28,7 @@ _STEPS = 30  # of Gauss and Newton; from the start it takes a handful
 @dataclass(frozen=True, eq=False)
 class FittedJoint:
     """A joint of a part that moves: unit axis (3,) and, of a hinge, a point (3,) m on it, in the world;
-    states (n,) rad or m of the poses from the first one on. residual: RMS in m of the points from the motion
-    that the joint allows."""
+    states (n,) rad or m from the first pose on. residual: RMS in m of points off the joint's motion."""
 
     kind: Literal["prismatic", "revolute"]
     axis: Array
@@ -39,8 +38,7 @@ class FittedJoint:
 
 
 def fit_joint(T_world_part: Array, size: Array) -> FittedJoint | None:
-    """The joint of a part whose frame is in the middle of its box of this size (3,) m; None for a part at
-    rest.
+    """The joint of a part whose frame is its box's middle, of this size (3,) m; None for a part at rest.
 
     T_world_part: (n, 4, 4). The larger states are positive: which end is closed, poses do not tell.
     """
@@ -106,8 +104,7 @@ def _normal(T: Array, points: Array) -> Array:
 
 
 def _common_centre(flat: Array) -> Array:
-    """Centre (2,) of the circles on which points (n, N, 2) move, each with a radius of its own, by least
-    squares of their distances.
+    """Centre (2,) of circles on which points (n, N, 2) move, each of its own radius, by least squares.
 
     The start is the closed form that makes the squared distances of each point even: it is exact without
     noise, and, other than the points' mean, on the right side of a short arc.

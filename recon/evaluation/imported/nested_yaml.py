@@ -1,5 +1,4 @@
-"""Names within names of a YAML file, in the plain block form that is all some data sets use: `key:`, deeper
-lines, `key: word`."""
+"""Names within names of a YAML file, in some data sets' plain block form: `key:`, deeper, `key: word`."""
 
 from __future__ import annotations
 

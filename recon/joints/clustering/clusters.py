@@ -2,8 +2,7 @@
 
 As in the paper: tracks that travel, a line or an arc for each, density clusters (HDBSCAN) over the joints
 that these speak for. A single noisy track pins its joint down badly, so clusters are only seeds here: a joint
-is fitted to each, every track that follows that joint rigidly joins, and what remains is searched for further
-joints.
+is fitted to each, every track that follows that joint rigidly joins, and the rest is searched for joints.
 """
 
 from __future__ import annotations
@@ -156,8 +155,7 @@ def _grow(
 
 
 def _explained(obs: Observations, fit: TrackFit, noise: float) -> NDArray[np.bool_]:
-    """Tracks that need no joint of their own: they follow, or stay near one that does (a hand on the
-    handle)."""
+    """Tracks that need no joint of their own: they follow, or stay near a follower (a hand on the handle)."""
     sigma = max(fit.scale(noise), SEARCH_SIGMA)
     square, _, _ = residuals(obs, fit.bundle.model, sigma)
     return np.asarray(np.sqrt(row_medians(square, obs.weight)) < PRUNE_SIGMAS * LENGTH3_MEDIAN * sigma)

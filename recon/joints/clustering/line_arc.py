@@ -18,8 +18,7 @@ _ARC_STEPS = 4  # Gauss-Newton steps of the circle after its algebraic start
 @dataclass(frozen=True, eq=False)
 class TrackShapes:
     """For every track: error (K,) m RMS of its better shape, arc (K,) bool, screw (K, 6) of its motion: unit
-    vector of (velocity of the common centre, 0.3 m times angular velocity), positive along the track's own
-    motion."""
+    vector of (common centre's velocity, 0.3 m times angular velocity), positive along its motion."""
 
     error: Array
     arc: NDArray[np.bool_]

@@ -45,8 +45,7 @@ class PoseBundle:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """Poses (N,) within 99.9 % of the noise (chi-square with 6 of 22.5), the assumed noise or the
-        measured if larger."""
+        """Poses (N,) within 99.9 % (chi-square, 6: 22.5) of the noise, assumed or measured, the larger."""
         return np.asarray(chi2(self.error, max(self.sigma, _NOISE), max(self.sigma_rad, _NOISE_RAD)) < 22.5)
 
 
@@ -64,8 +63,7 @@ def refine_poses(
     rest: Array,
     iterations: int = 30,
 ) -> PoseBundle:
-    """Gauss-Newton with Cauchy weights from a near start; both noise scales follow the data until they
-    settle."""
+    """Gauss-Newton with Cauchy weights from a near start; both noises follow the data until settled."""
     a, p, s = axis, pivot, state
     error = _errors(T_world_part, kind, a, p, s, rest)
     centre = np.median(T_world_part[:, :3, 3], axis=0)

@@ -3,9 +3,8 @@
 An edge is named by what it holds: T_parti_partj maps part coordinates at frame j to part coordinates at frame
 i, so that with true poses T_parti_partj = T_world_parti^-1 T_world_partj, and the residual
 log(T_parti_partj^-1 T_i^-1 T_j) is zero. (Written with the inverse measurement, as log(T_i^-1 T_j
-T_partj_parti), the same sum reads differently; mixing the two leaves twice the motion as a residual.) All
-motions of one joint commute, so T_i^-1 T_j = T_j T_i^-1 depends on the joint and on the difference of the
-states alone.
+T_partj_parti), the sum reads differently; mixing both leaves twice the motion.) All motions of one joint
+commute, so T_i^-1 T_j = T_j T_i^-1 depends on the joint and on the difference of the states alone.
 
 FunREC, supplement 1.4, below eq. 3: the residual with the measurement the other way round.
 """
@@ -57,8 +56,7 @@ class PoseEdges:
 
 
 def graph_pairs(frames: int, loops_per_frame: int, seed: int = 0) -> NDArray[np.int64]:
-    """Frame pairs (E, 2), i < j: all consecutive ones, then loop closures, random ones when not all are asked
-    for."""
+    """Frame pairs (E, 2), i < j: all consecutive ones, then loop closures, random ones if not all."""
     consecutive = np.stack([np.arange(frames - 1), np.arange(1, frames)], axis=1)
     i, j = np.triu_indices(frames, k=2)
     wanted = loops_per_frame * frames
@@ -71,8 +69,7 @@ def graph_pairs(frames: int, loops_per_frame: int, seed: int = 0) -> NDArray[np.
 def edges_from_poses(
     T_world_part: Array, pairs: NDArray[np.int64], sigma: float, sigma_rad: float
 ) -> PoseEdges:
-    """Edges between poses (N, 4, 4), in part coordinates; sigma (m) and sigma_rad: noise of one edge at the
-    part's origin."""
+    """Edges between poses (N, 4, 4), in part coordinates; sigma (m), sigma_rad: noise at the origin."""
     i, j = np.ascontiguousarray(pairs.T)
     relative = geo.invert_pose(T_world_part[i]) @ T_world_part[j]
     omega = np.diag([sigma**-2.0] * 3 + [sigma_rad**-2.0] * 3)

@@ -74,8 +74,7 @@ def _checked(poses: ArrayLike, frames: ArrayLike | None) -> tuple[Array, NDArray
 
 
 def _fit(T_world_part: Array, kind: Kind, sigma: float, sigma_rad: float) -> PoseBundle:
-    """Pose graph with the noise of translation and rotation each taken from the data, then a refinement on
-    every pose."""
+    """Pose graph with translation and rotation noise taken from the data, then a refinement on every pose."""
     some = np.unique(
         np.linspace(0, len(T_world_part) - 1, min(_GRAPH_POSES, len(T_world_part))).astype(np.int64)
     )

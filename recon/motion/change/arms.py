@@ -1,5 +1,4 @@
-"""Which of the surfaces that changed is an arm: a hand that is in view at an end of the recording leaves its
-place as a part does."""
+"""Which changed surfaces are arms: a hand in view at the recording's end leaves as a part does."""
 
 from __future__ import annotations
 
@@ -32,8 +31,7 @@ def is_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -
 
 
 def has_shape_of_arm(mask: NDArray[np.bool_], depth: NDArray[np.float32], points: Array) -> bool:
-    """Whether it is narrow, stands off and comes nearer towards the border: no fist, which a small part may
-    look like."""
+    """Whether it is narrow, stands off and comes nearer towards the border; a fist may look like a part."""
     narrow = _extents(points)[1] <= WIDEST and _border_over_far(mask, depth) < NEARER
     return narrow and _stands_off(mask, depth) >= OUTLINE
 
@@ -48,8 +46,7 @@ def _border_over_far(mask: NDArray[np.bool_], depth: NDArray[np.float32]) -> flo
 
 
 def _extents(points: Array) -> tuple[float, float]:
-    """Length and width (m) along the first two of its principal axes, of an even strip with as much
-    scatter."""
+    """Length and width (m) along the first two of its principal axes, of a strip as scattered."""
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     length, width = spread[:2] / np.sqrt(len(points)) * np.sqrt(12.0)
     return float(length), float(width)

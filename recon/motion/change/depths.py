@@ -101,8 +101,7 @@ class Depths:
         return DepthNoise(max(float(np.median(sigma - slope * z**2)), _SIGMA_LEAST), slope, 0.0, 0.0)
 
     def _differences(self, a: int, b: int) -> tuple[Array, Array]:
-        """Depth (n,) that row b should have where it sees the points of row a, and what it has beyond
-        that."""
+        """Depth (n,) that row b should have where it sees row a's points, and its excess."""
         known = self.depth[a] > 0
         p = geo.transform(self.T_cam_world[b], self.points(a)[known][::3])
         seen, z = look_up(self.depth[b], self.camera, p).z, p[:, 2]

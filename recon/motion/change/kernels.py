@@ -12,8 +12,7 @@ OLD, FRESH, BARED = 0, 1, 2  # what a pixel sees: has been there, has not, could
 @njit(cache=True, nogil=True)
 def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
     """What a depth image (h, w) says of points (n, 3): one of its 3x3 pixels has their depth (SAME), all lie
-    behind (THROUGH: the camera sees through where they were) or in front (HIDDEN), or it can't be told
-    (UNKNOWN).
+    behind (THROUGH: the camera sees through where they were) or in front (HIDDEN), or none (UNKNOWN).
 
     least, slope: depths that differ by less than least + slope z^2 m are the same.
     """
@@ -107,8 +106,7 @@ def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, 
 
 @njit(cache=True, nogil=True)
 def agreements(points, tint, T_cam_world, poses, depth, colour, new, itself, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
-    """`_agreement` of points (n, 3) with each depth image (T, h, w) at poses of its own, (T, Q, 4, 4): two
-    arrays (T, Q)."""
+    """`_agreement` of points (n, 3) with depth images (T, h, w) at poses (T, Q, 4, 4): two arrays (T, Q)."""
     good, through = np.zeros(poses.shape[:2]), np.zeros(poses.shape[:2])
     for t in range(len(depth)):
         for q in range(poses.shape[1]):

@@ -30,8 +30,7 @@ _JUMP_M, _STEEPER, _SMEARED, _CROSS = 0.04, 2.0, 2, cv2.getStructuringElement(cv
 
 @dataclass(frozen=True, eq=False)
 class Changed:
-    """A surface at rest in row `rest` of the depths: its pixels (h, w), and world points (n, 3) m and Lab
-    colours (n, 3) of them."""
+    """A surface at rest in row `rest` of depths: pixels (h, w), points (n, 3) m, Lab colours (n, 3)."""
 
     rest: int
     mask: NDArray[np.bool_]
@@ -70,8 +69,7 @@ def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.u
 
 
 def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Pixels (h, w), 1 or 0, at which a depth image jumps: what an arm covers and the arm are two
-    surfaces."""
+    """Pixels (h, w), 1 or 0, at which a depth image jumps: an arm and what it covers are two surfaces."""
     known = np.where(depth > 0, depth, np.inf).astype(np.float32)
     torn = np.zeros(depth.shape, bool)
     for px in range(1, _SMEARED + 1):

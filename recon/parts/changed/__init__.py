@@ -1,2 +1,1 @@
-"""Parts told by what changed: joints proposed by the shape of the surfaces that left, judged on every frame's
-depth."""
+"""Parts from what changed: joints proposed by the surfaces that left, judged on every frame's depth."""

@@ -1,5 +1,4 @@
-"""Changed surfaces carried by a joint through every frame: the states that agree best with the depth, and how
-well they do."""
+"""Changed surfaces carried by a joint through every frame: the states of best agreement, and their score."""
 
 from __future__ import annotations
 
@@ -74,8 +73,7 @@ class Surface:
         return max(_LEAST_M, _SIGMAS * noise.base), _SIGMAS * noise.slope
 
     def scores(self, poses: Array, rows: NDArray[np.int64]) -> Array:
-        """What agrees less twice what is seen through (rows, n), as shares of the points, at poses (rows, n,
-        4, 4) of each row's own."""
+        """Agreement less twice what is seen through (rows, n), as shares, at poses (rows, n, 4, 4)."""
         T_cam_world, depth, colour, new = self._compared if rows is self.rows else self._pictures(rows)
         good, through = agreements(
             self.points, self.tint, T_cam_world, np.ascontiguousarray(poses), depth, colour, new, self.panel, *self.depths.lens, *self._gate
@@ -105,8 +103,7 @@ class Surface:
 
     @cached_property
     def unknown(self) -> float:
-        """Its mean score where it stays until it leaves for nobody knows where: what any joint must exceed
-        that is to explain it."""
+        """A surface's mean score if it stays, then leaves to somewhere unknown: what a joint must exceed."""
         rows = self.rows
         stays = self.along(np.tile(np.eye(4), (len(rows), 1, 1)), rows)
         return self.mean(np.maximum(stays, 0.0), rows)
@@ -116,8 +113,7 @@ class Surface:
         return self._looked_at(self.rows)
 
     def _looked_at(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Rows (rows,) in whose picture a share of it lies where it rests; all of them where these are
-        few."""
+        """Rows (rows,) in whose picture part of it rests; all if these are few."""
         d = self.depths
         ahead = geo.transform(d.T_cam_world[rows], self.points)
         pixels = d.camera.project(np.where(ahead[..., 2:] > 0.1, ahead, [0.0, 0.0, 1.0]))
@@ -131,8 +127,7 @@ class Surface:
 @dataclass(frozen=True, eq=False)
 class Explained:
     """A joint with states in the rows (T,), 0 in the first one; gains: of each surface, by how much its mean
-    score exceeds that of leaving for nobody knows where, 0 where it does not; worth: their sum over the
-    surfaces' pixels."""
+    score exceeds that of leaving to somewhere unknown, else 0; worth: their sum over the surfaces' pixels."""
 
     joint: Proposed
     rows: NDArray[np.int64]
@@ -150,15 +145,13 @@ class Surfaces:
     seconds: Array
 
     def explained(self, joint: Proposed) -> Explained:
-        """The best states for all surfaces that a joint carries: of those that each leading surface asks for,
-        the most worthy."""
+        """The best states for all surfaces on a joint: the worthiest of each leading surface's."""
         rows = self.surfaces[0].rows
         tried = [self.following(joint, rows, self._path(joint, s, rows)) for s in self.surfaces[:_LEADING]]
         return max(tried, key=lambda e: e.worth)
 
     def improved(self, first: Explained) -> Explained:
-        """The joint tilted and shifted as long as that helps: a pattern search (Hooke and Jeeves 1961), as
-        scores have no gradient."""
+        """The joint tilted and shifted while that helps: pattern search (Hooke and Jeeves 1961)."""
         best = first
         count = 4 if best.joint.kind == "revolute" else 2
         for tilt, shift in _ROUNDS:
@@ -191,8 +184,7 @@ class Surfaces:
         return self.following(best.joint, rows, self._best(total, states, rows, best.joint.kind, 0))
 
     def near(self, joint: Proposed, like: Explained, steps: int = _WINDOW) -> Explained:
-        """The best states within so many coarse steps of those that a like joint has, by the surface that
-        gains most by it."""
+        """The best states within so many coarse steps of a like joint's, by the surface that gains most."""
         surface = self.surfaces[int(np.argmax(like.gains * [s.area for s in self.surfaces]))]
         step = _STEP[joint.kind]
         window = step * np.arange(-steps, steps + 1)

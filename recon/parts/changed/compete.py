@@ -1,5 +1,4 @@
-"""Two witnesses: joints that tracks tell, and joints that depth alone tells, compete on every frame's
-depth."""
+"""Two witnesses: joints by tracks and joints by depth alone compete on every frame's depth."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute, Trajectory
 
-# Support of a track that moves with a part, and by how much (m) its joint and states may be off, which depth
-# tells coarsely; by us
+# Support of a track that moves with a part; coarse error (m) of a joint and states by depth; chosen by us
 _FOLLOW, _COARSE_M = 0.3, 0.015
 
 
@@ -46,8 +44,7 @@ def witnessed(
     movers: Movers,
     told: Sequence[MovingPart],
 ) -> list[Witnessed]:
-    """What depth says of the parts. told: those that tracks tell; the joint of each competes for the surfaces
-    that changed."""
+    """What depth says of the parts. tracked: parts by tracks, whose joints compete for changed surfaces."""
     out = []
     known = [_proposed(p.joint) for p in told]
     for part in changed_parts(recording, cameras, known):

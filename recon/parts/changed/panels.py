@@ -1,5 +1,4 @@
-"""Panels that slide in their own plane: what is seen to leave and to come are strips, a way apart as long as
-the panel is wide.
+"""Panels that slide in their own plane: strips leave and come, a panel's width apart.
 
 A strip at the panel's trailing edge leaves, one at its leading edge comes, and what lies between is covered
 by the panel before and after: depth has it rest there. Carried by itself, the strip that left would go all
@@ -27,8 +26,7 @@ from twin.geometry import Array
 # of the plane between them is covered at both ends, and so much of it is seen. Chosen by us
 _AS_WIDE, _BESIDE, _HIDDEN, _COVERED, _SEEN = 0.6, 0.5, 0.25, 0.85, 0.25
 _ON_M, _GRID, _ENDS = 0.02, 24, (0.02, 0.98)
-# An arm may hide a piece of a strip, so that its middle is aside: how far its way leaves a side of the
-# rectangle about both, sine; by us
+# An arm may hide a piece of a strip: sine by which its way may leave a side of their common rectangle; by us
 _ASIDE = 0.5
 _BACK = 0.5  # share of a strip that is where it was, or away; chosen by us
 
@@ -70,8 +68,7 @@ def with_panels(
 
 
 def _away(depths: Depths, strip: Changed) -> int | None:
-    """A row amid the longest time for which a strip is away that is back at the other end of the recording;
-    None where it is not."""
+    """A row amid the longest absence of a strip that is back at the recording's other end, or None."""
     other = len(depths.frames) - 1 - strip.rest
     if (depths.look(strip.points, other, SIGMAS / 2.0, GAP_M / 2.0) == SAME).mean() < _BACK:
         return None

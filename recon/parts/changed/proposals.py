@@ -1,5 +1,4 @@
-"""Joints that the shape of a surface suggests: a board turns about one of its edges, or slides along its
-normal or an edge."""
+"""Joints that a surface's shape suggests: a board turns about an edge, or slides along normal or edge."""
 
 from __future__ import annotations
 
@@ -15,9 +14,8 @@ from twin.geometry import Array
 
 _ON_PLANE_M = 0.02
 _TRIES = 200  # of three points, for the plane
-# How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so that the
-# surface seen to leave ends before it, by the gap that counts as left over the sine of the opening. Chosen by
-# us.
+# How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so the
+# surface seen to leave ends before it, by that gap over the sine of the opening. Chosen by us.
 _BEYOND_M = (0.0, 0.05, 0.1)
 _LENGTH = 0.98  # the edges hold this share of the points, so that single ones do not shift them; chosen by us
 
@@ -42,8 +40,7 @@ class Proposed:
 
 
 def proposed_joints(points: Array) -> list[Proposed]:
-    """Three slides of the rectangle about a surface's points (n, 3), and hinges at its four edges and beyond
-    them."""
+    """Three slides of the rectangle about a surface's points (n, 3), and hinges at and beyond its edges."""
     normal, on = plane_of(points)
     basis = geo.orthogonal_basis(normal)[:, :2]
     flat = (on - on.mean(axis=0)) @ basis
@@ -63,8 +60,7 @@ def proposed_joints(points: Array) -> list[Proposed]:
 
 
 def plane_of(points: Array) -> tuple[Array, Array]:
-    """Unit normal (3,) of the plane that most points lie on (RANSAC, Fischler and Bolles 1981), and those
-    points."""
+    """Unit normal (3,) of the plane of most points (RANSAC, Fischler and Bolles 1981), and those points."""
     rng = np.random.default_rng(0)
     best = np.ones(len(points), dtype=bool)
     fewest = 0

@@ -1,5 +1,4 @@
-"""Parts that the changed surfaces tell, each carried by the joint that explains it best through all
-frames."""
+"""Parts by changed surfaces, each carried by the joint that explains it best through all frames."""
 
 from __future__ import annotations
 
@@ -85,8 +84,7 @@ class ChangedPart:
         return self.carried.near(joint, self.carried.following(joint, rows, state[rows]), 1).worth
 
     def oriented(self, quantile: float) -> Oriented:
-        """The joint of a twin, positive along the motion, with limits and the uncertainty that the search
-        leaves."""
+        """The joint of a twin, positive along the motion, with limits and the search's uncertainty."""
         n = 4 if self.joint.kind == "revolute" else 2
         variance = (
             [_SIGMA_AXIS**2] * 2
@@ -151,8 +149,7 @@ def together(state: Array, other: Array) -> float:
 
 
 def carried_along(state: Array, other: Array) -> float:
-    """How far states (n,) go while and as others (n,) do, over how far those go: 1 of what is carried along,
-    whatever it does else."""
+    """How far states (n,) go with others (n,), over how far those go: 1 if carried along."""
     mine, its = np.gradient(state), np.gradient(other)
     moving = np.abs(its) > _CREEPS * np.abs(its).max()
     return float(mine[moving] @ np.sign(its[moving])) / max(float(np.abs(its[moving]).sum()), 1e-12)
@@ -166,8 +163,7 @@ def _best(surfaces: Surfaces, known: Sequence[Proposed]) -> Explained:
 
 
 def _shapes(surfaces: Sequence[Surface]) -> list[Array]:
-    """Points (n, 3) of the largest surfaces, and of all that changed at one end together: noise and glare cut
-    a door into pieces."""
+    """Points (n, 3) of the largest surfaces, and of all that changed at one end: noise cuts doors up."""
     out = [s.points for s in surfaces[:_FROM]]
     for rest in sorted({s.rest for s in surfaces}):
         pieces = [s.points for s in surfaces if s.rest == rest]

@@ -1,2 +1,1 @@
-"""Calibrating a device: its two cameras, the pose between them and the scale of its depth, from pictures of a
-board."""
+"""Calibrating a device: two cameras, the pose between them and the depth's scale, by pictures of a board."""

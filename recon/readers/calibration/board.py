@@ -1,5 +1,4 @@
-"""The board that a camera is calibrated with: a checkerboard, or a ChArUco board, whose squares tell which
-ones they are."""
+"""The board that a camera is calibrated with: a checkerboard, or a ChArUco board of numbered squares."""
 
 from __future__ import annotations
 
@@ -77,8 +76,7 @@ class Board:
 
     @property
     def points(self) -> Array:
-        """(n, 3) m: the inner corners, row by row, in the board's plane z = 0; their order is that of
-        OpenCV's corner numbers."""
+        """(n, 3) m: the inner corners, row by row, in the board's plane z = 0, numbered as OpenCV's."""
         x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
         return np.asarray(np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3) * self.square, dtype=np.float64)
 
@@ -102,8 +100,7 @@ class Board:
 
 
 def read_board(path: Path) -> Board:
-    """A board from JSON: {"type", "columns", "rows", "square", "marker", "dictionary"} with m, or Azure
-    Kinect's plane files (mm)."""
+    """A JSON board: {"type", "columns", "rows", "square", "marker", "dictionary"} (m), or Azure Kinect's."""
     data = files.read_json(path)
     where = files.shown(path)
     shapes = data.get("shapes")

@@ -1,5 +1,4 @@
-"""Calibrating a device from pictures of a board: lenses, the pose between them, the depth's scale, and
-whether to trust them."""
+"""Calibrating a device from pictures of a board: lenses, their pose, the depth's scale, and its trust."""
 
 from __future__ import annotations
 
@@ -32,8 +31,7 @@ class CalibrationResult:
     """A calibration and how it came about.
 
     calibration: what the file holds. color, depth: both cameras; None where no pictures were given. pose,
-    scale: what binds them. board: as it fits the pictures. notes: what to know besides. reasons: why to doubt
-    it.
+    scale: what binds them. board: as it fits. notes: what to know besides. reasons: why to doubt it.
     """
 
     calibration: Calibration
@@ -128,8 +126,7 @@ def calibrate(
 
 
 def write_calibration(result: CalibrationResult, folder: Path) -> tuple[Path, Path]:
-    """Write calibration.json and residuals.png into a folder, which is made if need be; files of these names
-    are replaced."""
+    """Write calibration.json and residuals.png into a folder, made if need be; such files are replaced."""
     from recon.readers.calibration.picture import residual_picture  # here: matplotlib takes half a second
 
     paths = folder / CALIBRATION_FILE, folder / PICTURE_FILE

@@ -1,5 +1,4 @@
-"""One camera of a device: which lens model its pictures bear, how far the result can be trusted, and what
-speaks against it."""
+"""One camera of a device: its lens model, how far the result can be trusted, and what speaks against it."""
 
 from __future__ import annotations
 
@@ -42,9 +41,8 @@ class CameraResult:
 
     rms px; per_picture: name -> rms px of the pictures with a board; unused: names of those without; corners,
     residuals: (n, 2) px of all corners, projected less found. coverage: part of the picture; tilt: degrees;
-    left_out: rms px of pictures that the lens was not fitted to (None where the lens was known); sigma_focal:
-    relative, sigma_centre: px, by leaving pictures out; unevenness: m, of the board. reasons: why to doubt
-    it, empty when trusted.
+    left_out: rms px of pictures outside the fit (None for a known lens); sigma_focal: relative, sigma_centre:
+    px, by leaving pictures out; unevenness: m, of the board. reasons: why to doubt it, empty when trusted.
     """
 
     name: str
@@ -217,8 +215,7 @@ def _groups(count: int) -> list[list[int]]:
 def _left_out(
     fit: Fit, full: Fit, views: Sequence[View], points: Array, model: Model, groups: Sequence[Sequence[int]]
 ) -> tuple[float, list[Fit]]:
-    """Error of pictures that were left out, in standard deviations of the fullest model's fit, and the fits
-    without them.
+    """Error of left-out pictures, in sigmas of the fullest model's fit, and the fits without them.
 
     A model that a part of the pictures does not bear has an infinite error.
     """

@@ -1,5 +1,4 @@
-"""Calibration files: what `twin calibrate` measured of a device, put in the place of what a recording says of
-its cameras.
+"""Calibration files: what `twin calibrate` measured of a device, in place of a recording's own cameras.
 
 The format, JSON:
 
@@ -53,9 +52,8 @@ _WRITE = "write it as twin calibrate does"
 class Calibration:
     """What is known of a device's cameras; None is unknown.
 
-    color, depth: both cameras as their pictures are stored. T_color_depth (4, 4): takes points of the depth
-    camera to the colour camera, m. depth_scale: true depth = depth_scale x measured depth. digest: of the
-    text it was read from.
+    color, depth: both cameras of stored pictures. T_color_depth (4, 4): depth camera's points to the colour
+    camera's, m. depth_scale: true depth = depth_scale x measured depth. digest: of the text it was read from.
     """
 
     color: Lens | None
@@ -85,8 +83,7 @@ class Calibration:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration file. Raises InputError that names the file, the key, the value and what to
-    write."""
+    """Read a calibration file. Raises InputError naming the file, the key, the value and the remedy."""
     if path.is_dir():
         inside = path / "calibration.json"
         if not inside.is_file():
@@ -159,8 +156,7 @@ def calibrated(streams: Streams, calibration: Calibration) -> Streams:
 
 
 def _at_size(source: str, name: str, known: Lens | None, stored: Lens) -> Lens:
-    """The calibrated lens at the size of the stored pictures, or the recording's own where the file tells
-    none."""
+    """The calibrated lens at the size of the stored pictures, or the recording's own if none."""
     if known is None:
         return stored
     own, size = known.camera, (stored.camera.width, stored.camera.height)

@@ -1,5 +1,4 @@
-"""A lens from views of a board: OpenCV's start, then least squares in which a board that is not quite flat
-counts for what it is.
+"""A lens from views of a board: OpenCV's start, then least squares in which a board may be a bit uneven.
 
 A printed board is uneven by a tenth of a millimetre or two. Close to the camera that is more than a pixel and
 far away nothing, so that pictures do not tell the lens equally well: a corner's variance is noise^2 + (focal
@@ -56,9 +55,8 @@ class Model:
 class Fit:
     """A camera that explains views of a board.
 
-    matrix (3, 3), distortion (5 or 8,); poses: rotation vector and translation (m) a view; residuals: (n, 2)
-    px a view, projected less found; noise px, unevenness m; sigma: formal standard deviations of fx, fy, cx,
-    cy (px).
+    matrix (3, 3), distortion (5 or 8,); poses: rotation vector, translation (m) a view; residuals: (n, 2) px,
+    projected less found; noise px, unevenness m; sigma: formal sigmas of fx, fy, cx, cy (px).
     """
 
     matrix: Array
@@ -93,8 +91,7 @@ def rms(residuals: Sequence[Array]) -> float:
 
 
 def fit_lens(views: Sequence[View], points: Array, size: tuple[int, int], model: Model) -> Fit:
-    """Fit a lens to views of a board with corners `points` (n, 3) m. Raises InputError when the views don't
-    tell one."""
+    """Fit a lens to views of a board with corners `points` (n, 3) m. Raises InputError without one."""
     objects = [points[v.ids].astype(np.float32) for v in views]
     corners = [v.corners.astype(np.float32).reshape(-1, 1, 2) for v in views]
     try:
@@ -120,8 +117,7 @@ def fit_lens(views: Sequence[View], points: Array, size: tuple[int, int], model:
 
 
 def without(fit: Fit, views: Sequence[View], points: Array, model: Model, left_out: Collection[int]) -> Fit:
-    """The fit of all but some views, with the noise and unevenness of all. Raises InputError as
-    `fit_lens`."""
+    """The fit without some views, with the noise and unevenness of all. Raises InputError as `fit_lens`."""
     kept = [k for k in range(len(views)) if k not in left_out]
     start = replace(fit, poses=tuple(fit.poses[k] for k in kept))
     part = _least_squares(start, [views[k] for k in kept], points, model)

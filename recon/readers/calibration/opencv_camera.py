@@ -12,8 +12,7 @@ from recon.recording import Intrinsics
 from recon.recording.rig import DISTORTION_COUNTS, Lens
 from twin.errors import InputError
 
-# Names in the files of OpenCV's calibration program and ROS; the last of each are those of Azure Kinect's
-# examples.
+# Names in the files of OpenCV's calibration program and ROS; the last are of Azure Kinect's examples.
 _MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K")
 _BENT = ("distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "dist", "D")
 _WIDTH, _HEIGHT = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")

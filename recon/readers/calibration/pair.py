@@ -1,5 +1,4 @@
-"""What binds a device's two cameras: the pose between them, and the scale of the depth that one of them
-measures."""
+"""What binds a device's two cameras: the pose between them, and the scale of the depth of one."""
 
 from __future__ import annotations
 
@@ -29,8 +28,7 @@ SCALES = (0.5, 2.0)  # beyond, the unit is another; chosen by us
 
 @dataclass(frozen=True, eq=False)
 class PoseResult:
-    """T_color_depth (4, 4), from `pairs` pictures with an rms of px over both cameras; sigma: m and degrees,
-    None from one pair."""
+    """T_color_depth (4, 4) from `pairs` pictures, rms px; sigma: m and degrees, None from one pair."""
 
     T_color_depth: Array
     pairs: int
@@ -102,8 +100,7 @@ def pose_between(
 def depth_scale(maps: Sequence[tuple[View, Path]], points: Array, lens: Lens) -> ScaleResult:
     """The scale of depth maps (16-bit PNG, mm), by the board's plane that each map's view tells.
 
-    A map lies on the view's pixel grid, or on the same at another resolution. Raises InputError when none
-    shows the board.
+    A map lies on the view's pixel grid, or at another resolution. Raises InputError if none shows the board.
     """
     ratios = []
     for view, path in maps:

@@ -1,5 +1,4 @@
-"""The residual picture of a calibration: where corners are off in the picture, and by how much in each
-picture."""
+"""The residual picture of a calibration: where corners are off, and by how much in each picture."""
 
 from __future__ import annotations
 

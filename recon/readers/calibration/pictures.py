@@ -34,8 +34,7 @@ _SB = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A board in a picture: the numbers (n,) of the corners that are seen, and where (n, 2), px with pixel
-    centres at integers."""
+    """A board in a picture: numbers (n,) of seen corners, their px (n, 2) with pixel centres at integers."""
 
     name: str
     ids: NDArray[np.int64]
@@ -44,8 +43,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """One camera's pictures: its size (width, height), a view for each or None where no board is found, and
-    the board as it fits."""
+    """One camera's pictures: size (width, height), a view or None for each, the fitting board."""
 
     size: tuple[int, int]
     names: tuple[str, ...]
@@ -63,9 +61,8 @@ def find_boards(
 ) -> Pictures:
     """Find a board in one camera's pictures (JPEG or PNG, 8 or 16 bits).
 
-    Where the two patterns of a ChArUco board differ, the one that fits the pictures is taken, unless the
-    board is `certain`. Raises InputError for a picture that can't be read and for one of another size; a
-    picture without a board is none.
+    Of a ChArUco board's two patterns the one that fits is taken, unless it is `certain`. Raises InputError
+    for a picture that can't be read and for one of another size; a picture without a board is none.
     """
     size: tuple[int, int] | None = None
     patterns = [board]
@@ -103,8 +100,7 @@ def _better(
 
 
 def read_grey(path: Path) -> NDArray[np.uint8]:
-    """A picture (H, W) in grey; 16-bit values are stretched to what they span. Raises InputError when it
-    can't be read."""
+    """A picture (H, W) in grey; 16-bit values are stretched to their span. InputError if unreadable."""
     name = files.shown(path)
     if path.is_file() and path.stat().st_size > MAX_BYTES:
         raise InputError(f"{name} has {path.stat().st_size} bytes", "give JPEG or PNG pictures")
@@ -130,8 +126,7 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
 
 
 def paired(first: Sequence[Path], second: Sequence[Path], names: tuple[str, str]) -> list[tuple[int, int]]:
-    """Indices of pictures taken at the same moment: of the same name, else of the same number in their names,
-    else in their order.
+    """Indices of pictures taken at the same moment: same name, else same number in the name, else same order.
 
     Raises InputError when none of these pairs them.
     """

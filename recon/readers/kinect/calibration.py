@@ -20,8 +20,7 @@ from twin.geometry import Array, invert_pose, is_rotation, make_pose
 
 Size = tuple[int, int]
 
-# Depth picture -> the sensor's picture that it is cut from, and where: NFOV and WFOV, each unbinned and 2x2
-# binned.
+# Depth picture -> the sensor's picture it is cut from, where: NFOV and WFOV, each unbinned and 2x2 binned.
 DEPTH_MODES: dict[Size, tuple[Size, Size]] = {
     (640, 576): ((1024, 1024), (192, 180)),
     (320, 288): ((512, 512), (96, 90)),
@@ -37,8 +36,7 @@ _AGAIN = "record again, or attach the device's own calibration.json"
 def rig_of(data: bytes, name: str, color: Size, depth: Size) -> Rig:
     """Both cameras at the sizes (width, height) of their pictures; `name` is the file's, for messages.
 
-    Raises InputError for sizes that no mode has, and for a calibration that is incomplete or of another lens
-    model.
+    Raises InputError for sizes of no mode, and for an incomplete calibration or another lens model.
     """
     try:
         cameras = json.loads(data.rstrip(b"\0"))["CalibrationInformation"]["Cameras"]
@@ -69,8 +67,7 @@ def rig_of(data: bytes, name: str, color: Size, depth: Size) -> Rig:
 
 @dataclass(frozen=True, eq=False)
 class _Camera:
-    """A camera of the calibration. parameters: (14,) cx cy fx fy k1..k6 codx cody p2 p1, the first four on
-    the unit square."""
+    """A calibrated camera. parameters: (14,) cx cy fx fy k1..k6 codx cody p2 p1, four on the unit square."""
 
     what: str
     sensor: Size
@@ -106,8 +103,7 @@ class _Camera:
         return cls(what, (int(size[0]), int(size[1])), model, parameters, pose)
 
     def on_4_3(self) -> _Camera:
-        """The camera on the whole 4:3 sensor; early devices were calibrated on the 16:9 picture in its
-        middle."""
+        """The camera on the whole 4:3 sensor; early devices were calibrated on its middle 16:9 picture."""
         width, height = self.sensor
         if width * 3 == height * 4:
             return self
@@ -119,8 +115,7 @@ class _Camera:
         return replace(self, sensor=(width, width * 3 // 4), parameters=parameters)
 
     def lens(self, size: Size, full: Size, cut: tuple[float, float]) -> Lens:
-        """The lens of pictures of `size` that begin at `cut` of the sensor's picture at the scale of `full`,
-        all px."""
+        """The lens of pictures of `size` from `cut` of the sensor's picture at the scale of `full`, px."""
         cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, codx, cody, p2, p1 = self.parameters.tolist()
         # The older model lacks a factor of two in the tangential terms with x y.
         term = {"BrownConrady": 0.0, "Rational6KT": max(abs(p1), abs(p2))}.get(self.model)

@@ -1,5 +1,4 @@
-"""EBML, which Matroska files are written in (RFC 8794): a tree of elements, each an id, a size, and that many
-bytes."""
+"""EBML, the base of Matroska files (RFC 8794): a tree of elements: id, size, that many bytes."""
 
 from __future__ import annotations
 

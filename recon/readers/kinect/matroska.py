@@ -1,5 +1,4 @@
-"""Matroska files (.mkv): their tracks, tags and attachments, and where every frame lies, from element headers
-alone.
+"""Matroska files (.mkv): their tracks, tags and attachments, and every frame's place, from headers alone.
 
 A file is a tree of elements: an id, a size, and that many bytes (EBML: RFC 8794; Matroska's ids: RFC 9559).
 We walk it ourselves since demuxers read the bytes of every frame to know the times of the frames, 3 GB where
@@ -82,8 +81,7 @@ class Attachment:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Where a track's frames lie, in the order of the file: ticks (n,), first byte (n,), bytes (n,), whether
-    several share it (n,)."""
+    """A track's frames in file order: ticks (n,), first byte (n,), bytes (n,), shared or not (n,)."""
 
     ticks: Array
     starts: NDArray[np.int64]
@@ -113,8 +111,7 @@ class Contents:
 
 
 def read_contents(path: Path, head_only: bool = False) -> Contents:
-    """What a file holds; head_only: as far as its first frame. Raises InputError for what is no Matroska
-    file."""
+    """What a file holds; head_only: up to its first frame. Raises InputError for other files."""
     try:
         with path.open("rb", buffering=0) as stream:
             return walk(stream, path.stat().st_size, shown(path), head_only)

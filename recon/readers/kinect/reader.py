@@ -39,8 +39,7 @@ _AS_WRITTEN = "give the recording as the recorder wrote it"
 
 @dataclass(frozen=True)
 class AzureKinectReader:
-    """Reads a .mkv of an Azure Kinect; both lenses are undistorted and depth registered by the device's
-    calibration."""
+    """Reads a .mkv of an Azure Kinect; lenses are undistorted and depth registered by its calibration."""
 
     layout: str = "an Azure Kinect recording .mkv"
 
@@ -88,8 +87,7 @@ class AzureKinectReader:
 
 
 def _track(found: Contents, name: str, kind: str, formats: Collection[str]) -> Track:
-    """The track that the tag K4A_<kind>_TRACK tells, else the one of that name. Raises InputError when it
-    can't be read."""
+    """The track of tag K4A_<kind>_TRACK, else of that name. Raises InputError when it can't be read."""
     tag = found.tag(f"K4A_{kind}_TRACK")
     uids = () if tag is None else tag.uids
     track = next((t for t in found.tracks if t.uid in uids), None)
@@ -236,8 +234,7 @@ def _color_reader(path: Path, track: Track, frames: Frames) -> ReadColor:
 
 
 def _require_size(what: str, data: bytes, track: Track) -> None:
-    """Raise InputError before a picture is decoded that says to be of another size: decoders allocate what it
-    says."""
+    """Raise InputError before decoding a picture that claims another size: decoders allocate what it says."""
     size = picture_size(data)
     if size != (track.width, track.height):
         said = f"is {size[0]}x{size[1]}" if any(size) else "says no size"

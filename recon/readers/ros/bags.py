@@ -41,11 +41,9 @@ def is_bag(path: Path) -> bool:
 
 
 def open_bag(path: Path) -> Bag:
-    """The topics of a bag: a .bag, .db3 or .mcap file, or a folder of ROS 2's recorder with or without its
-    metadata.yaml.
+    """The topics of a bag: a .bag, .db3 or .mcap file, or a ROS 2 folder, also without metadata.yaml.
 
-    Reads indexes only. Raises MissingDependencyError without the library rosbags, InputError for what is
-    damaged.
+    Reads indexes only. Raises MissingDependencyError without the library rosbags, InputError for damage.
     """
     stores = _stores()
     members = _members(path) if path.is_dir() else (path,)
@@ -79,8 +77,7 @@ def _stores() -> dict[str, Any]:
 
 @cache
 def _built_stores() -> dict[str, Any]:
-    """The library's types by encoding. Images, cameras, transforms and odometry have the same bytes in every
-    ROS 2."""
+    """The library's types by encoding. Our message types have the same bytes in every ROS 2."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     ros1 = get_typestore(Stores.ROS1_NOETIC)
@@ -127,8 +124,7 @@ def _members(folder: Path) -> tuple[Path, ...]:
 
 
 def _stored(folder: Path) -> list[Path]:
-    """The bag in a folder that lacks metadata.yaml, as a recorder leaves it that was killed: one file, or
-    parts with numbers.
+    """The bag in a folder without metadata.yaml, as a killed recorder leaves it: one file or numbered parts.
 
     None where there are several bags, or where the folder is one that a bag was turned into.
     """

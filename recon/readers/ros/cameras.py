@@ -1,5 +1,4 @@
-"""ROS's cameras: the lens of an image topic from its CameraInfo, and the depth unit of RealSense's
-recorder."""
+"""ROS's cameras: the lens of an image topic by its CameraInfo, the depth unit of RealSense's recorder."""
 
 from __future__ import annotations
 
@@ -22,9 +21,8 @@ _RECTIFIED = re.compile(r"rect(?!_raw)")
 _UNIT_RANGE = (1e-6, 0.1)  # metres per count, chosen by us: RealSense's go from 1e-6 to 0.01
 _FOCAL_RANGE = (0.01, 1000.0)  # parts of the longer side, chosen by us: from 179 degrees to a tenth of one
 _MAX_COEFFICIENT = 1e4  # chosen by us: a rational model's reach some hundred
-# Distortion models whose numbers are OpenCV's. RealSense's "inverse" one is named after older firmware's; its
-# own library projects with it as with the others, and its ROS 2 recorder writes the same numbers as
-# plumb_bob.
+# Distortion models whose numbers are OpenCV's. RealSense's "inverse" one is named after old firmware's; its
+# own library projects with it as with others, its ROS 2 recorder writes the same as plumb_bob.
 _BROWN = (
     "plumb_bob",
     "rational_polynomial",
@@ -55,8 +53,7 @@ def lens_of(bag: Bag, camera: Camera) -> Lens | None:
 
 
 def _infos(bag: Bag, camera: Camera) -> list[Topic]:
-    """Topics that tell an image's camera, the surest first: its own, its neighbours', and one of its frame
-    and size."""
+    """Topics of an image's camera, surest first: its own, its neighbours', one of its frame and size."""
     stream = REALSENSE.match(camera.name)
     names = [f"{camera.place}/camera_info", f"{camera.base}/camera_info"]
     if stream:
@@ -93,8 +90,7 @@ def _from_info(bag: Bag, topic: Topic, camera: Camera) -> Lens | None:
 
 
 def _from_text(bag: Bag, topic: Topic) -> Lens | None:
-    """RealSense's ROS 2 recorder:
-    width=..;height=..;fx=..;ppx=..;fy=..;ppy=..;model=..;coeffs=k1,k2,p1,p2,k3."""
+    """RealSense's ROS 2: width=..;height=..;fx=..;ppx=..;fy=..;ppy=..;model=..;coeffs=k1,k2,p1,p2,k3."""
     name = f"{bag.shown}: {topic.name}"
     text = str(bag.message(topic, 0).data)
     said = dict(piece.partition("=")[::2] for piece in text.split(";"))
@@ -144,8 +140,7 @@ def _short(values: tuple[float, ...]) -> str:
 
 
 def depth_unit(bag: Bag, depth: Camera) -> float:
-    """Metres per count of a depth topic: a millimetre, or what RealSense's recorder wrote with the images or
-    as the sensor's option.
+    """Metres per count of a depth topic: a millimetre, or RealSense's, with images or as an option.
 
     Raises InputError for a unit that no camera has.
     """

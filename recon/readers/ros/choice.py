@@ -1,5 +1,4 @@
-"""Which two topics of a bag are the colour and the depth camera, told from types, encodings, frames and
-names."""
+"""Which two topics of a bag are the colour and the depth camera, by types, encodings, frames and names."""
 
 from __future__ import annotations
 
@@ -29,8 +28,7 @@ _DEPTH_AS = "raw (16UC1, 32FC1) or as its topic compressedDepth (PNG)"
 class Camera:
     """An image topic: what its pictures are, and the first one.
 
-    kind: "colour", "grey", "depth", "jpeg depth" for depth whose distances JPEG lost, or "" for what can't be
-    used.
+    kind: "colour", "grey", "depth", "jpeg depth" for depth that JPEG spoilt, or "" if unusable.
     """
 
     topic: Topic
@@ -68,8 +66,7 @@ def chosen(bag: Bag, color_topic: str | None, depth_topic: str | None) -> tuple[
     """The colour and the depth camera.
 
     Topics that the user named come first. Else a depth image that lies on a colour image is preferred, then
-    what is named colour. Raises InputError that lists the topics when there are none, several, or not the
-    named ones.
+    what is named colour. Raises InputError listing the topics if there are none, several, or other ones.
     """
     images = bag.of_type(RAW, COMPRESSED)
     cameras = [look(bag, t) for t in images]

@@ -74,8 +74,7 @@ def _chain(edges: Any, a: str, b: str) -> list[tuple[str, str]] | None:
 
 
 def static_frames(bag: Bag, color: Camera, depth: Camera) -> Frames:
-    """The transforms that don't change: /tf_static, RealSense's own, and those of /tf that keep their value,
-    if they are needed."""
+    """Transforms that don't change: /tf_static, RealSense's own, and constant ones of /tf if needed."""
     frames = Frames()
     for topic in _tf_topics(bag, static=True):
         for parent, child, T, _, _ in _transforms(bag, topic, range(len(topic.times))):
@@ -112,8 +111,7 @@ def _pose(name: str, t: Any, q: Any) -> Array:
 
 
 def _add_realsense(bag: Bag, camera: Camera, frames: Frames) -> None:
-    """RealSense's recorder writes T_stream_reference of every stream, as a transform (ROS 1) or as text (ROS
-    2)."""
+    """RealSense writes T_stream_reference of every stream, as a transform (ROS 1) or as text (ROS 2)."""
     stream = REALSENSE.match(camera.name)
     if stream is None:
         return
@@ -147,8 +145,7 @@ def _from_text(name: str, text: str) -> Array:
 
 
 def _add_still(bag: Bag, frames: Frames) -> None:
-    """Transforms of /tf that have one value in all messages that are looked at, as ROS 1's static publishers
-    repeat them."""
+    """Transforms of /tf that have one value in all messages looked at, as ROS 1's static publishers do."""
     seen: dict[tuple[str, str], list[Array]] = defaultdict(list)
     for topic in _tf_topics(bag, static=False):
         count = min(len(topic.times), _SAMPLED)
@@ -167,8 +164,7 @@ def _is_still(values: list[Array]) -> bool:
 def camera_poses(
     bag: Bag, frames: Frames, frame: str, count: int, by_log: bool
 ) -> tuple[tuple[Array, Array] | None, str]:
-    """Times (k,) s and T_world_cam (k, 4, 4) of a camera frame by its bag's odometry or /tf, and what is to
-    be said without.
+    """Times (k,) s and T_world_cam (k, 4, 4) of a camera frame by the bag's odometry or /tf; a note if none.
 
     Only where one source gives them and its body's transform to the camera is known. count: pictures, four
     times which are enough. by_log: whether the recording's clock is the log's.

@@ -56,8 +56,7 @@ METRES_PER_COUNT = 0.001  # REP 118: whole numbers are millimetres, floats metre
 class Image:
     """An image as logged; `encoding` in lower case, of a compressed one its `format`.
 
-    stamp: ns, 0 for none. unit: metres per count where the message tells (RealSense), else 0. Sizes of a
-    compressed image are 0.
+    stamp: ns, 0 for none. unit: metres per count if sent (RealSense), else 0. Compressed: size 0.
     """
 
     stamp: int
@@ -117,8 +116,7 @@ class _Fields:
 
 
 def stamp_of(head: bytes, encoding: str) -> int:
-    """ns, the stamp of a message that begins with a header; from its first 16 bytes. Raises struct.error when
-    it has fewer."""
+    """ns, the stamp of a message with a header, by its first 16 bytes. struct.error if it has fewer."""
     if encoding == "cdr":
         seconds, rest = struct.unpack_from("<iI" if head[1] else ">iI", head, 4)
     else:
@@ -127,8 +125,7 @@ def stamp_of(head: bytes, encoding: str) -> int:
 
 
 def parsed(raw: bytes, kind: str, encoding: str) -> Image:
-    """The image of a message of type `RAW` or `COMPRESSED`, from its first bytes as well (`data` is what
-    there is of it)."""
+    """The image of a message of type `RAW` or `COMPRESSED`, also from its first bytes (`data`) alone."""
     fields = _Fields(raw, encoding)
     stamp, frame = fields.header()
     if kind == COMPRESSED:
@@ -168,8 +165,7 @@ def color_of(name: str, image: Image) -> NDArray[np.uint8]:
 
 
 def _converted(image: Image, rows: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """RGB of a colour filter's raw values, or of pairs of pixels that share their chroma (BT.601, studio
-    range)."""
+    """RGB of a colour filter's raw values, or of pixel pairs that share chroma (BT.601, studio range)."""
     import cv2  # here: what is wrong with a recording is told without it
 
     if image.encoding.startswith("bayer"):
@@ -183,8 +179,7 @@ def _converted(image: Image, rows: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def depth_of(name: str, image: Image, unit: float) -> NDArray[np.float32]:
-    """Depth (H, W) float32 m, 0 = unknown; unit: metres per count of whole numbers. Raises InputError as
-    `color_of`."""
+    """Depth (H, W) float32 m, 0 = unknown; unit: metres a count (integers). InputError as `color_of`."""
     if not image.width:
         return _clean(_unpacked_depth(name, image, unit))
     size = DEPTH.get(image.encoding)
@@ -259,8 +254,7 @@ def _unpacked_depth(name: str, image: Image, unit: float) -> NDArray[np.float32]
 
 
 def _metres(values: NDArray[np.uint16], unit: float) -> NDArray[np.float32]:
-    """Divides where the unit is a whole part of a metre, so that millimetres give what other readers make of
-    them."""
+    """Divides where the unit is a whole part of a metre, so that millimetres are as other readers'."""
     per_metre = round(1.0 / unit)
     if abs(per_metre * unit - 1.0) < 1e-6:
         return (values.astype(np.float32) / np.float32(per_metre)).astype(np.float32)

@@ -1,7 +1,6 @@
 """MCAP logs, by their published specification (version 0): one walk over the file's records, past their data.
 
-Chunks are followed by indexes of their messages; what a recorder left out of the summary is taken from the
-chunks.
+Chunks are followed by indexes of messages; what the summary lacks is taken from the chunks.
 """
 
 from __future__ import annotations

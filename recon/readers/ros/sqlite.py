@@ -1,5 +1,4 @@
-"""ROS 2 bags in SQLite (.db3): tables `topics` and `messages` as rosbag2's plugin writes them, in all its
-versions."""
+"""ROS 2 bags in SQLite (.db3): tables `topics` and `messages` as every rosbag2 plugin writes them."""
 
 from __future__ import annotations
 

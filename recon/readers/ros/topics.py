@@ -90,9 +90,8 @@ class Bag:
 def guarded(what: str) -> Iterator[None]:
     """Turn whatever a decoder raises over damaged bytes into one InputError.
 
-    The decoders (rosbags, sqlite3, lz4, zstd, OpenCV, struct) state no closed list of what they raise for
-    bytes that nobody wrote, so that here alone every Exception counts as damage; errors that already say what
-    is wrong pass.
+    The decoders (rosbags, sqlite3, lz4, zstd, OpenCV, struct) state no closed list of what bad bytes raise:
+    here alone every Exception counts as damage; errors that already say what is wrong pass.
     """
     try:
         yield
@@ -186,8 +185,7 @@ def _decompressor(compression: str) -> Any:
 
 
 def unpacked(data: bytes, count: int | None) -> bytes:
-    """A message's bytes, decompressed where the recorder packed each message. Raises InputError as
-    `decompressed` does."""
+    """A message's bytes, decompressed if packed. Raises InputError as `decompressed`."""
     return decompressed("zstd", data, count) if data.startswith(PACKED) else data[:count]
 
 

@@ -1,5 +1,4 @@
-"""Random cabinets with one moving part each: doors, flaps, drawers, sliding doors and lids with a bar, a knob
-or a bare edge."""
+"""Random cabinets with a moving part each: doors, flaps, drawers, sliding doors, lids; bar, knob or edge."""
 
 from __future__ import annotations
 
@@ -35,10 +34,8 @@ class Grip:
 
 @dataclass(frozen=True)
 class Furniture:
-    """A moving part of boards with its handle and joint, and the carcass that it belongs to and what stands
-    around that: both stand still. Fronts look towards -y, the floor is z = 0, the part's middle lies near x =
-    0.
-    """
+    """A moving part of boards with its handle and joint, its carcass and what stands around that: both stand
+    still. Fronts look towards -y, the floor is z = 0, the part's middle lies near x = 0."""
 
     panels: list[Box]
     grip: Grip
@@ -76,8 +73,7 @@ def _handle(rng: Rng, handle: str, face: Array, rim: tuple[Array, Array], vertic
 
 
 def _neighbours(rng: Rng, low: float, high: float, width: float, free: float) -> list[Box]:
-    """Solid neighbours flush with the front, as high as the cabinet; on the side `free` (-1, 1, 0: none)
-    there is none."""
+    """Solid neighbours flush with the front, as high as the cabinet; none at `free` (-1, 1; 0: both)."""
     found = []
     for side in (-1, 1):
         if side != free and rng.random() < 0.5:

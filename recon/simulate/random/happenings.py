@@ -1,5 +1,4 @@
-"""What moves in a recording and is no part of the furniture: things that are carried, curtains, people,
-films, hands in the air."""
+"""What moves besides furniture: carried things, curtains, people, films, hands in the air."""
 
 from __future__ import annotations
 
@@ -80,8 +79,7 @@ class Carried(Happening):
         return Act(thing, grasp, act.line, lifted, True)
 
     def _place(self, act: Act, rng: Rng) -> tuple[Array, Array]:
-        """On a table of its own before the furniture: its top's middle (3,), and the direction towards the
-        person (3,)."""
+        """On its own table before the furniture: top's middle (3,), direction to the person (3,)."""
         facing = unit(act.grasp.outward * [1.0, 1.0, 0.0] + [0.0, -1e-6, 0.0])
         side = np.cross(UP, facing) * rng.uniform(-0.3, 0.3)
         reach = float(np.max(np.concatenate([s.vertices for s in act.scene.part]) @ facing))
@@ -159,8 +157,7 @@ class Carried(Happening):
 
 @dataclass(frozen=True)
 class Curtain(Happening):
-    """A curtain beside the furniture moves in a draught: strips that swing about their upper edge one after
-    the other."""
+    """A curtain beside the furniture in a draught: strips swing about their upper edges one by one."""
 
     seed: int
     strips: int = 10

@@ -18,8 +18,7 @@ from twin.scene import Box, Revolute
 _DENSITY = 650.0  # kg/m^3, chipboard
 Rng = np.random.Generator
 
-# How fronts and carcasses look and how often; chosen by us. The names lead `recon.simulate.textures` to the
-# kind of surface.
+# How fronts and carcasses look, how often; chosen by us. `recon.simulate.textures` knows the names.
 _FRONTS = {"wood": 0.27, "laminate": 0.2, "plain": 0.27, "glossy": 0.14, "stripe": 0.12}
 _CARCASSES = {"wood": 0.35, "laminate": 0.35, "plain": 0.3}
 _HANDLES = {"metal": 0.6, "wood": 0.2, "glass_black": 0.2}
@@ -35,8 +34,7 @@ class Placed:
 
 
 def furniture_model(pieces: Sequence[Placed], rng: Rng, weak_fronts: bool) -> mujoco.MjModel:
-    """The pieces with their joints, and around them closed neighbours with handles of their own, a plinth, a
-    worktop or none.
+    """The pieces with joints, and around them closed neighbours with handles, a plinth, a worktop or none.
 
     weak_fronts: fronts on which hardly anything can be followed.
     """

@@ -41,8 +41,7 @@ _LOW, _HIGH = ("drawer_low", "flap_down", "lid"), ("flap_up", "door_left", "door
 
 @dataclass(frozen=True)
 class Drawn:
-    """A recording to be rendered, its stratum, and why earlier draws of the same seed were repeated, one text
-    each."""
+    """A recording to be rendered, its stratum, and why earlier draws of the seed were repeated."""
 
     stage: Stage
     stratum: Stratum
@@ -91,8 +90,7 @@ def simulate_random(
 def random_recording(
     seed: int, stratum: Stratum | None = None, settings: Mapping[str, Any] | None = None
 ) -> Drawn:
-    """Everything is drawn from the seed; stratum: what is wanted on purpose, None: drawn as well. settings:
-    as `simulate_random`.
+    """All is drawn from the seed; stratum: wanted, None: drawn as well. settings: as `simulate_random`.
 
     A draw is repeated only where no camera could see what happens, or no arm could reach it. Raises
     InputError when that is so for MOST_DRAWS draws.
@@ -197,8 +195,7 @@ def _episodes(rng: Rng, wanted: Stratum, pieces: list[Placed]) -> tuple[Episode,
 
 
 def _legs(rng: Rng, kind: str, upper: float, short: bool) -> tuple[float, tuple[Leg, ...]]:
-    """Where the part stands first and where it goes: from shut or half open, all or part of the way, perhaps
-    with a pause, perhaps back."""
+    """Where the part stands and goes: from shut or half open, all or part of the way, paused, or back."""
     way = float(rng.uniform(*_SHORT[kind])) if short else float(rng.uniform(0.45, 1.0)) * upper
     start = 0.0
     if rng.random() < 0.15:  # stands half open first

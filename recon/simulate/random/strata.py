@@ -65,8 +65,7 @@ def sealed_set() -> tuple[Stratum, ...]:
 
 
 def _hard(k: int) -> Stratum:
-    """Every twenty go through all sensors and views, with every other picture hard, the next twenty the other
-    way round."""
+    """Every twenty go through all sensors and views, every other picture hard, the next twenty reversed."""
     sensor, view = k % 5, (k // 5) % 4
     hard_picture = (sensor + view + k // 20) % 2 == 0
     return Stratum(SENSORS[sensor], hard_picture, VIEWS[view], short=(k + k // 5) % 5 == 0, group="hard")

@@ -36,8 +36,7 @@ def colour_image(
         gain: of the whole picture, or of its rows (H, 1, 1).
         scale: of the noise.
         light: share of the full light. The camera makes up for it: the picture is as bright, but each value
-            stems from so many fewer photons (variance / light) and the read noise is amplified (variance /
-            light^2).
+            has so many fewer photons (variance / light), its read noise amplified (variance / light^2).
     """
     height, width = colour.shape[:2]
     rows = np.broadcast_to(np.asarray(gain, dtype=np.float64).reshape(-1), height).copy()
@@ -53,8 +52,7 @@ def _vignette(height: int, width: int) -> Array:
 
 
 def _levels() -> tuple[Array, NDArray[np.uint8]]:
-    """Least linear value (255,) of the levels 1 to 255, and the level (BINS + 1,) at which each of as many
-    equal steps of it starts."""
+    """Least linear value (255,) of levels 1 to 255, and the level (BINS + 1,) of equal steps of it."""
     least = np.asarray(((np.arange(1, 256) - 0.5) / 255.0) ** GAMMA, dtype=np.float64)
     return least, np.searchsorted(least, np.arange(BINS + 1) / BINS, side="right").astype(np.uint8)
 
@@ -73,8 +71,7 @@ def _developed(
     least: Array,
     start: NDArray[np.uint8],
 ) -> NDArray[np.uint8]:
-    """8-bit RGB (H, W, 3); `noise` (H, W, 3) of unit deviation, `gain` (H,); the gamma is looked up in
-    `_levels`."""
+    """8-bit RGB (H, W, 3); `noise` (H, W, 3) of unit deviation, `gain` (H,); gamma by `_levels`."""
     out = np.empty(colour.shape, np.uint8)
     for v in range(colour.shape[0]):
         for u in range(colour.shape[1]):

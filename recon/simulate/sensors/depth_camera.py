@@ -30,8 +30,7 @@ class Sensing(Protocol):
 
 
 class DepthCamera:
-    """A depth camera through one recording: what its error has in common over all frames is drawn when it is
-    made.
+    """A depth camera in one recording: the error common to all frames is drawn when it is made.
 
     Args:
         name: one of `SENSORS`.

@@ -23,8 +23,7 @@ def smooth_noise(height: int, width: int, sigma: float, rng: np.random.Generator
 
 
 def wide_noise(height: int, width: int, sigma: float, rng: np.random.Generator) -> Array:
-    """The same for wide correlations, at a cost that does not grow with them; below 3 pixels it is
-    `smooth_noise`."""
+    """The same for wide correlations, at a constant cost; below 3 pixels it is `smooth_noise`."""
     step = max(1.0, sigma / COARSE)
     margin = math.ceil(3.0 * COARSE)  # the blur mirrors at the border, which would raise the deviation there
     rows, columns = math.ceil(height / step) + 1, math.ceil(width / step) + 1
@@ -33,8 +32,7 @@ def wide_noise(height: int, width: int, sigma: float, rng: np.random.Generator) 
 
 
 def enlarged(coarse: Array, step: float, first: tuple[float, float], size: tuple[int, int]) -> Array:
-    """Image of `size` (height, width) between samples that are `step` pixels apart, the first at pixel
-    `first` (y, x)."""
+    """Image of `size` (height, width) between samples `step` pixels apart, the first at `first` (y, x)."""
     y, x = ((np.arange(n) - start) / step for n, start in zip(size, first, strict=True))
     columns, rows = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
     values = np.asarray(coarse, dtype=np.float32)

@@ -1,5 +1,4 @@
-"""Multipath: light that reaches a surface over its neighbours, and makes concave corners look farther away
-and rounder."""
+"""Multipath: light that reaches a surface over neighbours makes concave corners look farther and rounder."""
 
 from __future__ import annotations
 
@@ -15,11 +14,9 @@ from twin.geometry import Array
 
 # One diffuse bounce between what the camera sees, as the simulators of Fuchs 2010 ("Multipath Interference
 # Compensation in Time-of-Flight Camera Images") and Jimenez et al. 2014 do: patches of the picture light each
-# other by form factors. Nothing is looked up for occlusion between two patches, and what is out of view
-# lights nothing.
+# other by form factors. Occlusion between patches is ignored; what is out of view lights nothing.
 EMITTERS, RECEIVERS = 24, 120  # patches over the picture's width
-# Radians of phase by a metre of distance at 200 MHz, the order of the Azure Kinect's highest frequency: long
-# detours cancel each other.
+# Radians of phase per metre at 200 MHz, about the Azure Kinect's highest: long detours cancel each other.
 PHASE = 4.0 * np.pi * 200e6 / 299792458.0
 
 
@@ -39,8 +36,7 @@ def multipath(
     steps = [max(1, width // n) for n in (EMITTERS, RECEIVERS)]
     grids = [np.s_[s // 2 :: s, s // 2 :: s] for s in steps]
     patch = points[grids[0]]
-    # solid angle of a patch of step x step pixels, to be divided by its own cosine: step^2 times that of a
-    # pixel
+    # solid angle of a patch of step x step pixels, before division by its cosine: step^2 pixels'
     spread = np.abs(np.cross(rays[0, 1] - rays[0, 0], rays[1, 0] - rays[0, 0]) @ rays[0, 0])
     solid = steps[0] ** 2 * spread * (along[grids[0]] / along[0, 0]) ** 3
     out = _excess(
@@ -62,8 +58,7 @@ def multipath(
 def _excess(
     points: Array, normals: Array, patches: Array, patch_normals: Array, tone: Array, solid: Array
 ) -> Array:
-    """Excess distance (n,) of points (n, 3) lit by patches (m, 3); all relative to the camera, which is the
-    lamp too."""
+    """Excess distance (n,) of points (n, 3) lit by patches (m, 3); relative to the camera and lamp."""
     out = np.zeros(len(points))
     for i in range(len(points)):
         p, n = points[i], normals[i]
@@ -82,8 +77,7 @@ def _excess(
                 continue
             reach = np.sqrt(square)
             away = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
-            # a patch's area is solid angle x distance^2 / cosine, what lights it cosine / distance^2: both
-            # cancel
+            # a patch's area is solid angle x distance^2 / cosine, its light cosine / distance^2: both cancel
             light = tone[j] * solid[j]
             area = solid[j] * away * away
             ratio = light * height * lean / (square * (np.pi * square + area)) / direct

@@ -1,5 +1,4 @@
-"""A phone's LiDAR as its maker's framework delivers it: a coarse, dense, smooth map that a network has filled
-in."""
+"""A phone's LiDAR as its maker's framework delivers it: a coarse, dense, smooth map filled by a network."""
 
 from __future__ import annotations
 

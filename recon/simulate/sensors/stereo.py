@@ -1,5 +1,4 @@
-"""Stereo, as of the RealSense D400: two pictures matched window by window, which needs texture and two
-unhidden views."""
+"""Stereo, as of the RealSense D400: two pictures matched by windows, needing texture and two free views."""
 
 from __future__ import annotations
 
@@ -88,8 +87,7 @@ class Stereo:
 
 
 def shadow(exact: Array, parallax: float) -> NDArray[np.bool_]:
-    """Pixels (H, W) of the left camera that the right one can't see: left of whatever stands nearer, by the
-    difference in disparity.
+    """Pixels (H, W) of the left camera that the right can't see: left of nearer surface, by disparity.
 
     parallax: focal length (px) x baseline (m).
     """

@@ -17,8 +17,7 @@ EDGE, NEAREST, FARTHEST = 0.03, 0.2, 6.0  # metres
 
 
 class StructuredLight:
-    """All of its error is drawn anew in each frame, so that it needs neither the camera nor the recording's
-    seed."""
+    """All of its error is drawn anew in each frame: it needs neither camera nor seed of the recording."""
 
     def __init__(self, _camera: Camera, scale: float, _seed: int):
         self._scale = scale

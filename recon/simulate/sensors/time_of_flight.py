@@ -1,5 +1,4 @@
-"""Amplitude-modulated time of flight, as of the Azure Kinect: the phase of returning light, mixed of all
-paths that it took."""
+"""Amplitude-modulated time of flight, as of the Azure Kinect: the phase of returning light over all paths."""
 
 from __future__ import annotations
 
@@ -46,8 +45,7 @@ GLOSS = 0.6  # share of the light that a glossy surface sends elsewhere; chosen 
 
 
 class TimeOfFlight:
-    """Its systematic error belongs to the camera and the distance, and is the same in every frame of a
-    recording."""
+    """Its systematic error belongs to camera and distance, the same in every frame of a recording."""
 
     def __init__(self, camera: Camera, scale: float, seed: int):
         rng = fixed_rng(seed, 0)
