@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 from twin.runs.setting import Settings, group, setting
+
+# s simulated after a plan's last command; chosen by us
+SETTLE = 0.6
 
 
 @dataclass(frozen=True)
@@ -24,47 +26,9 @@ class PlanConfig(Settings):
         unit="m",
         at_least=0,
     )
-    over_insert: float = setting(
-        0.005,
-        "how much deeper than the middle of the handle the tool point goes, where the handle was found on the mesh",
-        unit="m",
-        at_least=-0.2,
-        at_most=0.2,
-    )
-    over_insert_blind: float = setting(
-        0.020, "the same where only the hand's contact is known", unit="m", at_least=-0.2, at_most=0.2
-    )
-    approach: float = setting(0.10, "length of the straight way in and out", unit="m", above=0)
-    turn: tuple[float, ...] = setting(
-        (0.0, 0.25, 0.5, 0.75),
-        "shares of a hinge's angle by which the hand may lag behind the handle",
-        unit="",
-        at_least=-1,
-        at_most=1,
-        least=1,
-    )
-    lean: tuple[float, ...] = setting(
-        (0.0, 0.45, -0.45),
-        "turns of the hand about the direction in which it closes; (0.0,) for none",
-        unit="rad",
-        at_least=-math.pi,
-        at_most=math.pi,
-        least=1,
-    )
-    lean_rim: tuple[float, ...] = setting(
-        (0.8, -0.8),
-        "more of them where a rim is held, which has nothing beside it",
-        unit="rad",
-        at_least=-math.pi,
-        at_most=math.pi,
-    )
     clearance: float = setting(0.02, "wanted between the arm and everything else", unit="m", at_least=0)
     tool_speed: float = setting(
         0.25, "greatest speed of the tool while it moves the part", unit="m/s", above=0
-    )
-    velocity_share: float = setting(0.5, "share of the robot's velocity limits", unit="", above=0, at_most=1)
-    acceleration_share: float = setting(
-        0.3, "share of the robot's acceleration limits", unit="", above=0, at_most=1
     )
     torque_share: float = setting(
         0.9,
@@ -72,10 +36,6 @@ class PlanConfig(Settings):
         unit="",
         above=0,
         at_most=1,
-    )
-    position_tolerance: float = setting(0.003, "greatest error of the path in position", unit="m", above=0)
-    angle_tolerance: float = setting(
-        0.05, "greatest error of the path in angle", unit="rad", above=0, at_most=math.pi
     )
     release: bool | None = setting(
         None,
@@ -106,9 +66,7 @@ class ReplayConfig(Settings):
         above=0,
         at_most=100,
     )
-    settle: float = setting(0.6, "simulated after the last command", unit="s", at_least=0)
     video_size: tuple[int, int] = setting((640, 480), "width and height of the video", unit="px", at_least=32)
-    video_rate: int = setting(25, "frames in a second of the video", unit="1/s", at_least=1)
     video_frames: int = setting(130, "most frames of the video", unit="frames", at_least=2)
 
 

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.config import ReplayConfig
+from robots.config import SETTLE, ReplayConfig
 from robots.demonstration import Demonstration, Image
 from robots.film.side_by_side import alone, pace_text, side_by_side
 from robots.film.viewpoint import choose_view
@@ -27,6 +27,8 @@ _LOG = logging.getLogger(__name__)
 _AXIS_COLOUR = np.array([0.95, 0.25, 0.1, 1.0], dtype=np.float32)
 _AXIS_WIDTH = 0.004  # of the distance from which it is seen
 _DASHES = 9
+# Frames in a second of the film; chosen by us
+RATE = 25
 _GROUPS = (1, 0, 1, 1, 0, 0)  # 2 visual meshes, 3 the robot; collision shapes of the twin (5) stay hidden
 
 
@@ -52,14 +54,14 @@ def write_video(
         _LOG.warning("no video: %s", e)
         return False
     states = frames[:, world.part_qpos[part.id]]
-    pace = pace_text(trajectory.duration + config.settle, len(frames), config.video_rate)
+    pace = pace_text(trajectory.duration + SETTLE, len(frames), RATE)
     film = None
     if demonstration is not None:
         try:
             film = side_by_side(images, states, trajectory, part, demonstration, pace)
         except (InputError, OSError) as e:
             _LOG.warning("the film of %s shows the robot alone: %s", part.name, e)
-    encode(path, film or alone(images, states, trajectory, part, pace), config.video_rate, pace)
+    encode(path, film or alone(images, states, trajectory, part, pace), RATE, pace)
     return True
 
 

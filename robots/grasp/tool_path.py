@@ -7,16 +7,31 @@ from itertools import product
 
 import numpy as np
 
-from robots.config import PlanConfig
 from robots.grasp.holds import Hold
 from robots.model.spec import RobotSpec
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
-_ROLL = 0.010  # m; a hand that lags rolls its fingers about the handle, and this much is a slip
-_STEEPEST = 0.8  # rad by which the hand may lean away from a part's outward direction (chosen by us)
-_TIP_ROOM = 0.004  # m that the fingertips keep from the surface behind a handle
+# m; a hand that lags rolls its fingers about the handle, and this much is a slip
+_ROLL = 0.010
+# rad by which the hand may lean away from a part's outward direction; chosen by us
+_STEEPEST = 0.8
+# m that the fingertips keep from the surface behind a handle
+_TIP_ROOM = 0.004
+# m; how much deeper than the middle of the handle the tool point goes, where it was found on the mesh;
+# chosen by us
+OVER_INSERT = 0.005
+# The same where only the hand's contact is known; chosen by us
+_OVER_INSERT_BLIND = 0.020
+# m; length of the straight way in and out; chosen by us
+APPROACH = 0.10
+# Shares of a hinge's angle by which the hand may lag behind the handle; chosen by us
+_TURNS = (0.0, 0.25, 0.5, 0.75)
+# rad; turns of the hand about the direction in which it closes; chosen by us
+_LEANS = (0.0, 0.45, -0.45)
+# More of them where a rim is held, which has nothing beside it; chosen by us
+_RIM_LEANS = (0.8, -0.8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +70,9 @@ def backed_off(T_world_tool: Array, distance: float, aside: float = 0.0) -> Arra
 
 
 def make_grasps(
-    hold: Hold, joint: Joint, spec: RobotSpec, config: PlanConfig, rank: int = 0, way: float | None = None
+    hold: Hold, joint: Joint, spec: RobotSpec, rank: int = 0, way: float | None = None
 ) -> list[Grasp]:
-    """Both flips of the hand, leant as configured, with and without lag. rank: how many better holds there
+    """Both flips of the hand, upright and leant, with and without lag. rank: how many better holds there
     are. way: length of the motion in m or rad, default the joint's whole range.
 
     Flat fingers that turn about a thick handle roll off its middle by half its thickness times the angle; so
@@ -65,13 +80,13 @@ def make_grasps(
 
     The tool point goes deeper than the middle of the handle, as far as the stand-off and the palm allow.
     """
-    wanted = config.over_insert if hold.refined else config.over_insert_blind
+    wanted = OVER_INSERT if hold.refined else _OVER_INSERT_BLIND
     deepest = min(wanted, hold.stand_off - spec.tip - _TIP_ROOM)
     closing, along, out = hold.rotation.T
-    about, turns = _lags(hold, joint, config)
+    about, turns = _lags(hold, joint)
     freedom = np.array([0.15 if hold.kind == "bar" else 0.4, 0.4, 0.4])
     way = joint.upper - joint.lower if way is None else way
-    leans = (*config.lean, *config.lean_rim) if hold.kind == "edge" else config.lean
+    leans = (*_LEANS, *_RIM_LEANS) if hold.kind == "edge" else _LEANS
     grasps = []
     for flip, lean, turn in product((1.0, -1.0), leans, turns):
         pivots = turn > 0.0 and abs(about @ closing) > 0.5
@@ -90,14 +105,14 @@ def make_grasps(
     return grasps
 
 
-def _lags(hold: Hold, joint: Joint, config: PlanConfig) -> tuple[Array, tuple[float, ...]]:
+def _lags(hold: Hold, joint: Joint) -> tuple[Array, tuple[float, ...]]:
     """The line about which the hand may lag behind a turning handle, and by which shares of the angle.
 
     Along the handle the fingers roll over it; about the closing direction a knob pivots between them.
     """
     closing, along, _ = hold.rotation.T
     if isinstance(joint, Revolute) and abs(joint.axis @ along) > 0.5:
-        return along, config.turn
+        return along, _TURNS
     if isinstance(joint, Revolute) and hold.kind == "knob" and abs(joint.axis @ closing) > 0.5:
-        return closing, config.turn
+        return closing, _TURNS
     return along, (0.0,)

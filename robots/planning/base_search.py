@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from robots.config import PlanConfig
-from robots.grasp.tool_path import Grasp, backed_off
+from robots.grasp.tool_path import APPROACH, Grasp, backed_off
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
 from robots.planning.ground import Ground
@@ -79,7 +79,7 @@ class BaseSearch:
         states = task.states(_WAYPOINTS)
         self._states = np.concatenate([states[:1], states, states[-1:]])
         self._unit = "rad" if isinstance(joint, Revolute) else "m"
-        self._paths = np.stack([_tool_path(g, joint, states, config.approach) for g in grasps])
+        self._paths = np.stack([_tool_path(g, joint, states) for g in grasps])
         self._ground = Ground(static, spec.footprint, floor)
         self._handle = float(self._paths[0, 1:-1, 2, 3].min()) - 0.05
         self._rng = np.random.default_rng(config.seed)
@@ -149,9 +149,9 @@ class BaseSearch:
         ]
 
 
-def _tool_path(grasp: Grasp, joint: Joint, states: Array, approach: float) -> Array:
+def _tool_path(grasp: Grasp, joint: Joint, states: Array) -> Array:
     path = grasp.path(joint, states)
-    first, last = (backed_off(p, approach, grasp.room) for p in (path[0], path[-1]))
+    first, last = (backed_off(p, APPROACH, grasp.room) for p in (path[0], path[-1]))
     return np.stack([first, *path, last])
 
 

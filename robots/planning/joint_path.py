@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robots.config import PlanConfig
-from robots.grasp.tool_path import Grasp, backed_off
+from robots.grasp.tool_path import APPROACH, Grasp, backed_off
 from robots.model.dynamics import with_payload
 from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
@@ -23,6 +23,10 @@ from twin.geometry import Array
 from twin.physics import physics_of, weight_load
 from twin.scene import Part, Twin
 
+# m; greatest error of the path in position; chosen by us
+POSITION_TOLERANCE = 0.003
+# rad; greatest error of the path in angle; chosen by us
+_ANGLE_TOLERANCE = 0.05
 _WAYPOINTS = 41
 _STRAIGHT_WAYPOINTS = 9
 _ROOM = 0.006  # m that the fingers leave about a part that the hand holds from the start
@@ -40,7 +44,8 @@ def refined(
     effort: Effort,
     config: PlanConfig,
 ) -> RobotTrajectory:
-    """The precise path over a base, timed. Raises PlanningError beyond tolerances or if a joint is weak."""
+    """The precise path over a base, timed. Raises PlanningError when it misses the tolerances or a joint is
+    too weak."""
     legs = _Legs(solver, base, grasp, config, unit(part))
     states = task.states(_WAYPOINTS)
     rough = CubicSpline(np.linspace(0.0, 1.0, len(base.q) - 2), base.q[1:-1])
@@ -112,16 +117,15 @@ class _Legs:
     solver: PathSolver
     base: Base
     grasp: Grasp
-    config: PlanConfig
     of: str
 
     def along(self, tool: Array, states: Array, hint: Array) -> Leg:
         """The joints (n, dof) for tool poses (n, 4, 4) at the part's states (n,), near a hint."""
-        grasp, config = self.grasp, self.config
+        grasp = self.grasp
         solution = self.solver.follow(geo.invert_pose(self.base.T_world_base) @ tool, grasp.freedom, hint)
         worst = int(np.argmax(solution.position_error))
         strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
-        if solution.position_error[worst] > config.position_tolerance or strict > config.angle_tolerance:
+        if solution.position_error[worst] > POSITION_TOLERANCE or strict > _ANGLE_TOLERANCE:
             off = float(solution.position_error[worst])
             raise RefusedError(Unreachable(float(states[worst]), self.of, off, strict))
         if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
@@ -138,7 +142,7 @@ class _Legs:
     def away(self, pose: Array, state: float, q: Array, end: Array) -> tuple[Leg | None, Leg]:
         """Aside until the jaws are clear of the part, if they need it, and back to about `end`."""
         room = self.grasp.room
-        back = np.linspace(0.0, self.config.approach, _STRAIGHT_WAYPOINTS)
+        back = np.linspace(0.0, APPROACH, _STRAIGHT_WAYPOINTS)
         if room == 0.0:
             return None, self.straight(np.stack([backed_off(pose, d) for d in back]), state, q, end)
         aside = np.linspace(0.0, room, _STRAIGHT_WAYPOINTS)

@@ -124,7 +124,7 @@ def _planned(
     alone = compiled(spec)
     chain = read_chain(alone, spec)
     way = task.goal - task.start
-    grasps = [g for k, h in enumerate(holds) for g in make_grasps(h, target.joint, spec, config, k, way)]
+    grasps = [g for k, h in enumerate(holds) for g in make_grasps(h, target.joint, spec, k, way)]
     search = BaseSearch(target.joint, task, grasps, chain, spec, twin.static.mesh, config, floor.height)
     check = ClearanceCheck(twin, target, spec, task, grasps, config)
     bases = search.everywhere()

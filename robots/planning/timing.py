@@ -17,6 +17,10 @@ from twin.geometry import Array
 STEP = 0.02  # s between samples
 CLOSE, HOLD, OPEN = 1.0, 0.5, 0.8  # s; a finger travels its 40 mm in 0.7 s
 SHORTEST = 0.8  # s of a leg
+# Share of the robot's velocity limits; chosen by us
+VELOCITY_SHARE = 0.5
+# Share of the robot's acceleration limits; chosen by us
+ACCELERATION_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,10 +193,10 @@ def _duration(spline: CubicSpline, leg: Leg, spec: RobotSpec, config: PlanConfig
     s = np.linspace(0.0, 1.0, 201)
     first, second = np.abs(spline(s, 1)), np.abs(spline(s, 2))
     by_speed = 1.875 * leg.length / config.tool_speed
-    by_velocity = 1.875 * (first / (config.velocity_share * spec.velocity)).max()
+    by_velocity = 1.875 * (first / (VELOCITY_SHARE * spec.velocity)).max()
     # |q''| <= |dq/ds| 5.774 / T^2 + |d2q/ds2| (1.875 / T)^2
     by_acceleration = np.sqrt(
-        ((5.774 * first + 1.875**2 * second) / (config.acceleration_share * spec.acceleration)).max()
+        ((5.774 * first + 1.875**2 * second) / (ACCELERATION_SHARE * spec.acceleration)).max()
     )
     return float(max(by_speed, by_velocity, by_acceleration, SHORTEST))
 

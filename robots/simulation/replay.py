@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.config import ReplayConfig
+from robots.config import SETTLE, ReplayConfig
 from robots.demonstration import Demonstration
 from robots.formats import native
 from robots.model.catalog import resolve
@@ -136,7 +136,7 @@ def simulate(
     if config.control == "position":
         world.set_stiffness(config.stiffness)
     data = mujoco.MjData(model)
-    steps = int(np.ceil((trajectory.duration + config.settle) / model.opt.timestep))
+    steps = int(np.ceil((trajectory.duration + SETTLE) / model.opt.timestep))
     times = np.arange(steps) * model.opt.timestep
     ctrl = _commands(world, trajectory, times)
     phase_at = np.searchsorted(trajectory.times, times).clip(0, len(trajectory.times) - 1)

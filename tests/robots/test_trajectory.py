@@ -13,7 +13,7 @@ import pytest
 from robots.config import PlanConfig
 from robots.formats import native
 from robots.model.catalog import resolve
-from robots.planning.timing import Leg, quintic, timed
+from robots.planning.timing import ACCELERATION_SHARE, VELOCITY_SHARE, Leg, quintic, timed
 from robots.trajectory import RejectedBase, RobotTrajectory
 from tests.makers.robots.planned_motions import contents
 from twin import geometry as geo
@@ -58,9 +58,9 @@ def test_quintic_rests_at_both_ends_and_goes_from_0_to_1():
 
 def test_timing_keeps_speed_velocity_and_acceleration(franka, trajectory):
     config = PlanConfig()
-    assert np.all(np.abs(trajectory.qd) <= config.velocity_share * franka.velocity + 1e-9)
+    assert np.all(np.abs(trajectory.qd) <= VELOCITY_SHARE * franka.velocity + 1e-9)
     acceleration = np.gradient(trajectory.qd, trajectory.times, axis=0)
-    assert np.all(np.abs(acceleration) <= config.acceleration_share * franka.acceleration * 1.02)
+    assert np.all(np.abs(acceleration) <= ACCELERATION_SHARE * franka.acceleration * 1.02)
     step = np.linalg.norm(np.diff(trajectory.T_world_tool[:, :3, 3], axis=0), axis=1)
     same = np.array(trajectory.phases[1:]) == np.array(trajectory.phases[:-1])
     speed = step[same] / np.diff(trajectory.times)[same]
@@ -169,5 +169,5 @@ def test_a_full_disk_leaves_the_earlier_files(trajectory, tmp_path: Path, monkey
 def test_settings_are_checked():
     with pytest.raises(ConfigError, match="pedestal"):
         PlanConfig(pedestal=(2.0, 1.0))
-    with pytest.raises(ConfigError, match="velocity_share"):
-        PlanConfig(velocity_share=1.5)
+    with pytest.raises(ConfigError, match="torque_share"):
+        PlanConfig(torque_share=1.5)

@@ -12,9 +12,10 @@ import pytest
 
 import robots
 from benchmarks.scenes import furniture
-from robots.config import PlanConfig
+from robots.config import SETTLE, PlanConfig
 from robots.demonstration import Demonstration, matching_samples
 from robots.film.side_by_side import captioned, fitted, pace_text, side_by_side, state_text
+from robots.film.video import RATE
 from robots.floor import Floor
 from robots.scene.world import build_world
 from robots.simulation.replay import simulate
@@ -231,9 +232,9 @@ def test_films_of_6_to_11_seconds_say_how_fast_they_run_and_that_nobody_saw_the_
 ) -> None:
     import av
 
-    part, seconds = recorded.parts[0], opening.duration + SMALL.settle
-    pace = pace_text(seconds, SMALL.video_frames, SMALL.video_rate)
-    assert pace.startswith(f"{seconds * SMALL.video_rate / SMALL.video_frames:.2g} x")
+    part, seconds = recorded.parts[0], opening.duration + SETTLE
+    pace = pace_text(seconds, SMALL.video_frames, RATE)
+    assert pace.startswith(f"{seconds * RATE / SMALL.video_frames:.2g} x")
     unseen = replace(opening, floor=Floor(0.0, "assumed"))
     for name, trajectory, told in (
         ("a", opening, None),

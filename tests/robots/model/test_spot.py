@@ -20,6 +20,7 @@ from robots.model.catalog import resolve
 from robots.model.kinematics import read_chain
 from robots.planning.base_search import Base, _starts
 from robots.planning.clearance import ClearanceCheck
+from robots.planning.joint_path import POSITION_TOLERANCE
 from robots.scene.world import ROBOT, build_world
 from robots.task import Task
 from tests.makers.robots.replays import check_open_hand_gets_no_hold, check_opened
@@ -212,7 +213,7 @@ def test_the_base_stays_on_the_floor_and_inside_its_limits(door):
     assert trajectory.T_world_base[2, 3] == pytest.approx(find_floor(twin).height, abs=1e-9)
     assert np.all(np.abs(trajectory.qd) <= trajectory.velocity_limits)
     assert trajectory.joint_names[:3] == ("base_x", "base_y", "base_yaw")
-    assert trajectory.position_error.max() <= PlanConfig().position_tolerance
+    assert trajectory.position_error.max() <= POSITION_TOLERANCE
 
 
 def test_the_stance_does_not_give_way(door):
@@ -302,7 +303,7 @@ def test_a_jaw_that_would_meet_something_half_way_is_seen(spot):
     part, moving = twin.parts[0], np.flatnonzero([p == "move" for p in plan.phases])
     q = np.stack([plan.q[0], *plan.q[np.linspace(moving[0], moving[-1], 8).astype(int)], plan.q[-1]])
     base = Base(plan.T_world_base, 0.0, 0, q, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
-    grasps = make_grasps(find_holds(part.mesh, part.contact, spec)[0], part.joint, spec, FAST)
+    grasps = make_grasps(find_holds(part.mesh, part.contact, spec)[0], part.joint, spec)
 
     def reason(twin):
         return ClearanceCheck(twin, part, spec, Task(0.0, plan.goal), grasps, FAST).checked(base).reason

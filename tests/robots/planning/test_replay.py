@@ -23,7 +23,7 @@ from robots.film import video
 from robots.floor import find_floor
 from robots.planning import plan as planning
 from robots.planning.base_search import Base
-from robots.planning.joint_path import moves_alone
+from robots.planning.joint_path import POSITION_TOLERANCE, moves_alone
 from robots.planning.plan import _best, _reported, _unlike
 from robots.reasons import NoRoom
 from robots.scene.world import build_world
@@ -104,7 +104,7 @@ def test_nothing_but_the_hand_moves_the_part(drawer):
 
 def test_the_plan_is_inside_its_limits_and_on_its_path(door):
     twin, trajectory = door
-    assert trajectory.position_error.max() <= PlanConfig().position_tolerance
+    assert trajectory.position_error.max() <= POSITION_TOLERANCE
     assert np.all(np.abs(trajectory.qd) <= trajectory.velocity_limits)
     part = twin.part(2)
     moving = np.array([p == "move" for p in trajectory.phases])

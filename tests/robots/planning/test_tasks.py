@@ -255,7 +255,7 @@ def test_a_lag_costs_more_about_a_thick_handle(franka):
     hold = find_holds(part.mesh, part.contact, franka)[0]
 
     def price(thickness, way):
-        grasps = make_grasps(replace(hold, thickness=thickness), part.joint, franka, PlanConfig(), way=way)
+        grasps = make_grasps(replace(hold, thickness=thickness), part.joint, franka, way=way)
         still, most = (min(g.cost for g in grasps if g.turn == t) for t in (0.0, 0.5))
         return most - still
 

@@ -97,7 +97,7 @@ def test_check_takes_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_replay_takes_settings_of_plan_and_replay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An option of its own goes before a file."""
     save(cabinet_twin(), tmp_path / "twin")
-    (tmp_path / "c.toml").write_text("[plan]\nseed = 3\n[replay]\nsettle = 2\ncontrol = 'position'\n")
+    (tmp_path / "c.toml").write_text("[plan]\nseed = 3\n[replay]\nstiffness = 2\ncontrol = 'position'\n")
     asked: list[Any] = []
 
     def plan(*_: Any, config: PlanConfig, **__: Any) -> Any:
@@ -111,4 +111,4 @@ def test_replay_takes_settings_of_plan_and_replay(tmp_path: Path, monkeypatch: p
     stand_in(monkeypatch, plan=plan, replay=replay)
     options = ["--config", str(tmp_path / "c.toml"), "--set", "plan.finalists=2", "--control", "impedance"]
     assert cli.run(["replay", str(tmp_path), "--part", "door", *options]) == 1
-    assert asked == [PlanConfig(seed=3, finalists=2), ReplayConfig(settle=2.0, control="impedance")]
+    assert asked == [PlanConfig(seed=3, finalists=2), ReplayConfig(stiffness=2.0, control="impedance")]
