@@ -26,7 +26,7 @@ from twin.errors import FuntwinError, InputError
 from twin.files.text import read_json
 
 PLANTED = (1, 2, 3, -1)
-SMALL = {"width": 320, "height": 240, "samples": 1, "light_samples": 1, "ambient_samples": 1}
+SMALL = {"width": 320, "height": 240, "samples": 1, "ambient_samples": 1}
 
 
 def told(recording: Recording) -> tuple[int | None, str]:

@@ -155,11 +155,22 @@ def test_a_refusal_names_the_setting_as_its_user_does() -> None:
     assert_for_all(law, [(c, s.path) for c in map(named, SETTINGS.values()) for s in listed(c())])
 
 
+def script(name: str) -> dict[str, Any]:
+    """What a script in .ci defines."""
+    made: dict[str, Any] = {"__name__": "script", "__file__": str(REPOSITORY / ".ci" / name)}
+    exec((REPOSITORY / ".ci" / name).read_text(), made)  # noqa: S102
+    return made
+
+
 def test_the_page_of_settings_is_up_to_date() -> None:
-    script: dict[str, Any] = {"__name__": "page", "__file__": str(REPOSITORY / ".ci/settings_page.py")}
-    exec((REPOSITORY / ".ci/settings_page.py").read_text(), script)  # noqa: S102
     page = (REPOSITORY / "docs/settings.md").read_text()
-    assert page == script["page"](), "run: python .ci/settings_page.py"
+    assert page == script("settings_page.py")["page"](), "run: python .ci/settings_page.py"
+
+
+def test_a_user_has_at_most_60_settings_to_choose() -> None:
+    """What nobody can choose sensibly is a constant with its source; the paper's own ways don't count."""
+    counted = script("constants.py")["settings"]()
+    assert sum(count for room, count in counted if room != "the paper's ways") <= 60
 
 
 def values(hint: Any) -> st.SearchStrategy[Any]:

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from recon.simulate.acts import Act
-from recon.simulate.config import SimulateConfig
+from recon.simulate.config import Staging
 from recon.simulate.grip import Grasp
 from recon.simulate.mjcf import Articulation
 from recon.simulate.ray_caster import Caster
@@ -40,7 +40,7 @@ def camera_path(
     acts: Sequence[Act],
     still: tuple[Surface, ...],
     bounds: tuple[Array, Array],
-    config: SimulateConfig,
+    config: Staging,
     rng: np.random.Generator,
 ) -> Array:
     """Poses T_world_camera (frames, 4, 4), OpenCV axes, with free sight of each act's grip while it lasts."""
@@ -63,7 +63,8 @@ def camera_path(
 
 
 def _targets(acts: Sequence[Act], config: SimulateConfig) -> Array:
-    """What is looked at (frames, 3): between the grip and the middle of the part handled now or next."""
+    """What is looked at (frames, 3): between the grip and the middle of the part that is handled, or is
+    handled next."""
     looked = []
     for act in acts:
         part = merged_mesh(list(act.scene.part))
@@ -97,7 +98,7 @@ def _caster(meshes: list[tuple[Array, NDArray[np.int64]]]) -> Caster:
 
 
 def _viewpoint(
-    scene: Articulation, around: Surroundings, grasp: Grasp, config: SimulateConfig, rng: np.random.Generator
+    scene: Articulation, around: Surroundings, grasp: Grasp, config: Staging, rng: np.random.Generator
 ) -> Array:
     """Best of a fan of viewpoints about a seeded (or the asked) bearing: grip and part stay in sight."""
     facing = unit(grasp.outward * [1.0, 1.0, 0.0]) if abs(grasp.outward[2]) < 0.9 else _facing(scene, around)
@@ -167,7 +168,7 @@ def _sight(scene: Articulation, around: Surroundings, grasp: Grasp, eye: Array) 
 def _walk(
     acts: Sequence[Act],
     places: Sequence[tuple[Array, Surroundings]],
-    config: SimulateConfig,
+    config: Staging,
     rng: np.random.Generator,
 ) -> Array:
     """Camera centres (frames, 3): an approach of some 30 cm, a drift along with each part, half a step back.

@@ -1,8 +1,8 @@
-"""What a simulated recording shall look like: one frozen dataclass, every field with a default."""
+"""What a simulated recording shall look like: what a user chooses, and what only the random draw sets."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from twin.runs.setting import Settings, group, setting
@@ -13,28 +13,12 @@ class PictureConfig(Settings):
     """What is wrong with the colour pictures; with the defaults nothing is. A frame's time is the middle of
     its exposure, so no fault but `colour_delay_s` shifts colour against depth on average."""
 
-    jpeg_quality: int = setting(93, "quality of the JPEG files", unit="", at_least=1, at_most=100)
     light: float = setting(
         1.0,
         "share of the full light; the camera amplifies what is left, and its noise with it",
         unit="",
         at_least=0.01,
         at_most=1,
-    )
-    flicker: float = setting(
-        0.0,
-        "share by which lamps on the mains (50 Hz) swing, twice in a period; it beats with the frames, and a long exposure "
-        "averages it out",
-        unit="",
-        at_least=0,
-        below=1,
-    )
-    exposure_jumps: float = setting(
-        0.0,
-        "relative steps of the automatic exposure, at random frames, every 2 s on average",
-        unit="",
-        at_least=0,
-        at_most=3,
     )
     shutter: float = setting(
         0.0,
@@ -45,20 +29,6 @@ class PictureConfig(Settings):
     )
     rolling_shutter_s: float = setting(
         0.0, "read-out time from the first to the last row", unit="s", at_least=0, at_most=0.1
-    )
-    focal_error: float = setting(
-        0.0,
-        "relative error of the focal length that is written; the true one is then in truth/intrinsic.json",
-        unit="",
-        at_least=-0.2,
-        at_most=0.2,
-    )
-    centre_error_px: float = setting(
-        0.0,
-        "how far the principal point that is written lies to the right of the true one",
-        unit="px",
-        at_least=-100,
-        at_most=100,
     )
     colour_delay_s: float = setting(
         0.0, "time by which colour is taken after depth", unit="s", at_least=-0.1, at_most=0.1
@@ -90,7 +60,7 @@ class SimulateConfig(Settings):
     )
     speed: float = setting(
         1.0,
-        "factor on the speed of the opening; 1 moves the part in move_s",
+        "factor on the speed of the opening; 1 moves the part in 2.6 s",
         unit="",
         at_least=0.05,
         at_most=20,
@@ -101,24 +71,6 @@ class SimulateConfig(Settings):
         unit="frames",
         at_least=12,
     )
-    rest_before_s: float = setting(1.4, "time before the hand enters", unit="s", at_least=0.05, at_most=60)
-    reach_s: float = setting(
-        0.95, "from the hand's entry to the closed grasp", unit="s", at_least=0.05, at_most=60
-    )
-    hold_s: float = setting(
-        0.25,
-        "between grasp and motion, and again between motion and release",
-        unit="s",
-        at_least=0.05,
-        at_most=60,
-    )
-    move_s: float = setting(
-        2.6, "duration of the minimum-jerk motion at speed 1", unit="s", at_least=0.05, at_most=60
-    )
-    leave_s: float = setting(
-        0.8, "from release until the hand is out of view", unit="s", at_least=0.05, at_most=60
-    )
-    rest_after_s: float = setting(1.05, "time after the hand has left", unit="s", at_least=0.05, at_most=60)
     azimuth_deg: float | None = setting(
         None,
         "bearing of the camera from the part's outward normal, positive to the right of who faces the part; none: a free line of "
@@ -142,65 +94,14 @@ class SimulateConfig(Settings):
         at_least=-5,
         at_most=5,
     )
-    sway: float = setting(
-        1.0,
-        "scale of the head's sway, turn and tremor; 0 holds the camera still after its approach",
-        unit="",
-        at_least=0,
-        at_most=10,
-    )
-    sidestep: float = setting(
-        0.0, "how far the person steps to one side and back again", unit="m", at_least=-2, at_most=2
-    )
     handle: str | None = setting(None, "name of a site or geom to grasp; none: what protrudes from the part")
-    hand_side: Literal["right", "left"] = setting("right", "which hand it is")
-    hand_cover: Literal["sleeve", "bare", "glove"] = setting(
-        "sleeve",
-        "what hand and forearm wear: a sleeve to the wrist, none below the elbow, or a glove as well",
-    )
-    skin_tone: int | None = setting(
-        None,
-        "which of the simulator's skin tones, from light to dark; none: drawn",
-        unit="",
-        at_least=0,
-        at_most=5,
-    )
-    hand_from_deg: float | None = setting(
-        None,
-        "side of the picture from which the hand comes: 0 from the right, 90 from below, 180 from the left, -90 from above; none: from "
-        "below, on the hand's side",
-        unit="°",
-        at_least=-180,
-        at_most=180,
-    )
-    wrist_turn: float = setting(
-        0.5,
-        "share of a hinge's angle that the hand turns with it (a wrist turns less than a door)",
-        unit="",
-        at_least=0,
-        at_most=1,
-    )
-    textures: float = setting(
-        1.0, "contrast of the procedural textures; 0: plain colours", unit="", at_least=0, at_most=10
-    )
     room: bool = setting(True, "add floor, walls, ceiling and clutter where the scene has none")
-    clutter: int = setting(8, "boxes, books and pictures added to the room", unit="", at_least=0, at_most=40)
     exclude: tuple[str, ...] = setting(
         ("panda", "robot"),
         "bodies with one of these words in their name are left out, with all that hangs on them",
     )
     samples: int = setting(
         2, "sub-pixel samples of the colour image on each side (2: 2 x 2)", unit="", at_least=1, at_most=16
-    )
-    light_samples: int = setting(
-        1,
-        "shadow rays to each light from every second pixel of every second row",
-        unit="",
-        at_least=1,
-        at_most=16,
-    )
-    ambient_samples: int = setting(
-        3, "rays of ambient occlusion from those pixels", unit="", at_least=1, at_most=16
     )
     sensor: Literal["structured_light", "ideal", "time_of_flight", "phone_lidar", "stereo"] = setting(
         "structured_light",
@@ -213,5 +114,67 @@ class SimulateConfig(Settings):
         at_least=0,
         at_most=10,
     )
-    colour_noise: float = setting(1.0, "scale of the colour noise", unit="", at_least=0, at_most=10)
     picture: PictureConfig = group(PictureConfig, "faults of the colour pictures and their intrinsics")
+
+
+@dataclass(frozen=True)
+class Faults(PictureConfig):
+    """All that is wrong with the colour pictures: the settings, and what only the random draw sets.
+
+    Attributes:
+        jpeg_quality: of the JPEG files.
+        flicker: share by which lamps on the mains (50 Hz) swing, twice in a period; it beats with the frames,
+            and a long exposure averages it out.
+        exposure_jumps: relative steps of the automatic exposure, at random frames, every 2 s on average.
+        focal_error: relative error of the focal length that is written; the true one is then in
+            truth/intrinsic.json.
+        centre_error_px: how far the principal point that is written lies to the right of the true one.
+    """
+
+    jpeg_quality: int = 93
+    flicker: float = 0.0
+    exposure_jumps: float = 0.0
+    focal_error: float = 0.0
+    centre_error_px: float = 0.0
+
+
+@dataclass(frozen=True)
+class Staging(SimulateConfig):
+    """All that a recording is staged by: the settings, and what only the random draw sets. Every default was
+    chosen by us.
+
+    Attributes:
+        sway: scale of the head's sway, turn and tremor; 0 holds the camera still after its approach.
+        sidestep: m; how far the person steps to one side and back again.
+        hand_side: which hand it is.
+        hand_cover: what hand and forearm wear: a sleeve to the wrist, none below the elbow, or a glove too.
+        skin_tone: which of the simulator's skin tones, from light to dark; None: drawn.
+        hand_from_deg: side of the picture from which the hand comes: 0 from the right, 90 from below, 180
+            from the left, -90 from above; None: from below, on the hand's side.
+        wrist_turn: share of a hinge's angle that the hand turns with it (a wrist turns less than a door).
+        textures: contrast of the procedural textures; 0: plain colours.
+        clutter: boxes, books and pictures added to the room.
+        ambient_samples: rays of ambient occlusion from every second pixel of every second row.
+        colour_noise: scale of the colour noise.
+    """
+
+    picture: Faults = field(default_factory=Faults)
+    sway: float = 1.0
+    sidestep: float = 0.0
+    hand_side: Literal["right", "left"] = "right"
+    hand_cover: Literal["sleeve", "bare", "glove"] = "sleeve"
+    skin_tone: int | None = None
+    hand_from_deg: float | None = None
+    wrist_turn: float = 0.5
+    textures: float = 1.0
+    clutter: int = 8
+    ambient_samples: int = 3
+    colour_noise: float = 1.0
+
+    @staticmethod
+    def of(config: SimulateConfig) -> Staging:
+        """A configuration with the defaults of what it doesn't hold."""
+        if isinstance(config, Staging):
+            return config
+        chosen = {f.name: getattr(config, f.name) for f in fields(config)}
+        return Staging(**chosen | {"picture": Faults(**vars(config.picture))})

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from recon.simulate.config import SimulateConfig
+from recon.simulate.config import Staging
 from recon.simulate.grip import Grasp
 from recon.simulate.hand import WRIST
 from recon.simulate.mjcf import Articulation
@@ -46,7 +46,7 @@ class Arm:
     shoulder: Array
 
     @staticmethod
-    def of(config: SimulateConfig) -> Arm:
+    def of(config: Staging) -> Arm:
         """The arm that a configuration asks for."""
         sign = 1.0 if config.hand_side == "right" else -1.0
         if config.hand_from_deg is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.simulate.config import SimulateConfig
+from recon.simulate.config import Staging
 from recon.simulate.render import Camera
 from recon.simulate.sensors.fields import fixed_rng
 from recon.simulate.shutter import F32, Flow, exposed
@@ -16,9 +16,9 @@ JUMP_EVERY = 2.0  # seconds between steps of the automatic exposure, on average;
 
 
 class Picture:
-    """The faults of `SimulateConfig.picture`, with what is random in them drawn once for the recording."""
+    """The faults of `Staging.picture`, with what is random in them drawn once for the recording."""
 
-    def __init__(self, config: SimulateConfig, camera: Camera, frames: int):
+    def __init__(self, config: Staging, camera: Camera, frames: int):
         self._faults, self._fps = config.picture, config.fps
         rng = fixed_rng(config.seed, 1)
         self._lamp = 2.0 * (MAINS + float(rng.uniform(-MAINS_ERROR, MAINS_ERROR)))

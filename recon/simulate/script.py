@@ -10,7 +10,7 @@ import numpy as np
 
 from recon.simulate.actors import Actor
 from recon.simulate.acts import Act
-from recon.simulate.config import SimulateConfig
+from recon.simulate.config import Staging
 from recon.simulate.grip import find_grasp
 from recon.simulate.mjcf import Articulation, articulations
 from recon.simulate.surfaces import Surface
@@ -58,13 +58,13 @@ class Script:
         return tuple(dict.fromkeys(e.joint for e in self.episodes))
 
 
-def load_parts(script: Script, config: SimulateConfig, rng: np.random.Generator) -> tuple[Articulation, ...]:
+def load_parts(script: Script, config: Staging, rng: np.random.Generator) -> tuple[Articulation, ...]:
     """The parts of the script's joints. Raises InputError when one doesn't exist or moves nothing."""
     return articulations(script.model, script.source, script.joints, config.exclude, config.textures, rng)
 
 
 def acts_of(
-    script: Script, parts: Sequence[Articulation], config: SimulateConfig, rng: np.random.Generator
+    script: Script, parts: Sequence[Articulation], config: Staging, rng: np.random.Generator
 ) -> tuple[Act, ...]:
     """The script's interactions in place. Raises ConfigError, InputError when they don't fit the parts."""
     lines = timelines(script.episodes, script.rest_after_s, config)

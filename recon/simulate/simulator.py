@@ -9,7 +9,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from recon.simulate.config import SimulateConfig
+from recon.simulate.config import SimulateConfig, Staging
 from recon.simulate.joints import load_model, scene_path
 from recon.simulate.mjcf import OPENING_SHARE, travel
 from recon.simulate.picture import Picture
@@ -20,7 +20,7 @@ from recon.simulate.sensors.colour import colour_image, exposure
 from recon.simulate.sensors.depth_camera import DepthCamera
 from recon.simulate.sensors.frame import Frame
 from recon.simulate.stage import Stage
-from recon.simulate.timeline import opening_episode
+from recon.simulate.timeline import REST_AFTER, opening_episode
 from recon.simulate.truth import write_truth
 from twin.errors import ConfigError, InputError
 from twin.runs.threads import each
@@ -65,7 +65,7 @@ def opening(scene: Path, joint: str, config: SimulateConfig) -> Stage:
     """The part of `joint`, closed, is opened once. Raises InputError, ConfigError as `simulate`."""
     model = load_model(scene)
     episode = opening_episode(joint, _opening(model, joint, config), config)
-    return Stage(Script(model, str(scene), (episode,), config.rest_after_s), config)
+    return Stage(Script(model, str(scene), (episode,), REST_AFTER), Staging.of(config))
 
 
 def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_lag: DepthLag = 0) -> Path:

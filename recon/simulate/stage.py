@@ -10,7 +10,7 @@ import numpy as np
 
 from recon.simulate.actors import Actor
 from recon.simulate.camera_path import camera_path
-from recon.simulate.config import SimulateConfig
+from recon.simulate.config import Staging
 from recon.simulate.hand import arm, hand_shape, skeleton
 from recon.simulate.hand_path import (
     Arm,
@@ -32,11 +32,14 @@ from recon.simulate.textures import make_material, skin_material
 from recon.simulate.truth import FIRST_TIME, Truth, TruthPart
 from twin.geometry import Array, transform
 
+# Shadow rays to each light from every second pixel of every second row; chosen by us
+_LIGHT_SAMPLES = 1
+
 
 class Stage:
     """One recording before it is written: geometry, paths and renderer. Equal inputs give equal frames."""
 
-    def __init__(self, script: Script, config: SimulateConfig):
+    def __init__(self, script: Script, config: Staging):
         self.config, self.script = config, script
         rng = {
             name: np.random.default_rng([config.seed, k])
@@ -57,9 +60,7 @@ class Stage:
         self.actors = self._actors(arm_body, bounds)
         self.camera = Camera.of(config.width, config.height, config.hfov_deg)
         lights = room_lights(bounds[0], bounds[1], self.acts[0].scene, self.cameras[:, :3, 3].mean(axis=0))
-        self._renderer = Renderer(
-            self.camera, lights, config.samples, config.light_samples, config.ambient_samples
-        )
+        self._renderer = Renderer(self.camera, lights, config.samples, _LIGHT_SAMPLES, config.ambient_samples)
         self._first, self._last = self._window()
 
     @property

@@ -12,6 +12,19 @@ from recon.simulate.config import SimulateConfig
 from twin.errors import ConfigError
 from twin.geometry import Array
 
+# Durations (s) of a person who opens a part, all chosen by us: the rest before the hand enters
+_REST_BEFORE = 1.4
+# From the hand's entry to the closed grasp
+_REACH = 0.95
+# Between grasp and motion, and again between motion and release
+_HOLD = 0.25
+# The minimum-jerk motion at speed 1
+_MOVE = 2.6
+# From release until the hand is out of view
+_LEAVE = 0.8
+# The rest after the hand has left
+REST_AFTER = 1.05
+
 
 @dataclass(frozen=True)
 class Leg:
@@ -64,7 +77,7 @@ class Timeline:
     @staticmethod
     def of(config: SimulateConfig) -> Timeline:
         """The phases of a configuration. Raises ConfigError when a phase has no frame."""
-        return timelines((opening_episode("", 0.0, config),), config.rest_after_s, config)[0]
+        return timelines((opening_episode("", 0.0, config),), REST_AFTER, config)[0]
 
     @property
     def start(self) -> int:
@@ -102,9 +115,9 @@ class Timeline:
 
 
 def opening_episode(joint: str, opening: float, config: SimulateConfig) -> Episode:
-    """A part that stands closed is opened by `opening`, with the durations of a configuration."""
-    legs = (Leg(opening, config.move_s / config.speed),)
-    return Episode(joint, 0.0, legs, config.rest_before_s, config.reach_s, config.hold_s, config.leave_s)
+    """A part that stands closed is opened by `opening`, at the speed of a configuration."""
+    legs = (Leg(opening, _MOVE / config.speed),)
+    return Episode(joint, 0.0, legs, _REST_BEFORE, _REACH, _HOLD, _LEAVE)
 
 
 def timelines(

@@ -37,6 +37,8 @@ def simulate(
 ) -> Outcome:
     """Render a recording with truth: of one part of a scene, or all of it drawn from a seed."""
     require_writable(out)
+    from recon.simulate.config import SimulateConfig
+
     with console.progress() as progress:
 
         def tell(done: int, total: int) -> None:
@@ -47,6 +49,7 @@ def simulate(
                 raise InputError("--random draws a scene of its own", "leave the scene and --joint out")
             from recon.simulate import simulate_random
 
+            given.settings(SimulateConfig, config, set)  # refuses what is none
             told = given.told(config, set)[0]
             folder = simulate_random(random, out, settings=told, progress=tell, depth_lag=depth_lag)
         elif scene is None or joint is None:
@@ -55,8 +58,6 @@ def simulate(
                 "for example: twin simulate scene.xml --joint door -o OUT, or twin simulate --random 7 -o OUT",
             )
         else:
-            from recon.simulate.config import SimulateConfig
-
             settings = given.settings(SimulateConfig, config, set)
             from recon.simulate.joints import require_joint
 

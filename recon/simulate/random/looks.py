@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from recon.simulate.config import PictureConfig, SimulateConfig
+from recon.simulate.config import Faults, Staging
 from recon.simulate.random.model import Placed
 from recon.simulate.random.strata import Stratum
 
@@ -71,10 +71,10 @@ def _reachable(rise: float) -> float:
     return float(np.sqrt(max(_ARM**2 - (rise - 0.5) ** 2, 0.45**2)))
 
 
-def picture_settings(rng: Rng, wanted: Stratum, config: SimulateConfig) -> SimulateConfig:
+def picture_settings(rng: Rng, wanted: Stratum, config: Staging) -> Staging:
     """Clean pictures, or three to five faults at once."""
     if not wanted.hard_picture:
-        return replace(config, picture=PictureConfig(jpeg_quality=int(rng.integers(85, 96))))
+        return replace(config, picture=Faults(jpeg_quality=int(rng.integers(85, 96))))
     faults: list[dict[str, Any]] = [
         {"samples": 1},
         {"shutter": float(rng.uniform(0.5, 0.9))},
@@ -88,4 +88,4 @@ def picture_settings(rng: Rng, wanted: Stratum, config: SimulateConfig) -> Simul
     chosen = rng.choice(len(faults), size=int(rng.integers(3, 6)), replace=False)
     picked = {k: v for i in chosen for k, v in faults[i].items()}
     samples = int(picked.pop("samples", 2))
-    return replace(config, samples=samples, picture=PictureConfig(**{"jpeg_quality": 90} | picked))
+    return replace(config, samples=samples, picture=Faults(**{"jpeg_quality": 90} | picked))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from recon.simulate.config import SimulateConfig
+from recon.simulate.config import Staging
 from recon.simulate.random.furniture import HANDLES, KINDS, Furniture
 from recon.simulate.random.happenings import Carried, Curtain, Gestures, Screen, SecondPerson
 from recon.simulate.random.looks import camera_settings, hand_settings, picture_settings
@@ -73,7 +73,7 @@ def simulate_random(
         seed: at least 0; equal seeds give equal recordings.
         out: folder of the recording; it must be new or empty.
         stratum: what is wanted on purpose, None: drawn as well.
-        settings: fields of `SimulateConfig` that replace what was drawn, as plain data.
+        settings: fields of `Staging` that replace what was drawn, as plain data.
         progress: called with (frames done, frames) after each frame.
         depth_lag: see `simulate`.
 
@@ -113,8 +113,7 @@ def _draw(rng: Rng, wanted: Stratum, seed: int, settings: Mapping[str, Any]) -> 
     pieces = _pieces(rng, wanted)
     model = furniture_model(pieces, rng, bool(rng.random() < 0.25))
     episodes = _episodes(rng, wanted, pieces)
-    config = replace(
-        SimulateConfig(),
+    config = Staging(
         seed=int(rng.integers(2**31)),
         width=wanted.size[0],
         height=wanted.size[1],
@@ -127,7 +126,7 @@ def _draw(rng: Rng, wanted: Stratum, seed: int, settings: Mapping[str, Any]) -> 
         **camera_settings(rng, wanted, pieces),
     )
     config = picture_settings(rng, wanted, config)
-    config = from_dict(SimulateConfig, _merged(as_dict(config), settings), "settings")
+    config = from_dict(Staging, _merged(as_dict(config), settings), "settings")
     rest_after = float(rng.uniform(0.7, 1.3))
     script = Script(
         model, f"random furniture {seed}", episodes, rest_after, moves_parts=wanted.negative is None

@@ -10,16 +10,15 @@ from pathlib import Path
 import pytest
 
 from recon.readers import open_recording
-from recon.simulate import SimulateConfig, simulate
+from recon.simulate import simulate
+from recon.simulate.config import Staging
 from recon.simulate.record import late_depth
 from recon.simulate.simulator import MOST_LAG, drawn_lag
 from twin.cli.main import run
 from twin.errors import InputError
 from twin.files.assets import asset
 
-SMALL = SimulateConfig(
-    width=48, height=36, frames=24, samples=1, ambient_samples=1, clutter=0, room=False, seed=3
-)
+SMALL = Staging(width=48, height=36, frames=24, samples=1, ambient_samples=1, clutter=0, room=False, seed=3)
 SCENE = asset("scenes/base_cabinet.xml")
 
 
@@ -62,7 +61,7 @@ def test_a_drawn_lag_is_of_the_seed_and_of_whole_frames() -> None:
 
 
 def test_it_is_asked_for_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = [f"--set={k}={v}" for k, v in (("width", 48), ("height", 36), ("frames", 24), ("clutter", 0))]
+    words = [f"--set={k}={v}" for k, v in (("width", 48), ("height", 36), ("frames", 24))]
     out = tmp_path / "late"
     argv = ["simulate", str(SCENE), "--joint", "drawer_top", *words, "--set=room=false"]
     assert run([*argv, "-o", str(out), "--depth-lag", "drawn"]) == 0

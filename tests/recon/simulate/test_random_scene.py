@@ -33,7 +33,7 @@ from twin import geometry as geo
 from twin.errors import ConfigError, InputError
 from twin.geometry import Array, transform
 
-SMALL = {"width": 96, "height": 72, "samples": 1, "light_samples": 1, "ambient_samples": 1, "clutter": 0}
+SMALL = {"width": 96, "height": 72, "samples": 1, "ambient_samples": 1, "clutter": 0}
 PLAIN = Stratum("ideal", size=(96, 72))
 
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from recon.simulate import SimulateConfig
-from recon.simulate.config import PictureConfig
+from recon.simulate.config import Faults, Staging
 from recon.simulate.picture import Picture, exposure_jumps
 from recon.simulate.render import Camera, View
 from recon.simulate.sensors.colour import colour_image, exposure
@@ -260,7 +260,7 @@ def test_the_error_of_texture_moves_with_the_surface() -> None:
 @cache
 def cabinet() -> tuple[Stage, View, NDArray[np.uint8]]:
     """A furnished room, seen once."""
-    config = SimulateConfig(width=256, height=192, samples=1, ambient_samples=1, seed=3)
+    config = Staging(width=256, height=192, samples=1, ambient_samples=1, seed=3)
     stage = opening(SCENES / "base_cabinet.xml", "door_left_hinged", config)
     view = stage.render(45)
     return stage, view, colour_image(view.colour, exposure(view.colour), 1.0, np.random.default_rng(0))
@@ -367,7 +367,7 @@ def test_a_third_of_the_light_is_as_bright_and_noisier() -> None:
 
 def brightness(frames: int = 60, fps: float = 15.0, **faults: float) -> Array:
     """Factors (frames, rows) on the colour pictures."""
-    config = SimulateConfig(width=64, height=48, fps=fps, picture=PictureConfig(**faults), seed=1)
+    config = Staging(width=64, height=48, fps=fps, picture=Faults(**faults), seed=1)
     picture = Picture(config, Camera.of(64, 48, 60.0), frames)
     return np.stack([picture.brightness(i)[:, 0, 0] for i in range(frames)])
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from recon.simulate import SimulateConfig, simulate
-from recon.simulate.config import PictureConfig
+from recon.simulate import simulate
+from recon.simulate.config import Faults, Staging
 from recon.simulate.picture import Picture
 from recon.simulate.record import write_frame
 from recon.simulate.render import Camera
@@ -86,15 +86,15 @@ def test_a_rolling_shutter_shears_a_vertical_edge() -> None:
 def test_times_in_seconds_are_held_against_the_frame_rate() -> None:
     """40 ms at 25 frames a second are one frame."""
     for faults, first, last in (
-        (PictureConfig(colour_delay_s=0.02), 0.5, 0.5),
-        (PictureConfig(rolling_shutter_s=0.04), -0.5, 0.5),
-        (PictureConfig(rolling_shutter_s=0.04, colour_delay_s=-0.01, shutter=0.4), -0.75, 0.25),
+        (Faults(colour_delay_s=0.02), 0.5, 0.5),
+        (Faults(rolling_shutter_s=0.04), -0.5, 0.5),
+        (Faults(rolling_shutter_s=0.04, colour_delay_s=-0.01, shutter=0.4), -0.75, 0.25),
     ):
-        picture = Picture(SimulateConfig(fps=25.0, picture=faults), CAMERA, 5)
+        picture = Picture(Staging(fps=25.0, picture=faults), CAMERA, 5)
         assert picture.moves
         found = columns(picture.exposed(edge_at(60.0), uniform((8.0, 0.0)))) - columns(edge_at(60.0))
         np.testing.assert_allclose(found[[0, -1]], [8.0 * first, 8.0 * last], atol=0.1)
-    assert not Picture(SimulateConfig(), CAMERA, 5).moves
+    assert not Picture(Staging(), CAMERA, 5).moves
 
 
 def test_a_rolling_shutter_stretches_what_falls_with_it() -> None:
@@ -190,17 +190,11 @@ def test_a_recording_with_every_fault_keeps_its_truth(
 ) -> None:
     """Depth and labels are those of the exact rendering at the frame's time; the true intrinsics are kept
     beside the wrong ones."""
-    faults = PictureConfig(100, 0.02, 0.15, 0.25, 0.6, 0.02, 0.01, 4.0, 0.02)
-    config = SimulateConfig(
+    faults = Faults(0.02, 0.6, 0.02, 0.02, 100, 0.15, 0.25, 0.01, 4.0)
+    config = Staging(
         width=64,
         height=48,
-        frames=12,
-        rest_before_s=1.0,
-        reach_s=1.0,
-        hold_s=1.0,
-        move_s=2.0,
-        leave_s=1.0,
-        rest_after_s=1.0,
+        frames=24,
         samples=1,
         ambient_samples=1,
         room=False,
@@ -210,10 +204,10 @@ def test_a_recording_with_every_fault_keeps_its_truth(
     stage = opening(SCENE, "door_left_hinged", config)
     monkeypatch.setattr("recon.simulate.simulator.opening", lambda *_: stage)
     out = simulate(SCENE, "door_left_hinged", tmp_path / "faulty", config)
-    view = stage.render(6)
+    view = stage.render(12)
     depth, labels, colour = (
         cv2.imread(str(out / name), cv2.IMREAD_UNCHANGED)
-        for name in ("depth/000006.png", "truth/labels/000006.png", "color/000006.jpg")
+        for name in ("depth/000012.png", "truth/labels/000012.png", "color/000012.jpg")
     )
     np.testing.assert_array_equal(depth, np.round(1000.0 * view.depth.astype(np.float64)))
     np.testing.assert_array_equal(labels, view.labels)
@@ -221,7 +215,7 @@ def test_a_recording_with_every_fault_keeps_its_truth(
     grain = [np.std(p - cv2.blur(p, (3, 3))) for p in (clean.astype(float), colour.astype(float))]
     assert grain[1] > 1.2 * grain[0]  # in 2 % of the light
     usual = len(cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 93])[1])
-    assert (out / "color" / "000006.jpg").stat().st_size > 1.3 * usual
+    assert (out / "color" / "000012.jpg").stat().st_size > 1.3 * usual
     written, true = (
         json.loads((out / name).read_text())["intrinsic_matrix"]
         for name in ("intrinsic.json", "truth/intrinsic.json")
@@ -241,8 +235,8 @@ def test_values_become_levels_by_the_gamma() -> None:
 
 
 def test_threads_do_not_change_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    faults = PictureConfig(shutter=0.5, rolling_shutter_s=0.02)
-    config = SimulateConfig(
+    faults = Faults(shutter=0.5, rolling_shutter_s=0.02)
+    config = Staging(
         width=64,
         height=48,
         frames=30,

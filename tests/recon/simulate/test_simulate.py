@@ -16,6 +16,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from recon.simulate import SimulateConfig, simulate
+from recon.simulate.config import Staging
 from recon.simulate.hand import PHALANGES, hand_shape, skeleton
 from recon.simulate.kitchen import kitchen_scene
 from recon.simulate.mjcf import load_articulation
@@ -33,9 +34,7 @@ from twin.geometry import Array, invert_pose, matrix_from_quat_wxyz, rotation_an
 
 ROOT = Path(__file__).parents[3]
 SCENES = ROOT / "assets" / "scenes"
-SMALL = SimulateConfig(
-    width=160, height=120, frames=24, samples=1, ambient_samples=1, seed=3, depth_noise=0.0
-)
+SMALL = Staging(width=160, height=120, frames=24, samples=1, ambient_samples=1, seed=3, depth_noise=0.0)
 CASES = [
     ("base_cabinet.xml", "drawer_top", "prismatic"),
     ("base_cabinet.xml", "door_left_hinged", "revolute"),
