@@ -24,6 +24,7 @@ from benchmarks.scenes.boards import cabinet_twin, opening_motion
 from robots import formats
 from robots.formats import native
 from robots.simulation.report import ReplayReport
+from tests.laws import assert_for_all
 from tests.makers.robots import planned_motions
 from twin.lint import lint
 from twin.physics import with_physics
@@ -200,13 +201,17 @@ def results() -> list[Any]:
     return [planned_motions.door().trajectory, report, recon.fit_motion(seen)]
 
 
-@pytest.mark.parametrize("value", [*scene_values(), *results()], ids=lambda v: type(v).__name__)
-def test_every_scene_type_shows_itself_in_a_line(value: Any) -> None:
+def shows_itself_in_a_line(value: Any) -> None:
     text = repr(value)
     assert type(value).__name__ in text
     assert len(text) < 300
     assert "\n" not in text
     assert "array(" not in text
+
+
+@pytest.mark.parametrize("values", [scene_values, results])
+def test_every_type_shows_itself_in_a_line(values: Callable[[], list[Any]]) -> None:
+    assert_for_all(shows_itself_in_a_line, values())
 
 
 class _Tags(HTMLParser):

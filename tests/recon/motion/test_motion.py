@@ -40,7 +40,7 @@ def _tracked(folder: Path) -> Tracked:
 def two(tmp_path_factory: pytest.TempPathFactory) -> Tracked:
     """A door is opened, then a drawer."""
     folder = tmp_path_factory.mktemp("motion") / "two"
-    return _tracked(tiny.write_recording(folder, ("door", "drawer"), frames=FRAMES, scale=5, pattern=47.0))
+    return _tracked(tiny.write_recording(folder, ("door", "drawer"), frames=FRAMES, scale=3, pattern=47.0))
 
 
 @pytest.mark.parametrize("method", ["fits", "clusters"])

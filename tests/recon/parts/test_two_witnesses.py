@@ -3,6 +3,7 @@ closed form."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -10,20 +11,40 @@ import numpy as np
 import pytest
 
 from recon.motion.movers import Movers
+from recon.parts.changed import compete
 from recon.parts.changed.compete import Witnessed, witnessed
+from recon.parts.changed.proposals import Proposed
+from recon.parts.changed.search import ChangedPart
 from recon.parts.found import PartTracks
 from recon.parts.moving_part import MovingPart
 from recon.parts.two_witnesses import _goes_along, by_both
+from recon.recording import Recording
 from tests.makers.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
 from twin.geometry import Array
-from twin.scene import JointSigma, Prismatic, Revolute
+from twin.scene import JointSigma, Prismatic, Revolute, Trajectory
 
 
 @pytest.fixture(scope="module", params=["door", "drawer", "slide"])
 def clip(request: pytest.FixtureRequest) -> Clip:
     kind: Kind = request.param
     return make_clip(kind)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _searched_once() -> Iterator[None]:
+    """What depth tells of a recording and of the joints that are proposed is searched once for all tests."""
+    search, known = compete.changed_parts, dict[object, tuple[Recording, list[ChangedPart]]]()
+
+    def kept(recording: Recording, cameras: Trajectory, joints: Sequence[Proposed] = ()) -> list[ChangedPart]:
+        key = id(recording), tuple((j.kind, j.axis.tobytes(), j.pivot.tobytes()) for j in joints)
+        if key not in known:
+            known[key] = recording, search(recording, cameras, joints)
+        return known[key][1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compete, "changed_parts", kept)
+        yield
 
 
 def movers(count: int = 0) -> Movers:
