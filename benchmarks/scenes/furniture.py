@@ -1,8 +1,10 @@
-"""Small pieces of furniture made of boxes, with exact joints and a hand contact that can be off."""
+"""Small pieces of furniture made of boxes, with exact joints and a hand contact that can be off.
+Each is made once."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import trimesh
@@ -58,6 +60,7 @@ def floor(z=0.0):
     return box([0, -0.5, z - 0.005], [4, 4, 0.01])
 
 
+@cache
 def drawer(height=0.6, *, travel=0.35, error=0.0, seed=0, handle="bar"):
     """Drawer at `height` that opens towards -y."""
     static = [floor(), *shell(0.5, 0.5, 0.25, [0, 0.3, height])]
@@ -76,6 +79,7 @@ def drawer(height=0.6, *, travel=0.35, error=0.0, seed=0, handle="bar"):
     return twin_of(boxes + extra, joint, static, contact)
 
 
+@cache
 def door(side="left", *, height=0.9, angle=1.257, width=0.4, error=0.0, seed=0):
     """Door hinged on its left or right (seen from the room, which is at -y), bar handle at the free edge."""
     s = -1.0 if side == "left" else 1.0
@@ -88,6 +92,7 @@ def door(side="left", *, height=0.9, angle=1.257, width=0.4, error=0.0, seed=0):
     return twin_of(boxes + extra, joint, static, contact, "door")
 
 
+@cache
 def lid(height=0.5, *, angle=1.134, error=0.0, seed=0):
     """Chest lid with a horizontal axis at the back; its front rim overhangs and is held by the edge."""
     static = [floor(), *[b for b in shell(0.6, 0.4, height, [0, 0.2, height / 2]) if True][:3]]
@@ -98,6 +103,7 @@ def lid(height=0.5, *, angle=1.134, error=0.0, seed=0):
     return twin_of(boxes, joint, static, contact, "lid")
 
 
+@cache
 def sliding_door(height=0.9, *, travel=0.4, error=0.0, seed=0):
     """Door that slides along +x in front of an open cabinet."""
     static = [floor(), *shell(0.9, 0.35, 0.6, [0.2, 0.2, height])]
@@ -107,6 +113,7 @@ def sliding_door(height=0.9, *, travel=0.4, error=0.0, seed=0):
     return twin_of(boxes + extra, Prismatic(np.array([1.0, 0, 0]), 0.0, travel), static, contact, "slider")
 
 
+@cache
 def laden_door(mass=8.0):
     """A door (part 2) that carries a pull-out of this mass (part 3, a drawer that slides towards -y) on its
     face."""

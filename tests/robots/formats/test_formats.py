@@ -8,7 +8,6 @@ import hashlib
 import json
 from copy import deepcopy
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -42,11 +41,6 @@ def folder(source, tmp_path_factory):
     return out
 
 
-@cache
-def read_yaml(path: Path):
-    return pytest.importorskip("yaml").safe_load(path.read_text(encoding="utf-8"))
-
-
 def seconds(points):
     return np.array([p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] * 1e-9 for p in points])
 
@@ -78,7 +72,11 @@ def test_the_tables_of_messages_can_tell_a_wrong_one():
 def test_numbers_stay_numbers_in_yaml_1_1(tmp_path):
     path = tmp_path / "m.yaml"
     path.write_bytes(yaml_bytes({"small": [1e-5, -1e-12, 0.1], "text": "no", "points": [{"a": 1.0}]}, ["x"]))
-    assert read_yaml(path) == {"small": [1e-5, 0.0, 0.1], "text": "no", "points": [{"a": 1.0}]}
+    assert planned_motions.read_yaml(path) == {
+        "small": [1e-5, 0.0, 0.1],
+        "text": "no",
+        "points": [{"a": 1.0}],
+    }
 
 
 def test_quaternions_of_a_whole_turn_do_not_jump():
@@ -123,7 +121,7 @@ def test_the_unit_of_a_drawer_is_the_metre(source):
 def test_ros2_files_are_the_messages_field_by_field(source, folder):
     t = source.trajectory
     for name in ("joint_trajectory.yaml", "gripper_trajectory.yaml"):
-        message = read_yaml(folder / name)
+        message = planned_motions.read_yaml(folder / name)
         assert faults(message, "JointTrajectory", ROS) == []
         times = seconds(message["points"])
         assert np.all(np.diff(times) > 0)
@@ -137,7 +135,7 @@ def test_ros2_files_are_the_messages_field_by_field(source, folder):
 def test_a_joint_controller_would_take_the_arm(source, folder):
     """What ros2_controllers' joint_trajectory_controller refuses: uneven lengths, times that don't grow, an
     end in motion."""
-    t, message = source.trajectory, read_yaml(folder / "joint_trajectory.yaml")
+    t, message = source.trajectory, planned_motions.read_yaml(folder / "joint_trajectory.yaml")
     q = np.array([p["positions"] for p in message["points"]])
     qd = np.array([p["velocities"] for p in message["points"]])
     assert tuple(message["joint_names"]) == t.joint_names
@@ -150,7 +148,7 @@ def test_a_joint_controller_would_take_the_arm(source, folder):
 
 
 def test_moveit_poses_lead_back_to_the_world(source, folder):
-    t, message = source.trajectory, read_yaml(folder / "cartesian_trajectory.yaml")
+    t, message = source.trajectory, planned_motions.read_yaml(folder / "cartesian_trajectory.yaml")
     assert faults(message, "CartesianTrajectory", ROS) == []
     assert message["tracked_frame"] == source.robot.tool
     assert message["header"]["frame_id"] == source.robot.base_body
@@ -166,7 +164,7 @@ def test_moveit_poses_lead_back_to_the_world(source, folder):
 
 def test_moveit_velocities_are_those_of_a_door(source, folder):
     t, joint = source.trajectory, source.part.joint
-    points = [p["point"] for p in read_yaml(folder / "cartesian_trajectory.yaml")["points"]]
+    points = [p["point"] for p in planned_motions.read_yaml(folder / "cartesian_trajectory.yaml")["points"]]
     move = np.flatnonzero(np.array(t.phases) == "move")[2:-2]
     rate = np.gradient(t.part_state, t.times)[move]
     turn = np.array([[points[k]["velocity"]["angular"][a] for a in "xyz"] for k in move])

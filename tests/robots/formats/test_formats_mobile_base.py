@@ -52,10 +52,6 @@ def arm_of(q):
     return np.stack(poses)
 
 
-def read_yaml(path):
-    return pytest.importorskip("yaml").safe_load(path.read_text(encoding="utf-8"))
-
-
 def poses_of(places, turns):
     q = np.array([[t[a] for a in "xyzw"] for t in turns])
     return stacked(Rotation.from_quat(q).as_matrix(), np.array([[p[a] for a in "xyz"] for p in places]))
@@ -82,7 +78,7 @@ def test_columns_and_features_carry_the_unit_of_their_joint(source, folder):
 
 
 def test_the_arms_file_holds_the_arm_alone(source, folder):
-    message = read_yaml(folder / "joint_trajectory.yaml")
+    message = planned_motions.read_yaml(folder / "joint_trajectory.yaml")
     assert message["joint_names"] == [row[0] for row in ARM]
     assert message["header"]["frame_id"] == "body"
     q = np.array([p["positions"] for p in message["points"]])
@@ -91,7 +87,9 @@ def test_the_arms_file_holds_the_arm_alone(source, folder):
 
 
 def test_arm_and_base_together_put_the_tool_where_the_cartesian_file_has_it(source, folder):
-    arm, base, tool = (read_yaml(folder / f"{n}_trajectory.yaml") for n in ("joint", "base", "cartesian"))
+    arm, base, tool = (
+        planned_motions.read_yaml(folder / f"{n}_trajectory.yaml") for n in ("joint", "base", "cartesian")
+    )
     assert clock(arm["points"]) == clock(base["points"]) == clock(tool["points"])
     assert base["joint_names"] == [arm["header"]["frame_id"]]
     assert base["header"]["frame_id"] == tool["header"]["frame_id"] == source.robot.base_body
@@ -107,7 +105,7 @@ def test_arm_and_base_together_put_the_tool_where_the_cartesian_file_has_it(sour
 
 
 def test_the_bodys_velocities_are_the_rates_of_its_poses(source, folder):
-    base = read_yaml(folder / "base_trajectory.yaml")["points"]
+    base = planned_motions.read_yaml(folder / "base_trajectory.yaml")["points"]
     times = source.trajectory.times
     place = np.array([[p["transforms"][0]["translation"][a] for a in "xyz"] for p in base])
     turn = np.unwrap([2 * np.arctan2(*(p["transforms"][0]["rotation"][a] for a in "zw")) for p in base])
@@ -122,7 +120,7 @@ def test_the_bodys_velocities_are_the_rates_of_its_poses(source, folder):
 
 
 def test_the_claw_is_told_angles_inside_its_limits(source, folder):
-    message = read_yaml(folder / "gripper_trajectory.yaml")
+    message = planned_motions.read_yaml(folder / "gripper_trajectory.yaml")
     assert message["joint_names"] == ["arm_f1x"]
     angle = np.array([p["positions"] for p in message["points"]])[:, 0]
     low, high = compiled(source.robot).joint("arm_f1x").range

@@ -26,9 +26,8 @@ def handed(request, tmp_path_factory):
 
 
 def ros_files(source, folder):
-    yaml = pytest.importorskip("yaml")
     expected = {n for n in ROS_FILES if n != "base_trajectory.yaml" or source.robot.planar}
-    found = {p.name: yaml.safe_load(p.read_text(encoding="utf-8")) for p in folder.glob("*.yaml")}
+    found = {p.name: planned_motions.read_yaml(p) for p in folder.glob("*.yaml")}
     assert set(found) == expected
     return found
 
