@@ -62,7 +62,7 @@ def camera_path(
     return out
 
 
-def _targets(acts: Sequence[Act], config: SimulateConfig) -> Array:
+def _targets(acts: Sequence[Act], config: Staging) -> Array:
     """What is looked at (frames, 3): between the grip and the middle of the part that is handled, or is
     handled next."""
     looked = []
