@@ -46,7 +46,7 @@ def refined(
 ) -> RobotTrajectory:
     """The precise path over a base, timed. Raises PlanningError when it misses the tolerances or a joint is
     too weak."""
-    legs = _Legs(solver, base, grasp, config, unit(part))
+    legs = _Legs(solver, base, grasp, unit(part))
     states = task.states(_WAYPOINTS)
     rough = CubicSpline(np.linspace(0.0, 1.0, len(base.q) - 2), base.q[1:-1])
     tool = grasp.path(part.joint, states)
