@@ -11,7 +11,8 @@ from twin.collision.contact_model import model_of
 from twin.collision.convex import hull_of
 from twin.scene import Collision, Part, StaticPart, Twin
 
-# m, chosen by us: less deep is rounding.
+# m, chosen by us: less deep is rounding. Shapes nearer than that touch: without any depth, friction still holds
+# a dial that stands on a table in MuJoCo.
 _MEET = 1e-4
 # m, chosen by us: the clearance of made shapes (CollisionConfig.clearance). Where nothing excludes the
 # contact, MuJoCo throws a door without friction 0.2 rad open at 1 mm, 1.0 rad at 2 mm, 1.5 rad from 3 mm on.
@@ -20,11 +21,11 @@ AT_REST = 0.002
 
 @dataclass(frozen=True)
 class Meeting:
-    """Two bodies whose collision shapes overlap.
+    """Two bodies whose collision shapes overlap or touch.
 
     Attributes:
         names: of the two, the static scene or the earlier part first.
-        depth: m, the deepest overlap while one part opens, and `where` that is, in words.
+        depth: m, the deepest overlap while one part opens, and `where` that is, in words; below 0 a gap.
         at_rest: m, the overlap with every part closed.
         filtered: the two are a filtered pair of the twin, which don't collide.
         mounted: one of the two is mounted on the other: no export lets them collide.
@@ -41,6 +42,11 @@ class Meeting:
     mounted: bool = False
     clear: tuple[str, str] | None = None
     made: tuple[str, ...] = ()
+
+    @property
+    def overlaps(self) -> bool:
+        """Whether the two do more than touch."""
+        return self.depth > _MEET
 
     @property
     def rests(self) -> bool:
@@ -83,14 +89,18 @@ def filtered_owners(twin: Twin) -> frozenset[Owners]:
     return frozenset(frozenset((number[a], number[b])) for a, b in twin.filtered_pairs)
 
 
-def meetings(twin: Twin, made: Set[str] = frozenset()) -> list[Meeting]:
-    """Every two bodies whose shapes overlap while a part opens. A part may touch the one that carries it.
+def meetings(twin: Twin, made: Set[str] = frozenset(), touching: bool = False) -> list[Meeting]:
+    """Every two bodies whose collision shapes overlap while a part opens. A part and the part that carries it
+    may overlap.
 
-    made: names of the parts and the static scene whose shapes were made here; the others were stated.
+    Args:
+        made: names of the parts and the static scene whose shapes were made here; the others were stated.
+        touching: also those that touch.
     """
+    least = -_MEET if touching else _MEET
     found: dict[tuple[int, int], list[tuple[float, Part, float]]] = {}
     for owners, depth, part, state in _overlaps(twin):
-        if depth > _MEET:
+        if depth > least:
             found.setdefault(owners, []).append((depth, part, state))
     return [_meeting(twin, owners, rows, made) for owners, rows in found.items()]
 
@@ -144,7 +154,7 @@ def _overlaps(twin: Twin) -> Iterator[tuple[tuple[int, int], float, Part, float]
 
     shapes = [list(shapes_of(o)) for o in twin.owners]
     for part in twin.parts:
-        model = model_of(twin, shapes, carried(twin, part), 0.0)
+        model = model_of(twin, shapes, carried(twin, part), _MEET)
         data = mujoco.MjData(model)
         owner = [int(model.geom(g).name.split("_")[1]) for g in range(model.ngeom)]
         address = int(model.joint(f"joint_{part.id}").qposadr[0])
@@ -161,8 +171,8 @@ def with_pairs_cut(twin: Twin, met: Sequence[Meeting]) -> tuple[Twin, list[str]]
     """The twin in which pairs that must not collide keep clear because their shapes give way, and a line for
     each body that lost some: for a format that can't filter pairs.
 
-    These are the filtered pairs, and each part with what it is mounted on. What doesn't overlap stays as it
-    is, and so do inferred layers. met: the meetings of the twin.
+    These are the filtered pairs, and each part with what it is mounted on. What keeps clear stays as it is,
+    and so do inferred layers. met: the meetings of the twin, with those that touch.
     """
     number = {owner.name: k for k, owner in enumerate(twin.owners)}
     meet = {frozenset(number[n] for n in m.names) for m in met if m.filtered or m.mounted}

@@ -129,10 +129,10 @@ def _shown(
 
 
 def _meetings(twin: Twin, ready: Twin) -> list[Meeting]:
-    """The bodies of a completed twin (`ready`) whose shapes overlap while a part opens."""
+    """The bodies of a completed twin (`ready`) whose shapes overlap or touch while a part opens."""
     from twin.collision.meetings import meetings, shapes_of  # SciPy, which a wrong option needs not wait for
 
-    return meetings(ready, {owner.name for owner in twin.owners if not shapes_of(owner)})
+    return meetings(ready, {owner.name for owner in twin.owners if not shapes_of(owner)}, touching=True)
 
 
 def _trees(
@@ -143,7 +143,7 @@ def _trees(
 
     cut, told = with_pairs_cut(ready, met) if "urdf" in formats else (ready, [])
     own = tree if cut is ready else build_tree(cut)
-    left = {m.names: m.depth for m in (met if cut is ready else meetings(cut))}
+    left = {m.names: m.depth for m in (met if cut is ready else meetings(cut)) if m.overlaps}
     return {fmt: replace(own, meeting=left) if fmt == "urdf" else tree for fmt in formats}, [
         f"urdf: {text}" for text in told
     ]
@@ -155,7 +155,7 @@ def _warnings(twin: Twin, ready: Twin, tree: Tree, met: Sequence[Meeting]) -> li
 
     bare = [k.name for k in tree.links if not k.collision]
     found = [f"{name} has no collision shapes, so nothing can touch it" for name in bare]
-    found += [*overlaps(ready), *(m.text for m in met if not m.filtered)]
+    found += [*overlaps(ready), *(m.text for m in met if m.overlaps and not m.filtered)]
     found += [f"{off.problem}; {off.remedy}" for off in contacts_off(twin)]
     found += unheld(ready)
     level = level_evidence(ready)

@@ -153,7 +153,8 @@ def _body(b: Any, weighs: Sequence[int]) -> Body:
 def _uncounted(b: Any, weighs: Sequence[int]) -> str:
     """Why none of a body's geoms counts for its mass; empty without geoms."""
     groups = sorted({int(g.group) for g in b.geoms})
-    takes = f"takes masses from geoms of groups {weighs[0]} to {weighs[1]}"
+    span = f"groups {weighs[0]} to {weighs[1]}" if weighs[0] < weighs[1] else f"group {weighs[0]}"
+    takes = f"takes masses from geoms of {span}"
     has = f"body {b.name!r} has geoms in {' and '.join(map(str, groups))} alone"
     return f'inertiagrouprange="{weighs[0]} {weighs[1]}" {takes}, and {has}' if groups else ""
 

@@ -99,6 +99,27 @@ def test_what_gives_way_in_urdf_is_told_and_keeps_clear(tmp_path: Path) -> None:
     assert "keep clear of each other" in (files["urdf"].parent / "README.md").read_text()
 
 
+def test_a_dial_that_only_touches_what_its_source_excludes_turns_in_urdf(tmp_path: Path) -> None:
+    """Metaworld's dial: its cylinder stands on the table without any depth, and friction would stop it."""
+    path = tmp_path / "dial.xml"
+    path.write_text(
+        """<mujoco><compiler angle="radian"/><default><geom contype="0" conaffinity="1"/></default><worldbody>
+        <body name="table"><geom type="box" size=".3 .3 .1" pos="0 0 -.1"/></body>
+        <body name="knob"><joint name="turn" axis="0 0 1" range="-3 3"/>
+          <geom type="cylinder" size=".05 .018" pos="0 0 .018"/></body></worldbody></mujoco>"""
+    )
+    files = tw.export(tw.from_mjcf(path), tmp_path / "out", ["urdf", "mjcf"])
+    assert [w for w in files.warnings if "overlap" in w] == []
+    assert any("'table' give way to 'knob'" in w for w in files.warnings if w.startswith("urdf: "))
+    for name in ("urdf", "mjcf"):
+        model = mujoco.MjModel.from_xml_path(str(files[name]))
+        data = mujoco.MjData(model)
+        data.qfrc_applied[0] = 0.1
+        while data.time < 2.0:
+            mujoco.mj_step(model, data)
+        assert data.qpos[0] > 1.0, name
+
+
 def test_pairs_are_kept_with_the_twin(tmp_path: Path) -> None:
     twin = tw.from_mjcf(dishwasher(tmp_path, EXCLUDE))
     tw.save(twin, tmp_path / "twin")
