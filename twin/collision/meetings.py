@@ -11,8 +11,8 @@ from twin.collision.contact_model import model_of
 from twin.collision.convex import hull_of
 from twin.scene import Collision, Part, StaticPart, Twin
 
-# m, chosen by us: less deep is rounding. Shapes nearer than that touch: without any depth, friction still holds
-# a dial that stands on a table in MuJoCo.
+# m, chosen by us: less deep is rounding. Shapes nearer than that touch: friction holds a dial that stands
+# on a table in MuJoCo, without any depth.
 _MEET = 1e-4
 # m, chosen by us: the clearance of made shapes (CollisionConfig.clearance). Where nothing excludes the
 # contact, MuJoCo throws a door without friction 0.2 rad open at 1 mm, 1.0 rad at 2 mm, 1.5 rad from 3 mm on.

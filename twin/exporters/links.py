@@ -158,9 +158,15 @@ def spawn(region: Region) -> Array:
 
 
 def clear_of_each_other(tree: Tree) -> str:
-    """Whether the collision shapes of the links keep apart while a part opens, and which don't."""
+    """Whether the collision shapes of the links keep clear of each other while a part opens, and which don't;
+    a part and the part that carries it are not looked at."""
+    moving = {k.name for k in tree.moving}
+    carried = [
+        f"{k.name} may overlap {k.parent}, which carries it" for k in tree.moving if k.parent in moving
+    ]
     if not tree.meeting:
-        return "the collision shapes keep clear of each other"
+        apart = f", but {' and '.join(carried)}" if carried else ""
+        return f"the collision shapes keep clear of each other{apart}"
     pairs = [f"{a} and {b} (by up to {1e3 * d:.1f} mm)" for (a, b), d in tree.meeting.items()]
     return f"these collision shapes overlap while a part opens: {', '.join(pairs)}"
 

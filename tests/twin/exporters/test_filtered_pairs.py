@@ -120,6 +120,19 @@ def test_a_dial_that_only_touches_what_its_source_excludes_turns_in_urdf(tmp_pat
         assert data.qpos[0] > 1.0, name
 
 
+def test_a_part_on_a_part_is_not_said_to_keep_clear_of_it(tmp_path: Path) -> None:
+    """Robosuite's door with a lock: its latch turns through the leaf that carries it."""
+    path = tmp_path / "door.xml"
+    path.write_text(
+        """<mujoco><compiler angle="radian"/><worldbody><body name="frame"><geom type="box" size=".02 .02 .4" pos="-.35 0 0"/>
+        <body name="leaf"><joint name="hinge" axis="0 0 1" pos="-.3 0 0" range="0 1.5"/><geom type="box" size=".3 .02 .4"/>
+        <body name="latch"><joint name="turn" axis="0 1 0" range="0 1.5"/><geom type="box" size=".1 .03 .02"/></body></body>
+        </body></worldbody></mujoco>"""
+    )
+    files = tw.export(tw.from_mjcf(path), tmp_path / "out", ["urdf"])
+    assert any("of each other, but latch may overlap leaf, which carries it" in w for w in files.warnings)
+
+
 def test_pairs_are_kept_with_the_twin(tmp_path: Path) -> None:
     twin = tw.from_mjcf(dishwasher(tmp_path, EXCLUDE))
     tw.save(twin, tmp_path / "twin")
