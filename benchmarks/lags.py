@@ -17,11 +17,12 @@ from pathlib import Path
 
 from benchmarks.sealing import OPEN_SEEDS
 from recon.inspection import motion_checks
+from recon.inspection.findings import late_frames, value
 from recon.inspection.glance import glance
-from recon.inspection.motion_findings import DepthDelayed
 from recon.readers import open_recording
 from recon.recording import Recording
 from recon.simulate import simulate_random
+from twin.cause import Cause
 from twin.errors import FuntwinError, InputError
 from twin.files.text import read_json
 
@@ -34,7 +35,7 @@ def told(recording: Recording) -> tuple[int | None, str]:
     (found,) = motion_checks.lag(glance(recording), recording) or (None,)
     if found is None:
         return 0, "none"
-    return (found.frames, found.value) if isinstance(found, DepthDelayed) else (None, "not known")
+    return (late_frames(found), value(found)) if isinstance(found, Cause) else (None, "not known")
 
 
 def planted(folders: list[Path]) -> int:

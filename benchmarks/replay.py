@@ -34,7 +34,7 @@ from replay_page import page
 import robots
 from robots.config import CONTROLS
 from robots.floor import find_floor
-from robots.reasons import StillMoving
+from robots.reasons import reason
 from robots.scene.world import World, build_world
 from robots.simulation.replay import simulate
 from robots.simulation.report import measure
@@ -211,7 +211,7 @@ def _trials(
     reports = replay_all(world, plan, part, draws, config, workers=1)
     good = [r.success_90 and r.at_rest for r in reports]
     why = [
-        r.faults[0].kind if r.faults else StillMoving().kind
+        r.faults[0].kind if r.faults else reason("StillMoving").kind
         for r, ok in zip(reports, good, strict=True)
         if not ok
     ]

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
-from recon.inspection.finding import Finding
+from recon.inspection.findings import as_reason, doubts
 from recon.inspection.inspect import INSPECTION, quick_findings
 from recon.joints.clustering.clusters import require_hdbscan
 from recon.joints.type_selection import TypeHint
@@ -27,6 +27,7 @@ from recon.texture.dress import TEXTURE, dress
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
 from recon.verdict.judge import VERDICT, judge
+from twin.cause import Cause
 from twin.errors import InputError, nearest_name
 from twin.level import DOUBTED
 from twin.physics import MaterialTable, read_materials, with_physics
@@ -141,7 +142,7 @@ def _judged_twin(
     stage: Chain,
     recording: Recording,
     surveyed: Surveyed,
-    wrong: tuple[Finding, ...],
+    wrong: tuple[Cause, ...],
     made: Mapping[str, Any],
     given: Mapping[int, str],
 ) -> Twin:
@@ -155,7 +156,7 @@ def _judged_twin(
     )
     cameras, found, parts, scene, images = world.cameras, world.found, world.parts, world.fused, labels.value
     static, sigma = scene.static, noise.value
-    faults = tuple(f.reason for f in wrong if f.doubts)  # they join the key only if there are some
+    faults = tuple(as_reason(f) for f in wrong if doubts(f))  # they join the key only if there are some
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,

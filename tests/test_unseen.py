@@ -20,7 +20,7 @@ from recon.simulate.random.strata import sealed_set
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.scene import Part, Revolute, Trajectory, Twin
-from twin.verdict import NoSurface, PivotUnsure, Verdict
+from twin.verdict import Verdict, reason
 from twin.verdict.verdict import of_twin
 
 GOOD = {"clips": 1, "parts": 1, "success": 1, "trusted": 1, "trusted success": 1}
@@ -193,7 +193,7 @@ def test_outcomes_name_the_cause_and_count_what_is_invented() -> None:
     tilted = replace(first, joint=replace(first.joint, axis=axis, covariance=None))
     assert outcome(replace(twin, parts=(tilted, *others)), truth).parts[0].cause == "axis"
     assert outcome(replace(twin, parts=tuple(others)), truth).parts[0].cause == "missed"
-    short, gone = PivotUnsure("doubtful", 0.01, 0.005), NoSurface("refused")
+    short, gone = reason("PivotUnsure", "doubtful", 0.01, 0.005), reason("NoSurface", "refused")
     doubted = replace(first, verdict=Verdict((short,)))
     assert outcome(replace(twin, parts=(doubted, *others)), truth).parts[0].doubts == ("PivotUnsure",)
     left_out = of_twin({}, {first.name: Verdict((short, gone))})

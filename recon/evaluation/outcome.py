@@ -18,7 +18,6 @@ from recon.evaluation.scores import (
 from recon.evaluation.truth import Truth, TruthPart
 from twin.geometry import Array, line_angle, rotate
 from twin.scene import Part, Twin
-from twin.verdict import OfPart
 
 Cause = Literal["cameras", "missed", "type", "axis", "path", "labels"]
 CAUSES: tuple[Cause, ...] = ("cameras", "missed", "type", "axis", "path", "labels")
@@ -70,7 +69,7 @@ def outcome(twin: Twin, truth: Truth) -> Outcome:
         found = twin.parts[pairs[i]] if i in pairs else None
         cause = "cameras" if lost else _cause(found, true, truth, twin, T)
         doubts = () if found is None or found.verdict is None else found.verdict.reasons
-        kinds = tuple(sorted({type(r).__name__ for r in doubts}))
+        kinds = tuple(sorted({r.type for r in doubts}))
         aside = _aside(found, true, truth, cameras) if found is not None and cause == "path" else None
         parts.append(PartOutcome(cause, found is not None and is_trusted(found), kinds, aside))
     matched = set(pairs.values())
@@ -86,9 +85,8 @@ def outcome(twin: Twin, truth: Truth) -> Outcome:
 def _refused(twin: Twin) -> tuple[str, ...]:
     """Types of the reasons against parts that are not written, each once a part."""
     told = () if twin.verdict is None else twin.verdict.reasons
-    return tuple(
-        of for _, of in sorted({(r.part, r.of) for r in told if isinstance(r, OfPart) and not r.written})
-    )
+    against = [r.numbers for r in told if r.type == "OfPart" and not r.numbers["written"]]
+    return tuple(of for _, of in sorted({(n["part"], n["of"]) for n in against}))
 
 
 def is_trusted(part: Part) -> bool:

@@ -2,49 +2,13 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from recon.inspection.findings import value
 from recon.inspection.outlook import Outlook
 from twin.cause import Cause
 from twin.report.sections import Table
-from twin.verdict import OfRecording
-
-
-@dataclass(frozen=True)
-class Finding(Cause):
-    """One fault of a recording; its fields are the measured values."""
-
-    @property
-    def doubts(self) -> bool:
-        """Whether a twin that is made of such a recording may be wrong while all else speaks for it."""
-        return False
-
-    @property
-    @abstractmethod
-    def value(self) -> str:
-        """By how much, with its numbers."""
-
-    @property
-    @abstractmethod
-    def help(self) -> str:
-        """What to do."""
-
-    @property
-    def text(self) -> str:
-        """What is wrong, and by how much."""
-        return f"{self.kind}: {self.value}"
-
-    @property
-    def reason(self) -> OfRecording:
-        """The same as a reason against a twin that is made of the recording."""
-        return OfRecording("doubtful", type(self).__name__, self.text, self.kind, self.help)
-
-    def as_dict(self) -> dict[str, Any]:
-        """JSON types."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {"finding": type(self).__name__, "text": self.text, "help": self.help, "values": values}
 
 
 @dataclass(frozen=True)
@@ -57,11 +21,11 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What was found in a recording. checked: names of all checks that were made. unknown: those that could
-    not be made. frames: how many of `of` frames were looked at."""
+    """What was found in a recording. findings: causes of `FINDINGS`. checked: names of all checks that were
+    made. unknown: those that could not be made. frames: how many of `of` frames were looked at."""
 
     name: str
-    findings: tuple[Finding, ...]
+    findings: tuple[Cause, ...]
     checked: tuple[str, ...]
     unknown: tuple[Unknown, ...]
     frames: int
@@ -74,12 +38,15 @@ class Inspection:
             "recording": self.name,
             "frames": {"looked_at": self.frames, "of": self.of},
             "outlook": self.outlook.as_dict(),
-            "findings": [f.as_dict() for f in self.findings],
+            "findings": [
+                {"finding": f.type, "text": f.text, "help": f.help, "values": f.numbers}
+                for f in self.findings
+            ],
             "checked": list(self.checked),
             "unknown": [asdict(u) for u in self.unknown],
         }
 
     def table(self) -> Table:
-        """One line for each finding."""
-        rows = [[f.kind, f.value, f.help] for f in self.findings]
+        """One line for each finding: what is wrong, by how much, and what to do."""
+        rows = [[f.kind, value(f), f.help] for f in self.findings]
         return Table(f"{self.name}: what is wrong", ["what", "value", "what to do"], rows)

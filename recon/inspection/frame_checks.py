@@ -7,28 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from recon.inspection.cuts import Shown, cuts, largest_change, thumbnail
-from recon.inspection.finding import Finding, Unknown
-from recon.inspection.frame_findings import (
-    Blurred,
-    ClockDoubled,
-    ClockGap,
-    Cut,
-    MissingDepth,
-    OutOfReach,
-    OverExposed,
-    Small,
-    Stuck,
-    TooNear,
-    TooSlow,
-    UnderExposed,
-)
+from recon.inspection.finding import Unknown
+from recon.inspection.findings import finding
 from recon.inspection.glance import Stretch
 from recon.inspection.pictures import DIRECTIONS
 from recon.recording import Recording
+from twin.cause import Cause
 from twin.geometry import Array
 from twin.robust import mad_sigma
 
-Found = list[Finding | Unknown]
+Found = list[Cause | Unknown]
 
 # standard deviations of a clock's own jitter that a step exceeds or falls below by chance in no recording
 _JITTER = 5.0
@@ -62,20 +50,20 @@ def clock(times: Array) -> Found:
     long = np.flatnonzero(step > _LONG * usual + _JITTER * jitter)
     if len(long):
         k = int(long[np.argmax(step[long])])
-        found.append(ClockGap(k, float(step[k]), usual, len(long)))
+        found.append(finding("ClockGap", k, float(step[k]), usual, len(long)))
     short = np.flatnonzero(step < 0.5 * usual - _JITTER * jitter)
     if len(short):
         k = int(short[0])
-        found.append(ClockDoubled(k, float(step[k]), usual, len(short)))
+        found.append(finding("ClockDoubled", k, float(step[k]), usual, len(short)))
     if 1.0 / usual < _LEAST_FPS:
-        found.append(TooSlow(1.0 / usual))
+        found.append(finding("TooSlow", 1.0 / usual))
     return found
 
 
 def size(recording: Recording) -> Found:
     """The pictures' size."""
     k = recording.intrinsics
-    return [Small(k.width, k.height)] if min(k.width, k.height) < _LEAST_SIDE else []
+    return [finding("Small", k.width, k.height)] if min(k.width, k.height) < _LEAST_SIDE else []
 
 
 def copies(stretches: list[Stretch]) -> Found:
@@ -86,13 +74,13 @@ def copies(stretches: list[Stretch]) -> Found:
         for k in range(1, len(s.facts))
         if s.facts[k].mark == s.facts[k - 1].mark
     ]
-    return [Stuck(len(same), same[0], sum(len(s.frames) for s in stretches))] if same else []
+    return [finding("Stuck", len(same), same[0], sum(len(s.frames) for s in stretches))] if same else []
 
 
 def cut(shown: Sequence[Shown], recording: Recording) -> Found:
     """Frames between which the video is cut, where the clock does not tell that some are missing."""
     found = [place for s in shown for place in _cuts(s, recording)]
-    return [Cut(found[0], len(found))] if found else []
+    return [finding("Cut", found[0], len(found))] if found else []
 
 
 def _cuts(shown: Shown, recording: Recording) -> list[int]:
@@ -123,7 +111,7 @@ def blur(stretches: list[Stretch]) -> Found:
     # a motion leaves edges along it sharp; those across it may be too few to be measured
     across = (least + 2) % 4
     moved = most[k] > _MOTION * sigma[k, least]
-    return [Blurred(share, int(frames[k]), float(most[k]), DIRECTIONS[across] if moved else "")]
+    return [finding("Blurred", share, int(frames[k]), float(most[k]), DIRECTIONS[across] if moved else "")]
 
 
 def exposure(stretches: list[Stretch]) -> Found:
@@ -133,9 +121,9 @@ def exposure(stretches: list[Stretch]) -> Found:
     )
     found: Found = []
     if np.median(white) > _WHITE:
-        found.append(OverExposed(float(np.median(white)), float(white.max())))
+        found.append(finding("OverExposed", float(np.median(white)), float(white.max())))
     if np.median(black) > _BLACK:
-        found.append(UnderExposed(float(np.median(black)), float(black.max())))
+        found.append(finding("UnderExposed", float(np.median(black)), float(black.max())))
     return found
 
 
@@ -148,9 +136,9 @@ def depth(stretches: list[Stretch]) -> Found:
     )
     found: Found = []
     if 1 - known > _NO_DEPTH[0] or 1 - centre > _NO_DEPTH[1]:
-        found.append(MissingDepth(1 - known, 1 - centre, far))
+        found.append(finding("MissingDepth", 1 - known, 1 - centre, far))
     if near > _REACH:
-        found.append(OutOfReach(near))
+        found.append(finding("OutOfReach", near))
     if far < _NEAR:
-        found.append(TooNear(far))
+        found.append(finding("TooNear", far))
     return found

@@ -8,19 +8,20 @@ from pathlib import Path
 
 from recon.inspection import frame_checks, motion_checks
 from recon.inspection.cuts import Shown, thumbnail
-from recon.inspection.finding import Finding, Inspection, Unknown
+from recon.inspection.finding import Inspection, Unknown
+from recon.inspection.findings import late_frames
 from recon.inspection.glance import Stretch, glance, thinned
-from recon.inspection.motion_findings import DepthDelayed
 from recon.inspection.outlook import outlook
 from recon.readers import open_recording
 from recon.recording import Recording
+from twin.cause import Cause
 from twin.runs.keys import Stage
 from twin.runs.progress import shows_bar
 from twin.runs.threads import each
 
 INSPECTION = Stage("inspect", 1, ())
 
-Check = Callable[[], list[Finding | Unknown]]
+Check = Callable[[], list[Cause | Unknown]]
 
 
 @shows_bar("inspect")
@@ -41,7 +42,7 @@ def inspect(recording: Recording | Path | str) -> Inspection:
     told = _told(checks)
     return Inspection(
         name=opened.name,
-        findings=tuple(t for t in told if isinstance(t, Finding)),
+        findings=tuple(t for t in told if isinstance(t, Cause)),
         checked=tuple(checks),
         unknown=tuple(t for t in told if isinstance(t, Unknown)),
         frames=sum(len(s.frames) for s in stretches),
@@ -50,14 +51,14 @@ def inspect(recording: Recording | Path | str) -> Inspection:
     )
 
 
-def quick_findings(recording: Recording) -> tuple[Finding, ...]:
+def quick_findings(recording: Recording) -> tuple[Cause, ...]:
     """What the checks without tracks find before a reconstruction, each a warning too. Cuts: in all."""
     stretches = glance(recording)
     shown = [s.shown for s in stretches]
     if len(stretches) > 1:
         frames = thinned(recording.times)
         shown = [Shown(frames, list(each(lambda i: thumbnail(recording.frame(i)), frames.tolist())))]
-    found = tuple(t for t in _told(_quick(stretches, shown, recording)) if isinstance(t, Finding))
+    found = tuple(t for t in _told(_quick(stretches, shown, recording)) if isinstance(t, Cause))
     for finding in found:
         warnings.warn(f"{finding.text}; {finding.help}", stacklevel=2)
     return found
@@ -78,13 +79,13 @@ def _quick(stretches: list[Stretch], shown: Sequence[Shown], opened: Recording) 
     }
 
 
-def _told(checks: dict[str, Check]) -> list[Finding | Unknown]:
+def _told(checks: dict[str, Check]) -> list[Cause | Unknown]:
     """What the checks say; those that a lag of depth would spoil wait until it is mended."""
-    out: list[Finding | Unknown] = []
+    out: list[Cause | Unknown] = []
     for name, check in checks.items():
-        late = next((f for f in out if isinstance(f, DepthDelayed) and f.frames), None)
-        if late is not None and name in ("registration", "focal length"):
-            out.append(Unknown(name, f"depth lags; inspect again with --depth-delay {late.frames}"))
+        late = sum(late_frames(f) for f in out if isinstance(f, Cause))
+        if late and name in ("registration", "focal length"):
+            out.append(Unknown(name, f"depth lags; inspect again with --depth-delay {late}"))
         else:
             out += check()
     return out

@@ -5,24 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from recon.inspection.changes import Depths, arm_in_view, depths_of, moving_shares
-from recon.inspection.finding import Finding, Unknown
+from recon.inspection.finding import Unknown
+from recon.inspection.findings import finding
 from recon.inspection.focal import fit_focal
 from recon.inspection.glance import Stretch
 from recon.inspection.lag import fit_lag
-from recon.inspection.motion_findings import (
-    DepthDelayed,
-    HandAlwaysThere,
-    Misregistered,
-    NoCommonEdges,
-    NoRest,
-    NothingMoves,
-    WrongFocal,
-)
 from recon.inspection.registration import REACH, EdgeTable, edge_table, offset
 from recon.motion.intervals import REST_SECONDS
 from recon.recording import Recording
+from twin.cause import Cause
 
-Found = list[Finding | Unknown]
+Found = list[Cause | Unknown]
 
 _FOCAL = 0.02  # a door half a metre wide becomes 1 cm too wide or too narrow
 _SURE = 3.0  # standard deviations
@@ -49,7 +42,7 @@ def focal(stretches: list[Stretch], recording: Recording) -> Found:
     if abs(fit.ratio - 1) <= _FOCAL:
         return []
     stated = recording.intrinsics.fx
-    return [WrongFocal(stated, stated * fit.ratio, fit.sigma)]
+    return [finding("WrongFocal", stated, stated * fit.ratio, fit.sigma)]
 
 
 def lag(stretches: list[Stretch], recording: Recording) -> Found:
@@ -61,7 +54,7 @@ def lag(stretches: list[Stretch], recording: Recording) -> Found:
     if abs(late) <= max(_LAG, _SURE * sigma):
         return []
     usual = float(np.median(np.diff(recording.times)))
-    return [DepthDelayed(round(late / usual), late, sigma)]
+    return [finding("DepthDelayed", round(late / usual), late, sigma)]
 
 
 def registration(stretches: list[Stretch], recording: Recording) -> Found:
@@ -76,7 +69,7 @@ def registration(stretches: list[Stretch], recording: Recording) -> Found:
     if not np.isfinite(where.shift).any():
         known = np.median([x.known for s in stretches for x in s.facts])
         if where.edges >= _LEAST_EDGES * len(table.score) and known >= _KNOWN:
-            return [NoCommonEdges(where.edges, REACH * full)]
+            return [finding("NoCommonEdges", where.edges, REACH * full)]
         return [Unknown("registration", "depth shows too few edges, or too many holes")]
     # edges of colour lie to the left of those of depth when depth lies too far right
     x, y = (
@@ -85,7 +78,7 @@ def registration(stretches: list[Stretch], recording: Recording) -> Found:
     )
     border = -_surely(where.border, _BORDER * small.width / 640) * full
     if x or y or border:
-        found.append(Misregistered(x or None, y or None, border or None))
+        found.append(finding("Misregistered", x or None, y or None, border or None))
     for axis, interval in zip("xy", where.shift, strict=True):
         if not np.isfinite(interval).all():
             found.append(Unknown(f"registration along {axis}", "too few edges of depth are edges of colour"))
@@ -123,11 +116,11 @@ def _rest(stretches: list[Stretch], ends: list[Depths]) -> Found:
     most = float(np.nanmax(np.concatenate(shares)))
     if most < _MOVES:
         return (
-            [] if len(stretches) > 1 else [NothingMoves(most)]
+            [] if len(stretches) > 1 else [finding("NothingMoves", most)]
         )  # of a long one the motion may not have been looked at
     if max(before, after) < _MOVES:
         return []
-    return [NoRest(before >= _MOVES, after >= _MOVES, REST_SECONDS, max(before, after))]
+    return [finding("NoRest", before >= _MOVES, after >= _MOVES, REST_SECONDS, max(before, after))]
 
 
 def _hand(first: Depths, last: Depths) -> Found:
@@ -138,4 +131,4 @@ def _hand(first: Depths, last: Depths) -> Found:
         seen.append(np.array([arm_in_view(depths, f) for f in frames]))
     before, after = bool(seen[0][:_ENDS].all()), bool(seen[-1][-_ENDS:].all())
     share = float(np.concatenate(seen).mean())
-    return [HandAlwaysThere(before, after, share)] if before or after else []
+    return [finding("HandAlwaysThere", before, after, share)] if before or after else []

@@ -19,26 +19,13 @@ from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
-from twin.verdict import (
-    AxisUnsure,
-    ClosedEndUnsure,
-    HandMovesNothing,
-    HandWhereNobodyIs,
-    ManyDoubts,
-    MovesWithDoubted,
-    PivotUnsure,
-    RangeUnsure,
-    Reason,
-    StaticSeenThrough,
-    Unexplained,
-    Verdict,
-)
+from twin.verdict import Reason, Verdict, reason
 
 VERDICT = Stage("verdict", 30, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
-OF_THE_SCENE = (HandWhereNobodyIs, HandMovesNothing, Unexplained, StaticSeenThrough)
+OF_THE_SCENE = ("HandWhereNobodyIs", "HandMovesNothing", "Unexplained", "StaticSeenThrough")
 # What a short motion leaves unsure: sigmas of one fit, which grow together
-OF_THE_FIT = (AxisUnsure, PivotUnsure, RangeUnsure)
+OF_THE_FIT = ("AxisUnsure", "PivotUnsure", "RangeUnsure")
 # Reasons that each make doubtful, those of the scene together one of them, and those of the fit. Of 16 open
 # right parts that are doubted twelve have one of them, three two and one three; of eight open negatives that
 # are refused for nothing else all have four and more. By us, on recordings that were looked at
@@ -100,7 +87,9 @@ def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]
         common = (len(moving[k] & moving[o]) / max(len(moving[k] | moving[o]), 1) for o in others)
         share = max(common, default=0.0)
         if share > TOGETHER:
-            out[k] = _added_up((*verdicts[k].reasons, MovesWithDoubted("doubtful", share, TOGETHER)))
+            out[k] = _added_up(
+                (*verdicts[k].reasons, reason("MovesWithDoubted", "doubtful", share, TOGETHER))
+            )
     return out
 
 
@@ -111,15 +100,16 @@ def verdict_on(evidence: PartEvidence) -> Verdict:
     else speaks against the part: of what was missed or labelled wrong they tell another surface's closed end.
     """
     reasons = tuple(r for ask in OF_PARTS if (r := ask(evidence)) is not None)
-    if evidence.closed_probability >= CLOSED_SURE and all(isinstance(r, ClosedEndUnsure) for r in reasons):
+    if evidence.closed_probability >= CLOSED_SURE and all(r.type == "ClosedEndUnsure" for r in reasons):
         return Verdict()
     return _added_up(reasons)
 
 
 def _added_up(reasons: tuple[Reason, ...]) -> Verdict:
     """These reasons, and that they are too many where none of them is enough to refuse."""
-    alike = [[r for r in reasons if isinstance(r, kinds)] for kinds in (OF_THE_SCENE, OF_THE_FIT)]
+    alike = [[r for r in reasons if r.type in types] for types in (OF_THE_SCENE, OF_THE_FIT)]
     doubts = [r for r in reasons if all(r not in same[1:] for same in alike)]
     if len(doubts) > MOST_DOUBTS and all(r.level == "doubtful" for r in reasons):
-        return Verdict((ManyDoubts.told(doubts, MOST_DOUBTS), *reasons))
+        first, told = doubts[0], (len(doubts), MOST_DOUBTS)
+        return Verdict((reason("ManyDoubts", "refused", *told, first.text, first.help), *reasons))
     return Verdict(reasons)

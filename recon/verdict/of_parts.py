@@ -31,26 +31,7 @@ from recon.verdict.of_video import (
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Motion
-from twin.verdict import (
-    AlongItself,
-    AxisUnsure,
-    CamerasDrift,
-    ClosedEndUnsure,
-    CreepsAtRest,
-    FewLabels,
-    Level,
-    NeverRests,
-    NoSurface,
-    NoUncertainty,
-    PivotUnsure,
-    RangeUnsure,
-    Reason,
-    SmallSurface,
-    StaticSeenThrough,
-    TooShort,
-    Unexplained,
-    WithinDrift,
-)
+from twin.verdict import Level, Reason, reason
 
 # deg. Doubtful at a quarter of what counts as success, as the sigma leaves out how tracks drift. Refused
 # where two sigmas exceed what counts as success. Of 90 open random recordings, looked at: joints that were
@@ -102,7 +83,7 @@ def _graded(bad: bool, worse: bool) -> Level | None:
 
 def uncertainty(e: PartEvidence) -> Reason | None:
     """Whether the joint says how well it is known."""
-    return NoUncertainty("refused") if e.part.joint.sigma is None else None
+    return reason("NoUncertainty", "refused") if e.part.joint.sigma is None else None
 
 
 def axis(e: PartEvidence) -> Reason | None:
@@ -113,9 +94,13 @@ def axis(e: PartEvidence) -> Reason | None:
     both = sigma > AXIS_HALF_SURE and _short(e) and not surely_moved(e)
     level = _graded(sigma > AXIS_DOUBTFUL, sigma > AXIS_REFUSED or both)
     if level is not None:
-        return AxisUnsure(level, sigma, AXIS_HALF_SURE if both else AXIS_DOUBTFUL)
+        return reason("AxisUnsure", level, sigma, AXIS_HALF_SURE if both else AXIS_DOUBTFUL)
     sideways = _sideways(e)
-    return AxisUnsure("doubtful", sideways, SIDEWAYS_DOUBTFUL) if sideways > SIDEWAYS_DOUBTFUL else None
+    return (
+        reason("AxisUnsure", "doubtful", sideways, SIDEWAYS_DOUBTFUL)
+        if sideways > SIDEWAYS_DOUBTFUL
+        else None
+    )
 
 
 def _sideways(e: PartEvidence) -> float:
@@ -134,7 +119,11 @@ def pivot(e: PartEvidence) -> Reason | None:
         return None
     aside = min(2.0 * float(np.sin(0.5 * min(joint.upper - joint.lower, np.pi))), 1.0)
     level = _graded(aside * sigma > PIVOT_DOUBTFUL, sigma > PIVOT_REFUSED)
-    return None if level is None else PivotUnsure(level, float(sigma), PIVOT_DOUBTFUL / max(aside, 0.1))
+    return (
+        None
+        if level is None
+        else reason("PivotUnsure", level, float(sigma), PIVOT_DOUBTFUL / max(aside, 0.1))
+    )
 
 
 def travelled(e: PartEvidence) -> Reason | None:
@@ -147,7 +136,7 @@ def travelled(e: PartEvidence) -> Reason | None:
     if level is None:
         return None
     scale, unit = (float(np.rad2deg(1.0)), "°") if joint.kind == "revolute" else (1000.0, "mm")
-    return RangeUnsure(level, scale * span, scale * sigma, unit, RANGE_DOUBTFUL)
+    return reason("RangeUnsure", level, scale * span, scale * sigma, unit, RANGE_DOUBTFUL)
 
 
 def far_enough(e: PartEvidence) -> Reason | None:
@@ -160,21 +149,21 @@ def far_enough(e: PartEvidence) -> Reason | None:
     else:
         level = _graded(span < SLIDE_DOUBTFUL, span < SLIDE_REFUSED)
         told = 1000 * span, "mm", 1000 * SLIDE_DOUBTFUL
-    return None if level is None else TooShort(level, *told)
+    return None if level is None else reason("TooShort", level, *told)
 
 
 def closed_end(e: PartEvidence) -> Reason | None:
     """Whether what surrounds the part tells which end of its travel is the closed one."""
     if e.closed_margin is None or e.closed_margin >= CLOSED_END:
         return None
-    return ClosedEndUnsure("doubtful", e.closed_margin, CLOSED_END)
+    return reason("ClosedEndUnsure", "doubtful", e.closed_margin, CLOSED_END)
 
 
 def cameras(e: PartEvidence) -> Reason | None:
     """The cameras' path, on which everything stands: against each part."""
     frame, other, off = e.scene.camera_drift
     level = _graded(off > CAMERAS_DOUBTFUL, off > CAMERAS_REFUSED)
-    return None if level is None else CamerasDrift(level, frame, other, off, CAMERAS_DOUBTFUL)
+    return None if level is None else reason("CamerasDrift", level, frame, other, off, CAMERAS_DOUBTFUL)
 
 
 def _short(e: PartEvidence) -> bool:
@@ -186,7 +175,7 @@ def _short(e: PartEvidence) -> bool:
 def rests(e: PartEvidence) -> Reason | None:
     """How much of the time the part moves: what never rests drifts."""
     share = len(moving_rows(e.part)) / max(len(e.part.motion.frames), 1)
-    return None if share <= RESTLESS else NeverRests("doubtful", share, RESTLESS)
+    return None if share <= RESTLESS else reason("NeverRests", "doubtful", share, RESTLESS)
 
 
 def rests_still(e: PartEvidence) -> Reason | None:
@@ -196,8 +185,10 @@ def rests_still(e: PartEvidence) -> Reason | None:
     if creep <= (CREEP_TURN if joint.kind == "revolute" else CREEP_SLIDE):
         return None
     if joint.kind == "revolute":
-        return CreepsAtRest("doubtful", float(np.rad2deg(creep)), "°", float(np.rad2deg(CREEP_TURN)))
-    return CreepsAtRest("doubtful", 1000 * creep, "mm", 1000 * CREEP_SLIDE)
+        return reason(
+            "CreepsAtRest", "doubtful", float(np.rad2deg(creep)), "°", float(np.rad2deg(CREEP_TURN))
+        )
+    return reason("CreepsAtRest", "doubtful", 1000 * creep, "mm", 1000 * CREEP_SLIDE)
 
 
 def _at_rest(motion: Motion) -> list[Array]:
@@ -219,7 +210,7 @@ def drift(e: PartEvidence) -> Reason | None:
     ends = (geo.transform(joint.pose(s), e.mesh.vertices) for s in (joint.lower, joint.upper))
     travel = float(np.median(np.linalg.norm(np.subtract(*ends), axis=1)))
     level = _graded(travel < DRIFT_DOUBTFUL * drifted, travel < DRIFT_REFUSED * drifted)
-    return None if level is None else WithinDrift(level, travel, drifted, DRIFT_DOUBTFUL)
+    return None if level is None else reason("WithinDrift", level, travel, drifted, DRIFT_DOUBTFUL)
 
 
 def _drift(e: PartEvidence) -> float | None:
@@ -251,8 +242,8 @@ def _middle(points: Array) -> Array:
 def surface(e: PartEvidence) -> Reason | None:
     """The part's mesh."""
     if e.mesh is None or not len(e.mesh.faces):
-        return NoSurface("refused")
-    return SmallSurface("doubtful", e.mesh.area, SMALL) if e.mesh.area < SMALL else None
+        return reason("NoSurface", "refused")
+    return reason("SmallSurface", "doubtful", e.mesh.area, SMALL) if e.mesh.area < SMALL else None
 
 
 def across_itself(e: PartEvidence) -> Reason | None:
@@ -268,7 +259,7 @@ def across_itself(e: PartEvidence) -> Reason | None:
     way = (ajar - closed)[e.mesh.faces].mean(axis=1)
     sine = np.abs(np.sum(normals * way, axis=1)) / np.maximum(np.linalg.norm(way, axis=1), 1e-12)
     share = float(area[sine > ACROSS_SINE].sum() / max(float(area.sum()), 1e-12))
-    return None if share >= ACROSS else AlongItself("doubtful", share, ACROSS)
+    return None if share >= ACROSS else reason("AlongItself", "doubtful", share, ACROSS)
 
 
 def labelled(e: PartEvidence) -> Reason | None:
@@ -276,20 +267,26 @@ def labelled(e: PartEvidence) -> Reason | None:
     frames = sum(bool((image == e.part.id).any()) for image in e.scene.labels.values())
     if frames >= FEWEST_LABELS:
         return None
-    return FewLabels("doubtful" if frames else "refused", frames, len(e.scene.labels), FEWEST_LABELS)
+    return reason(
+        "FewLabels", "doubtful" if frames else "refused", frames, len(e.scene.labels), FEWEST_LABELS
+    )
 
 
 def explained(e: PartEvidence) -> Reason | None:
     """The twin against the pixels of the frames at rest: any of the parts may be the wrong one."""
     frame, share = e.scene.unexplained
     level = _graded(share > UNEXPLAINED, share > UNEXPLAINED_REFUSED)
-    return None if level is None else Unexplained(level, frame, share, UNEXPLAINED)
+    return None if level is None else reason("Unexplained", level, frame, share, UNEXPLAINED)
 
 
 def static_stays(e: PartEvidence) -> Reason | None:
     """The static scene against all frames: what went may be a part of each part or another one."""
     frame, share = e.scene.static_seen_through
-    return None if share <= STATIC_THROUGH else StaticSeenThrough("doubtful", frame, share, STATIC_THROUGH)
+    return (
+        None
+        if share <= STATIC_THROUGH
+        else reason("StaticSeenThrough", "doubtful", frame, share, STATIC_THROUGH)
+    )
 
 
 OF_PARTS = (

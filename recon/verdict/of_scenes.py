@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from recon.motion.movers import Movers
-from twin.verdict import NothingArticulated, Reason
+from twin.verdict import Reason, reason
 
 _APART_M = 0.1  # tracks farther from each other are of different things; about a hand's breadth, chosen by us
 _FAR_M = 0.05  # what carries a thing goes farther; tracks that slip along edges mostly don't. Chosen by us
@@ -19,7 +19,7 @@ _FEWEST, _SHARE = (
 
 def nothing_articulated(movers: Movers) -> Reason:
     """The reason against a scene without a part: how many things moved all the same."""
-    return NothingArticulated("refused", free_things(movers))
+    return reason("NothingArticulated", "refused", free_things(movers))
 
 
 def free_things(movers: Movers) -> int:

@@ -11,21 +11,7 @@ import numpy as np
 
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.halves import Halves, Whole
-from twin.verdict import (
-    BareBorder,
-    HalvesDisagree,
-    HandMovesNothing,
-    HandWhereNobodyIs,
-    LabelledElsewhere,
-    Level,
-    MotionUnexplained,
-    MotionUnseen,
-    Reason,
-    SeenThrough,
-    SurfaceContradicted,
-    SurfaceUnseen,
-    TracksDisagree,
-)
+from twin.verdict import Level, Reason, reason
 
 # Pixels that are seen through, over the part's own. Right: 0 in all, .0009 with stereo depth; wrong: .006,
 # .013 and .20 in three, less in the others, whose part hardly shows.
@@ -92,7 +78,7 @@ def labelled_at_ends(e: PartEvidence) -> Reason | None:
     """The labels against the twin: a surface that moves by another joint is labelled where it really is."""
     if e.least_labelled is None or e.least_labelled[1] >= LABELLED:
         return None
-    return LabelledElsewhere("doubtful", *e.least_labelled, LABELLED)
+    return reason("LabelledElsewhere", "doubtful", *e.least_labelled, LABELLED)
 
 
 def seen_through(e: PartEvidence) -> Reason | None:
@@ -100,7 +86,7 @@ def seen_through(e: PartEvidence) -> Reason | None:
     m = e.in_motion
     if m is None or m.own == 0 or m.through <= THROUGH * m.own:
         return None
-    return SeenThrough("doubtful", m.worst, m.through / m.own, THROUGH)
+    return reason("SeenThrough", "doubtful", m.worst, m.through / m.own, THROUGH)
 
 
 def motion_explained(e: PartEvidence) -> Reason | None:
@@ -109,7 +95,7 @@ def motion_explained(e: PartEvidence) -> Reason | None:
     if m is None or m.right + m.wrong < FEWEST:
         return None
     share = m.wrong / (m.right + m.wrong)
-    return None if share <= WRONG else MotionUnexplained("doubtful", share, WRONG)
+    return None if share <= WRONG else reason("MotionUnexplained", "doubtful", share, WRONG)
 
 
 def motion_seen(e: PartEvidence) -> Reason | None:
@@ -119,7 +105,7 @@ def motion_seen(e: PartEvidence) -> Reason | None:
         return None
     share = m.right / max(m.own, 1)
     nothing = share < WITNESSED_REFUSED and p is not None and p.witnessed < MOVED_REFUSED
-    return MotionUnseen("refused" if nothing else "doubtful", share, WITNESSED)
+    return reason("MotionUnseen", "refused" if nothing else "doubtful", share, WITNESSED)
 
 
 def seen_to_move(e: PartEvidence) -> Reason | None:
@@ -129,7 +115,7 @@ def seen_to_move(e: PartEvidence) -> Reason | None:
         return None
     none = p.witnessed < MOVED_REFUSED and p.followed < FOLLOWED
     untold = 1.0 - p.witnessed - p.contradicted
-    return SurfaceUnseen("refused" if none else "doubtful", p.witnessed, untold, MOVED)
+    return reason("SurfaceUnseen", "refused" if none else "doubtful", p.witnessed, untold, MOVED)
 
 
 def surely_moved(e: PartEvidence) -> bool:
@@ -147,7 +133,7 @@ def contradicted(e: PartEvidence) -> Reason | None:
     if p is None or p.contradicted <= CONTRADICTED:
         return None
     level: Level = "refused" if p.contradicted > CONTRADICTED_REFUSED else "doubtful"
-    return SurfaceContradicted(level, p.contradicted, CONTRADICTED)
+    return reason("SurfaceContradicted", level, p.contradicted, CONTRADICTED)
 
 
 def _telling(halves: Halves | None) -> Halves | None:
@@ -171,8 +157,13 @@ def same_in_halves(e: PartEvidence) -> Reason | None:
     pivot = _sure_pivot(h) or 0.0
     if h.axis <= HALVES_AXIS and pivot <= HALVES_PIVOT:
         return None
-    return HalvesDisagree(
-        "doubtful", float(np.rad2deg(h.axis)), float(np.rad2deg(HALVES_AXIS)), pivot, HALVES_PIVOT
+    return reason(
+        "HalvesDisagree",
+        "doubtful",
+        float(np.rad2deg(h.axis)),
+        float(np.rad2deg(HALVES_AXIS)),
+        pivot,
+        HALVES_PIVOT,
     )
 
 
@@ -188,7 +179,7 @@ def as_its_tracks(e: PartEvidence) -> Reason | None:
     another = _another(e.whole)
     if another is not None:
         off, limit = float(np.rad2deg(another.off)), float(np.rad2deg(WHOLE_AXIS))
-        return TracksDisagree("doubtful", off, limit, 0.0, TRACKS_PIVOT)
+        return reason("TracksDisagree", "doubtful", off, limit, 0.0, TRACKS_PIVOT)
     h = _telling(e.halves)
     if h is None:
         return None
@@ -197,8 +188,13 @@ def as_its_tracks(e: PartEvidence) -> Reason | None:
     axis = h.off if h.axis <= AGREED else 0.0
     if axis <= TRACKS_AXIS and pivot <= TRACKS_PIVOT:
         return None
-    return TracksDisagree(
-        "doubtful", float(np.rad2deg(axis)), float(np.rad2deg(TRACKS_AXIS)), pivot, TRACKS_PIVOT
+    return reason(
+        "TracksDisagree",
+        "doubtful",
+        float(np.rad2deg(axis)),
+        float(np.rad2deg(TRACKS_AXIS)),
+        pivot,
+        TRACKS_PIVOT,
     )
 
 
@@ -207,7 +203,7 @@ def ends_at_edges(e: PartEvidence) -> Reason | None:
     if e.bare_border is None or e.bare_border[1] <= BARE:
         return None
     level: Level = "refused" if e.bare_border[1] > BARE_REFUSED else "doubtful"
-    return BareBorder(level, *e.bare_border, BARE)
+    return reason("BareBorder", level, *e.bare_border, BARE)
 
 
 def hand_is_one(e: PartEvidence) -> Reason | None:
@@ -217,11 +213,11 @@ def hand_is_one(e: PartEvidence) -> Reason | None:
         return None
     for (frame, share), limit in ((e.scene.false_hand, HAND_AT_END), (e.scene.resting_hand, HAND_AT_REST)):
         if share > limit:
-            return HandWhereNobodyIs("doubtful", frame, share, limit)
+            return reason("HandWhereNobodyIs", "doubtful", frame, share, limit)
     return None
 
 
 def hand_moves_something(e: PartEvidence) -> Reason | None:
     """Whether a part moves at each visit of a hand: against each part; a missed one may be a piece of it."""
     visit = e.scene.idle_visit
-    return None if visit is None else HandMovesNothing("doubtful", *visit)
+    return None if visit is None else reason("HandMovesNothing", "doubtful", *visit)

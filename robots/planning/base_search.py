@@ -14,9 +14,10 @@ from robots.model.kinematics import Chain
 from robots.model.spec import RobotSpec
 from robots.planning.ground import Ground
 from robots.planning.planar_base import planar_starts
-from robots.reasons import NoRoom, Reason, Reconfigures, Unreachable
+from robots.reasons import reason
 from robots.task import Task
 from twin import geometry as geo
+from twin.cause import Cause
 from twin.geometry import Array
 from twin.scene import Joint, Mesh, Revolute
 
@@ -51,7 +52,7 @@ class Base:
     manipulability: float
     score: float
     clearance: float = 0.0
-    reason: Reason | None = None
+    reason: Cause | None = None
 
     @property
     def yaw(self) -> float:
@@ -159,7 +160,7 @@ def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:
     nothing = np.zeros((0, 0))
     return Base(
         pose, float(pedestal), grasp, nothing, np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf,
-        reason=NoRoom(),
+        reason=reason("NoRoom"),
     )  # fmt: skip
 
 
@@ -224,10 +225,10 @@ class _Ways:
     upper: Array
     joints: tuple[str, ...]
 
-    def stopped(self, q: Array) -> tuple[str, ...]:
-        """The joints of a configuration that are at a limit."""
+    def stopped(self, q: Array) -> str:
+        """The joints of a configuration that are at a limit, in words."""
         low, high = q - self.lower < _AT_LIMIT, self.upper - q < _AT_LIMIT
-        return tuple(
+        return ", ".join(
             f"{self.joints[k]} at its {'lower' if low[k] else 'upper'} limit"
             for k in np.flatnonzero(low | high)
         )
@@ -249,13 +250,13 @@ def _rated(
     free_angle = float(np.abs(error[:, 3:]).max())
     states, worst = ways.states, int(np.argmax(position + 0.1 * angle))
     jump = float(np.abs(np.diff(q, axis=0)).max())
-    reason: Reason | None = None
+    why: Cause | None = None
     if position.max() > _REACHED or angle.max() > 0.10 or free_angle > 0.5:
         turned = max(float(angle[worst]), free_angle if free_angle > 0.5 else 0.0)
         stopped = ways.stopped(q[worst])
-        reason = Unreachable(float(states[worst]), ways.unit, float(position[worst]), turned, stopped)
+        why = reason("Unreachable", float(states[worst]), ways.unit, float(position[worst]), turned, stopped)
     elif jump > 1.0:
-        reason = Reconfigures(jump)
+        why = reason("Reconfigures", jump)
     # Terms of about equal weight: 1/3 rad from the limits and a manipulability of 0.06 count as plenty.
     score = min(margin, 0.35) / 0.35 + min(manipulability, 0.06) / 0.06
     score -= grasp.cost + 0.15 * jump + penalty + 20.0 * float(position.max()) + 0.5 * free_angle
@@ -268,5 +269,5 @@ def _rated(
         margin=margin,
         manipulability=manipulability,
         score=score,
-        reason=reason,
+        reason=why,
     )

@@ -12,7 +12,7 @@ from robots.config import PlanConfig
 from robots.grasp.tool_path import Grasp
 from robots.model.spec import RobotSpec
 from robots.planning.base_search import Base
-from robots.reasons import InCollision
+from robots.reasons import reason
 from robots.scene.world import ROBOT, build_world
 from robots.task import Task
 from twin.geometry import Array
@@ -71,7 +71,7 @@ class ClearanceCheck:
             if least < _HOPELESS:
                 break
         if least < 0.0:
-            return replace(base, clearance=float(least), reason=InCollision(*met, depth=-float(least)))
+            return replace(base, clearance=float(least), reason=reason("InCollision", *met, -float(least)))
         return replace(base, clearance=float(least), score=base.score + least / self._reach)
 
     def _poses(self, base: Base, states: Array) -> Iterator[tuple[Array, float, float]]:

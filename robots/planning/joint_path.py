@@ -15,7 +15,7 @@ from robots.model.spec import RobotSpec
 from robots.planning.base_search import Base
 from robots.planning.ik import PathSolver
 from robots.planning.timing import Effort, Leg, Samples, timed
-from robots.reasons import Reconfigures, RefusedError, Unreachable
+from robots.reasons import RefusedError, reason
 from robots.task import Task, unit
 from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
@@ -127,9 +127,9 @@ class _Legs:
         strict = float(np.abs(solution.angle_error * (grasp.freedom >= 0.3)).max())
         if solution.position_error[worst] > POSITION_TOLERANCE or strict > _ANGLE_TOLERANCE:
             off = float(solution.position_error[worst])
-            raise RefusedError(Unreachable(float(states[worst]), self.of, off, strict))
+            raise RefusedError(reason("Unreachable", float(states[worst]), self.of, off, strict, ""))
         if np.abs(np.diff(solution.q, axis=0)).max() > 0.5:
-            raise RefusedError(Reconfigures())
+            raise RefusedError(reason("Reconfigures", None))
         return Leg(solution.q, states, solution.position_error, tool)
 
     def straight(self, poses: Array, state: float, q: Array, end: Array) -> Leg:

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from robots.config import PlanConfig
 from robots.model.dynamics import ArmDynamics, PartLoad
 from robots.model.spec import RobotSpec
-from robots.reasons import RefusedError, TooWeak
+from robots.reasons import RefusedError, reason
 from twin import geometry as geo
 from twin.geometry import Array
 
@@ -219,7 +219,15 @@ def _by_torque(
     k, joint = np.unravel_index(int(np.argmax(share)), share.shape)
     needed, usable = abs(float(terms.still[k, joint])), float(limit[joint])
     raise RefusedError(
-        TooWeak(spec.arm_joints[joint], float(states[k]), loaded, needed, usable, float(spec.effort[joint]))
+        reason(
+            "TooWeak",
+            spec.arm_joints[joint],
+            float(states[k]),
+            loaded,
+            needed,
+            usable,
+            float(spec.effort[joint]),
+        )
     )
 
 

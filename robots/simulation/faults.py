@@ -7,20 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.model.spec import RobotSpec
-from robots.reasons import (
-    AtTorqueLimit,
-    BeyondJointLimit,
-    CameBack,
-    IntoScene,
-    LostPart,
-    NotGripped,
-    Reason,
-    Slipped,
-    Stuck,
-)
+from robots.reasons import reason
 from robots.simulation.record import Record
 from robots.task import Task
 from robots.trajectory import PHASES
+from twin.cause import Cause
 from twin.geometry import Array
 
 SLIP_LIMIT = 0.010  # m
@@ -32,7 +23,7 @@ class Fault:
     """One thing that went wrong, and the index into PHASES of when it did (-1: after the last)."""
 
     phase: int
-    reason: Reason
+    reason: Cause
 
 
 def find_faults(
@@ -59,7 +50,7 @@ def _grip(record: Record) -> list[Fault]:
     touching = record.touching[np.flatnonzero(record.phase == close)[-1]]
     if touching >= 2:
         return []
-    return [Fault(close, NotGripped(float(touching)))]
+    return [Fault(close, reason("NotGripped", float(touching)))]
 
 
 def _joints(record: Record, share: Array, beyond: Array, spec: RobotSpec) -> list[Fault]:
@@ -68,11 +59,13 @@ def _joints(record: Record, share: Array, beyond: Array, spec: RobotSpec) -> lis
         k = int(np.argmax(share.max(axis=0)))
         at = int(np.argmax(share[:, k]))
         unit = "N" if k < len(spec.base_joints) - 1 else "N m"  # a planar base slides twice, then turns
-        reason = AtTorqueLimit(spec.arm_joints[k], float(spec.effort[k]), unit, float(record.times[at]))
-        found.append(Fault(int(record.phase[at]), reason))
+        weak = reason(
+            "AtTorqueLimit", spec.arm_joints[k], float(spec.effort[k]), unit, float(record.times[at])
+        )
+        found.append(Fault(int(record.phase[at]), weak))
     if beyond.max() > 0:
         at = int(np.argmax(beyond.max(axis=1)))
-        found.append(Fault(int(record.phase[at]), BeyondJointLimit(float(beyond.max()))))
+        found.append(Fault(int(record.phase[at]), reason("BeyondJointLimit", float(beyond.max()))))
     return found
 
 
@@ -84,14 +77,14 @@ def _way(record: Record, task: Task) -> list[Fault]:
     move = PHASES.index("move")
     lost = np.flatnonzero((record.phase == move) & (record.touching == 0))
     if len(lost):
-        return [Fault(move, LostPart(float(record.state[lost[0]])))]
+        return [Fault(move, reason("LostPart", float(record.state[lost[0]])))]
     done = "opened" if task.direction > 0 else "closed"
     reached = np.array([task.reached(float(s)) for s in record.state])
     peak = float(reached.max())
     if peak >= 0.90:
         after = record.phase[np.flatnonzero(reached >= 0.90)[-1]]
-        return [Fault(int(after), CameBack(done, peak, final))]
-    return [Fault(move, Stuck(done, peak, _pressed(record)))]
+        return [Fault(int(after), reason("CameBack", done, peak, final))]
+    return [Fault(move, reason("Stuck", done, peak, _pressed(record)))]
 
 
 def _pressed(record: Record) -> tuple[str, str] | None:
@@ -106,11 +99,11 @@ def _scene(record: Record) -> list[Fault]:
         return []
     worst = max(deep, key=lambda c: c.depth)
     phase = int(record.phase[int(np.argmin(np.abs(record.times - worst.time)))])
-    return [Fault(phase, IntoScene(worst.bodies[0], worst.depth, worst.time))]
+    return [Fault(phase, reason("IntoScene", worst.bodies[0], worst.depth, worst.time))]
 
 
 def _slips(record: Record, slip: Array) -> list[Fault]:
     if slip.max() <= SLIP_LIMIT:
         return []
     at = int(np.argmax(slip > SLIP_LIMIT))
-    return [Fault(int(record.phase[at]), Slipped(float(slip.max())))]
+    return [Fault(int(record.phase[at]), reason("Slipped", float(slip.max())))]

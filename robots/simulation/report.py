@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from robots.floor import Floor
 from robots.model.spec import RobotSpec
-from robots.reasons import Reason
 from robots.simulation.faults import Fault, find_faults
 from robots.simulation.record import Record
 from robots.task import Task
 from robots.trajectory import PHASES, RobotTrajectory
 from twin import geometry as geo
+from twin.cause import Cause
 from twin.geometry import Array
 from twin.scene import Part
 from twin.verdict import Verdict, verdict_document
@@ -101,7 +101,7 @@ class ReplayReport:
     duration: float
     wall_seconds: float
     video: str | None
-    faults: tuple[Reason, ...]
+    faults: tuple[Cause, ...]
     verdict: Verdict | None = None
 
     def __repr__(self) -> str:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from robots.floor import Floor
-from robots.reasons import CameBack, ClosedByItself, Reason, StillMoving
+from robots.reasons import reason
 from robots.simulation.report import ReplayReport
 from robots.trials.perturbation import Draw, ErrorSizes, Spread
 from robots.trials.statistics import CONFIDENCE, Estimate, mean, wilson
+from twin.cause import Cause
 from twin.geometry import Array
 
 FORMAT = "funtwin-trials/1"
@@ -46,14 +47,14 @@ class Trial:
     report: ReplayReport
 
     @property
-    def reason(self) -> Reason | None:
+    def reason(self) -> Cause | None:
         """What went wrong; of a part that was opened and let go, that it falls shut is said instead."""
         r = self.report
-        if self.closes_itself and r.faults and isinstance(r.faults[0], CameBack):
-            return ClosedByItself(r.opening_peak, r.opening_final)
+        if self.closes_itself and r.faults and r.faults[0].type == "CameBack":
+            return reason("ClosedByItself", r.opening_peak, r.opening_final)
         if r.faults:
             return r.faults[0]
-        return None if r.at_rest else StillMoving()
+        return None if r.at_rest else reason("StillMoving")
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types."""

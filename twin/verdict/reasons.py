@@ -1,226 +1,258 @@
-"""All reasons, one type for each cause, which alone writes its text: against a part's motion (`motion.py`,
-`video.py`), its surface (`surface.py`), and against the twin.
+"""The words of every reason, by the names under which twin.json has them: a name that was given stays.
 
-To add one: a type, its name in `REASONS`, and the function that tells it by its evidence in `recon/verdict/`.
+To add one: its words here, and the function that tells it by its evidence in `recon/verdict/`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Any
 
-from twin.verdict.motion import (
-    AxisUnsure,
-    CamerasDrift,
-    ClosedEndUnsure,
-    CreepsAtRest,
-    NeverRests,
-    NoUncertainty,
-    PivotUnsure,
-    RangeUnsure,
-    TooShort,
-    WithinDrift,
-)
-from twin.verdict.reason import CUT, POINT_AT_IT, Level, Reason
-from twin.verdict.surface import (
-    AlongItself,
-    BareBorder,
-    FewLabels,
-    HandMovesNothing,
-    HandWhereNobodyIs,
-    LabelledElsewhere,
-    NoSurface,
-    SmallSurface,
-    StaticSeenThrough,
-    SurfaceContradicted,
-    SurfaceUnseen,
-    Unexplained,
-)
-from twin.verdict.video import HalvesDisagree, MotionUnexplained, MotionUnseen, SeenThrough, TracksDisagree
+from twin.cause import Numbers, Words
+from twin.verdict.reason import Level, Reason
+
+# Of the user's words, those that help most reasons.
+POINT_AT_IT = "point at the part with --at X,Y@FRAME"
+CUT = "cut the recording to the opening with --interval A:B"
 
 
-@dataclass(frozen=True)
-class NothingArticulated(Reason):
-    """No part was found that stands up; free: how many things moved by no joint, a hand among them."""
-
-    free: int
-
-    @property
-    def text(self) -> str:
-        things = f"{self.free} thing{'s' * (self.free != 1)} moved freely" if self.free else "nothing moved"
-        return f"{self.kind}; {things}"
-
-    @property
-    def kind(self) -> str:
-        return "nothing articulated was found"
-
-    @property
-    def help(self) -> str:
-        return f"record a part being opened, from rest to rest, or {POINT_AT_IT}, or {CUT}"
+def reason(type: str, level: Level, *values: Any) -> Reason:
+    """The reason of a type in `REASONS` by its numbers. Raises as `Cause.told`, and SceneError for another
+    level."""
+    return Reason.told(REASONS, type, *values, level=level)
 
 
-@dataclass(frozen=True)
-class UpUnsure(Reason):
-    """Which way is up: the odds of the direction that was taken against the second one, less than `limit`; 1
-    where there is no second. taken, other: directions in the first camera's axes, as --up takes them."""
-
-    odds: float
-    limit: float
-    taken: str
-    other: str
-
-    @property
-    def text(self) -> str:
-        if not self.other:
-            return f"{self.kind}: too little is seen of floors and walls, and it is taken from how the camera is held"
-        return f"{self.kind}: {self.taken} has odds of {self.odds:.1f} against {self.other} (at least {self.limit:g})"
-
-    @property
-    def kind(self) -> str:
-        return "up is unsure"
-
-    @property
-    def help(self) -> str:
-        says = f"--up {self.taken} or --up {self.other}" if self.other else "--up X,Y,Z"
-        return f"say which way is up in the first picture with {says} (x right, y down, z forward)"
+def _halves(n: Numbers) -> str:
+    if n["axis_deg"] > n["axis_limit_deg"]:
+        return "{kind}: their axes differ by {axis_deg:.1f}° (at most {axis_limit_deg:g}°)"
+    return "{kind}: their hinges are {pivot_m:.0f mm} apart (at most {pivot_limit_m:g mm})"
 
 
-@dataclass(frozen=True)
-class MovesWithDoubted(Reason):
-    """An untrusted part moves with this one: in `share` of the frames in which either moves, over `limit`."""
-
-    share: float
-    limit: float
-
-    @property
-    def text(self) -> str:
-        told = f"what is not trusted moves in {100 * self.share:.0f} % of the frames in which either does"
-        return f"{told} (at most {100 * self.limit:g} %)"
-
-    @property
-    def kind(self) -> str:
-        return "something that is not trusted moves when it does"
-
-    @property
-    def help(self) -> str:
-        return f"open one part at a time, all of it in view, or {POINT_AT_IT}"
+def _tracks(n: Numbers) -> str:
+    if n["pivot_m"] > n["pivot_limit_m"]:
+        away = "a hinge {pivot_m:.0f mm} away in both halves of its motion (at most {pivot_limit_m:g mm})"
+    else:
+        away = "an axis {axis_deg:.1f}° away (at most {limit_deg:g}°)"
+    return f"its tracks tell {away}"
 
 
-@dataclass(frozen=True)
-class ManyDoubts(Reason):
-    """More than `limit` reasons, `count`, each only doubtful alone. said, cure: of the first."""
-
-    count: int
-    limit: int
-    said: str
-    cure: str
-
-    @classmethod
-    def told(cls, doubts: Sequence[Reason], limit: int) -> ManyDoubts:
-        """The refusal that these doubts add up to."""
-        return cls("refused", len(doubts), limit, doubts[0].text, doubts[0].help)
-
-    @property
-    def text(self) -> str:
-        return f"{self.count} reasons speak against it (at most {self.limit}), the first: {self.said}"
-
-    @property
-    def kind(self) -> str:
-        return "too many reasons speak against it"
-
-    @property
-    def help(self) -> str:
-        return self.cure
+def _labels(n: Numbers) -> str:
+    if not n["frames"]:
+        return "none of {labelled} labelled frames shows it"
+    return "{frames} of {labelled} labelled frames show it (at least {limit})"
 
 
-@dataclass(frozen=True)
-class OfPart(Reason):
-    """A reason against one part, told of its twin. of: the type of that reason; said, sort, cure: its text,
-    kind and help; written: whether the part is in the twin, which no refused one is."""
-
-    part: str
-    written: bool
-    of: str
-    said: str
-    sort: str
-    cure: str
-
-    @classmethod
-    def told(cls, part: str, reason: Reason, level: Level, written: bool = True) -> OfPart:
-        """The reason against the part of this name, with the level that it gives to the twin."""
-        return cls(level, part, written, type(reason).__name__, reason.text, reason.kind, reason.help)
-
-    @property
-    def text(self) -> str:
-        return f"{self.part}{'' if self.written else ', refused and not written'}: {self.said}"
-
-    @property
-    def kind(self) -> str:
-        return f"a {'part' if self.written else 'refused part'}: {self.sort}"
-
-    @property
-    def help(self) -> str:
-        return self.cure
+def _free(n: Numbers) -> str:
+    things = f"{{free}} thing{'s' * (n['free'] != 1)} moved freely" if n["free"] else "nothing moved"
+    return f"{{kind}}; {things}"
 
 
-@dataclass(frozen=True)
-class OfRecording(Reason):
-    """A fault of the recording. finding: its type in the inspection; said, sort, cure: text, kind, help."""
-
-    finding: str
-    said: str
-    sort: str
-    cure: str
-
-    @property
-    def text(self) -> str:
-        return self.said
-
-    @property
-    def kind(self) -> str:
-        return self.sort
-
-    @property
-    def help(self) -> str:
-        return f"{self.cure}, or {CUT}"
+def _up(n: Numbers) -> str:
+    if not n["other"]:
+        return "{kind}: too little is seen of floors and walls, and it is taken from how the camera is held"
+    return "{kind}: {taken} has odds of {odds:.1f} against {other} (at least {limit:g})"
 
 
-# By the names under which twin.json has them: a name that was given stays.
-REASONS: dict[str, type[Reason]] = {
-    c.__name__: c
-    for c in (
-        AxisUnsure,
-        PivotUnsure,
-        RangeUnsure,
-        TooShort,
-        NoUncertainty,
-        WithinDrift,
-        NeverRests,
-        ClosedEndUnsure,
-        CreepsAtRest,
-        CamerasDrift,
-        HandWhereNobodyIs,
-        HandMovesNothing,
-        NoSurface,
-        SmallSurface,
-        SurfaceUnseen,
-        SurfaceContradicted,
-        AlongItself,
-        BareBorder,
-        LabelledElsewhere,
-        StaticSeenThrough,
-        Unexplained,
-        SeenThrough,
-        MotionUnexplained,
-        MotionUnseen,
-        HalvesDisagree,
-        TracksDisagree,
-        FewLabels,
-        ManyDoubts,
-        MovesWithDoubted,
-        NothingArticulated,
-        UpUnsure,
-        OfPart,
-        OfRecording,
-    )
+def _up_help(n: Numbers) -> str:
+    says = "--up {taken} or --up {other}" if n["other"] else "--up X,Y,Z"
+    return f"say which way is up in the first picture with {says} (x right, y down, z forward)"
+
+
+REASONS: Mapping[str, Words] = {
+    "AxisUnsure": Words(
+        "sigma_deg limit_deg",
+        "its axis is unsure",
+        "its axis is known to ± {sigma_deg:.2f}° only (at most {limit_deg:g}°)",
+        f"open it farther and slower, with all of it in view, or {POINT_AT_IT}, or its type with --type hinge|slide",
+    ),
+    "PivotUnsure": Words(
+        "sigma_m limit_m",
+        "the place of its hinge is unsure",
+        "its hinge is known to ± {sigma_m:.1f mm} only (at most {limit_m:g mm})",
+        f"open it farther, with all of it in view, or say --type slide if it is none, or {POINT_AT_IT}",
+    ),
+    "RangeUnsure": Words(
+        "range sigma unit limit",
+        "its range is hardly more than its error",
+        "its range of {range:.1f} {unit} is known to ± {sigma:.2f} {unit} (at least {limit:g} times that)",
+        f"open it farther, or {CUT}, or {POINT_AT_IT}",
+    ),
+    "TooShort": Words(  # rattling and drift go as far
+        "range unit limit",
+        "it hardly moves",
+        "it moves by {range:.1f} {unit} only (at least {limit:g} {unit})",
+        f"open it farther, or {POINT_AT_IT}",
+    ),
+    "NoUncertainty": Words(
+        "",
+        "nothing says how well its joint is known",
+        "{kind}",
+        f"open it farther, with all of it in view, or {POINT_AT_IT}",
+    ),
+    "WithinDrift": Words(
+        "travel_m drift_m limit",
+        "it hardly moves more than what stands still seems to",
+        "it moves by {travel_m:.0f mm}, and what stands still seems to move by {drift_m:.1f mm} meanwhile "
+        "(at most 1/{limit:g} of it)",
+        f"move the camera slower, keep more of the room in view, or {CUT}",
+    ),
+    "NeverRests": Words(
+        "share limit",
+        "it never rests",
+        "it moves in {share:.0f %} of the frames (at most {limit:g %})",
+        f"record a second of rest before and after the opening, or {POINT_AT_IT}",
+    ),
+    "ClosedEndUnsure": Words(
+        "margin limit",
+        "which end of its travel is the closed one is a guess",
+        "what tells its closed end from the open one differs by {margin:z.0f %} (at least {limit:g %})",
+        f"close it in the recording, with what surrounds it in view, or {CUT}",
+    ),
+    "CreepsAtRest": Words(
+        "creep unit limit",
+        "its state changes while it rests",
+        "its state changes by {creep:.1f} {unit} while it rests (at most {limit:g} {unit})",
+        f"keep all of it in view from rest to rest, or {CUT}",
+    ),
+    "CamerasDrift": Words(
+        "frame other off_m limit_m",
+        "the path of the camera is wrong, or something that fills the view moved unnoticed",
+        "frames {frame} and {other} see the room {off_m:.0f mm} apart (at most {limit_m:g mm})",
+        f"move the camera slower, from farther away, with more of the room in view, or {CUT}",
+    ),
+    "HandWhereNobodyIs": Words(
+        "frame share limit",
+        "what stands still is taken for a hand",
+        "{share:.1f %} of frame {frame} is labelled hand, but stands still or lies on the twin "
+        "(at most {limit:g %})",
+        f"record a second of rest without the hand before and after, or {POINT_AT_IT}",
+    ),
+    "HandMovesNothing": Words(
+        "first last",
+        "a hand is in view and nothing in the twin moves",
+        "a hand is in view from frame {first} to {last}, and nothing in the twin moves: what it moved may be missing",
+        f"{CUT}, or {POINT_AT_IT}",
+    ),
+    "NoSurface": Words(
+        "",
+        "it has no surface",
+        "{kind}",
+        f"keep more of the part in view while it moves, or {POINT_AT_IT}",
+    ),
+    "SmallSurface": Words(
+        "area_m2 limit_m2",
+        "its surface is tiny",
+        "its surface has {area_m2:.1f cm²} only (at least {limit_m2:g cm²})",
+        f"keep more of the part in view while it moves, or {POINT_AT_IT}",
+    ),
+    "SurfaceUnseen": Words(
+        "share untold limit",
+        "hardly any of its surface was seen to move",
+        "{share:.0f %} of its surface was seen to move with it, {untold:.0f %} not told (at least {limit:g %})",
+        f"keep the whole part in view before, while and after it moves, or {POINT_AT_IT}",
+    ),
+    "SurfaceContradicted": Words(
+        "share limit",
+        "some of its surface is not the part's",
+        "{share:.0f %} of its surface is seen not to move with it (at most {limit:g %})",
+        f"{POINT_AT_IT}, or {CUT}",
+    ),
+    "AlongItself": Words(
+        "across limit",
+        "it slides along its own surface and has no texture",
+        "it slides along its own surface ({across:.0f %} of it moves across itself, at least {limit:g %}), "
+        "which has too little texture to tell how far",
+        f"stick something with a pattern on it, with its borders in view, or {POINT_AT_IT}",
+    ),
+    "BareBorder": Words(
+        "frame share limit",
+        "its border is no edge: a piece of it, or of what is beside it, is labelled wrong",
+        "{share:.0f %} of its border in frame {frame} is no edge, in colour or depth (at most {limit:g %})",
+        f"light it so that its gaps show, open it farther, or {POINT_AT_IT}",
+    ),
+    "LabelledElsewhere": Words(  # share: of the pixels that are labelled as it or should show it, those that are both
+        "frame share limit",
+        "it is labelled elsewhere than the twin has it",
+        "in frame {frame} its labels and its place in the twin share only {share:.0f %} of their pixels "
+        "(at least {limit:g %})",
+        f"keep all of it in view where it is open and where it is closed, or {POINT_AT_IT}",
+    ),
+    "StaticSeenThrough": Words(
+        "frame share limit",
+        "what should never move is seen through",
+        "{share:.1f %} of frame {frame} is farther than what never moves in the twin (at most {limit:g %})",
+        f"open one part at a time, from rest to rest, with all of it in view, or {POINT_AT_IT}",
+    ),
+    "Unexplained": Words(
+        "frame share limit",
+        "the twin does not explain what changed",
+        "{share:.1f %} of frame {frame} has another depth than the twin in its state there (at most {limit:g %})",
+        f"{POINT_AT_IT}; what stands elsewhere afterwards must be a part, or stay where it was",
+    ),
+    "SeenThrough": Words(
+        "frame share limit",
+        "as it moves, it is seen through",
+        "as it moves, {share:.1f %} of its pixels are seen through, most in frame {frame} (at most {limit:g %})",
+        f"open it slower, with all of it in view, or {POINT_AT_IT}",
+    ),
+    "MotionUnexplained": Words(
+        "share limit",
+        "what changes as it moves does not look like the twin",
+        "{share:.0f %} of what changes as it moves does not look like the twin in its state (at most {limit:g %})",
+        f"open one part at a time, slowly, or {POINT_AT_IT}",
+    ),
+    "MotionUnseen": Words(
+        "share limit",
+        "its surface is hardly seen to move",
+        "as it moves, {share:.1f %} of its pixels are seen to come nearer or to go farther (at least {limit:g %})",
+        f"open it farther, seen from where it comes towards the camera or goes away from it, or {POINT_AT_IT}",
+    ),
+    "HalvesDisagree": Words(  # 0 for a difference that is not known, here and in the next
+        "axis_deg axis_limit_deg pivot_m pivot_limit_m",
+        "the halves of its motion show different joints",
+        _halves,
+        f"open it slower, with all of it in view all the time, or {CUT}, or {POINT_AT_IT}",
+    ),
+    "TracksDisagree": Words(
+        "axis_deg limit_deg pivot_m pivot_limit_m",
+        "its tracks tell another joint",
+        _tracks,
+        f"open it farther, with all of it and its borders in view, or {POINT_AT_IT}",
+    ),
+    "FewLabels": Words(
+        "frames labelled limit",
+        "hardly any labelled frame shows it",
+        _labels,
+        f"keep the part in view, before and after it moves too, or {POINT_AT_IT}",
+    ),
+    "ManyDoubts": Words(  # said, cure: text and help of the first
+        "count limit said cure",
+        "too many reasons speak against it",
+        "{count} reasons speak against it (at most {limit}), the first: {said}",
+        "{cure}",
+    ),
+    "MovesWithDoubted": Words(  # share: of the frames in which either moves
+        "share limit",
+        "something that is not trusted moves when it does",
+        "what is not trusted moves in {share:.0f %} of the frames in which either does (at most {limit:g %})",
+        f"open one part at a time, all of it in view, or {POINT_AT_IT}",
+    ),
+    "NothingArticulated": Words(  # free: how many things moved by no joint, a hand among them
+        "free",
+        "nothing articulated was found",
+        _free,
+        f"record a part being opened, from rest to rest, or {POINT_AT_IT}, or {CUT}",
+    ),
+    "UpUnsure": Words(  # taken, other: directions in the first camera's axes, as --up takes them
+        "odds limit taken other", "up is unsure", _up, _up_help
+    ),
+    "OfPart": Words(  # of, said, sort, cure: type, text, kind and help of a reason against a part, told of its twin
+        "part written of said sort cure",
+        lambda n: "a part: {sort}" if n["written"] else "a refused part: {sort}",
+        lambda n: "{part}: {said}" if n["written"] else "{part}, refused and not written: {said}",
+        "{cure}",
+    ),
+    "OfRecording": Words(  # the same of a finding of the recording's inspection
+        "finding said sort cure", "{sort}", "{said}", f"{{cure}}, or {CUT}"
+    ),
 }

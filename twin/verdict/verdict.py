@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from twin.verdict.reason import Level, Reason, worst
-from twin.verdict.reasons import OfPart
+from twin.verdict.reasons import reason
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,14 @@ def of_twin(
     refused: parts that the twin leaves out. They make it refused where it has no other, else doubtful: what
     is written may well be right, but it is not all that moved.
     """
-    reasons = list(own)
+    against = list(own)
     for name, verdict in written.items():
-        reasons += [OfPart.told(name, r, r.level) for r in verdict.reasons]
+        against += [_of_part(name, True, r, r.level) for r in verdict.reasons]
     for name, verdict in (refused or {}).items():
         level: Level = "doubtful" if written else "refused"
-        reasons += [
-            OfPart.told(name, r, level, written=False) for r in verdict.reasons if r.level == "refused"
-        ]
-    return Verdict(tuple(reasons))
+        against += [_of_part(name, False, r, level) for r in verdict.reasons if r.level == "refused"]
+    return Verdict(tuple(against))
+
+
+def _of_part(name: str, written: bool, told: Reason, level: Level) -> Reason:
+    return reason("OfPart", level, name, written, told.type, told.text, told.kind, told.help)

@@ -25,7 +25,7 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import Trajectory
-from twin.verdict import UpUnsure
+from twin.verdict import Reason, reason
 
 UP = Stage("up", 1, ())
 # Odds of the best direction against the second that clear up: one wrong in 21, if honest.
@@ -47,7 +47,7 @@ class Upright:
     """The direction (3,) of the world as it stands that is up, and why that is doubted, or None."""
 
     up: Array
-    doubt: UpUnsure | None = None
+    doubt: Reason | None = None
 
 
 def find_up(
@@ -67,7 +67,7 @@ def find_up(
     if told.sum() < 2:
         if not world.parts:  # refused for that already
             return Upright(z)
-        return Upright(z, UpUnsure("doubtful", 1.0, ODDS, _in_camera(z, world.cameras), ""))
+        return Upright(z, reason("UpUnsure", "doubtful", 1.0, ODDS, _in_camera(z, world.cameras), ""))
     at_z = int(np.argmax(np.abs(axes[2])))
     level = [axes[:, k] for k in range(3) if k != at_z]
     candidates = [z, *level, *(-v for v in level), -z]
@@ -79,7 +79,7 @@ def find_up(
     if odds >= ODDS:
         return Upright(up)
     other = _in_camera(candidates[second], world.cameras)
-    return Upright(up, UpUnsure("doubtful", odds, ODDS, _in_camera(up, world.cameras), other))
+    return Upright(up, reason("UpUnsure", "doubtful", odds, ODDS, _in_camera(up, world.cameras), other))
 
 
 def turned(world: World, up: Array) -> World:

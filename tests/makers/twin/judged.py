@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from benchmarks.scenes.boards import cabinet_twin
-from twin import verdict as v
 from twin.scene import Twin
-from twin.verdict import AxisUnsure, FewLabels, Verdict, of_twin
+from twin.verdict import Verdict, of_twin, reason
 
-DOUBT = AxisUnsure("doubtful", 1.25, 0.5)
-REFUSAL = FewLabels("refused", 0, 30, 3)
-NOTHING = v.NothingArticulated("refused", 1)
+DOUBT = reason("AxisUnsure", "doubtful", 1.25, 0.5)
+REFUSAL = reason("FewLabels", "refused", 0, 30, 3)
+NOTHING = reason("NothingArticulated", "refused", 1)
 
 
 def doubted(twin: Twin | None = None) -> Twin:

@@ -9,15 +9,14 @@ import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
-from recon.inspection.frame_findings import Blurred, Cut
-from recon.inspection.motion_findings import DepthDelayed
+from recon.inspection.findings import as_reason, doubts, finding
 from recon.verdict.judge import Judged, judge
 from tests.makers.recon.cabinets import Clip, make_clip
 from tests.makers.recon.judged import perfect
-from twin.verdict import NothingArticulated, OfRecording, Reason, of_twin, verdict_document, verdict_from
+from twin.verdict import Reason, of_twin, verdict_document, verdict_from
 
-LATE = DepthDelayed(2, 0.133, 0.002)
-CUT = Cut(108, 1)
+LATE = finding("DepthDelayed", 2, 0.133, 0.002)
+CUT = finding("Cut", 108, 1)
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +34,9 @@ def judged(clip: Clip, faults: tuple[Reason, ...], surface: bool = True) -> Judg
 
 
 def test_late_depth_doubts_every_part_and_is_the_first_reason(clip: Clip) -> None:
-    found = judged(clip, (LATE.reason,))
+    found = judged(clip, (as_reason(LATE),))
     verdict = found.parts[clip.part.id]
-    assert (verdict.level, verdict.main) == ("doubtful", LATE.reason)
+    assert (verdict.level, verdict.main) == ("doubtful", as_reason(LATE))
     whole = of_twin({"door": verdict}, own=found.scene)
     assert whole.text.startswith(
         "doubtful: depth and colour of different times: depth lags 2 frames (133 ± 2 ms) behind colour; "
@@ -48,22 +47,22 @@ def test_late_depth_doubts_every_part_and_is_the_first_reason(clip: Clip) -> Non
 
 
 def test_where_nothing_was_found_late_depth_is_why(clip: Clip) -> None:
-    found = judged(clip, (LATE.reason,), surface=False)
+    found = judged(clip, (as_reason(LATE),), surface=False)
     late, nothing = found.scene
-    assert isinstance(late, OfRecording)
-    assert isinstance(nothing, NothingArticulated)
+    assert late.type == "OfRecording"
+    assert nothing.type == "NothingArticulated"
     assert of_twin({}, {"door": found.parts[clip.part.id]}, found.scene).text.startswith(
         "refused: depth and colour of different times: depth lags 2 frames"
     )
 
 
 def test_a_cut_is_named_before_what_follows_from_it(clip: Clip) -> None:
-    verdict = of_twin({"door": judged(clip, (CUT.reason,)).parts[clip.part.id]}, own=(CUT.reason,))
+    verdict = of_twin({"door": judged(clip, (as_reason(CUT),)).parts[clip.part.id]}, own=(as_reason(CUT),))
     assert verdict.text.startswith("doubtful: the video is cut: between frames 108 and 109; take the piece")
 
 
 def test_what_only_makes_a_recording_worse_doubts_nothing() -> None:
-    assert LATE.doubts
-    assert CUT.doubts
-    assert not replace(LATE, frames=0, lag=0.03).doubts
-    assert not Blurred(0.5, 3, 2.0, "horizontal").doubts
+    assert doubts(LATE)
+    assert doubts(CUT)
+    assert not doubts(finding("DepthDelayed", 0, 0.03, 0.002))
+    assert not doubts(finding("Blurred", 0.5, 3, 2.0, "horizontal"))

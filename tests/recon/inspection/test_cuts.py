@@ -9,11 +9,12 @@ import pytest
 
 from recon.inspection import frame_checks
 from recon.inspection.cuts import Shown, thumbnail
-from recon.inspection.finding import Finding, Unknown
-from recon.inspection.frame_findings import Cut
+from recon.inspection.finding import Unknown
+from recon.inspection.findings import doubts, finding
 from recon.inspection.inspect import quick_findings
 from recon.readers import open_recording
 from recon.recording import Recording
+from twin.cause import Cause
 from twin.files.assets import asset
 
 
@@ -33,21 +34,21 @@ def of_frames(recording: Recording, frames: list[int]) -> Recording:
     )
 
 
-def told(recording: Recording) -> list[Finding | Unknown]:
+def told(recording: Recording) -> list[Cause | Unknown]:
     thumbnails = [thumbnail(recording.frame(i)) for i in range(len(recording))]
     return frame_checks.cut([Shown(np.arange(len(recording)), thumbnails)], recording)
 
 
 def test_a_cut_is_named_by_its_frames(recording: Recording) -> None:
     (found,) = told(of_frames(recording, [*range(20), *range(60, 88)]))
-    assert found == Cut(19, 1)
-    assert found.doubts
+    assert found == finding("Cut", 19, 1)
+    assert doubts(found)
     assert "between frames 19 and 20" in found.text
     assert "--start and --end" in found.help
 
 
 def test_two_cuts_are_counted(recording: Recording) -> None:
-    assert told(of_frames(recording, [*range(20), *range(50, 70), *range(20)])) == [Cut(19, 2)]
+    assert told(of_frames(recording, [*range(20), *range(50, 70), *range(20)])) == [finding("Cut", 19, 2)]
 
 
 def test_a_whole_video_has_no_cut(recording: Recording) -> None:
@@ -83,10 +84,10 @@ def test_a_cut_of_a_dense_video_is_named_by_the_frames_between_those_that_are_lo
     cut = of_frames(recording, [*range(21), *range(60, 88)])
     kept = np.arange(0, len(cut), 2)
     shown = Shown(kept, [thumbnail(cut.frame(int(i))) for i in kept])
-    assert frame_checks.cut([shown], cut) == [Cut(20, 1)]
+    assert frame_checks.cut([shown], cut) == [finding("Cut", 20, 1)]
 
 
 def test_a_cut_is_said_before_a_reconstruction(recording: Recording) -> None:
     with pytest.warns(UserWarning, match="the video is cut: between frames 19 and 20"):
         found = quick_findings(of_frames(recording, [*range(20), *range(60, 88)]))
-    assert Cut(19, 1) in found
+    assert finding("Cut", 19, 1) in found

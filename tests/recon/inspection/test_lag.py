@@ -10,12 +10,13 @@ import pytest
 
 from recon.inspection import motion_checks
 from recon.inspection.finding import Unknown
+from recon.inspection.findings import doubts, late_frames
 from recon.inspection.glance import Stretch, glance
 from recon.inspection.inspect import quick_findings
 from recon.inspection.lag import fit_lag
-from recon.inspection.motion_findings import DepthDelayed, Misregistered
 from recon.readers import open_recording
 from recon.recording import Recording
+from twin.cause import Cause
 from twin.files.assets import asset
 
 
@@ -47,9 +48,9 @@ def lagging(stretch: Stretch, frames: int, x: int = 0, y: int = 0) -> Stretch:
 @pytest.mark.parametrize("lag", [-2, -1, 1, 2, 3])
 def test_a_lag_of_whole_frames_is_named(recording: Recording, stretch: Stretch, lag: int) -> None:
     (found,) = motion_checks.lag([lagging(stretch, lag)], recording)
-    assert isinstance(found, DepthDelayed)
-    assert found.frames == lag
-    assert found.lag == pytest.approx(lag / 15, abs=0.012)
+    assert found.type == "DepthDelayed"
+    assert late_frames(found) == lag
+    assert found.numbers["lag"] == pytest.approx(lag / 15, abs=0.012)
     assert f"--depth-delay {lag}," in found.help
     assert f"{abs(lag)} frame{'s' * (abs(lag) > 1)} (" in found.text
     assert ("lags" in found.text) == (lag > 0)
@@ -62,7 +63,7 @@ def test_depth_in_time_is_not_late(recording: Recording, stretch: Stretch) -> No
 @pytest.mark.parametrize("lag", [0, 2])
 def test_depth_beside_colour_is_not_taken_for_late(recording: Recording, stretch: Stretch, lag: int) -> None:
     found = motion_checks.lag([lagging(stretch, lag, 8, -5)], recording)
-    assert [f.frames for f in found if isinstance(f, DepthDelayed)] == [lag] * bool(lag)
+    assert [late_frames(f) for f in found if isinstance(f, Cause)] == [lag] * bool(lag)
 
 
 def test_a_recording_denser_than_is_looked_at_tells_its_own_frames(
@@ -74,8 +75,8 @@ def test_a_recording_denser_than_is_looked_at_tells_its_own_frames(
     kept = np.arange(0, len(late.small), 2)
     small = late.small[::2]
     (found,) = motion_checks.lag([Stretch(kept, small, ())], recording)
-    assert isinstance(found, DepthDelayed)
-    assert found.frames == 1
+    assert found.type == "DepthDelayed"
+    assert late_frames(found) == 1
 
 
 def test_where_nothing_moves_the_lag_is_not_known(recording: Recording, stretch: Stretch) -> None:
@@ -100,6 +101,6 @@ def test_late_depth_is_said_before_a_reconstruction_and_not_called_beside_colour
         UserWarning, match=r"depth lags 2 frames \(1\d\d ± \d+ ms\) behind colour; open it with"
     ):
         found = quick_findings(recording.without_depth_delay(-2))
-    assert any(isinstance(f, DepthDelayed) and f.frames == 2 and f.doubts for f in found)
-    assert not any(isinstance(f, Misregistered) for f in found)
+    assert any(late_frames(f) == 2 and doubts(f) for f in found)
+    assert not any(f.type == "Misregistered" for f in found)
     assert quick_findings(recording) == ()

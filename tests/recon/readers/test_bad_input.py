@@ -231,7 +231,7 @@ def test_where_nothing_moves_the_scene_is_written(tmp_path: Path, capsys: pytest
     twin = load(tmp_path / "run")
     assert twin.parts == ()
     assert twin.verdict is not None
-    assert [type(r).__name__ for r in twin.verdict.reasons] == ["NothingArticulated"]
+    assert [r.type for r in twin.verdict.reasons] == ["NothingArticulated"]
     assert len(twin.static.mesh.faces) > 100
     assert set(np.unique(np.concatenate([twin.labels[f] for f in twin.labels]))) <= {0, 1, 255}
 

@@ -21,14 +21,7 @@ from tests.makers.recon.judged import perfect, with_depth
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Mesh, Motion, Revolute
-from twin.verdict import (
-    HalvesDisagree,
-    MotionUnexplained,
-    MotionUnseen,
-    Reason,
-    SeenThrough,
-    TracksDisagree,
-)
+from twin.verdict import Reason
 
 VIDEO = (
     of_video.seen_through, of_video.motion_explained, of_video.motion_seen, of_video.same_in_halves,
@@ -40,8 +33,8 @@ def door() -> PartEvidence:
     return perfect(make_clip("door"))
 
 
-def asked(e: PartEvidence) -> set[type[Reason]]:
-    return {type(r) for r in (ask(e) for ask in VIDEO) if r is not None}
+def asked(e: PartEvidence) -> set[str]:
+    return {r.type for r in (ask(e) for ask in VIDEO) if r is not None}
 
 
 def with_part(e: PartEvidence, part: MovingPart, mesh: Mesh | None) -> PartEvidence:
@@ -74,13 +67,13 @@ def test_wrong_states_and_wrong_axes_are_seen_through_and_do_not_explain_what_ch
     door: PartEvidence,
 ) -> None:
     """A door that is nearer than what is seen, or away from where it is seen."""
-    assert {SeenThrough, MotionUnexplained} <= asked(late(door, 2))
-    assert {SeenThrough, MotionUnexplained} <= asked(with_state(door, -door.part.motion.state))
-    assert SeenThrough in asked(with_state(door, 1.1 * door.part.motion.state))
+    assert {"SeenThrough", "MotionUnexplained"} <= asked(late(door, 2))
+    assert {"SeenThrough", "MotionUnexplained"} <= asked(with_state(door, -door.part.motion.state))
+    assert "SeenThrough" in asked(with_state(door, 1.1 * door.part.motion.state))
     aside = geo.unit(np.cross(door.part.joint.axis, [0.3, 0.5, 0.81]))
     joint = door.part.joint
     tilted = replace(joint, axis=geo.unit(joint.axis + np.tan(np.radians(20)) * aside))
-    assert SeenThrough in asked(with_part(door, replace(door.part, joint=tilted), door.mesh))
+    assert "SeenThrough" in asked(with_part(door, replace(door.part, joint=tilted), door.mesh))
 
 
 def test_a_part_that_stays_while_the_twin_has_it_gone_does_not_explain_the_motion() -> None:
@@ -91,7 +84,7 @@ def test_a_part_that_stays_while_the_twin_has_it_gone_does_not_explain_the_motio
     early = with_state(
         e, e.part.motion.state[np.where(frames > 8, np.minimum(frames + 4, FRAMES - 1), frames)]
     )
-    assert MotionUnexplained in asked(early)
+    assert "MotionUnexplained" in asked(early)
     assert early.in_motion is not None
     assert early.in_motion.wrong > 1.5 * early.in_motion.through
 
@@ -160,14 +153,14 @@ def test_what_stands_behind_the_part_is_not_seen_through_unless_it_is_farther(do
         np.concatenate([static.vertices, door.mesh.vertices]),  # type: ignore[union-attr]
         np.concatenate([static.faces, door.mesh.faces + len(static.vertices)]),  # type: ignore[union-attr]
     )
-    assert SeenThrough in asked(replace(door, scene=replace(door.scene, static=ghost)))
+    assert "SeenThrough" in asked(replace(door, scene=replace(door.scene, static=ghost)))
 
 
 def test_what_does_not_change_the_depth_is_not_seen_to_move(door: PartEvidence) -> None:
     trembling = with_state(door, 0.01 * door.part.motion.state)
-    assert MotionUnseen in asked(trembling)
+    assert "MotionUnseen" in asked(trembling)
     away = Mesh(door.mesh.vertices + [0, 0, 50.0], door.mesh.faces)  # type: ignore[union-attr]
-    assert MotionUnseen in asked(with_part(door, door.part, away))
+    assert "MotionUnseen" in asked(with_part(door, door.part, away))
 
 
 def test_without_motion_or_surface_the_video_tells_nothing(door: PartEvidence) -> None:
@@ -179,7 +172,7 @@ def test_without_motion_or_surface_the_video_tells_nothing(door: PartEvidence) -
         with_part(door, replace(door.part, motion=nothing), None),
     ):
         assert e.in_motion is None
-        assert asked(e) <= {HalvesDisagree}
+        assert asked(e) <= {"HalvesDisagree"}
     assert with_part(door, still, door.mesh).halves is None
 
 
@@ -215,15 +208,15 @@ def bent(e: PartEvidence, tilt: float, shift: float, noise: float = 0.0) -> Part
 def test_halves_with_different_axes_disagree(kind: Kind) -> None:
     e = perfect(make_clip(kind))
     told = of_video.same_in_halves(bent(e, 12.0, 0.0, 0.001))
-    assert isinstance(told, HalvesDisagree)
-    np.testing.assert_allclose(told.axis_deg, 12.0, atol=0.5)
+    assert told.type == "HalvesDisagree"
+    np.testing.assert_allclose(told.numbers["axis_deg"], 12.0, atol=0.5)
     assert of_video.same_in_halves(bent(e, 8.0, 0.0, 0.001)) is None
 
 
 def test_halves_with_different_hinges_disagree(door: PartEvidence) -> None:
     told = of_video.same_in_halves(bent(door, 0.0, 0.06, 0.001))
-    assert isinstance(told, HalvesDisagree)
-    np.testing.assert_allclose(told.pivot_m, 0.06, atol=0.005)
+    assert told.type == "HalvesDisagree"
+    np.testing.assert_allclose(told.numbers["pivot_m"], 0.06, atol=0.005)
     assert of_video.same_in_halves(bent(door, 0.0, 0.04, 0.001)) is None
 
 
@@ -256,8 +249,8 @@ def test_tracks_that_tell_another_axis_in_both_halves_are_heard() -> None:
         reason = of_video.as_its_tracks(replace(e, part=replace(e.part, joint=joint)))
         assert (reason is not None) == told
         if reason is not None:
-            assert isinstance(reason, TracksDisagree)
-            np.testing.assert_allclose(reason.axis_deg, deg, atol=0.2)
+            assert reason.type == "TracksDisagree"
+            np.testing.assert_allclose(reason.numbers["axis_deg"], deg, atol=0.2)
 
 
 def test_all_tracks_together_are_heard() -> None:
@@ -272,9 +265,12 @@ def test_all_tracks_together_are_heard() -> None:
     for deg, told in ((3.2, False), (3.8, True)):
         joint = replace(e.part.joint, axis=geo.exp_so3(np.radians(deg) * aside) @ e.part.joint.axis)
         reason = of_video.as_its_tracks(replace(e, part=replace(e.part, joint=joint)))
-        assert isinstance(reason, TracksDisagree) == told
-        if isinstance(reason, TracksDisagree):
-            np.testing.assert_allclose([reason.axis_deg, reason.limit_deg], [deg, 3.5], atol=0.2)
+        assert (reason is not None) == told
+        if reason is not None:
+            assert reason.type == "TracksDisagree"
+            np.testing.assert_allclose(
+                [reason.numbers["axis_deg"], reason.numbers["limit_deg"]], [deg, 3.5], atol=0.2
+            )
 
 
 def test_tracks_that_tell_another_hinge_in_both_halves_are_heard(door: PartEvidence) -> None:
@@ -287,8 +283,8 @@ def test_tracks_that_tell_another_hinge_in_both_halves_are_heard(door: PartEvide
         reason = of_video.as_its_tracks(with_part(e, moved, door.mesh))
         assert (reason is not None) == told
         if reason is not None:
-            assert isinstance(reason, TracksDisagree)
-            np.testing.assert_allclose(reason.pivot_m, m, atol=0.005)
+            assert reason.type == "TracksDisagree"
+            np.testing.assert_allclose(reason.numbers["pivot_m"], m, atol=0.005)
             assert "50 mm" in reason.text or "49 mm" in reason.text or "51 mm" in reason.text
 
 

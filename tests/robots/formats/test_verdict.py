@@ -16,9 +16,9 @@ from twin import verdict as v
 from twin.cli.main import run
 from twin.errors import InputError
 from twin.storage import save
-from twin.verdict import AxisUnsure, Verdict, of_twin
+from twin.verdict import Verdict, of_twin, reason
 
-DOUBT = Verdict((AxisUnsure("doubtful", 1.25, 0.5),))
+DOUBT = Verdict((reason("AxisUnsure", "doubtful", 1.25, 0.5),))
 LIGHT = [f for f in FORMATS if f != "lerobot"]
 
 

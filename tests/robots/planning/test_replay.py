@@ -25,7 +25,7 @@ from robots.planning import plan as planning
 from robots.planning.base_search import Base
 from robots.planning.joint_path import POSITION_TOLERANCE, moves_alone
 from robots.planning.plan import _best, _reported, _unlike
-from robots.reasons import NoRoom
+from robots.reasons import reason
 from robots.scene.world import build_world
 from tests.makers.robots.replays import check_open_hand_gets_no_hold, check_opened
 from twin import geometry as geo
@@ -142,10 +142,10 @@ def test_the_base_may_stand_on_a_pedestal_for_a_part_that_is_high_up(drawer):
 def test_a_place_without_room_is_told_with_the_worst_score(drawer):
     _, trajectory = drawer
     base = Base(trajectory.T_world_base, 0.0, 0, trajectory.q[:0], np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf)
-    told = _reported(replace(base, reason=NoRoom()))
+    told = _reported(replace(base, reason=reason("NoRoom")))
     assert np.isfinite(told.score), "the file of a trajectory holds it"
     assert told.score < min(r.score for r in trajectory.rejected)
-    assert told.reason == NoRoom().text
+    assert told.reason == reason("NoRoom").text
 
 
 def test_bases_that_are_refined_differ_in_place_or_grasp():

@@ -11,7 +11,6 @@ from recon.contact.up.decide import ODDS, Upright, World, find_up, turned
 from recon.recording.said import Said
 from tests.makers.recon.steep import Steep, steep
 from twin import geometry as geo
-from twin.verdict import UpUnsure
 
 Z = np.array([0.0, 0.0, 1.0])
 UNSAID = Said()
@@ -70,10 +69,10 @@ def test_a_direction_that_is_hardly_more_likely_is_doubted_and_both_are_named() 
     """Without a part, straight below: floor and wall are as likely as ceiling and wall."""
     seen = steep(62.0, with_part=False)
     told = decided(seen)
-    assert isinstance(told.doubt, UpUnsure)
+    assert told.doubt.type == "UpUnsure"
     assert told.doubt.level == "doubtful"
-    assert 1.0 <= told.doubt.odds < ODDS
-    words = [told.doubt.taken, told.doubt.other]
+    assert 1.0 <= told.doubt.numbers["odds"] < ODDS
+    words = [told.doubt.numbers["taken"], told.doubt.numbers["other"]]
     assert all(f"--up {word}" in told.doubt.help for word in words)
     said = [np.array([float(v) for v in word.split(",")]) for word in words]
     start = geo.rotate(np.linalg.inv(seen.world.cameras.T_world_cam[0]), seen.up)

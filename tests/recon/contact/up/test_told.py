@@ -16,13 +16,13 @@ from tests.makers.recon.steep import steep
 from twin.level import doubts_about_up
 from twin.runs.keys import Stage
 from twin.scene import Twin
-from twin.verdict import HandWhereNobodyIs, UpUnsure
+from twin.verdict import Reason, reason
 
-DOUBT = UpUnsure("doubtful", 3.0, ODDS, "0.0,-0.7,-0.7", "0.0,-0.7,0.7")
-ANOTHER = HandWhereNobodyIs("doubtful", 3, 0.1, 0.03)
+DOUBT = reason("UpUnsure", "doubtful", 3.0, ODDS, "0.0,-0.7,-0.7", "0.0,-0.7,0.7")
+ANOTHER = reason("HandWhereNobodyIs", "doubtful", 3, 0.1, 0.03)
 
 
-def twin_with(doubt: UpUnsure | None) -> Twin:
+def twin_with(doubt: Reason | None) -> Twin:
     """The twin of a world without parts, of which the verdict has one reason of its own."""
     seen = steep(30.0, with_part=False)
     told: dict[str, Any] = {"contact": (), "texture": {}, "verdict": Judged({}, (ANOTHER,)), "handle": {}}
@@ -66,4 +66,4 @@ def test_a_sure_up_leaves_the_verdict_as_it_is() -> None:
 
 @pytest.mark.parametrize("other", ["", "0.0,-0.7,0.7"])
 def test_what_helps_is_a_word_of_the_users(other: str) -> None:
-    assert "--up" in UpUnsure("doubtful", 1.0, ODDS, "0.0,-0.7,-0.7", other).help
+    assert "--up" in reason("UpUnsure", "doubtful", 1.0, ODDS, "0.0,-0.7,-0.7", other).help
