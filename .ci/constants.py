@@ -32,8 +32,7 @@ def room(module: str) -> str:
 
 
 def classes(cls: Any) -> Iterator[Any]:
-    """A class of settings and all that are nested in it; boards that are nested three times are three
-    tables."""
+    """A class of settings and all that are nested in it."""
     yield cls
     for _, inner in nested(cls):
         yield from classes(inner)

@@ -19,7 +19,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recon.config import ReconConfig
-from recon.contact.hand_keypoints import HandConfig
 from recon.joints.pose_graph.solver import PoseGraphConfig
 from recon.readers import open_recording
 from robots.config import PlanConfig
@@ -34,8 +33,8 @@ from twin.runs.settings_list import listed
 
 REPOSITORY = Path(__file__).parents[1]
 LINE = 160  # characters of a refusal
-# those that the command line knows, and those of functions that take their own
-ROOTS = (*map(named, SETTINGS.values()), HandConfig, PoseGraphConfig)
+# those that the command line knows, and those of a function that takes its own
+ROOTS = (*map(named, SETTINGS.values()), PoseGraphConfig)
 # TOML holds 64-bit integers; every character but halves of surrogate pairs, which are no text
 INTEGERS = st.integers(-(2**63), 2**63 - 1) | st.integers(-3, 100)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"])) | st.text(

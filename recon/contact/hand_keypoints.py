@@ -21,7 +21,6 @@ from recon.recording import Recording
 from twin.errors import MissingDependencyError
 from twin.geometry import Array
 from twin.packages import to_install
-from twin.runs.setting import Settings, setting
 from twin.scene import HAND_LABEL
 
 KEYPOINTS = (
@@ -29,15 +28,11 @@ KEYPOINTS = (
 )
 FINGERTIPS = (4, 8, 12, 16, 20)
 _CUT_PX = 640  # cut-outs are magnified to this size; the detector itself works at 192 px
+# Most hands in a picture; chosen by us
+_MOST_HANDS = 2
+# Least confidence of the detector; chosen by us
+_LEAST_CONFIDENCE = 0.5
 _REACH_M = 0.12  # a fingertip lies no farther than that in depth from the hand's median
-
-
-@dataclass(frozen=True)
-class HandConfig(Settings):
-    """Hand detection; chosen by us."""
-
-    max_hands: int = setting(2, "most hands in a picture", unit="hands", at_least=1)
-    min_confidence: float = setting(0.5, "least confidence of the detector", unit="", above=0, below=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +56,6 @@ def detect_hands(
     recording: Recording,
     frames: Sequence[int],
     labels: Mapping[int, NDArray[np.uint8]] | None = None,
-    config: HandConfig = HandConfig(),
 ) -> HandKeypoints:
     """Detect hands in some frames and lift their keypoints by depth.
 
@@ -72,7 +66,7 @@ def detect_hands(
     Raises MissingDependencyError when mediapipe is not installed.
     """
     found: list[tuple[int, Array, Array, float]] = []
-    with _detector(config) as detector:
+    with _detector() as detector:
         for number in sorted(frames):
             color = recording.color(number)
             hands = _detect(detector, color)
@@ -90,7 +84,7 @@ def detect_hands(
     )
 
 
-def _detector(config: HandConfig) -> Any:
+def _detector() -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of the packages that mediapipe imports
@@ -102,8 +96,8 @@ def _detector(config: HandConfig) -> Any:
         ) from None
     return Hands(
         static_image_mode=True,
-        max_num_hands=config.max_hands,
-        min_detection_confidence=config.min_confidence,
+        max_num_hands=_MOST_HANDS,
+        min_detection_confidence=_LEAST_CONFIDENCE,
     )
 
 

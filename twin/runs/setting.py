@@ -22,8 +22,7 @@ _SHOWN = 30  # characters of a value in a message, which stays one line
 @dataclass(frozen=True)
 class Rule:
     """What a field declares. The bounds hold for a number, or for each number of a tuple; `above` and `below`
-    leave the bound out. unit: "" where there is none. infinite: whether a bound may be infinite. least:
-    fewest items of a tuple."""
+    leave the bound out. unit: "" where there is none. infinite: whether a bound may be infinite."""
 
     meaning: str = ""
     unit: str | None = None
@@ -32,7 +31,6 @@ class Rule:
     below: float | None = None
     at_most: float | None = None
     infinite: bool = False
-    least: int = 0
 
     @property
     def bounds(self) -> tuple[float, ...]:
@@ -145,10 +143,9 @@ def setting(
     below: float | None = None,
     at_most: float | None = None,
     infinite: bool = False,
-    least: int = 0,
 ) -> T:
     """A field of a settings class with its default; see `Rule` for the rest."""
-    rule = Rule(meaning, unit, above, at_least, below, at_most, infinite, least)
+    rule = Rule(meaning, unit, above, at_least, below, at_most, infinite)
     return field(default=default, metadata={_KEY: rule})
 
 
@@ -219,10 +216,6 @@ def _check_tuple(name: str, args: tuple[Any, ...], value: Any, rule: Rule) -> No
     endless = len(args) == 2 and args[1] is Ellipsis
     if not endless and len(value) != len(args):
         raise SettingError(name, f"must hold {len(args)} values, got {len(value)}")
-    if len(value) < rule.least:
-        raise SettingError(
-            name, f"must hold at least {rule.least} value{'s' * (rule.least > 1)}, got {len(value)}"
-        )
     for k, item in enumerate(value):
         _check(f"{name}[{k}]", args[0 if endless else k], item, rule)
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from recon.contact import hand_keypoints as hands
-from recon.contact.hand_keypoints import FINGERTIPS, KEYPOINTS, HandConfig, detect_hands
+from recon.contact.hand_keypoints import FINGERTIPS, KEYPOINTS, detect_hands
 from recon.recording import Intrinsics, Recording
-from twin.errors import ConfigError, MissingDependencyError
+from twin.errors import MissingDependencyError
 from twin.scene import HAND_LABEL
 
 CAMERA = Intrinsics(160, 120, 120.0, 120.0, 79.5, 59.5)
@@ -62,7 +62,7 @@ def hand_label() -> np.ndarray:
 
 
 def test_keypoints_are_lifted_by_depth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hands, "_detector", lambda _: SpotDetector(20))
+    monkeypatch.setattr(hands, "_detector", lambda: SpotDetector(20))
     found = detect_hands(spot_recording(), [6, 2])
     assert found.frames.tolist() == [2, 6]
     np.testing.assert_allclose(found.pixels, np.broadcast_to(SPOT, (2, KEYPOINTS, 2)), atol=1e-9)
@@ -73,7 +73,7 @@ def test_keypoints_are_lifted_by_depth(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_small_hands_are_found_in_a_cut_out_around_their_label(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        hands, "_detector", lambda _: SpotDetector(400)
+        hands, "_detector", lambda: SpotDetector(400)
     )  # 49 pixels are too few, magnified they do
     assert len(detect_hands(spot_recording(), [0])) == 0
     found = detect_hands(spot_recording(), [0], {0: hand_label()})
@@ -88,7 +88,7 @@ def test_a_surface_behind_the_hand_is_no_keypoint(monkeypatch: pytest.MonkeyPatc
     depth = np.full((120, 160), 0.8, np.float32)
     depth[:, 130:] = 2.0
     depth[75:, :] = 0.0
-    monkeypatch.setattr(hands, "_detector", lambda _: SpotDetector(20))
+    monkeypatch.setattr(hands, "_detector", lambda: SpotDetector(20))
     monkeypatch.setattr(hands, "_detect", lambda *_: [(pixels, 1.0)])
     color = np.zeros((120, 160, 3), np.uint8)
     recording = Recording("w", "memory", np.arange(10.0), CAMERA, lambda _: color, lambda _: depth, "0")
@@ -106,7 +106,7 @@ def test_a_fingertip_may_be_a_hands_length_from_its_middle_in_depth(
     pixels[FINGERTIPS[1]] += [40, 0]
     depth = np.full((120, 160), 0.8, np.float32)
     depth[:, 130:] += beyond
-    monkeypatch.setattr(hands, "_detector", lambda _: SpotDetector(20))
+    monkeypatch.setattr(hands, "_detector", lambda: SpotDetector(20))
     monkeypatch.setattr(hands, "_detect", lambda *_: [(pixels, 1.0)])
     recording = replace(spot_recording(), read_depth=lambda _: depth)
     points = detect_hands(recording, [0]).points_cam[0]
@@ -118,13 +118,6 @@ def test_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "mediapipe", None)
     with pytest.raises(MissingDependencyError, match=r"install the package mediapipe==.*extra `hands`"):
         detect_hands(spot_recording(), [0])
-
-
-def test_settings_are_checked() -> None:
-    with pytest.raises(ConfigError, match="min_confidence"):
-        HandConfig(min_confidence=1.5)
-    with pytest.raises(ConfigError, match="max_hands"):
-        HandConfig(max_hands=0)
 
 
 def video(path: Path) -> Recording:
