@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -100,13 +101,15 @@ def integrate(
 
     noise (2,): curve of depth noise (`recon.dense.depth.pixel_sigma`).
     """
+    views = [
+        _View(o.depth, o.own, o.cosine, o.camera.vector, np.ascontiguousarray(o.T_cam_body)) for o in seen
+    ]
 
     def some(blocks: slice) -> None:
-        for o in seen:
+        for view in views:
             _integrate(
                 field.origin, field.voxel, field.blocks[blocks], field.distance[blocks], field.weight[blocks],
-                o.depth, o.own, o.cosine, o.camera.vector, np.ascontiguousarray(o.T_cam_body),
-                truncation, carve_weight, noise,
+                view, truncation, carve_weight, noise,
             )  # fmt: skip
 
     starts = range(0, len(field.blocks), _CHUNK)
@@ -114,22 +117,22 @@ def integrate(
         pass
 
 
+class _View(NamedTuple):
+    """An `Observation` as the compiled code takes it."""
+
+    depth: F32
+    own: NDArray[np.bool_]
+    cosine: F32
+    camera: Array
+    T: Array
+
+
 @numba.njit(cache=True, nogil=True)
 def _integrate(
-    origin: Array,
-    voxel: float,
-    blocks: NDArray[np.int32],
-    distance: F32,
-    weight: F32,
-    depth: F32,
-    own: NDArray[np.bool_],
-    cosine: F32,
-    camera: Array,
-    T: Array,
-    truncation: float,
-    carve_weight: float,
-    noise: F32,
-) -> None:
+    origin: Array, voxel: float, blocks: NDArray[np.int32], distance: F32, weight: F32, view: _View,
+    truncation: float, carve_weight: float, noise: F32,
+) -> None:  # fmt: skip
+    depth, own, cosine, camera, T = view
     h, w = depth.shape
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
     half, radius = 0.5 * BLOCK * voxel, BLOCK * voxel * 0.87  # of a block: half its side, and its diagonal

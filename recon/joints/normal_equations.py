@@ -17,9 +17,10 @@ from twin.geometry import Array
 
 
 @njit(cache=True, nogil=True)
-def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, angle, c, s, out):  # type: ignore[no-untyped-def]
+def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, turn, out):  # type: ignore[no-untyped-def]
     """Columns of dz of track k in frame t: the two tilts, the two shifts (revolute), the state; out (3, 5).
-    c, s: cosine and sine of minus the angle."""
+    turn: the angle, cosine and sine of minus the angle."""
+    angle, c, s = turn
     if not revolute:
         for b in range(2):
             u0, u1, u2 = basis[0, b], basis[1, b], basis[2, b]
@@ -78,7 +79,8 @@ def _assemble(points, z, weight, landmarks, revolute, axis, basis, pivot, state)
             if w <= 0.0:
                 continue
             first, last = min(first, t), t
-            _jacobian(points, z, k, t, revolute, axis, basis, pivot, state[t], cosine[t], sine[t], jac)
+            turn = state[t], cosine[t], sine[t]
+            _jacobian(points, z, k, t, revolute, axis, basis, pivot, turn, jac)
             total += w
             for i in range(3):
                 r = z[k, t, i] - landmarks[k, i]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -13,6 +13,41 @@ from recon.dense.depth import F32, pixel_sigma
 ENOUGH = 2.0  # supporting references; more make nothing surer
 # Cosines between normal and ray: below the first seen edge-on, above the second well; by us.
 _EDGE_ON, _FACING = np.float32(0.15), np.float32(0.35)
+
+
+class Pixels(NamedTuple):
+    """A frame whose pixels are compared: depth (h, w) m, color (h, w, 3), normals (h, w, 3), 0 where unknown,
+    the pixels wanted (h, w), camera (fx, fy, cx, cy)."""
+
+    depth: F32
+    color: F32
+    normals: F32
+    wanted: NDArray[np.bool_]
+    camera: F32
+
+
+class Others(NamedTuple):
+    """What it is compared with: moves (R, 3, 4) from its camera to those of the references, whose NaN rows
+    are skipped, their depth (R, h, w), color (R, h, w, 3) and the range of their depth (`depth_range`); those
+    without can_support (R,) may only violate; side (R,) is -1 for those that show the part at a clearly lower
+    state, 1 at a higher one, else 0."""
+
+    moves: F32
+    depth: F32
+    color: F32
+    range: tuple[F32, F32]
+    can_support: NDArray[np.bool_]
+    side: NDArray[np.int8]
+
+
+class Errors(NamedTuple):
+    """color: of colours. slack: m, of depth by errors of poses. noise (2,): for `pixel_sigma`. spread: seen
+    through is so many times as far behind."""
+
+    color: float
+    slack: float
+    noise: F32
+    spread: float
 
 
 @numba.njit(cache=True, nogil=True)
@@ -103,12 +138,13 @@ def depth_range(depth: F32) -> tuple[F32, F32]:
 
 @numba.njit(cache=True, inline="always")
 def _agreement(
-    ref_depth: F32, ref_color: F32, r: int, ui: Any, vi: Any, qz: float, color: F32, y: int, x: int,
+    ref_depth: F32, ref_color: F32, r: int, ui: Any, vi: Any, qz: float, tint: tuple[Any, Any, Any],
     inv_var: float, inv_color: np.float32,
 ) -> Any:  # fmt: skip
-    """How well the best of 3x3 pixels of reference r agrees with depth qz and pixel (x, y)'s colour, 0..1."""
+    """How well the best of 3x3 pixels of reference frame r agrees with a point of depth qz and a colour,
+    0..1."""
     one, none = np.float32(1.0), np.float32(np.inf)
-    c0, c1, c2 = color[y, x, 0], color[y, x, 1], color[y, x, 2]
+    c0, c1, c2 = tint
     least = none  # the inverse of the agreement
     for b in range(vi - 1, vi + 2):
         for a in range(ui - 1, ui + 2):
@@ -148,38 +184,17 @@ def _seen_through(t: float, move: F32, points: F32, i: int, normal: F32) -> Any:
     error_model="numpy",  # what lands in the plane of a camera is infinitely far aside, and no error
     fastmath={"nsz", "arcp", "contract", "afn", "reassoc"},
 )
-def compare(
-    depth: F32,
-    color: F32,
-    normals: F32,
-    wanted: NDArray[np.bool_],
-    camera: F32,
-    moves: F32,
-    ref_depth: F32,
-    ref_color: F32,
-    ref_range: tuple[F32, F32],
-    can_support: NDArray[np.bool_],
-    side: NDArray[np.int8],
-    color_sigma: float,
-    slack: float,
-    noise: F32,
-    spread: float,
-    out: F32,
-) -> None:
+def compare(seen: Pixels, others: Others, errors: Errors, out: F32) -> None:
     """Sum over reference frames how far each supports and violates one rigid motion at each pixel.
 
     A pixel's point is moved into a reference camera. A reading that agrees in depth supports (by likeness of
     colour, best of 3x3); readings behind in all of 3x3 violate, as the point would have hidden them, less so
-    seen edge-on (`_seen_through`); those in front say nothing.
-
-    The frame has `depth` (h, w) m and `normals` (h, w, 3), 0 where unknown, `color` (h, w, 3), a `camera`
-    (fx, fy, cx, cy) and pixels `wanted` (h, w). The references have `ref_depth` (R, h, w),
-    `ref_color` (R, h, w, 3) and the `ref_range` of their depth (`depth_range`); `moves` (R, 3, 4) takes the
-    frame's camera to theirs, NaN rows are skipped; those without `can_support` (R,) may only violate; `side`
-    (R,) is -1 for those that show the part at a clearly lower state, 1 at a higher one, else 0. `slack` (m)
-    is the depth error of poses, `noise` (2,) for `pixel_sigma`; seen through is `spread` times as far behind.
-    `out` (4, h, w) takes weights: support (once `ENOUGH`, by a side only), violation, lower's, higher's.
+    seen edge-on (`_seen_through`); those in front say nothing. `out` (4, h, w) takes weights: support (once
+    `ENOUGH`, by a side only), violation, lower's, higher's.
     """
+    depth, color, normals, wanted, camera = seen
+    moves, ref_depth, ref_color, ref_range, can_support, side = others
+    color_sigma, slack, noise, spread = errors
     h, w = depth.shape
     one, (near, far), narrow = np.float32(1.0), ref_range, np.float32(1.0 / spread)
     inv_color = one / np.float32(color_sigma * color_sigma)
@@ -200,7 +215,8 @@ def compare(
                 apart = max(nearest, qz - far[r, vi, ui])  # where positive, no reading is nearer to the point
                 asked = side[r] != 0 or (can_support[r] and out[0, y, x] < ENOUGH)
                 if asked and (apart <= 0 or apart * apart * inv_var < 9):
-                    best = _agreement(ref_depth, ref_color, r, ui, vi, qz, color, y, x, inv_var, inv_color)
+                    tint = color[y, x, 0], color[y, x, 1], color[y, x, 2]
+                    best = _agreement(ref_depth, ref_color, r, ui, vi, qz, tint, inv_var, inv_color)
                     if can_support[r]:
                         out[0, y, x] += best
                     if side[r] != 0:

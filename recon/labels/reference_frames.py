@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recon.dense.depth import F32, depth_normals, in_mid_air, look_up
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
-from recon.labels.evidence import compare, depth_range, median_depth
+from recon.labels.evidence import Errors, Others, Pixels, compare, depth_range, median_depth
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
@@ -144,22 +144,18 @@ def gather(
     out = np.zeros((4, *seen.depth.shape), np.float32)
     none = np.zeros(len(refs.frames), np.int8)
     everywhere = np.ones(seen.depth.shape, bool) if wanted is None else wanted
+    normals = _normals(seen.depth, camera) if seen.normals is None else seen.normals
     compare(
-        seen.depth,
-        seen.color,
-        _normals(seen.depth, camera) if seen.normals is None else seen.normals,
-        everywhere,
-        camera.vector.astype(np.float32),
-        moves.astype(np.float32),
-        refs.depth,
-        refs.color,
-        refs.depth_range,
-        refs.trusted,
-        none if side is None else side,
-        COLOR_SIGMAS * refs.color_sigma,
-        slack,
-        noise.curve,
-        noise.of_mean(_ASKED),
+        Pixels(seen.depth, seen.color, normals, everywhere, camera.vector.astype(np.float32)),
+        Others(
+            moves.astype(np.float32),
+            refs.depth,
+            refs.color,
+            refs.depth_range,
+            refs.trusted,
+            none if side is None else side,
+        ),
+        Errors(COLOR_SIGMAS * refs.color_sigma, slack, noise.curve, noise.of_mean(_ASKED)),
         out,
     )
     return out

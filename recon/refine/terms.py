@@ -101,19 +101,20 @@ def _of_hinge(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array, A
     assert isinstance(joint, Revolute)
     basis = np.ascontiguousarray(geo.orthogonal_basis(joint.axis)[:, :2].T)
     back = geo.exp_so3(-joint.axis * state[:, None])
-    value, jac, y = np.empty(len(terms.term)), np.empty((len(terms.term), 5)), np.empty((len(terms.term), 3))
-    _hinge(
-        terms.term, terms.frame, terms.q, terms.normals, joint.axis, joint.pivot, basis, back, value, jac, y
+    value, jac, y = _hinge(
+        terms.term, terms.frame, terms.q, terms.normals, joint.axis, joint.pivot, basis, back
     )
-    return value, jac, y
+    return np.asarray(value), np.asarray(jac), np.asarray(y)
 
 
 @njit(cache=True, nogil=True)
-def _hinge(term, frame, q, normals, axis, pivot, basis, back, value, jac, y):  # type: ignore[no-untyped-def]
-    """`value` (n,), `jac` (n, 5) and `y` (n, 3) for the rotations `back` (frames, 3, 3) of -s about the axis.
+def _hinge(term, frame, q, normals, axis, pivot, basis, back):  # type: ignore[no-untyped-def]
+    """Values (n,), derivatives (n, 5) and points in the part frame (n, 3); back: the rotations (frames, 3, 3)
+    of -s about the axis.
 
     With r = R (q - p) a tilt by b changes y by b x r - R (b x (q - p)), and n.(b x r) = b.(r x n).
     """
+    value, jac, y = np.empty(len(term)), np.empty((len(term), 5)), np.empty((len(term), 3))
     m, v, r = np.empty(3), np.empty(3), np.empty(3)
     for o in range(len(term)):
         n, turn = normals[term[o]], back[frame[o]]
@@ -134,6 +135,7 @@ def _hinge(term, frame, q, normals, axis, pivot, basis, back, value, jac, y):  #
                 jac[o, i] += basis[i, k] * (turned - still)
                 jac[o, 2 + i] += basis[i, k] * (n[k] - m[k])
             jac[o, 4] -= axis[k] * turned
+    return value, jac, y
 
 
 def _of_slide(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array, Array]:

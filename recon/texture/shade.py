@@ -8,6 +8,7 @@ that of the few that see the point best, so that it stays sharp.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -47,13 +48,12 @@ def shade(
     """Colours of points (n, 3) m with unit normals (n, 3) on a body at state 0; gains (G, K, 3) multiply each
     photograph's colours, each `group` (n,) of points having its own."""
 
+    bands = _bands(photos)
+
     def some(start: int) -> tuple[F32, NDArray[np.uint8]]:
         part = slice(start, start + _AT_ONCE)
         own = np.require(points[part], requirements=["C", "W"])  # _shade is compiled for one layout of memory
-        return _shade(
-            own, normals[part], photos.color, photos.depth, photos.trust, photos.low, photos.T_cam_body,
-            photos.camera.vector, gains, group[part], noise.base, noise.slope,
-        )  # fmt: skip
+        return _shade(own, normals[part], photos.color, bands, gains, group[part], noise.base, noise.slope)
 
     made = list(each(some, range(0, len(points), _AT_ONCE)))
     if not made:
@@ -63,10 +63,21 @@ def shade(
 
 def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tuple[Array, Array]:
     """What is shown of points (n, 3) m without detail: colours (n, K, 3), weights (n, K), 0 if unseen."""
-    return _lows(
-        points, normals, photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector, noise.base,
-        noise.slope,
-    )  # fmt: skip
+    return _lows(points, normals, _bands(photos), noise.base, noise.slope)
+
+
+class _Bands(NamedTuple):
+    """`Photos` without their detail, as the compiled code takes them."""
+
+    depth: F32
+    trust: F32
+    low: F32
+    T: Array
+    camera: Array
+
+
+def _bands(photos: Photos) -> _Bands:
+    return _Bands(photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -172,16 +183,9 @@ def _weighted_median(values: Array, weights: Array, count: int) -> float:  # pra
 
 @numba.njit(cache=True, nogil=True)
 def _lows(
-    points: Array,
-    normals: Array,
-    depth: F32,
-    trust: F32,
-    low: F32,
-    T: Array,
-    camera: Array,
-    base: float,
-    slope: float,
+    points: Array, normals: Array, bands: _Bands, base: float, slope: float
 ) -> tuple[Array, Array]:  # pragma: no cover - compiled
+    depth, trust, low, T, camera = bands
     n, count = len(points), len(T)
     colors, weights = np.zeros((n, count, 3)), np.zeros((n, count))
     for p in range(n):
@@ -195,9 +199,10 @@ def _lows(
 
 @numba.njit(cache=True, nogil=True)
 def _shade(
-    points: Array, normals: Array, color: NDArray[np.uint8], depth: F32, trust: F32, low: F32, T: Array, camera: Array,
+    points: Array, normals: Array, color: NDArray[np.uint8], bands: _Bands,
     gains: Array, group: NDArray[np.int64], base: float, slope: float,
 ) -> tuple[F32, NDArray[np.uint8]]:  # pragma: no cover - compiled  # fmt: skip
+    depth, trust, low, T, camera = bands
     n, count = len(points), len(T)
     out, views = np.zeros((n, 3), np.float32), np.zeros(n, np.uint8)
     at, weight, bright = np.empty((count, 2)), np.empty(count), np.empty(count)

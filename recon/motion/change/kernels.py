@@ -50,7 +50,7 @@ def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ign
 
 
 @njit(cache=True, nogil=True)
-def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, lens, gates):  # type: ignore[no-untyped-def]
     """How well points (n, 3), moved by a pose (4, 4), agree with a depth image (h, w): the share that agrees,
     0..1 each, and the share that the camera sees through.
 
@@ -58,9 +58,12 @@ def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, 
     always been there; unless that may be the surface `itself`, as of a panel that slides in its own plane.
     Hidden points and those out of view say nothing either. Where it could not be seen at the surface's rest
     (BARED), something else may have been there all the time: then it counts a quarter, and a like colour
-    only. tint (n, 3), colour (h, w, 3): Lab, 8 bits.
+    only. tint (n, 3), colour (h, w, 3): Lab, 8 bits. lens: fx, fy, cx, cy. gates: depths that differ by less
+    than the first + the second z^2 m agree.
     """
     h, w = depth.shape
+    fx, fy, cx, cy = lens
+    least, slope = gates
     m = np.zeros((3, 4))
     for a in range(3):
         for b in range(4):
@@ -105,26 +108,13 @@ def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, fx, 
 
 
 @njit(cache=True, nogil=True)
-def agreements(points, tint, T_cam_world, poses, depth, colour, new, itself, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+def agreements(points, tint, T_cam_world, poses, depth, colour, new, itself, lens, gates):  # type: ignore[no-untyped-def]
     """`_agreement` of points (n, 3) with depth images (T, h, w) at poses (T, Q, 4, 4): two arrays (T, Q)."""
     good, through = np.zeros(poses.shape[:2]), np.zeros(poses.shape[:2])
     for t in range(len(depth)):
         for q in range(poses.shape[1]):
             good[t, q], through[t, q] = _agreement(
-                points,
-                tint,
-                T_cam_world[t],
-                poses[t, q],
-                depth[t],
-                colour[t],
-                new[t],
-                itself,
-                fx,
-                fy,
-                cx,
-                cy,
-                least,
-                slope,
+                points, tint, T_cam_world[t], poses[t, q], depth[t], colour[t], new[t], itself, lens, gates
             )
     return good, through
 

@@ -76,7 +76,7 @@ class Surface:
         """Agreement less twice what is seen through (rows, n), as shares, at poses (rows, n, 4, 4)."""
         T_cam_world, depth, colour, new = self._compared if rows is self.rows else self._pictures(rows)
         good, through = agreements(
-            self.points, self.tint, T_cam_world, np.ascontiguousarray(poses), depth, colour, new, self.panel, *self.depths.lens, *self._gate
+            self.points, self.tint, T_cam_world, np.ascontiguousarray(poses), depth, colour, new, self.panel, self.depths.lens, self._gate
         )  # fmt: skip
         return np.asarray(good - _THROUGH * through)
 

@@ -13,7 +13,7 @@ from recon.dense.depth import F32
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.dense.voxels import in_hull_of
 from recon.labels.enclosed import with_box
-from recon.labels.evidence import compare, depth_range
+from recon.labels.evidence import Errors, Others, Pixels, compare, depth_range
 from recon.labels.hand_pieces import Rests, drop_crumbs
 from recon.labels.pooling import VoxelPool
 from recon.labels.reference_frames import View, as_references, gather
@@ -164,9 +164,14 @@ def test_what_is_seen_edge_on_is_hardly_seen_through(cosine: float | None, weigh
     color, walls = np.zeros((*shape, 3), np.float32), np.full(shape, 1.2, np.float32)
     out = np.zeros((4, *shape), np.float32)
     compare(
-        np.ones(shape, np.float32), color, normals, np.ones(shape, bool), np.array([500, 500, 4, 4], np.float32),
-        np.eye(4, dtype=np.float32)[None, :3], walls[None], color[None], tuple(d[None] for d in depth_range(walls)),
-        np.array([True]), np.array([1], np.int8), 5.0, 0.003, GOOD_SENSOR.curve, 1.0, out,
+        Pixels(
+            np.ones(shape, np.float32), color, normals, np.ones(shape, bool), np.array([500, 500, 4, 4], np.float32)
+        ),
+        Others(
+            np.eye(4, dtype=np.float32)[None, :3], walls[None], color[None], tuple(d[None] for d in depth_range(walls)),
+            np.array([True]), np.array([1], np.int8),
+        ),
+        Errors(5.0, 0.003, GOOD_SENSOR.curve, 1.0), out,
     )  # fmt: skip
     assert out[1, 4, 4] == pytest.approx(weight, abs=0.01)
 

@@ -16,7 +16,7 @@ from recon.dense.noise import GOOD_SENSOR
 from recon.dense.voxels import distinct, in_hull_of, largest_piece, near_piece, solid_core
 from recon.evaluation.truth import Truth, load_truth
 from recon.labels.crf import agree, geodesic, upsample_labels
-from recon.labels.evidence import compare, depth_range, median_depth
+from recon.labels.evidence import Errors, Others, Pixels, compare, depth_range, median_depth
 from recon.labels.label_frames import LabelConfig, _score, _warn_of_ends, label_frames
 from recon.labels.reference_frames import View, find_references
 from recon.labels.spreading import spread_along_surfaces
@@ -185,21 +185,22 @@ def compared(wall: float, move: Array) -> NDArray[np.float32]:
     walls = np.full(shape, wall, np.float32)
     near, far = depth_range(walls)
     compare(
-        np.full(shape, 1.0, np.float32),
-        color,
-        np.zeros((*shape, 3), np.float32),
-        np.ones(shape, bool),
-        np.array([10, 10, 4, 4], np.float32),
-        move.astype(np.float32)[None, :3],
-        walls[None],
-        color[None],
-        (near[None], far[None]),
-        np.array([True]),
-        np.array([1], np.int8),
-        5.0,
-        0.003,
-        GOOD_SENSOR.curve,
-        1.0,
+        Pixels(
+            np.full(shape, 1.0, np.float32),
+            color,
+            np.zeros((*shape, 3), np.float32),
+            np.ones(shape, bool),
+            np.array([10, 10, 4, 4], np.float32),
+        ),
+        Others(
+            move.astype(np.float32)[None, :3],
+            walls[None],
+            color[None],
+            (near[None], far[None]),
+            np.array([True]),
+            np.array([1], np.int8),
+        ),
+        Errors(5.0, 0.003, GOOD_SENSOR.curve, 1.0),
         out,
     )
     return out
