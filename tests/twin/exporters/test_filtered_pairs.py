@@ -100,13 +100,13 @@ def test_what_gives_way_in_urdf_is_told_and_keeps_clear(tmp_path: Path) -> None:
 
 
 def test_a_dial_that_only_touches_what_its_source_excludes_turns_in_urdf(tmp_path: Path) -> None:
-    """Metaworld's dial: its cylinder stands on the table without any depth, and friction would stop it."""
+    """Metaworld's dial: its cylinder stands on the table, and friction would stop it."""
     path = tmp_path / "dial.xml"
     path.write_text(
         """<mujoco><compiler angle="radian"/><default><geom contype="0" conaffinity="1"/></default><worldbody>
         <body name="table"><geom type="box" size=".3 .3 .1" pos="0 0 -.1"/></body>
         <body name="knob"><joint name="turn" axis="0 0 1" range="-3 3"/>
-          <geom type="cylinder" size=".05 .018" pos="0 0 .018"/></body></worldbody></mujoco>"""
+          <geom type="cylinder" size=".05 .018" pos="0 0 .01799"/></body></worldbody></mujoco>"""
     )
     files = tw.export(tw.from_mjcf(path), tmp_path / "out", ["urdf", "mjcf"])
     assert [w for w in files.warnings if "overlap" in w] == []
