@@ -65,7 +65,8 @@ def page(rows: Sequence[Mapping[str, Any]], told: Mapping[str, Any], commit: str
     for row in rows:
         verdict, because = verdicts[row["name"]]
         why = f": {because}" if because else ""
-        lines += ["", f"## {row['name']}", "", f"**{verdict}**{why} (result `{result_of(row)}`)", ""]
+        made = f", made at {row['commit']}" if row.get("commit", commit) != commit else ""
+        lines += ["", f"## {row['name']}", "", f"**{verdict}**{why} (result `{result_of(row)}`{made})", ""]
         lines += [f"- {step}: {line}" for step, line in row["steps"].items()]
     whole = all(verdict in ("right", "refused") for verdict, _ in verdicts.values())
     return "\n".join(lines) + "\n", whole
