@@ -1,0 +1,80 @@
+"""What a run does that finds an earlier one, whole or cut short, in its folder: a small clip is enough."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.makers.recon import tiny
+from tests.makers.runs import STAGES, computed, reconstruct, twin_bytes
+from twin.runs.threads import threads
+from twin.storage import load
+
+UP = ("--up", "0,-1,-0.07")  # of the first picture: the clip is too small to tell
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A door is opened."""
+    return tiny.write_recording(tmp_path_factory.mktemp("again") / "clip", frames=36, scale=3, pattern=47.0)
+
+
+@pytest.fixture(scope="module")
+def finished(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("again") / "run"
+    assert reconstruct(recording, folder, *UP) == 0
+    assert [p.joint.kind for p in load(folder).parts] == ["revolute"]
+    return folder
+
+
+@pytest.fixture
+def run(finished: Path, tmp_path: Path) -> Path:
+    """A copy of the finished run that a test may change."""
+    shutil.copytree(finished, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_a_second_run_computes_nothing_and_changes_nothing(recording: Path, run: Path) -> None:
+    before = twin_bytes(run)
+    assert reconstruct(recording, run, *UP) == 0
+    assert computed(run) == {}
+    assert twin_bytes(run) == before
+
+
+def test_the_config_that_a_run_wrote_repeats_it(recording: Path, run: Path, tmp_path: Path) -> None:
+    """Every stage has the key that it had, so that nothing is computed."""
+    before, config = twin_bytes(run), tmp_path / "config.toml"
+    shutil.move(run / "config.toml", config)
+    assert reconstruct(recording, run, *UP, "--config", str(config)) == 0
+    assert computed(run) == {}
+    assert twin_bytes(run) == before
+    assert (run / "config.toml").read_bytes() == config.read_bytes()
+
+
+def test_an_interrupted_run_ends_with_the_same_bytes(
+    recording: Path, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a killed process leaves: the first stages, and half of another in a temporary folder. The number
+    of threads is another."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "2" if threads() == 1 else "1")
+    resumed = tmp_path / "run"
+    for stage in sorted((finished / "stages").glob("[0-9]*"))[:7]:
+        shutil.copytree(stage, resumed / "stages" / stage.name)
+    half = resumed / "stages" / ".08_labels.tmp"
+    half.mkdir()
+    (half / "arrays.npz").write_bytes(b"PK")
+    assert reconstruct(recording, resumed, *UP) == 0
+    assert list(computed(resumed)) == STAGES[7:]
+    assert twin_bytes(resumed) == twin_bytes(finished)
+
+
+def test_a_changed_setting_recomputes_what_depends_on_it(recording: Path, run: Path) -> None:
+    from recon.config import ReconConfig
+
+    gap = ReconConfig().closed_end.gap
+    assert reconstruct(recording, run, *UP, "--set", f"closed_end.gap={gap * 1.01}") == 0
+    reasons = computed(run)
+    assert list(reasons) == ["contact", "texture", "verdict", "handle"]
+    assert f"gap changed from {gap}" in reasons["contact"]
