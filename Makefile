@@ -22,7 +22,7 @@ demo: install ## reconstruct the shipped recording, export it, let a robot open 
 	$(VENV)/bin/twin demo
 
 test: install ## run the tests
-	OMP_NUM_THREADS=1 $(VENV)/bin/pytest -n 2 --dist loadfile --no-loadscope-reorder
+	OMP_NUM_THREADS=1 $(VENV)/bin/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=50 --durations-min=1
 
 mutants: install ## plant faults one at a time and write which of them the tests notice (hours; stop it and go on at will)
 	$(VENV)/bin/python -m benchmarks.mutants run

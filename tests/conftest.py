@@ -17,6 +17,27 @@ pytest.register_assert_rewrite(
 )  # or a failed assertion there would not tell its numbers
 
 
+# Files that take longest, by the durations that `make test` ends with: they start first, one worker has each.
+LONGEST = (
+    "tests/test_chain.py",
+    "tests/test_chain_again.py",
+    "tests/recon/motion/test_motion.py",
+    "tests/test_documents.py",
+    "tests/robots/planning/test_tasks.py",
+    "tests/twin/collision/test_closed_pieces.py",
+    "tests/twin/collision/test_collision.py",
+    "tests/twin/completion/test_completion.py",
+    "tests/recon/simulate/test_simulate.py",
+    "tests/benchmarks/test_mutants.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first, all others in their order."""
+    place = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.nodeid.partition("::")[0], len(place)))
+
+
 @pytest.fixture(scope="session")
 def funtwin_data() -> Path:
     """Folder with recordings, real tracks and forces, named by $FUNTWIN_DATA; skips when it is not there."""

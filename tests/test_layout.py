@@ -14,6 +14,8 @@ from types import ModuleType
 
 import pytest
 
+from tests.conftest import LONGEST
+
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [p for folder in (".", "docs", "benchmarks") for p in sorted((ROOT / folder).glob("*.md"))]
@@ -129,6 +131,10 @@ def test_a_dead_link_of_the_built_site_is_found(tmp_path: Path) -> None:
         "index.html: gone.html leads nowhere",
         "index.html: p.png leads nowhere",
     ]
+
+
+def test_the_files_that_start_first_exist() -> None:
+    assert [name for name in LONGEST if not (ROOT / name).is_file()] == []
 
 
 def test_the_table_of_stages_is_the_pipeline() -> None:

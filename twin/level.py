@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -194,7 +195,8 @@ def _refined(those: Sequence[Witness], up: Array) -> Array:
     return np.asarray(least if least @ up > 0 else -least)
 
 
-def large_planes(mesh: Mesh) -> list[Plane]:
+@lru_cache(maxsize=4)  # one command asks several times: when parts get physics, on export, in a check
+def large_planes(mesh: Mesh) -> tuple[Plane, ...]:
     """Large planes of a mesh, largest first, those that are parallel and beside each other once.
 
     Each is the best of some guesses (RANSAC, Fischler and Bolles 1981): least-squares planes of a free
@@ -224,7 +226,7 @@ def large_planes(mesh: Mesh) -> list[Plane]:
             kept.append(Plane(normal, centre, int(own.sum()) * mesh.area / _SAMPLES))
         rest = ~_on(points, normals, best, 2 * _OFF)
         points, normals = points[rest], normals[rest]
-    return sorted(kept, key=lambda p: -p.area)
+    return tuple(sorted(kept, key=lambda p: -p.area))
 
 
 def _neighbours(points: Array, normals: Array, rng: np.random.Generator) -> Iterator[Array]:

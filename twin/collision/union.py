@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -25,6 +26,7 @@ class Union:
     share: float
 
 
+@lru_cache(maxsize=8)  # mass, and what is said of overlaps on export, ask for the same
 def united(mesh: Mesh) -> Union | None:
     """The union of the closed bodies of a mesh (Manifold's exact-topology booleans); None with fewer than
     two, or where one passes through itself. Of large meshes, the union of bodies of fewer faces."""
