@@ -88,9 +88,7 @@ BEFORE = {
 }
 FIRST = {"twin export out/chest": "twin import assets/scenes/chest.xml -o out/chest"}  # as the page has it
 SMALLER = {"trials=100": "trials=1", "--trials 100": "--trials 1"}
-LESS_WORK = {
-    "twin simulate": "--set width=64 --set height=48 --set frames=60 --set samples=1 --set room=false"
-}
+LESS_WORK = {"twin simulate": "--set width=64 --set height=48 --set frames=60 --set samples=1"}
 
 
 def blocks(page: str) -> list[tuple[str, str]]:
