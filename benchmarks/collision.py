@@ -35,7 +35,7 @@ from twin.collision import (
     CollisionConfig,
     cover,
     decimated,
-    part_shapes,
+    make_part,
     surface_hulls,
     with_collision,
 )
@@ -82,7 +82,7 @@ def timed(make: Callable[[], list[Collision]]) -> tuple[list[Collision], float, 
 
 
 def timed_shapes(mesh: Mesh) -> tuple[list[Collision], float, float]:
-    return timed(lambda: part_shapes(mesh, CONFIG))
+    return timed(lambda: list(make_part(mesh, CONFIG).shapes))
 
 
 def true_meshes(truth: Truth) -> list[Measured]:

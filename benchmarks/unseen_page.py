@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
+from typing import get_args
 
 from scipy.stats import binomtest
+
+from recon.evaluation.outcome import Cause
 
 HEAD = """# Recordings that nobody has looked at
 
@@ -25,7 +28,7 @@ EXACT = (
     "axis within 1 / 2 σ", "pivot within 1 / 2 σ", "states within 1 / 2 σ",
 )  # fmt: skip
 GROUPS = ("ordinary", "hard", "negative")
-CAUSES = ("cameras", "missed", "type", "axis", "path", "labels")
+CAUSES = get_args(Cause)
 
 
 def write_row(page: Path, commit: str, baseline: str | None, clips: int, counts: Mapping[str, int]) -> None:

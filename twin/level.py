@@ -41,9 +41,6 @@ _SAME = 0.05  # m between parallel planes that count once, the two sides of a bo
 _PARALLEL = math.cos(math.radians(3.0))  # of their normals
 _APART = math.sin(math.radians(20.0))  # of two witnesses whose cross product is a direction; chosen by us
 _SHARED = 0.1  # of a condition; chosen by us: two that are less than 26 degrees apart are taken for the same
-_SIDE = geo.unit(
-    np.array([0.3, 0.5, 0.8])
-)  # askew to a room: the two faces of a board look to different sides of it
 UP = np.array([0.0, 0.0, 1.0])  # of every twin
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recon.recording import Intrinsics
+from twin import geometry as geo
 from twin.geometry import Array
 
 F32 = NDArray[np.float32]
@@ -17,6 +18,8 @@ F32 = NDArray[np.float32]
 # Axial noise of structured-light sensors, Nguyen, Izadi and Lovell 2012 (there 1.2 mm + 1.9 mm (z - 0.4)^2
 # for a Kinect at small angles); widened by us to cover grazing angles and time-of-flight sensors.
 DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M = 0.002, 0.003, 0.4
+# m, chosen by us: what drift of the cameras leaves between what two frames saw of one surface
+_MARGIN = 0.03
 MAX_STEP = 0.02  # chosen by us: neighbours further apart than 2 % of their depth lie on two surfaces
 
 
@@ -80,6 +83,24 @@ def look_up(
     inside = ahead & (at >= 0).all(axis=1) & (at[:, 0] < camera.width) & (at[:, 1] < camera.height)
     x, y = np.where(inside, at.T, 0)
     return Readings(inside, x, y, np.where(inside, depth[y, x], 0.0))
+
+
+def in_front(depth: Array, seen: Array, camera: Intrinsics, T_seen_depth: Array) -> NDArray[np.bool_]:
+    """Mask (h, w) of the pixels of a depth image m that float in front of what another one, `seen` (h, w) m,
+    shows behind them, by the pose of the camera of the one in the other.
+
+    By less than `_MARGIN` and four standard deviations of depth is noise, or drift of the cameras.
+    """
+    nearest = cv2.erode(seen, np.ones((3, 3)))  # 0 where a neighbour is unknown
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+    points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth).reshape(-1, 3)
+    p = geo.transform(T_seen_depth, points)
+    inside, _, _, surface = look_up(np.asarray(nearest), camera, p)
+    mask = inside & (depth.ravel() > 0) & (surface - p[:, 2] > _MARGIN + 4.0 * depth_sigma(surface))
+    opened = cv2.morphologyEx(
+        mask.reshape(depth.shape).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
+    return np.asarray(opened, dtype=bool)
 
 
 def depth_normals(depth: NDArray[np.float32], camera: Intrinsics, max_depth: float) -> Array:

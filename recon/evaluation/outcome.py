@@ -20,7 +20,6 @@ from twin.geometry import Array, line_angle, rotate
 from twin.scene import Part, Twin
 
 Cause = Literal["cameras", "missed", "type", "axis", "path", "labels"]
-CAUSES: tuple[Cause, ...] = ("cameras", "missed", "type", "axis", "path", "labels")
 # What takes a path aside: closed and open end exchanged, the cameras, the hinge's place, or else the states
 Aside = Literal["closed end", "cameras", "hinge", "states"]
 

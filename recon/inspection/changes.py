@@ -11,18 +11,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.depth import depth_sigma, look_up
+from recon.dense.depth import in_front
 from recon.inspection.glance import Stretch
 from recon.recording import Intrinsics
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Trajectory
 
-F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 _WIDTH = 160  # px, of the depth that is compared
-_MARGIN = 0.03  # m, and four standard deviations of depth: in front by less is noise, or drift of the cameras
 _REFERENCES = 8  # frames, spread over the stretch, that every frame is held against
 _BAND = 3  # px: the picture's border, where sensors give less depth
 _ARM_M = (0.02, 0.30)  # m: from a thin wrist to a padded sleeve seen aslant
@@ -44,18 +42,8 @@ class Depths:
         there, here = self.cameras.pose(of), self.cameras.pose(frame)
         if there is None or here is None:
             return None
-        z = self.depth[frame]
-        seen = self.depth[of]
-        nearest = cv2.erode(seen, np.ones((3, 3)))  # 0 where a neighbour is unknown
-        v, u = np.mgrid[0 : self.camera.height, 0 : self.camera.width]
-        points = self.camera.backproject(np.stack([u, v], axis=-1).astype(float), z).reshape(-1, 3)
-        p = geo.transform(geo.invert_pose(there) @ here, points)
-        found = look_up(np.asarray(nearest), self.camera, p)
-        mask = found.inside & (z.ravel() > 0) & (found.z - p[:, 2] > _MARGIN + 4.0 * depth_sigma(found.z))
-        clean = cv2.morphologyEx(
-            mask.reshape(z.shape).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
-        )
-        return np.asarray(clean, dtype=bool)
+        pose = geo.invert_pose(there) @ here
+        return in_front(self.depth[frame], self.depth[of], self.camera, pose)
 
 
 def depths_of(stretch: Stretch) -> Depths | None:

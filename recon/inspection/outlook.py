@@ -43,7 +43,7 @@ _TWICE = 1000
 # MB without frames, and of textures at VGA
 _BASE_MB, _TEXTURE_MB = 800.0, 700.0
 # Tracks that a frame of VGA begins, bytes of a track in a frame, and copies of that held at once
-_TRACKS, _BYTES, _COPIES = 60, 49, 4
+_TRACKS, _BYTES, _COPIES = 60, 41, 4
 # MB beyond which a piece is advised: what many a computer has to spare
 _MUCH_MB = 6000
 

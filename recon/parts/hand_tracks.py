@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.depth import depth_sigma, look_up
+from recon.dense.depth import in_front
 from recon.recording import Intrinsics, Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
@@ -27,8 +27,6 @@ from twin.scene import Trajectory
 _BINS = 24
 # px; width to which frames are shrunk. Chosen by us.
 _WIDTH = 160
-# m; a hand is so far before the surface behind it, beyond 4 standard deviations of depth. Chosen by us.
-_MARGIN = 0.03
 # Frames looked at on each side of the motion. Chosen by us.
 _MAX_FRAMES = 12
 # Share of the image below which it is noise, not a hand. Chosen by us.
@@ -61,8 +59,12 @@ def hand_tracks(
         def look(
             frame: int, reference: int = reference, surface: Array = surface
         ) -> tuple[NDArray[np.bool_], NDArray[np.int32]] | None:
-            mask = _in_front(recording, cameras, surface, reference, frame, camera)
-            if mask is None or mask.mean() < _MIN_SHARE:
+            there, here = cameras.pose(reference), cameras.pose(frame)
+            if there is None or here is None:
+                return None
+            pose = geo.invert_pose(there) @ here
+            mask = in_front(_small_depth(recording, frame, camera), surface, camera, pose)
+            if mask.mean() < _MIN_SHARE:
                 return None
             return mask, _bin(_small_color(recording, frame, camera), _BINS)
 
@@ -119,31 +121,6 @@ def _small_depth(recording: Recording, frame: int, camera: Intrinsics) -> Array:
     return np.asarray(
         cv2.resize(recording.depth(frame), size, interpolation=cv2.INTER_NEAREST), dtype=np.float64
     )
-
-
-def _in_front(
-    recording: Recording,
-    cameras: Trajectory,
-    seen: Array,
-    reference: int,
-    frame: int,
-    camera: Intrinsics,
-) -> NDArray[np.bool_] | None:
-    """Mask of the pixels of `frame` in front of what `reference` saw, `seen` m; None without poses."""
-    T_world_ref, T_world_frame = cameras.pose(reference), cameras.pose(frame)
-    if T_world_ref is None or T_world_frame is None:
-        return None
-    depth = _small_depth(recording, frame, camera)
-    unknown = cv2.erode(np.where(seen > 0, seen, 0.0), np.ones((3, 3)))  # nearest of 3x3, 0 where unknown
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    points = camera.backproject(np.stack([u, v], axis=-1).astype(float), depth).reshape(-1, 3)
-    p = geo.transform(geo.invert_pose(T_world_ref) @ T_world_frame, points)
-    inside, _, _, surface = look_up(np.asarray(unknown), camera, p)
-    mask = inside & (depth.ravel() > 0) & (surface - p[:, 2] > _MARGIN + 4.0 * depth_sigma(surface))
-    opened = cv2.morphologyEx(
-        mask.reshape(depth.shape).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
-    )
-    return np.asarray(opened, dtype=bool)
 
 
 def _mean_odds(recording: Recording, tracks: Tracks, odds: Array) -> Array:

@@ -114,7 +114,7 @@ def _within(interval: tuple[int, int], seen: Observed) -> Movers:
     kept[max(interval[0] - rest, 0) : interval[1] + rest + 1] = True
     visible = tracks.visible & kept
     points, pixels = (np.where(visible[..., None], p, np.nan) for p in (tracks.points_cam, tracks.pixels))
-    shown = find_movers(Tracks(points, pixels, visible, tracks.confidence), seen.cameras, times)
+    shown = find_movers(Tracks(points, pixels, visible), seen.cameras, times)
     return replace(shown, rested=seen.movers.rested)
 
 

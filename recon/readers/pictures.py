@@ -24,7 +24,6 @@ MAX_SHEAR = 0.02
 FOCAL = (0.05, 50.0)  # of the longer side, chosen by us: fields of view from 1 to 168 degrees
 # m, chosen by us: no camera is further from its world's origin, maps that count from the equator included
 FARTHEST = 1e6
-_GREY = 0  # colour type of a PNG with one channel
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 

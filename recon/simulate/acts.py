@@ -33,9 +33,3 @@ class Act:
             transform(self.scene.pose(s), self.grasp.point[None])[0] for s in (farthest, float(during[0]))
         ]
         return np.asarray(ends[0] - ends[1])
-
-    def grips(self) -> Array:
-        """The grip's place in the world (frames, 3)."""
-        return np.stack(
-            [transform(self.scene.pose(float(s)), self.grasp.point[None])[0] for s in self.states]
-        )

@@ -59,11 +59,6 @@ def find_grasp(scene: Articulation, handle: str | None, rng: np.random.Generator
     return _edge(scene, views[0])
 
 
-def outward_normal(scene: Articulation) -> Array:
-    """Unit direction (3,) in which the part's largest visible face points, closed."""
-    return _views(scene)[0][0]
-
-
 def _views(scene: Articulation) -> list[tuple[Array, float]]:
     """Directions in which the closed part can be seen, largest visible area first, with its offset."""
     part = merged_mesh(list(scene.part))

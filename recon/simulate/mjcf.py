@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from recon.simulate.geoms import geom_mesh
-from recon.simulate.joints import JOINT_TYPES, find_joint, load_model
+from recon.simulate.joints import JOINT_TYPES, find_joint
 from recon.simulate.surfaces import Surface
 from recon.simulate.textures import Material, material_for
 from twin.errors import InputError
@@ -69,18 +68,6 @@ class Articulation:
         return make_pose(turn, self.pivot - turn @ self.pivot)
 
 
-def load_articulation(
-    scene: Path | str, joint: str, exclude: tuple[str, ...], contrast: float, rng: np.random.Generator
-) -> Articulation:
-    """Load `scene` (MJCF) and split it at `joint`.
-
-    Raises:
-        InputError: when the file can't be loaded, or has no such hinge or slide joint (the message names
-            those that exist), or the joint moves nothing that can be seen.
-    """
-    return articulations(load_model(scene), str(scene), (joint,), exclude, contrast, rng)[0]
-
-
 def articulations(
     model: mujoco.MjModel,
     scene: str,
@@ -89,9 +76,12 @@ def articulations(
     contrast: float,
     rng: np.random.Generator,
 ) -> tuple[Articulation, ...]:
-    """The parts of `joints` of one scene, which share what stands still. InputError as `load_articulation`.
+    """The parts of `joints` of one scene, which share what stands still beside them.
 
     The closed end of each is taken with the others closed; a part doesn't carry another one.
+
+    Raises InputError where the model has no such hinge or slide joint (the message names those that exist),
+    or a joint moves nothing that can be seen.
     """
     found = [find_joint(model, joint) for joint in joints]
     data = mujoco.MjData(model)

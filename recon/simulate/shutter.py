@@ -48,11 +48,6 @@ class Flow:
         first, second = (np.ascontiguousarray(m, dtype=np.float64) for m in (velocity, acceleration))
         return Flow(*pixel_motion.led(first, second, far, nearest, EDGE, STILL))
 
-    def displacement(self, time: Array) -> Array:
-        """Way (H, W, 2) in pixels to times (H, W) in frames after this one."""
-        t = time[..., None]
-        return t * (self.velocity + 0.5 * t * self.acceleration)
-
 
 def poses_around(poses: Array, index: int, present: Sequence[bool] | None = None) -> Array:
     """Poses (3, 4, 4) in the frames before, at and after `index`, of a body's poses (frames, 4, 4).

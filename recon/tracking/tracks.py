@@ -19,22 +19,21 @@ from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 
-TRACKS = Stage("tracks", 1, ("tracks",))
+TRACKS = Stage("tracks", 2, ("tracks",))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tracks:
     """T frames, K tracks: points_cam (T, K, 3) m in each frame's camera, pixels (T, K, 2), visible (T, K)
-    bool, confidence (T, K) in 0..1. Points and pixels are NaN exactly where a track is not visible."""
+    bool. Points and pixels are NaN exactly where a track is not visible."""
 
     points_cam: Array
     pixels: Array
     visible: NDArray[np.bool_]
-    confidence: Array
 
     def __post_init__(self) -> None:
         t, k = self.visible.shape
-        for name, shape in (("points_cam", (t, k, 3)), ("pixels", (t, k, 2)), ("confidence", (t, k))):
+        for name, shape in (("points_cam", (t, k, 3)), ("pixels", (t, k, 2))):
             if getattr(self, name).shape != shape:
                 raise SceneError(f"tracks: {name} must have shape {shape}, got {getattr(self, name).shape}")
         for name in ("points_cam", "pixels"):
@@ -53,7 +52,7 @@ class Tracks:
         """The same tracks, of which some (K,) are never visible."""
         seen = self.visible & ~some
         points, pixels = (np.where(seen[..., None], a, np.nan) for a in (self.points_cam, self.pixels))
-        return Tracks(points, pixels, seen, self.confidence)
+        return Tracks(points, pixels, seen)
 
 
 @dataclass(frozen=True)
@@ -221,7 +220,7 @@ class _Tracker:
         points[~visible] = np.nan
         pixels[~visible] = np.nan
         full = (pixels + 0.5) * to_full - 0.5
-        return Tracks(points, full, visible, visible.astype(np.float64))
+        return Tracks(points, full, visible)
 
 
 def _smooth_depth(

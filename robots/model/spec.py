@@ -24,7 +24,7 @@ _JAW_ROOM = 0.020
 _ARM = {"joints", "actuators", "velocity", "acceleration", "effort", "home", "stiffness", "damping"}
 _BASE = {"kind", "body", "footprint", "distance"}
 _PLANAR = {"joints", "actuators", "velocity", "acceleration", "effort"}
-_TOOL = {"site", "body", "position", "quat_wxyz", "palm", "palm_width", "tip", "finger_width"}
+_TOOL = {"site", "body", "position", "quat_wxyz", "palm", "palm_width", "tip"}
 _GRIPPER = {"kind", "actuator", "joints", "bodies", "stroke", "force"}
 _CLAW = {"open", "closed", "lever", "fixed_jaw"}
 _TOP = {"name", "description", "model", "arm", "base", "tool", "gripper", "looks"}
@@ -39,7 +39,7 @@ class RobotSpec:
     slides; home 0) and repeated in `base_joints`, which is empty for a fixed base. The tool frame is the MJCF
     site `tool`: z out of the hand, y the direction in which the fingers close, origin between the finger
     pads. palm: free depth (m) from the tool point back to the palm, palm_width: its extent along x; tip: how
-    far the fingers reach beyond the tool point; finger_width: extent of a finger along x. stroke: full
+    far the fingers reach beyond the tool point. stroke: full
     opening (m); force: grip force (N). footprint: radius (m) of the pedestal under a fixed base, or of what
     must be free around a planar one. distance: nearest and farthest (m, horizontally) of the base from a
     handle that is worth trying.
@@ -72,7 +72,6 @@ class RobotSpec:
     palm: float
     palm_width: float
     tip: float
-    finger_width: float
     gripper_kind: str
     gripper_actuator: str
     gripper_joints: tuple[str, ...]
@@ -106,7 +105,7 @@ class RobotSpec:
                 raise InputError(f"robot {self.name!r}: arm.{key} must be positive, got {values.tolist()}")
             values.flags.writeable = False
             object.__setattr__(self, key, values)
-        for key in ("footprint", "palm", "palm_width", "finger_width", "stroke", "force", "lever"):
+        for key in ("footprint", "palm", "palm_width", "stroke", "force", "lever"):
             if not 0 < getattr(self, key) < np.inf:
                 raise InputError(f"robot {self.name!r}: {key} must be positive, got {getattr(self, key)}")
         self._check_kinds()
@@ -258,7 +257,6 @@ def _build(raw: dict[str, Any], s: dict[str, dict[str, Any]], path: Path) -> Rob
         palm=float(tool["palm"]),
         palm_width=float(tool["palm_width"]),
         tip=float(tool["tip"]),
-        finger_width=float(tool["finger_width"]),
         gripper_kind=str(gripper["kind"]),
         gripper_actuator=str(gripper["actuator"]),
         gripper_joints=tuple(gripper["joints"]),

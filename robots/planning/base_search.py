@@ -36,7 +36,7 @@ class Base:
     """A base pose with the arm's rough path over it.
 
     T_world_base: (4, 4). pedestal: m above the floor. grasp: index. q: (waypoints + 2, n): approach, states,
-    retreat. position_error m and angle_error rad: worst along the path; failed_at: state of the worst.
+    retreat. position_error m and angle_error rad: worst along the path.
     margin: least distance from a joint limit (rad). manipulability: least. clearance: least distance (m) from
     anything not to be touched. reason: why it was rejected, None when it was not.
     """
@@ -47,7 +47,6 @@ class Base:
     q: Array
     position_error: float
     angle_error: float
-    failed_at: float
     margin: float
     manipulability: float
     score: float
@@ -159,7 +158,7 @@ def _tool_path(grasp: Grasp, joint: Joint, states: Array) -> Array:
 def _blocked(pose: Array, pedestal: float, grasp: int) -> Base:
     nothing = np.zeros((0, 0))
     return Base(
-        pose, float(pedestal), grasp, nothing, np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf,
+        pose, float(pedestal), grasp, nothing, np.inf, np.inf, 0.0, 0.0, -np.inf,
         reason=reason("NoRoom"),
     )  # fmt: skip
 
@@ -265,7 +264,6 @@ def _rated(
         q=q,
         position_error=float(position.max()),
         angle_error=float(angle.max()),
-        failed_at=float(states[worst]),
         margin=margin,
         manipulability=manipulability,
         score=score,

@@ -120,13 +120,6 @@ def _joint_covariance(part: Part, missing: list[str]) -> Array:
     return out
 
 
-def nominal(part: Part) -> Draw:
-    """The part as its twin says."""
-    own = physics_of(part)
-    values = (q.value for q in (inertial_of(part).mass, own.friction, own.damping, own.frictionloss))
-    return Draw(part.joint, np.zeros(3), *values)
-
-
 def draw(part: Part, spread: Spread, sizes: ErrorSizes | None, seed: int, trial: int) -> Draw:
     """One real part; equal for equal arguments.
 

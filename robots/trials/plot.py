@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _BINS = 8
-_DPI = 110
 _GOOD, _BAD, _INK = "#2a7f62", "#c8553d", "#333333"
 
 

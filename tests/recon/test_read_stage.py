@@ -13,7 +13,7 @@ from tests.makers.recon import tiny
 from twin.errors import InputError
 from twin.runs.stages import Run
 
-TRACKS = Tracks(np.zeros((5, 3, 3)), np.zeros((5, 3, 2)), np.ones((5, 3), bool), np.ones((5, 3)))
+TRACKS = Tracks(np.zeros((5, 3, 3)), np.zeros((5, 3, 2)), np.ones((5, 3), bool))
 LABELS = {0: np.ones((4, 6), np.uint8), 4: np.full((4, 6), 2, np.uint8)}
 
 

@@ -166,11 +166,6 @@ def made_for(mesh: Mesh, config: CollisionConfig, cache: ShapeCache) -> Made:
     return Made(tuple(shapes[0]), **told)
 
 
-def part_shapes(mesh: Mesh, config: CollisionConfig) -> list[Collision]:
-    """The shapes that `make_part` gives."""
-    return list(make_part(mesh, config).shapes)
-
-
 def make_part(mesh: Mesh, config: CollisionConfig) -> Made:
     """Shapes of one part, at most `part_pieces`: boxes and hulls of its closed pieces; of what is open boxes
     where it is made of boards, hulls elsewhere."""

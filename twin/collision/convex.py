@@ -122,13 +122,6 @@ def sample_of(triangles: Array, spacing: float) -> tuple[Array, NDArray[np.int64
     return np.concatenate(points), np.concatenate(owners)
 
 
-def hull_distance(hull: Hull, points: Array) -> Array:
-    """How far points (n, 3) lie outside the faces' planes of a hull (m, negative inside)."""
-    corners = hull.vertices[hull.faces]
-    n, _ = geo.triangle_normals(corners)
-    return np.asarray((points @ n.T - np.einsum("ij,ij->i", corners[:, 0], n)).max(axis=1))
-
-
 def clip(hull: Hull, normal: Array, offset: float) -> Hull | None:
     """The part of a hull with normal . x >= offset; None when nothing solid is left."""
     _, kept = cut(hull.vertices[hull.faces], normal, offset)

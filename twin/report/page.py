@@ -218,10 +218,6 @@ def _text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
-def _number(x: float) -> str:
-    return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
-
-
 def _vector(v: Any) -> str:
     return "(" + ", ".join(f"{x:z.3f}" for x in v) + ")"
 

@@ -21,7 +21,6 @@ from twin.errors import InputError
 from twin.geometry import Array
 
 MAGIC = b"\x1a\x45\xdf\xa3"  # the id of the EBML header, which every file starts with
-DEFAULT_SCALE = 1_000_000  # ns a tick, where the file says nothing (RFC 9559)
 
 # Ids, by the part of the file that they are in.
 _SEGMENT, _CLUSTER, _BLOCK_GROUP = 0x18538067, 0x1F43B675, 0xA0

@@ -28,7 +28,7 @@ def _tracks(poses: Array, noise: float, moving: int = 0, seed: int = 0) -> Track
     )
     pixels = cam[..., :2] / cam[..., 2:] * FOCAL
     visible = np.ones(cam.shape[:2], dtype=bool)
-    return Tracks(cam, pixels, visible, visible.astype(float))
+    return Tracks(cam, pixels, visible)
 
 
 def _worst(found: Array, truth: Array) -> tuple[float, float]:
@@ -63,16 +63,14 @@ def test_a_frame_without_tracks_is_left_out_and_the_rest_stays() -> None:
     full = _tracks(truth, 1.0)
     points, pixels, visible = full.points_cam.copy(), full.pixels.copy(), full.visible.copy()
     points[17], pixels[17], visible[17] = np.nan, np.nan, False
-    found = estimate_cameras(
-        Tracks(points, pixels, visible, visible.astype(float)), np.arange(FRAMES) / 15, FOCAL
-    )
+    found = estimate_cameras(Tracks(points, pixels, visible), np.arange(FRAMES) / 15, FOCAL)
     assert found.pose(17) is None
     assert len(found.frames) == FRAMES - 1
 
 
 def test_too_few_tracks_are_an_error_that_says_what_to_try() -> None:
     full = _tracks(tiny.cameras(FRAMES), 1.0)
-    few = Tracks(full.points_cam[:, :5], full.pixels[:, :5], full.visible[:, :5], full.confidence[:, :5])
+    few = Tracks(full.points_cam[:, :5], full.pixels[:, :5], full.visible[:, :5])
     with pytest.raises(ReconstructionError, match="texture"):
         estimate_cameras(few, np.arange(FRAMES) / 15, FOCAL)
 
@@ -82,4 +80,4 @@ def test_tracks_refuse_points_where_nothing_is_visible() -> None:
     visible = full.visible.copy()
     visible[3, 4] = False
     with pytest.raises(SceneError, match="NaN exactly"):
-        Tracks(full.points_cam, full.pixels, visible, full.confidence)
+        Tracks(full.points_cam, full.pixels, visible)

@@ -92,7 +92,7 @@ def _tracks(poses: Array, board: Array | None, per_side: int, break_at: int | No
     if break_at is not None:
         visible[break_at:] = False
     cam[~visible] = np.nan
-    return Tracks(cam, CAMERA.project(cam), visible, visible.astype(float))
+    return Tracks(cam, CAMERA.project(cam), visible)
 
 
 def _worst(found: Array, truth: Array) -> float:

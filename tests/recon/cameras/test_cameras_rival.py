@@ -59,7 +59,7 @@ def _tracks(poses: Array, slide: Array, on_panel: int, around: int) -> Tracks:
     cam = geo.transform(geo.invert_pose(poses), world)
     cam += 0.0005 * rng.normal(size=cam.shape)
     visible = np.ones(cam.shape[:2], bool)
-    return Tracks(cam, CAMERA.project(cam), visible, visible.astype(float))
+    return Tracks(cam, CAMERA.project(cam), visible)
 
 
 def _worst(found: Array, truth: Array) -> float:
@@ -111,7 +111,7 @@ def test_motions_that_reach_equally_far_are_not_told_apart(slide: Array) -> None
     world[:, ::2, 0] += slide[:, None]
     cam = geo.transform(geo.invert_pose(truth), world)
     visible = np.ones(cam.shape[:2], bool)
-    tracks = Tracks(cam, CAMERA.project(cam), visible, visible.astype(float))
+    tracks = Tracks(cam, CAMERA.project(cam), visible)
     assert not followed_part(tracks, truth, every, _sigma(tracks), np.random.default_rng(0)).any()
 
 

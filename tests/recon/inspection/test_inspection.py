@@ -64,7 +64,7 @@ def changed(
     out = Stretch(kept, small, tuple(stretch.facts[i] for i in kept))
     assert stretch.cameras is not None
     of = stretch.tracks
-    seen = (of.points_cam[kept], of.pixels[kept], of.visible[kept], of.confidence[kept])
+    seen = (of.points_cam[kept], of.pixels[kept], of.visible[kept])
     out.__dict__["tracks"] = Tracks(*seen)
     out.__dict__["cameras"] = Trajectory(np.arange(len(kept)), small.times, stretch.cameras.T_world_cam[kept])
     return out

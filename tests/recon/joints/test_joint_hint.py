@@ -103,7 +103,7 @@ def test_the_parts_of_a_recording_take_hints(tmp_path: Path) -> None:
     points = geo.transform(joint.poses(np.radians(2.8) * minimum_jerk(frames, 20, 40)), door)
     points = points + rng.normal(0.0, 0.001, points.shape)
     seen = np.ones(points.shape[:2], bool)
-    tracks = Tracks(points, np.zeros((*seen.shape, 2)), seen, np.ones(seen.shape))
+    tracks = Tracks(points, np.zeros((*seen.shape, 2)), seen)
     still = Trajectory(np.arange(frames), recording.times, np.tile(np.eye(4), (frames, 1, 1)))
 
     def found(*hints: TypeHint) -> tuple[str, str]:

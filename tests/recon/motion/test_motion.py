@@ -86,7 +86,7 @@ def test_what_travels_far_does_not_outvote_a_part_that_travels_little(tmp_path: 
     )
     points = np.concatenate([door, drifting], axis=1) + rng.normal(0.0, 0.001, (FRAMES, 85, 3))
     seen = np.ones(points.shape[:2], bool)
-    tracks = Tracks(points, np.zeros((*seen.shape, 2)), seen, np.ones(seen.shape))
+    tracks = Tracks(points, np.zeros((*seen.shape, 2)), seen)
     still = Trajectory(np.arange(FRAMES), recording.times, np.tile(np.eye(4), (FRAMES, 1, 1)))
     found = find_parts(recording, tracks, still)
     (part,) = found.parts

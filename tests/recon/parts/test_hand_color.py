@@ -45,7 +45,7 @@ def _tracks(folder: Path) -> Tracks:
                 pick = rng.integers(len(x))
                 visible[i, k], pixels[i, k] = True, (x[pick], y[pick])
     points = np.where(visible[..., None], 1.0, np.nan) * np.ones(3)
-    return Tracks(points, pixels, visible, visible.astype(float))
+    return Tracks(points, pixels, visible)
 
 
 def test_hand_tracks_are_found_and_others_are_not(door: Path) -> None:

@@ -59,7 +59,7 @@ def seen(*bodies: Array) -> tuple[Recording, Tracks, Trajectory]:
     recording = Recording.from_arrays(color, depth, CAMERA, fps=15)
     shape = points.shape[:2]
     pixels = CAMERA.project(points)
-    tracks = Tracks(points, pixels, np.ones(shape, bool), np.ones(shape))
+    tracks = Tracks(points, pixels, np.ones(shape, bool))
     return (
         recording,
         tracks,

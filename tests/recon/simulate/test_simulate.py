@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from recon.simulate import SimulateConfig, simulate
 from recon.simulate.config import Staging
 from recon.simulate.hand import PHALANGES, hand_shape, skeleton
+from recon.simulate.joints import load_model
 from recon.simulate.kitchen import kitchen_scene
-from recon.simulate.mjcf import load_articulation
+from recon.simulate.mjcf import articulations
 from recon.simulate.painters import SIZE
 from recon.simulate.ray_caster import Caster
 from recon.simulate.record import new_recording
@@ -151,7 +152,8 @@ def test_part_poses_are_the_joints_motion(recording: Path) -> None:
 
 @pytest.mark.parametrize(("scene", "joint", "kind"), CASES)
 def test_geometry_mass_and_motion_agree_with_mujoco(scene: str, joint: str, kind: str) -> None:
-    articulation = load_articulation(SCENES / scene, joint, (), 1.0, np.random.default_rng(0))
+    loaded = load_model(SCENES / scene)
+    (articulation,) = articulations(loaded, scene, (joint,), (), 1.0, np.random.default_rng(0))
     model = mujoco.MjModel.from_xml_path(str(SCENES / scene))
     data = mujoco.MjData(model)
     index = model.joint(joint).id

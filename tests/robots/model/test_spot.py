@@ -302,7 +302,7 @@ def test_a_jaw_that_would_meet_something_half_way_is_seen(spot):
     plan = robots.plan(twin, 2, "spot", config=replace(FAST, rehearse=False))
     part, moving = twin.parts[0], np.flatnonzero([p == "move" for p in plan.phases])
     q = np.stack([plan.q[0], *plan.q[np.linspace(moving[0], moving[-1], 8).astype(int)], plan.q[-1]])
-    base = Base(plan.T_world_base, 0.0, 0, q, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
+    base = Base(plan.T_world_base, 0.0, 0, q, 0.0, 0.0, 1.0, 1.0, 1.0)
     grasps = make_grasps(find_holds(part.mesh, part.contact, spec)[0], part.joint, spec)
 
     def reason(twin):

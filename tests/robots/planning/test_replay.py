@@ -141,7 +141,7 @@ def test_the_base_may_stand_on_a_pedestal_for_a_part_that_is_high_up(drawer):
 
 def test_a_place_without_room_is_told_with_the_worst_score(drawer):
     _, trajectory = drawer
-    base = Base(trajectory.T_world_base, 0.0, 0, trajectory.q[:0], np.inf, np.inf, 0.0, 0.0, 0.0, -np.inf)
+    base = Base(trajectory.T_world_base, 0.0, 0, trajectory.q[:0], np.inf, np.inf, 0.0, 0.0, -np.inf)
     told = _reported(replace(base, reason=reason("NoRoom")))
     assert np.isfinite(told.score), "the file of a trajectory holds it"
     assert told.score < min(r.score for r in trajectory.rejected)
@@ -151,7 +151,7 @@ def test_a_place_without_room_is_told_with_the_worst_score(drawer):
 def test_bases_that_are_refined_differ_in_place_or_grasp():
     def base(x: float, grasp: int) -> Base:
         pose = geo.make_pose(translation=[x, -2.0, 0.3])
-        return Base(pose, 0.0, grasp, np.zeros((0, 7)), 0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
+        return Base(pose, 0.0, grasp, np.zeros((0, 7)), 0.0, 0.0, 1.0, 1.0, 1.0)
 
     best_first = [base(1.0, 0), base(1.05, 0), base(1.05, 1), base(1.2, 0), base(1.25, 0), base(1.5, 0)]
     assert _unlike(best_first, 9) == [best_first[k] for k in (0, 2, 3, 5)]

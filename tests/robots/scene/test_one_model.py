@@ -15,7 +15,8 @@ from benchmarks.scenes.boards import cabinet_twin
 from robots.replay_verb import replay_step
 from robots.scene.world import PEDESTAL, PREFIX, build_world, completed
 from robots.task import MotionRequest
-from robots.trials.perturbation import nominal, perturbed
+from robots.trials.perturbation import perturbed
+from tests.makers.robots.drawn import nominal
 from twin import geometry as geo
 from twin.errors import InputError, PlanningError
 from twin.exporters import export

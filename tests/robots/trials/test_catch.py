@@ -16,7 +16,8 @@ from robots.model.catalog import resolve
 from robots.model.dynamics import part_load
 from robots.planning.joint_path import moves_alone
 from robots.scene.world import build_world, completed
-from robots.trials.perturbation import nominal, perturbed
+from robots.trials.perturbation import perturbed
+from tests.makers.robots.drawn import nominal
 from tests.makers.robots.replays import check_opened
 from twin.errors import PlanningError
 from twin.physics.catches import lever_of, set_catch

@@ -27,7 +27,6 @@ from robots.trials.perturbation import (
     ErrorSizes,
     closes_itself,
     draw,
-    nominal,
     path_error,
     perturbed,
     spread_of,
@@ -35,6 +34,7 @@ from robots.trials.perturbation import (
 from robots.trials.report import LADDER, Trial, TrialRow
 from robots.trials.run_trials import run_trials
 from robots.trials.statistics import mean, wilson
+from tests.makers.robots.drawn import nominal
 from twin import geometry as geo
 from twin.cli.main import run
 from twin.errors import ConfigError, InputError

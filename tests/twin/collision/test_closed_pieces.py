@@ -19,7 +19,7 @@ from benchmarks.scenes.boards import (
 )
 from tests.twin.collision.test_collision import CONFIG, scanned
 from twin import geometry as geo
-from twin.collision import closed_pieces, make_part, part_shapes, with_collision
+from twin.collision import closed_pieces, make_part, with_collision
 from twin.collision.closed_pieces import coacd_pieces, concave_share, enclosed, outward
 from twin.collision.convex import box_of, hull_of
 from twin.collision.fit import fit_of
@@ -64,7 +64,7 @@ def flipped(mesh: Mesh, count: int | None = None) -> Mesh:
 @pytest.mark.parametrize("boards", [door_boards(), drawer_boards()])
 def test_a_part_of_exact_boards_gets_exactly_these_boxes(boards: list[Board]) -> None:
     mesh = boards_mesh(boards, T)
-    shapes = part_shapes(mesh, CONFIG)
+    shapes = make_part(mesh, CONFIG).shapes
     assert all(isinstance(s, Box) for s in shapes)
     assert len(shapes) == len(boards)
     fit = fit_of(shapes, Solid.of_mesh(mesh))
@@ -73,11 +73,11 @@ def test_a_part_of_exact_boards_gets_exactly_these_boxes(boards: list[Board]) ->
 
 
 def test_a_knob_is_its_hull_and_a_scanned_board_its_box() -> None:
-    (knob,) = part_shapes(round_body(0.015, 0.03), CONFIG)
+    (knob,) = make_part(round_body(0.015, 0.03), CONFIG).shapes
     assert isinstance(knob, Mesh)
     assert hull_of(knob.vertices).volume == pytest.approx(12 * 0.015**2 * np.sin(np.pi / 12) * 0.03, rel=1e-6)
     board = Board((0, 0, 0), (0.4, 0.018, 0.3))
-    (box,) = part_shapes(scanned([board], 4), CONFIG)
+    (box,) = make_part(scanned([board], 4), CONFIG).shapes
     assert isinstance(box, Box)
     assert np.sort(box.size) == pytest.approx(np.sort(board.size), abs=0.002)
     assert concave_share(scanned([board], 4)) > 0.4
@@ -88,7 +88,7 @@ def test_coacd_splits_a_channel_exactly_wherever_it_stands(pose: np.ndarray) -> 
     mesh = channel().transformed(pose)
     assert len(pieces_of(mesh)) == 1
     assert enclosed(mesh) == pytest.approx(0.3 * (0.2 * 0.02 + 2 * 0.18 * 0.02))
-    shapes = part_shapes(mesh, CONFIG)
+    shapes = make_part(mesh, CONFIG).shapes
     fit = fit_of(shapes, Solid.of_mesh(mesh))
     assert 3 <= len(shapes) <= 6
     assert fit.ratio == pytest.approx(1.0, abs=0.02)
@@ -97,12 +97,12 @@ def test_coacd_splits_a_channel_exactly_wherever_it_stands(pose: np.ndarray) -> 
 
 def test_equal_bodies_give_equal_pieces_and_winding_does_not_matter() -> None:
     mesh = channel()
-    first = part_shapes(mesh, CONFIG)
+    first = make_part(mesh, CONFIG).shapes
     for other in (flipped(mesh), flipped(mesh, 5)):
-        again = part_shapes(other, CONFIG)
+        again = make_part(other, CONFIG).shapes
         assert len(again) == len(first)
         assert fit_of(again, Solid.of_mesh(mesh)).ratio == pytest.approx(1.0, abs=0.02)
-    for a, b in zip(first, part_shapes(mesh, CONFIG), strict=True):
+    for a, b in zip(first, make_part(mesh, CONFIG).shapes, strict=True):
         assert type(a) is type(b)
         assert np.array_equal(getattr(a, "size", 0), getattr(b, "size", 0))
         assert np.array_equal(getattr(a, "vertices", 0), getattr(b, "vertices", 0))
@@ -114,7 +114,7 @@ def test_without_coacd_the_surface_is_covered(monkeypatch: pytest.MonkeyPatch, t
     worker.write_text("import sys\nsys.exit(3)\n")
     monkeypatch.setattr(closed_pieces, "__file__", str(tmp_path / "closed_pieces.py"))
     assert coacd_pieces(channel(), 0.007, 32) == []
-    shapes = part_shapes(channel(), CONFIG)
+    shapes = make_part(channel(), CONFIG).shapes
     assert 1 <= len(shapes) <= CONFIG.part_pieces
     assert fit_of(shapes, Solid.of_mesh(channel())).missed < 0.01
 
@@ -131,14 +131,14 @@ def test_bodies_that_are_none_are_no_shapes_and_no_errors() -> None:
     flat = Mesh(np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]), np.array([[0, 1, 2]], np.int32))
     point = Mesh(np.full((3, 3), 0.5), np.array([[0, 1, 2], [0, 0, 1]], np.int32))
     for mesh in (empty, flat, point):
-        assert part_shapes(mesh, CONFIG) == []
+        assert make_part(mesh, CONFIG).shapes == ()
     twice = Mesh(channel().vertices, np.concatenate([channel().faces, channel().faces]))
     sheet = boards_mesh([Board((0, 0, 0), (0.3, 0.0, 0.2))], T)
     ball = ConvexHull(geo.unit(np.random.default_rng(1).normal(size=(200, 3))) * 0.05)
     unwound = Mesh(ball.points, ball.simplices.astype(np.int32))
     crossed = boards_mesh([Board((0, 0, 0), (0.3, 0.02, 0.02)), Board((0.1, -0.1, 0), (0.12, 0.1, 0.02))], T)
     for mesh in (twice, sheet, unwound, crossed):
-        shapes = part_shapes(mesh, CONFIG)
+        shapes = make_part(mesh, CONFIG).shapes
         assert 1 <= len(shapes) <= CONFIG.part_pieces
         assert all(np.isfinite(s.corners if isinstance(s, Box) else s.vertices).all() for s in shapes)
     assert outward(unwound) is not None
@@ -151,7 +151,7 @@ def test_closed_and_open_pieces_together_get_no_more_shapes_than_asked_for(most:
     open_front = replace(open_front, faces=open_front.faces[2:])
     handles = [Board((x, 0.05, 0.1), (x + 0.02, 0.08, 0.3)) for x in (0.1, 0.2, 0.3)]
     mesh = joined([open_front, boards_mesh(handles, T, cut=0)])
-    assert 1 <= len(part_shapes(mesh, replace(CONFIG, part_pieces=most))) <= most
+    assert 1 <= len(make_part(mesh, replace(CONFIG, part_pieces=most)).shapes) <= most
 
 
 def test_however_many_bodies_a_part_has_it_gets_no_more_than_32_shapes() -> None:

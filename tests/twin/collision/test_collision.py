@@ -22,17 +22,25 @@ from benchmarks.scenes.boards import (
     world_from_cabinet,
 )
 from twin import geometry as geo
-from twin.collision import PART_BOARDS, CollisionConfig, make_part, part_shapes, with_collision
+from twin.collision import PART_BOARDS, CollisionConfig, make_part, with_collision
 from twin.collision.boards import find_boards
 from twin.collision.clearance import STEP, find_touches, make_clear, points_of, sweep_states
-from twin.collision.convex import clip, cut, hull_distance, hull_of, thick_hull, triangles_of
+from twin.collision.convex import Hull, clip, cut, hull_of, thick_hull, triangles_of
 from twin.collision.main_axes import outline_axes
 from twin.collision.splitting import bulge, decompose
 from twin.exporters import export
+from twin.geometry import Array
 from twin.scene import Box, Collision, Mesh, Revolute, Twin
 
 CONFIG = CollisionConfig()
 T = world_from_cabinet()
+
+
+def hull_distance(hull: Hull, points: Array) -> Array:
+    """How far points (n, 3) lie outside the faces' planes of a hull (m, negative inside)."""
+    corners = hull.vertices[hull.faces]
+    n, _ = geo.triangle_normals(corners)
+    return np.asarray((points @ n.T - np.einsum("ij,ij->i", corners[:, 0], n)).max(axis=1))
 
 
 def scanned(boards: list[Board], seed: int, cell: float = 0.012, noise: float = 0.0015) -> Mesh:
@@ -235,7 +243,7 @@ def test_a_front_seen_from_one_side_gets_its_thickness_behind() -> None:
     front = Mesh(mesh.vertices, mesh.faces[facing])
     board = PART_BOARDS.thickness
     for shape, want in (
-        (part_shapes(front, CONFIG)[0], board),
+        (make_part(front, CONFIG).shapes[0], board),
         (thick_hull(triangles_of(front), 0.006).mesh, 0.006),
     ):
         points = shape.corners if isinstance(shape, Box) else shape.vertices

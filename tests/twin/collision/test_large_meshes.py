@@ -25,7 +25,7 @@ from benchmarks.scenes.large_meshes import (
     t_junctions,
 )
 from twin import geometry as geo
-from twin.collision import PART_FACES, CollisionConfig, part_shapes, static_shapes
+from twin.collision import PART_FACES, CollisionConfig, make_part, static_shapes
 from twin.collision.convex import hull_of
 from twin.collision.decimation import decimated
 from twin.collision.fit import fit_of
@@ -43,7 +43,7 @@ from twin.scene import Box, Mesh, Twin
 def test_a_plane_within_fewer_than_three_bins_is_covered(height: float) -> None:
     """A strip too narrow for a board was looked for at heights where nothing lies: a division by zero."""
     corners = np.array([[0, 0, height], [1, 0, height], [1, 0.01, height], [0, 0.01, height]])
-    (shape,) = part_shapes(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), CollisionConfig())
+    (shape,) = make_part(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), CollisionConfig()).shapes
     points = shape.corners if isinstance(shape, Box) else shape.vertices
     np.testing.assert_allclose(np.sort(np.ptp(points, axis=0))[1:], [0.01, 1.0], atol=0.002)
 
@@ -53,7 +53,7 @@ def test_shapes_of_a_mesh_of_10k_faces_are_those_of_its_boards(make: Callable[[i
     mesh = make(12_500)
     exact = boards_mesh(door_boards())
     assert len(mesh.faces) > 10_000
-    fit = fit_of(part_shapes(mesh, CollisionConfig()), Solid.of_mesh(exact))
+    fit = fit_of(make_part(mesh, CollisionConfig()).shapes, Solid.of_mesh(exact))
     assert fit.shapes <= 32
     assert fit.outside < 0.004
     assert fit.missed < 0.004
@@ -80,7 +80,7 @@ def test_the_union_of_a_large_mesh_is_that_of_its_bodies_with_fewer_faces() -> N
 
 
 def test_a_fine_ball_is_one_hull_of_few_faces() -> None:
-    (shape,) = part_shapes(round_body(20_000), CollisionConfig())
+    (shape,) = make_part(round_body(20_000), CollisionConfig()).shapes
     assert isinstance(shape, Mesh)
     assert len(shape.faces) <= PART_FACES
     hull = hull_of(shape.vertices)
@@ -105,7 +105,7 @@ def test_decimation_keeps_bodies_whatever_their_size(scale: float) -> None:
 def test_a_part_of_a_millimetre_has_a_shape() -> None:
     mesh = boards_mesh(door_boards())
     tiny = Mesh(0.001 * mesh.vertices, mesh.faces[: len(mesh.faces) // 2])
-    assert part_shapes(tiny, CollisionConfig())
+    assert make_part(tiny, CollisionConfig()).shapes
 
 
 @pytest.mark.parametrize("make", [t_junctions, shreds, fan])
@@ -124,7 +124,7 @@ def test_a_mesh_whose_edges_cannot_be_collapsed_becomes_small_all_the_same(
 
 def test_a_door_cut_by_t_junctions_keeps_panel_and_handle() -> None:
     fit = fit_of(
-        part_shapes(t_junctions(20_000), CollisionConfig()), Solid.of_mesh(boards_mesh(door_boards()))
+        make_part(t_junctions(20_000), CollisionConfig()).shapes, Solid.of_mesh(boards_mesh(door_boards()))
     )
     assert fit.shapes <= 8
     assert fit.outside < 0.004
@@ -138,7 +138,7 @@ def test_a_part_in_millimetres_fills_no_memory() -> None:
     corners = np.array(
         [[low[0], 0, low[2]], [high[0], 0, low[2]], [high[0], 0, high[2]], [low[0], 0, high[2]]]
     )
-    assert part_shapes(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), CollisionConfig())
+    assert make_part(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), CollisionConfig()).shapes
 
 
 def test_a_fan_of_slivers_has_the_normals_of_its_planes() -> None:
@@ -212,7 +212,7 @@ def _large(faces: int, which: str) -> Twin:
 def test_a_mesh_of_200k_faces_of_any_kind_has_shapes(kind: str) -> None:
     mesh = KINDS[kind](200_000)
     started = time.process_time()
-    assert part_shapes(mesh, CollisionConfig())
+    assert make_part(mesh, CollisionConfig()).shapes
     assert static_shapes(mesh, np.zeros((0, 3)), CollisionConfig())
     assert time.process_time() - started < 60.0
 
