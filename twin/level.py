@@ -1,10 +1,9 @@
-"""Is up really up? Floors, worktops and walls, the travel of drawers and the lines of hinges say which way
-plumb is; nothing is turned here.
+"""A test of the twin's up against floors, worktops, walls, the travel of drawers and the lines of hinges.
 
-A witness is a direction: of a large plane its normal and of a hinge its line, which are plumb or level in
-furniture that stands, and of a slide its travel, which is level. The up that most of them agree with is
-looked for among the normals, the cross products of pairs and the twin's own, and is then that of least
-squares over those that agree. Witnesses that only repeat the twin's up say nothing against it.
+A witness is a direction. The normal of a large plane and the line of a hinge are plumb or level in furniture
+that stands; the travel of a slide is level. The up that most witnesses agree with is one of the normals, of
+the cross products of pairs, or the twin's own, refined by least squares over the witnesses that agree.
+Witnesses that only repeat the twin's up say nothing against it.
 """
 
 from __future__ import annotations
@@ -23,32 +22,46 @@ from twin.geometry import Array
 from twin.mesh import sample_surface
 from twin.scene import Mesh, Twin
 
-DOUBTED = "up_doubted"  # of a twin's provenance: what the reconstruction said against its up, texts
-# chosen by us, as `twin check` calls a hinge upright: more than a carpenter's error and a reconstructed axis'
+# Key of a twin's provenance: the reconstruction's doubts about up, texts.
+DOUBTED = "up_doubted"
+# All limits are chosen by us. Tilt in doubt, as `twin check` calls a hinge upright: more than the errors of a
+# carpenter and of a reconstructed axis.
 TILT_DEG = 2.0
-# of a witness and an up; chosen by us: planes fitted to a clean scan are within .2 deg, axes within 1
+# Degrees within which a witness agrees with an up: planes of a clean scan are within .2 deg, axes within 1.
 AGREE_DEG = 1.0
-FEWEST = 2  # witnesses against the twin's up; chosen by us: one may be a sloping board
-_SAMPLES = 8_000  # points on the static mesh
-_GUESSES, _FEW = 48, 10  # planes that are tried for the next largest, and points by which one is
-_EDGE = 0.15  # m, least edge of a plane, and
-_AREA = 0.1  # m^2, least area; chosen by us: 2 mm of noise tilt it by less than half a degree
-_OFF = 0.01  # m from a plane, and
-_TURNED = math.cos(
-    math.radians(25.0)
-)  # of a point's normal from the plane's: still points of it; chosen by us
-_SAME = 0.05  # m between parallel planes that count once, the two sides of a board; chosen by us
-_PARALLEL = math.cos(math.radians(3.0))  # of their normals
-_APART = math.sin(math.radians(20.0))  # of two witnesses whose cross product is a direction; chosen by us
-_SHARED = 0.1  # of a condition; chosen by us: two that are less than 26 degrees apart are taken for the same
-UP = np.array([0.0, 0.0, 1.0])  # of every twin
+# Fewest witnesses against the twin's up: one may be a sloping board.
+FEWEST = 2
+# Points on the static mesh.
+_SAMPLES = 8_000
+# Planes that are tried for the next largest.
+_GUESSES = 48
+# Fewest points of such a plane.
+_FEW = 10
+# Least edge of a plane, m.
+_EDGE = 0.15
+# Least area of a plane, m^2: 2 mm of noise tilt the plane by less than half a degree.
+_AREA = 0.1
+# m from a plane within which points lie on the plane.
+_OFF = 0.01
+# Least cosine between their normals and the plane's.
+_TURNED = math.cos(math.radians(25.0))
+# m between parallel planes that count once: the two sides of a board.
+_SAME = 0.05
+# Least cosine between the normals of parallel planes.
+_PARALLEL = math.cos(math.radians(3.0))
+# Least sine between two witnesses whose cross product is a direction.
+_ACROSS = math.sin(math.radians(20.0))
+# Share of a condition: two conditions within 26 degrees are the same.
+_SHARED = 0.1
+# Up of every twin.
+UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class Witness:
     """Something level or plumb on furniture: what it is, and its unit direction (3,) in the twin's world.
 
-    level_only: its direction is level (a slide's); else it is level or plumb.
+    level_only: the direction is level (a slide's), else level or plumb.
     """
 
     name: str
@@ -56,11 +69,11 @@ class Witness:
     level_only: bool = False
 
     def is_level(self, up: Array) -> bool:
-        """Whether it is nearer to level than to plumb where `up` (3,) is up."""
+        """Whether the witness is nearer to level than to plumb for `up` (3,)."""
         return self.level_only or abs(float(self.direction @ up)) < math.sqrt(0.5)
 
     def off_deg(self, up: Array) -> float:
-        """Degrees by which it is neither level nor plumb where `up` (3,) is up."""
+        """Degrees to level or plumb, whichever is nearer, for `up` (3,)."""
         rise = math.degrees(math.asin(min(1.0, abs(float(self.direction @ up)))))
         return rise if self.level_only else min(rise, 90.0 - rise)
 
@@ -80,12 +93,12 @@ class LevelEvidence:
 
     Attributes:
         witnesses: all that were found.
-        up: (3,) the up that they tell: of those within 2 deg of the twin's, unless more agree on another.
-        tilt_deg: between that and the twin's.
-        agree: how many are within 1 deg of it.
-        against: names of those among these that are more than 2 deg off the twin's own.
-        spare: how many more conditions these set than it takes to find an up that meets them; two that share
-            no condition always agree, on what is square to both.
+        up: (3,) their up: by witnesses within 2 deg of the twin's, unless more agree on another.
+        tilt_deg: between that up and the twin's.
+        agree: number of witnesses within 1 deg of that up.
+        against: names of those among them that are more than 2 deg off the twin's own.
+        spare: their conditions beyond those that fix an up; two that share no condition always agree, on the
+            direction square to both.
     """
 
     witnesses: tuple[Witness, ...]
@@ -105,11 +118,11 @@ class LevelEvidence:
         """One line."""
         if not self.witnesses:
             return "nothing level or plumb is large enough to tell up by"
-        told = f"{self.agree} of {len(self.witnesses)} planes, slides and hinges"
+        count = f"{self.agree} of {len(self.witnesses)} planes, slides and hinges"
         if not self.contradicted:
-            return f"{told} agree on an up that is {self.tilt_deg:.1f} deg from the twin's"
+            return f"{count} agree on an up that is {self.tilt_deg:.1f} deg from the twin's"
         return (
-            f"up is in doubt: {told} agree on an up that is {self.tilt_deg:.1f} deg from the twin's; against that speak "
+            f"up is in doubt: {count} agree on an up that is {self.tilt_deg:.1f} deg from the twin's; against that speak "
             f"{', '.join(self.against)}; reconstruct again and say which way is up with --up"
         )
 
@@ -122,16 +135,16 @@ def level_evidence(twin: Twin) -> LevelEvidence:
 def doubts_about_up(twin: Twin) -> tuple[str, ...]:
     """What contradicts the twin's up, a line each: its reconstruction, and the planes and joints that do."""
     said = twin.provenance.get(DOUBTED, ())
-    told = tuple(map(str, said)) if isinstance(said, list | tuple) else ()
+    doubts = tuple(map(str, said)) if isinstance(said, list | tuple) else ()
     evidence = level_evidence(twin)
-    return (*told, evidence.text) if evidence.contradicted else told
+    return (*doubts, evidence.text) if evidence.contradicted else doubts
 
 
 def witnesses(twin: Twin) -> tuple[Witness, ...]:
     """The large planes of the static mesh, largest first, then every part's joint on it."""
     found = [Witness(_named(p), p.normal) for p in large_planes(twin.static.mesh)]
     for part in twin.parts:
-        if part.parent is None:  # one that is carried is as level as what carries it stands
+        if part.parent is None:  # a carried part is as level as its carrier stands
             slides = part.joint.kind == "prismatic"
             name = f"the {'travel' if slides else 'hinge'} of {part.name}"
             found.append(Witness(name, part.joint.axis, slides))
@@ -139,14 +152,14 @@ def witnesses(twin: Twin) -> tuple[Witness, ...]:
 
 
 def judged(found: Sequence[Witness]) -> LevelEvidence:
-    """The up that most witnesses agree with, of several the one nearest to the twin's own; and the twin's
-    own, give or take 2 deg, where fewer than two of them speak against that."""
+    """The up of most witnesses, of several the nearest to the twin's own; the twin's own, give or take 2 deg,
+    if fewer than two of them speak against that."""
     best = max(_candidates(found), key=lambda up: (len(_within(found, up, AGREE_DEG)), float(up @ UP)))
-    other = _told(found, _refined(_within(found, best, AGREE_DEG), best))
-    return other if other.contradicted else _told(found, _refined(_within(found, UP, TILT_DEG), UP))
+    other = _judged_by(found, _refined(_within(found, best, AGREE_DEG), best))
+    return other if other.contradicted else _judged_by(found, _refined(_within(found, UP, TILT_DEG), UP))
 
 
-def _told(found: Sequence[Witness], up: Array) -> LevelEvidence:
+def _judged_by(found: Sequence[Witness], up: Array) -> LevelEvidence:
     those = _within(found, up, AGREE_DEG)
     against = [w for w in those if w.off_deg(UP) > TILT_DEG]
     tilt = math.degrees(float(geo.angle_between(up, UP)))
@@ -172,18 +185,17 @@ def _candidates(found: Sequence[Witness]) -> list[Array]:
     """Directions (3,), in the half space of the twin's up, in which up may lie."""
     out = [UP]
     for w in found:
-        level = UP - w.direction * (w.direction @ UP)  # the nearest up for which it is level
-        out += [level] if np.linalg.norm(level) > _APART else []
+        level = UP - w.direction * (w.direction @ UP)  # the nearest up for which the witness is level
+        out += [level] if np.linalg.norm(level) > _ACROSS else []
         out += [] if w.level_only else [w.direction]
     for a, b in combinations(found, 2):
         across = np.cross(a.direction, b.direction)
-        out += [across] if np.linalg.norm(across) > _APART else []
+        out += [across] if np.linalg.norm(across) > _ACROSS else []
     return [geo.unit(v if v[2] >= 0 else -v) for v in out]
 
 
 def _refined(those: Sequence[Witness], up: Array) -> Array:
-    """The up of least squares over witnesses that agree with `up` (3,), which decides where they leave it
-    open."""
+    """The up of least squares over witnesses that agree with `up` (3,); `up` decides where they don't."""
     form = 1e-6 * (np.eye(3) - np.outer(up, up))
     for w in those:
         square = np.outer(w.direction, w.direction)
@@ -194,7 +206,7 @@ def _refined(those: Sequence[Witness], up: Array) -> Array:
 
 @lru_cache(maxsize=4)  # one command asks several times: when parts get physics, on export, in a check
 def large_planes(mesh: Mesh) -> tuple[Plane, ...]:
-    """Large planes of a mesh, largest first, those that are parallel and beside each other once.
+    """Large planes of a mesh, largest first, without parallel ones next to them.
 
     Each is the best of some guesses (RANSAC, Fischler and Bolles 1981): least-squares planes of a free
     point's neighbours that look the same way; then refit to its own points. Open3D's search for patches

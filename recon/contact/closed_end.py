@@ -1,7 +1,4 @@
-"""Which end of a part's travel is the closed one. The motion alone can't tell; the furniture around it can.
-
-FunREC, supplement 4: which of the limits is the closed end.
-"""
+"""Which end of a part's travel is the closed one (FunREC, supplement 4): the furniture around decides."""
 
 from __future__ import annotations
 
@@ -24,12 +21,11 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL, Joint, Mesh, Prismatic, Trajectory
 
-# share by which the edge ahead is nearer to a wall at the closed end; chosen by us on fifteen random sliding
-# doors
+# Share by which the edge ahead is nearer to a wall at the closed end. Chosen by us on 15 random doors.
 _AT_WALL = 0.5
-# Cosine between a front's normal and the way of what slides in its own plane; chosen by us
+# Cosine between a front's normal and a slide in the front's own plane. Chosen by us.
 _IN_PLANE = 0.5
-# What a hinge is turned on by: a front half a metre wide goes on by less than twice `_GAP`; by us
+# Step of turning a hinge past an end: the edge of a 0.5 m front moves less than twice `gap`. Chosen by us.
 _TURN_STEP = np.radians(5.0)
 # A rim closer than this (m) to the static surface is flush with it: a panel and a joint gap; chosen by us
 _GAP = 0.03
@@ -50,13 +46,12 @@ _QUANTILE = 0.02
 
 @dataclass(frozen=True)
 class ClosedEnd:
-    """The closed end: its state in the part's own counting, the sign by which the state grows on opening, the
-    reason.
+    """The closed end: its state in the part's own counting, the state's sign on opening, the reason.
 
-    margin: by how much the shares of the cue that decided, or of its witness, differ between the ends; 0
-    without a witness. That is for a hinge where it would be flush if it went on, for a drawer its way, for
-    what slides in its own plane the cue that is asked first. probability: of this end by the added log odds
-    of all cues, none of which is a witness or a veto; .5 where no cue was looked at.
+    margin: difference between the ends of the shares of the deciding cue or of its witness; 0 without a
+    witness. The witness of a hinge is where it would be flush farther on, of a drawer its way, of a slide in
+    its own plane the first cue. probability: of this end by the added log odds of all cues, none of which is
+    a witness or a veto; .5 if no cue was looked at.
     """
 
     state: float
@@ -68,7 +63,7 @@ class ClosedEnd:
 
 @dataclass(frozen=True)
 class _Cue:
-    """Shares, one for each end: the larger one's is the closed end."""
+    """Shares, one for each end: the end of the larger share is the closed one."""
 
     shares: Sequence[float]
     what: str
@@ -78,7 +73,7 @@ class _Cue:
         return int(self.shares[1] > self.shares[0])
 
     def lead(self, k: int) -> float:
-        """By how much it speaks for end k."""
+        """Lead of end k."""
         return self.shares[k] - self.shares[1 - k]
 
     @property
@@ -97,14 +92,14 @@ def find_closed_end(
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
 ) -> ClosedEnd:
-    """Decide by what surrounds and what lies behind the part at both ends of its travel.
+    """Decide by the surroundings of the part at both ends of its travel. part_mesh: at the part's state 0.
 
-    In this order: its face is flush with static surface there and not at the other end; of what slides along
-    its front's normal, it is farther from the viewer and nearer to static surface there, as a drawer comes
-    out of its furniture; it would be flush if it went on there, for furniture stops what shuts, and what
-    opens goes on into free space; it covers a cavity that is seen when it is away; it covers more space; else
-    the first rest pose. What slides in its own plane may be flush all along: there its edge ahead is asked
-    first, which stops at a wall of the furniture, then the cavity. part_mesh: at the part's state 0.
+    The cues in order: (1) at the closed end the face is flush with static surface, and not at the other end.
+    (2) A slide along its front's normal is there farther from the viewer and nearer to static surface, as a
+    drawer comes out of its furniture. (3) Past the closed end the part would hit furniture; past the open end
+    it is free. (4) The part there covers a cavity that is seen when the part is away. (5) It covers more
+    space. (6) The first rest pose. A slide in its own plane may be flush all along: its edge ahead decides
+    first, which stops at a wall of the furniture, then the cavity.
     """
     ends = travel_ends(part.motion.state)
     surface = sample(part_mesh)
@@ -136,7 +131,7 @@ def find_closed_end(
 def _ranked(
     every: ClosedCues, face: Front, joint: Joint, ends: tuple[float, float], static: Mesh
 ) -> tuple[list[_Cue], _Cue]:
-    """The cues in the order in which they are asked, and the one that bears witness to what they say."""
+    """The cues in their order, and their witness."""
     at_end = _Cue(every.flush, "flush with its surroundings")
     cavity = _Cue(every.cavity, "covers a cavity")
     if every.ahead is not None:
@@ -159,7 +154,7 @@ def _every(
     cavity: Sequence[float],
     static: Mesh,
 ) -> ClosedCues:
-    """All cues, none of which goes before another. flush: see `flush_shares`."""
+    """All cues, without an order. flush: see `flush_shares`."""
     along = float(face.normal @ part.joint.axis) if isinstance(part.joint, Prismatic) else 0.0
     in_plane = isinstance(part.joint, Prismatic) and abs(along) < _IN_PLANE
     return ClosedCues(
@@ -179,8 +174,8 @@ def _starts_at(part: MovingPart, ends: tuple[float, float]) -> int:
 
 
 def _past(face: Front, joint: Joint) -> Array:
-    """How far past an end (rad or m) a part is carried, in steps from 0: not at all what slides in its own
-    plane, beside which there may be static surface all along."""
+    """How far past an end (rad or m) a part is carried, in steps from 0; only 0 for a slide in its own plane,
+    which may have static surface beside it all along."""
     if not isinstance(joint, Prismatic):
         return np.arange(0.0, PAST_HINGE + 1e-9, _TURN_STEP)
     if abs(face.normal @ joint.axis) < ALONG:
@@ -195,12 +190,8 @@ def _end(
 
 
 def travel_ends(state: Array) -> tuple[float, float]:
-    """Lowest and highest state (n,): robust quantiles of the smoothed state, and there the middle of the
-    rest.
-
-    Extremes grow with the number of frames; the middle of what lies within 2 % of the travel from them does
-    not.
-    """
+    """Lowest and highest state (n,): the medians of the smoothed states within 2 % of the travel from robust
+    quantiles. Extremes would grow with the number of frames."""
     s = smoothed(state)
     low, high = np.quantile(s, [_QUANTILE, 1 - _QUANTILE])
     near = 0.02 * (high - low)
@@ -230,8 +221,10 @@ def _depth_behind(
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
 ) -> Array:
-    """How far (m, along its normal) static surface is seen behind each point of the front posed at an end,
-    from frames in which it is away; points without a view are left out."""
+    """Depth (n,) m, along the normal, of static surface seen behind points of the front posed at an end.
+
+    frames: those in which the part is away. Points without a view are left out.
+    """
     points = geo.transform(part.joint.pose(end), face.points[:: max(1, len(face.points) // 2000)])
     normal = geo.rotate(part.joint.pose(end), face.normal)
     seen = np.full((len(frames), len(points)), np.nan)
@@ -249,11 +242,10 @@ def _depth_behind(
 
 
 def rebase(part: MovingPart, closed: ClosedEnd) -> MovingPart:
-    """The part counted from its closed end: state 0 there, opening positive, `lower` 0, `upper` the other
-    end.
+    """The part counted from its closed end: state 0 there, opening positive, `upper` at the other end.
 
-    The axis turns round when the state fell on opening. The frame of the part becomes its pose at the closed
-    end, see `rebase_mesh`.
+    The axis is reversed if the state fell on opening. The part's frame becomes its pose at the closed end
+    (`rebase_mesh`).
     """
     state = closed.opening_sign * (part.motion.state - closed.state)
     upper = max(0.0, travel_ends(state)[1])

@@ -1,4 +1,4 @@
-"""Which pieces of what nothing explains are no hand: crumbs, and what rests and has no arm."""
+"""Which unexplained pieces are no hand: crumbs, and pieces at rest without an arm."""
 
 from __future__ import annotations
 
@@ -18,15 +18,20 @@ from twin.scene import Trajectory
 
 Bits = NDArray[np.bool_]
 
-# Chosen by us: share of the picture; px of the working grid within which a piece reaches the picture's
-# border; share of its pixels that must stay where they are, each in that share of the other labelled frames
-# of the same rest; and the fewest of these, as a hand may linger.
-_MIN_HAND, _BORDER_PX, _STAYS, _OFTEN, _FEWEST = 0.001, 3, 0.5, 0.6, 5
+# All chosen by us. Least share of the picture that a hand has.
+_MIN_HAND = 0.001
+# px of the working grid within which a piece reaches the picture's border.
+_BORDER_PX = 3
+# Share of a resting piece's pixels that stay where they are.
+_STAYS = 0.5
+# Share of the other labelled frames of the same rest in which such a pixel stays.
+_OFTEN = 0.6
+# Fewest such frames, as a hand may linger.
+_FEWEST = 5
 
 
 def drop_crumbs(belief: F32) -> None:
-    """Take the hand, last of the beliefs (n, h, w), from pieces smaller than `_MIN_HAND` of the picture:
-    neither noise nor a thin handle is a hand. The next best label takes their place."""
+    """Take the hand, last of the beliefs (n, h, w), from pieces below `_MIN_HAND`: noise and thin handles."""
     hand = belief.argmax(axis=0) == len(belief) - 1
     _, pieces, stats, _ = cv2.connectedComponentsWithStats(hand.astype(np.uint8), connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] < _MIN_HAND * hand.size
@@ -56,17 +61,17 @@ class Rests:
         slack: float,
         noise: DepthNoise,
     ) -> Rests:
-        """Split the views; frames in which a part moves are in none."""
+        """Split the views; frames in which a part moves are in no rest."""
         phases = rest_phases(parts, np.array([v.frame for v in views])) if parts else []
         moving = [i for p in parts for i in p.motion.intervals]
         phases = [p for p in phases if not any(a <= p[0] <= b for a, b in moving)]
         return cls(views, cameras, phases, camera, color_sigma, slack, noise)
 
     def drop_armless(self, belief: F32, seen: View) -> None:
-        """Take the hand from pieces that stay where they are while nothing moves and that no arm joins to the
-        picture's border: a part's rim that a joint puts a little aside, or what another state hides.
+        """Take the hand from pieces that stay while no part moves and that no arm joins to the border.
 
-        An arm may be too near for depth and run across unknown pixels. A part may hide the arm of fingers.
+        Such a piece is a part's rim that a joint puts aside a little, or surface that another state hides. An
+        arm may be too near for depth and run across unknown pixels. A part may hide the arm of fingers.
         """
         others = [v for phase in self.phases if seen.frame in phase for v in self.views if v.frame in phase]
         others = [v for v in others if v.frame != seen.frame]

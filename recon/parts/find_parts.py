@@ -34,9 +34,9 @@ from recon.parts.found import PartTracks as PartTracks
 from recon.parts.hand_tracks import hand_tracks
 from recon.parts.moving_part import MovingPart
 from recon.parts.part_matching import is_another_part, same_part
-from recon.parts.said_parts import Observed, outside, sought
+from recon.parts.said_parts import Observed, outside, search_space
 from recon.parts.static_spans import known_rest_spans, rest_spans, restless
-from recon.parts.two_witnesses import by_both
+from recon.parts.two_witnesses import reconciled_parts
 from recon.recording import Recording
 from recon.recording.said import Said
 from recon.tracking.tracks import Tracks
@@ -81,7 +81,7 @@ def find_parts(
                 search.take(group) or config.method == "clusters"
             ):
                 break  # all tracks together bring no more; of the clusters, each may
-    parts = by_both(search.found, recording, cameras, movers, config.max_parts)
+    parts = reconciled_parts(search.found, recording, cameras, movers, config.max_parts)
     if not parts:
         nothing = f"{int(movers.moving.sum())} of {len(tracks)} tracked points leave their place"
         why = search.failed[0].problem if search.failed else nothing
@@ -105,10 +105,10 @@ def _said_parts(
     for number, word in enumerate(said.words):
         told = _hints(said, number, hints)
         try:
-            where = sought(word, seen, free & ~hand, told)
+            where = search_space(word, seen, free & ~hand, told)
             if not said.intervals and where.fit is not None:  # now it is known when it rests
                 hand = hand | hand_of(rest_spans(where.fit.fit, frames))
-                where = sought(word, seen, free & ~hand, told)
+                where = search_space(word, seen, free & ~hand, told)
             search = _Search(where.movers, lambda _: hand, to_part, seen.joints, told)  # noqa: B023
             search.free &= where.group
             if not search.take(where.group, where.fit):

@@ -54,7 +54,7 @@ class Observed:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
+class SearchSpace:
     """Where one part is looked for: movers in the frames that were said, the tracks (K,) that may be the
     part's, and the joint of those that move with the point; None where no point was said."""
 
@@ -63,7 +63,9 @@ class Sought:
     fit: GroupFit | None
 
 
-def sought(word: Word, seen: Observed, free: NDArray[np.bool_], hints: Sequence[TypeHint]) -> Sought:
+def search_space(
+    word: Word, seen: Observed, free: NDArray[np.bool_], hints: Sequence[TypeHint]
+) -> SearchSpace:
     """What may be the part that a word is about, among the free tracks (K,).
 
     Raises ReconstructionError where no followed track moves near the point, or its frame has no camera.
@@ -75,7 +77,7 @@ def sought(word: Word, seen: Observed, free: NDArray[np.bool_], hints: Sequence[
         free = free & ~restless(seen.movers, movers.moving, rests)
     group = np.asarray(movers.moving & free)
     if word.point is None:
-        return Sought(movers, group, None)
+        return SearchSpace(movers, group, None)
     there = _seen_there(seen.movers, word.point[2], word.interval)
     return _with_point(word.point, there, replace(seen, movers=movers), group, hints)
 
@@ -136,7 +138,7 @@ def _with_point(
     seen: Observed,
     group: NDArray[np.bool_],
     hints: Sequence[TypeHint],
-) -> Sought:
+) -> SearchSpace:
     """The joint of the tracks (K,) of a group that move with a point; left are these, those never seen with
     it, and those seen mostly when its state is not known: on its other face, say.
 
@@ -160,7 +162,7 @@ def _with_point(
     seeds[body], rigid[tracks], untold[tracks] = True, agreeing > 0, agreeing == 0
     fit = _grown(seeds, rigid | seeds, movers, seen.joints, hints)
     known = movers.visible[fit.fit.frames].sum(axis=0) >= 0.5 * movers.visible.sum(axis=0)
-    return Sought(movers, fit.members | (untold & ~seeds) | (rigid & ~known), fit)
+    return SearchSpace(movers, fit.members | (untold & ~seeds) | (rigid & ~known), fit)
 
 
 def _grown(

@@ -18,30 +18,36 @@ from recon.recording import Recording
 from twin.describe import range_text
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-# How well depth agrees with the states of tracks, over how well with its own: right ones .9 and more in seven
-# open recordings and .37 to 1 in cabinets of closed form, those of a hand that moved along a drawer's axis,
-# and of tracks that slip, 0. Of a strip that slides in its plane tracks that slipped told a twentieth of the
-# way, and depth up to 2.2 times the true one (four open recordings). Chosen by us
+# Agreement of depth with the tracks' states, over that with its own states. Right states have .9 and more in
+# seven open recordings and .37 to 1 in cabinets of closed form. A hand along a drawer's axis and slipping
+# tracks have 0. For a strip sliding in its plane, slipping tracks covered a twentieth of the way and depth up
+# to 2.2 times the true way (four open recordings). Chosen by us.
 _AS_WELL = 0.15
-# Tracks, and sigma (rad) of the axis that they tell, from which they need no other witness: of the joints
-# that depth did not confirm on 110 recordings, looked at, the seven of such tracks were right, and depth's
-# own was wrong or the same; of 27 others three were right or nearly so. By us
-_MANY, _FIRM = 120, np.radians(0.5)
-_CARRIED = 0.5  # of the way of what is moved, at least, that the hand goes meanwhile; chosen by us
+# Tracks of a part that need no second witness, with the axis as sure as below. Of the joints that depth did
+# not confirm in 110 recordings we looked at, all seven with such tracks were right, and depth's own joint was
+# wrong or the same; of 27 others three were right or nearly so. Chosen by us.
+_MANY = 120
+# Sigma (rad) of their axis.
+_FIRM = np.radians(0.5)
+# Least share of the moved part's way that a hand goes meanwhile. Chosen by us.
+_CARRIED = 0.5
 
 
-def by_both(
+def reconciled_parts(
     found: Sequence[PartTracks],
     recording: Recording,
     cameras: Trajectory,
     movers: Movers,
     most: int,
 ) -> tuple[PartTracks, ...]:
-    """The parts by both witnesses, at most `most`. A joint that both tell is taken from the tracks, which
-    know it more finely, unless depth contradicts their states: tracks that slip along a part, or lie on the
-    hand that moves it, know its joint and not its way. Where depth tells any, one that it does not confirm is
-    none, and a warning says so: corners that drift along edges follow some joint as well. Many tracks that
-    know their axis well need no confirmation: what depth has move meanwhile is the same part, badly seen."""
+    """The parts by both witnesses, at most `most`.
+
+    A joint that both find is taken from the tracks, which are finer, unless depth contradicts their states:
+    tracks that slip along a part or lie on the hand know its joint but not its way. If depth finds a part,
+    track-only parts that depth does not confirm are dropped with a warning: corners that drift along edges
+    follow some joint as well. Many tracks with a sure axis need no confirmation: a part that depth finds
+    moving meanwhile is the same part, badly seen.
+    """
     seen = witnessed(recording, cameras, movers, [f.part for f in found])
     if not seen:
         return tuple(found)
@@ -64,20 +70,19 @@ def by_both(
 
 
 def _firm(f: PartTracks) -> bool:
-    """Whether tracks tell a joint that needs no other witness."""
+    """Whether the tracks' joint needs no second witness."""
     sigma = f.part.joint.sigma
     return sigma is not None and sigma.axis <= _FIRM and int(f.members.sum()) >= _MANY
 
 
 def _meanwhile(w: Witnessed, f: PartTracks, cameras: Trajectory) -> bool:
-    """Whether what depth tells moves while a part of tracks does: one hand opens one part at a time."""
+    """Whether depth's part moves while the tracks' part does: one hand opens one part at a time."""
     other = np.interp(cameras.frames, f.part.motion.frames, f.part.motion.state)
     return together(w.state, other) >= MEANWHILE
 
 
 def _goes_along(w: Witnessed, seen: Sequence[Witnessed]) -> bool:
-    """Whether it goes along with another that has the same joint of tracks and agrees better with them: a
-    hand goes the way of what it moves."""
+    """Whether a part goes along with another one of the same tracks that agrees better: a hand follows."""
     rivals = [o for o in seen if o is not w and o.by_tracks is not None and o.by_tracks == w.by_tracks]
     return any(_along(w, o) > _CARRIED for o in rivals if o.as_well > w.as_well)
 
@@ -95,8 +100,7 @@ def _warn(left: PartTracks) -> None:
 
 
 def _of_depth(w: Witnessed, recording: Recording, cameras: Trajectory, movers: Movers) -> PartTracks:
-    """A part that depth alone tells. Inliers: the share of the movers that follow it, 0 where there are none;
-    its residual is that of the refinement, which comes next."""
+    """A part that depth alone found. Its inliers are the share of movers that follow; refinement fits it."""
     spread = w.joint.sigma.state if w.joint.sigma is not None else 0.0
     spans = tuple((i.first, i.last) for i in state_intervals(cameras.frames, w.state, spread))
     inliers = float(w.followers.sum()) / max(int(movers.moving.sum()), 1)

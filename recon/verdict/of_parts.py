@@ -1,16 +1,15 @@
 """Evidence against a part: each function looks at one number and returns a reason, or None.
 
-The limits are floors, chosen by us on 27 runs on recordings that the chain had not seen: 6 of them right, 12
-with the part missed, 9 with a right joint and wrong labels, wrong closed end, or one of several parts.
-Residual and share of inliers told nothing (1.2 to 2.7 mm and .41 to .83 where right, 1.9 to 8.2 mm and .37 to
-.68 where missed) and are left out.
+The limits are floors, chosen by us on 27 held-out runs: 6 right, 12 with the part missed, 9 with a right
+joint and wrong labels, a wrong closed end, or one of several parts. Residual and share of inliers don't
+separate (1.2 to 2.7 mm and .41 to .83 if right, 1.9 to 8.2 mm and .37 to .68 if missed). The figures below
+are of recordings that we looked at.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from recon.parts.static_spans import REST_MARGIN
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.fronts import square_to_front
 from recon.verdict.in_motion import moving_rows
@@ -28,52 +27,72 @@ from recon.verdict.of_video import (
     seen_to_move,
     surely_moved,
 )
+from recon.verdict.track_drift import track_drift
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Motion
 from twin.verdict import Level, Reason, reason
 
-# deg. Doubtful at a quarter of what counts as success, as the sigma leaves out how tracks drift. Refused
-# where two sigmas exceed what counts as success. Of 90 open random recordings, looked at: joints that were
-# right .04 to 1.64, what was wrong or none .67 to 1300, and below 3 only where another reason refuses too.
-AXIS_HALF_SURE, AXIS_DOUBTFUL, AXIS_REFUSED = 0.9, 1.25, 3.0
-# What slides without texture shows by its borders alone how far it went aside: they are off by 4 to 14 mm
-# (five runs, looked at). Doubtful at half of what counts as success, deg.
-BORDERS_M, SIDEWAYS_DOUBTFUL = 0.008, 2.5
-# The upper limit over the sigma of a state. Of 60 open random recordings, looked at: joints that were right
-# 41 to 2100 in 45, and 25 in one whose states ran on unseen; wrong or none 0 to 41 in 10 and 48 to 330 in 8,
-# which other reasons tell. Below the first, a half sure axis refuses. Below the second it may be at rest.
-RANGE_DOUBTFUL, RANGE_REFUSED = 40.0, 10.0
-# rad and m of range, whatever its error. Rattling and drifting corners go as far, a cupboard farther. By us.
-TURN_DOUBTFUL, TURN_REFUSED = np.radians(6.0), np.radians(3.0)
-SLIDE_DOUBTFUL, SLIDE_REFUSED = 0.02, 0.01
+# deg. Above this sigma of the axis a short range refuses. Right joints of 90 open random recordings have .04
+# to 1.64; wrong or missing ones .67 to 1300, and below 3 only with another refusal.
+AXIS_HALF_SURE = 0.9
+# deg. Doubtful at a quarter of the limit of success, as the sigma leaves out the drift of tracks.
+AXIS_DOUBTFUL = 1.25
+# deg. Refused where two sigmas exceed the limit of success.
+AXIS_REFUSED = 3.0
+# m by which borders are off. A slide without texture shows its way by borders alone: 4 to 14 mm in five runs.
+BORDERS_M = 0.008
+# deg. Doubtful at half of the limit of success.
+SIDEWAYS_DOUBTFUL = 2.5
+# Least ratio of the range to the sigma of a state. In 60 open random recordings right joints have 41 to 2100
+# in 45, and 25 in one whose states ran on unseen; wrong or missing ones 0 to 41 in 10, and 48 to 330 in 8
+# with other reasons. Below, an axis above `AXIS_HALF_SURE` refuses.
+RANGE_DOUBTFUL = 40.0
+# Below this ratio the part may be at rest.
+RANGE_REFUSED = 10.0
+# rad of range, whatever its error. Rattling and drifting corners go as far, a cupboard farther. Chosen by us.
+TURN_DOUBTFUL = np.radians(6.0)
+TURN_REFUSED = np.radians(3.0)
+# m of range, likewise.
+SLIDE_DOUBTFUL = 0.02
+SLIDE_REFUSED = 0.01
 # Shares by which the ends of the travel differ. Right: .35 and more in 24; wrong: 0 in one.
 CLOSED_END = 0.25
-# m. Right paths (ATE up to 6 mm): 2 to 12; wrong ones (27 to 134 mm): 58 to 587. All of them looked at.
-CAMERAS_DOUBTFUL, CAMERAS_REFUSED = 0.02, 0.05
-# m that the path may be aside, and m. Two sigmas are what counts as success, 2 cm: where labels cut an
-# outline the path of open hinges, looked at, was off by up to four of them. Of 56 that were right and trusted
-# one has more. A decimetre is no hinge of this part any more.
-PIVOT_DOUBTFUL, PIVOT_REFUSED = 0.01, 0.1
-# The part's travel over what resting tracks seem to move by between the rests before and after it.
-DRIFT_DOUBTFUL, DRIFT_REFUSED, _FEWEST_TRACKS = 5.0, 2.0, 20
-# Share of the frames in which the part moves: a recording needs rest before and after.
+# m by which frames disagree on the room. Right paths (ATE up to 6 mm): 2 to 12 mm; wrong ones (27 to 134 mm):
+# 58 to 587.
+CAMERAS_DOUBTFUL = 0.02
+CAMERAS_REFUSED = 0.05
+# m that the path may be aside by one sigma, half of the limit of success. Labels that cut an outline put the
+# path of open hinges off by up to four sigmas. One of 56 right and trusted parts has more.
+PIVOT_DOUBTFUL = 0.01
+# m. A hinge with this sigma is no hinge of this part.
+PIVOT_REFUSED = 0.1
+# Least ratio of the part's travel to the apparent motion of resting tracks between the rests around.
+DRIFT_DOUBTFUL = 5.0
+DRIFT_REFUSED = 2.0
+# Greatest share of the frames in which the part moves: a recording needs rest before and after.
 RESTLESS = 0.9
-# rad and m by which the state changes while the part rests. Right: up to 1 deg and 4 mm in 30; wrong: 5 deg
-# and 29 mm in two whose path ran on while nothing told of them. By us
-CREEP_TURN, CREEP_SLIDE = np.radians(2.5), 0.01
-# m^2. Less than the palm that opens it.
+# rad by which the state may change at rest. Right: up to 1 deg in 30; wrong: 5 deg. Chosen by us.
+CREEP_TURN = np.radians(2.5)
+# m, likewise. Right: up to 4 mm; wrong: 29 mm in one whose states ran on unseen.
+CREEP_SLIDE = 0.01
+# m^2. Less than the palm that opens a part.
 SMALL = 0.005
-# Share of the picture at rest with another depth than the twin's. 0 in eleven right runs and in four with a
-# right joint and one fault of a sensor, .0003 with time of flight; .007 and .010 at the two ends of one whose
-# part was missed. All of them recordings that were looked at while this was built.
-UNEXPLAINED, UNEXPLAINED_REFUSED = 0.002, 0.05
-# Share of the area that moves across itself, by more than this sine, about the middle of the range (half a
-# share of it to either side). Sliding panels have .02 to .1, doors and drawers above .6; by us.
-ACROSS, ACROSS_SINE, AJAR = 0.25, 0.25, 0.05
-# Share of a frame's picture. Right: 0 in 27, .0005 in one; .0036 where a missed part leaves view at the end.
+# Greatest share of the picture at rest with another depth than the twin's. Right: 0 in eleven, .0003 with
+# time of flight; 0 in four with a right joint and a sensor fault; .007 and .010 at the ends of one with a
+# missed part.
+UNEXPLAINED = 0.002
+UNEXPLAINED_REFUSED = 0.05
+# Least share of the area that moves across itself. Sliding panels have .02 to .1, doors and drawers above .6.
+# Chosen by us, as the two below.
+ACROSS = 0.25
+# Least sine of the way to the surface for motion across.
+ACROSS_SINE = 0.25
+# Share of the range on either side of its middle for that way.
+AJAR = 0.05
+# Greatest share of a frame's picture. Right: 0 in 27, .0005 in one; .0036 if a missed part leaves the view.
 STATIC_THROUGH = 0.001
-# Label images. Of two, each may be the moment at which something else moved.
+# Label images. Each of two may show the moment at which another part moved.
 FEWEST_LABELS = 3
 
 
@@ -112,7 +131,7 @@ def _sideways(e: PartEvidence) -> float:
 
 
 def pivot(e: PartEvidence) -> Reason | None:
-    """How far the sigma of the hinge's place takes the part's path aside: by the chord of its range."""
+    """How far the sigma of the pivot takes the part's path aside: by the chord of its range."""
     joint = e.part.joint
     sigma = None if joint.sigma is None else joint.sigma.pivot
     if sigma is None:
@@ -145,22 +164,22 @@ def far_enough(e: PartEvidence) -> Reason | None:
     span = joint.upper - joint.lower
     if joint.kind == "revolute":
         level = _graded(span < TURN_DOUBTFUL, span < TURN_REFUSED)
-        told = float(np.rad2deg(span)), "°", float(np.rad2deg(TURN_DOUBTFUL))
+        numbers = float(np.rad2deg(span)), "°", float(np.rad2deg(TURN_DOUBTFUL))
     else:
         level = _graded(span < SLIDE_DOUBTFUL, span < SLIDE_REFUSED)
-        told = 1000 * span, "mm", 1000 * SLIDE_DOUBTFUL
-    return None if level is None else reason("TooShort", level, *told)
+        numbers = 1000 * span, "mm", 1000 * SLIDE_DOUBTFUL
+    return None if level is None else reason("TooShort", level, *numbers)
 
 
 def closed_end(e: PartEvidence) -> Reason | None:
-    """Whether what surrounds the part tells which end of its travel is the closed one."""
+    """Whether the surroundings decide which end of the travel is the closed one."""
     if e.closed_margin is None or e.closed_margin >= CLOSED_END:
         return None
     return reason("ClosedEndUnsure", "doubtful", e.closed_margin, CLOSED_END)
 
 
 def cameras(e: PartEvidence) -> Reason | None:
-    """The cameras' path, on which everything stands: against each part."""
+    """The cameras' path: a reason against each part."""
     frame, other, off = e.scene.camera_drift
     level = _graded(off > CAMERAS_DOUBTFUL, off > CAMERAS_REFUSED)
     return None if level is None else reason("CamerasDrift", level, frame, other, off, CAMERAS_DOUBTFUL)
@@ -173,7 +192,7 @@ def _short(e: PartEvidence) -> bool:
 
 
 def rests(e: PartEvidence) -> Reason | None:
-    """How much of the time the part moves: what never rests drifts."""
+    """How much of the time the part moves: a part that never rests drifts."""
     share = len(moving_rows(e.part)) / max(len(e.part.motion.frames), 1)
     return None if share <= RESTLESS else reason("NeverRests", "doubtful", share, RESTLESS)
 
@@ -202,8 +221,8 @@ def _at_rest(motion: Motion) -> list[Array]:
 
 
 def drift(e: PartEvidence) -> Reason | None:
-    """How far the part gets against the static scene; None where too few tracks see both rests."""
-    drifted = _drift(e)
+    """The part's travel against the drift of the static scene; None if too few tracks see both rests."""
+    drifted = track_drift(e.part.motion, e.scene.found.movers)
     if drifted is None or e.mesh is None or not len(e.mesh.vertices):
         return None
     joint = e.part.joint
@@ -211,32 +230,6 @@ def drift(e: PartEvidence) -> Reason | None:
     travel = float(np.median(np.linalg.norm(np.subtract(*ends), axis=1)))
     level = _graded(travel < DRIFT_DOUBTFUL * drifted, travel < DRIFT_REFUSED * drifted)
     return None if level is None else reason("WithinDrift", level, travel, drifted, DRIFT_DOUBTFUL)
-
-
-def _drift(e: PartEvidence) -> float | None:
-    """Median distance (m) of resting tracks between where they are before the part moves and after."""
-    spans = e.part.motion.intervals
-    if not spans:
-        return None
-    movers = e.scene.found.movers
-    first, last = spans[0][0] - REST_MARGIN, spans[-1][1] + REST_MARGIN
-    resting = np.flatnonzero(~movers.moving)
-    before, after = (
-        _middle(movers.points_world[frames][:, resting])
-        for frames in (slice(0, max(first, 0)), slice(last, None))
-    )
-    moved = np.linalg.norm(after - before, axis=1)
-    moved = moved[np.isfinite(moved)]
-    return float(np.median(moved)) if len(moved) >= _FEWEST_TRACKS else None
-
-
-def _middle(points: Array) -> Array:
-    """Median (K, 3) over the frames of points (T, K, 3); NaN where a track is not seen in 3 of them."""
-    out = np.full(points.shape[1:], np.nan)
-    often = np.isfinite(points[..., 0]).sum(axis=0) >= 3
-    if often.any():
-        out[often] = np.nanmedian(points[:, often], axis=0)
-    return out
 
 
 def surface(e: PartEvidence) -> Reason | None:
@@ -247,7 +240,7 @@ def surface(e: PartEvidence) -> Reason | None:
 
 
 def across_itself(e: PartEvidence) -> Reason | None:
-    """How much of the surface moves across itself; None where tracks tell the joint."""
+    """How much of the surface moves across itself; None if the joint is by tracks."""
     if e.tracks.type_source != "depth" or e.mesh is None or not len(e.mesh.faces):
         return None
     joint = e.part.joint
@@ -273,14 +266,14 @@ def labelled(e: PartEvidence) -> Reason | None:
 
 
 def explained(e: PartEvidence) -> Reason | None:
-    """The twin against the pixels of the frames at rest: any of the parts may be the wrong one."""
+    """The twin against the frames at rest: any of the parts may be the wrong one."""
     frame, share = e.scene.unexplained
     level = _graded(share > UNEXPLAINED, share > UNEXPLAINED_REFUSED)
     return None if level is None else reason("Unexplained", level, frame, share, UNEXPLAINED)
 
 
 def static_stays(e: PartEvidence) -> Reason | None:
-    """The static scene against all frames: what went may be a part of each part or another one."""
+    """The static scene against all frames: surface that left may belong to any part or to another one."""
     frame, share = e.scene.static_seen_through
     return (
         None

@@ -1,1 +1,1 @@
-"""What changed: surfaces that left their place or came to it, told by depth alone, without a track."""
+"""What changed: surfaces that left their place or came to it, by depth alone, without tracks."""

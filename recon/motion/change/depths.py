@@ -19,19 +19,23 @@ from twin.robust import mad_sigma
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-WIDTH = 160  # px to which pictures are thinned out: a part has hundreds of pixels then; chosen by us
-ROWS = (
-    150  # frames looked at, at most; a second and a half apart in ten minutes, but a motion has many of them
-)
-_PAIRS, _BINS = 12, 6  # of frames that are compared, and of depth, for the noise
-_FEWEST = 50  # differences in a bin
-_SIGMA_LEAST = 0.0015  # m; no depth camera is better over a whole picture
+# Chosen by us. Width (px) to which pictures are thinned out: a part still has hundreds of pixels.
+WIDTH = 160
+# Most frames. In ten minutes they are four seconds apart.
+ROWS = 150
+# Pairs of frames that are compared for the noise.
+_PAIRS = 12
+# Bins of depth for the noise.
+_BINS = 6
+# Fewest differences in a bin.
+_FEWEST = 50
+# m. No depth camera is better over a whole picture.
+_SIGMA_LEAST = 0.0015
 
 
 @dataclass(frozen=True, eq=False)
 class Depths:
-    """Depth (T, h, w) m, 0 unknown, and Lab colour (T, h, w, 3), 8 bits, of some frames (T,), their camera
-    and its poses T_world_cam (T, 4, 4)."""
+    """Depth (T, h, w) m, 0 unknown, and 8-bit Lab colour (T, h, w, 3) of frames (T,), with their cameras."""
 
     camera: Intrinsics
     frames: NDArray[np.int64]
@@ -65,7 +69,7 @@ class Depths:
         return self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy
 
     def points(self, row: int) -> Array:
-        """World points (h, w, 3) m of a row's pixels; those of unknown depth lie at the camera."""
+        """World points (h, w, 3) m of a row's pixels; pixels of unknown depth lie at the camera."""
         y, x = np.mgrid[0 : self.camera.height, 0 : self.camera.width]
         ahead = self.camera.backproject(
             np.stack([x, y], axis=-1).astype(float), self.depth[row].astype(float)
@@ -73,8 +77,10 @@ class Depths:
         return geo.transform(self.T_world_cam[row], ahead)
 
     def look(self, points: Array, row: int, sigmas: float, least: float) -> NDArray[np.int8]:
-        """What a row says of world points (n, 3): see `recon.motion.change.kernels.look`. sigmas: of noise
-        that depths may differ by, and at `least` so many metres."""
+        """What a row says of world points (n, 3): see `recon.motion.change.kernels.look`.
+
+        Depths are equal within `sigmas` standard deviations of noise, and within `least` m.
+        """
         gate = max(least, sigmas * self.noise.base)
         return np.asarray(
             look(points, self.T_cam_world[row], self.depth[row], *self.lens, gate, sigmas * self.noise.slope)
@@ -82,13 +88,14 @@ class Depths:
 
     @cached_property
     def noise(self) -> DepthNoise:
-        """Base and slope of the scatter, camera poses included, between pairs of frames a sixth of the
-        recording or less apart: most of what they see rests meanwhile. Its slow part and the drop-outs are
-        not measured."""
-        apart = max(1, len(self.frames) // 6)
-        first = np.unique(np.linspace(0, len(self.frames) - 1 - apart, _PAIRS).round().astype(int))
+        """Base and slope of the scatter, poses included, between frames a sixth of the recording apart.
+
+        Most of what two such frames see rests meanwhile. Slow noise and drop-outs are not measured.
+        """
+        gap = max(1, len(self.frames) // 6)
+        first = np.unique(np.linspace(0, len(self.frames) - 1 - gap, _PAIRS).round().astype(int))
         depth, off = (
-            np.concatenate(c) for c in zip(*(self._differences(a, a + apart) for a in first), strict=True)
+            np.concatenate(c) for c in zip(*(self._differences(a, a + gap) for a in first), strict=True)
         )
         if len(depth) < 100 * _BINS:
             return DepthNoise(_SIGMA_LEAST, _SIGMA_LEAST, 0.0, 0.0)

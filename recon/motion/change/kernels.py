@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 UNKNOWN, SAME, THROUGH, HIDDEN = 0, 1, 2, 3
-OLD, FRESH, BARED = 0, 1, 2  # what a pixel sees: has been there, has not, could not be seen
+# What a pixel sees: surface that was there at rest, that was not, or that could not be seen at rest.
+OLD, FRESH, BARED = 0, 1, 2
 
 
 @njit(cache=True, nogil=True)
@@ -51,15 +52,14 @@ def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, lens, gates):  # type: ignore[no-untyped-def]
-    """How well points (n, 3), moved by a pose (4, 4), agree with a depth image (h, w): the share that agrees,
-    0..1 each, and the share that the camera sees through.
+    """The share of points (n, 3) at a pose (4, 4) that agree with a depth image (h, w), and that are seen
+    through.
 
-    Where the pixel is OLD in `new` (h, w), a point that has moved says nothing: what it was carried onto has
-    always been there; unless that may be the surface `itself`, as of a panel that slides in its own plane.
-    Hidden points and those out of view say nothing either. Where it could not be seen at the surface's rest
-    (BARED), something else may have been there all the time: then it counts a quarter, and a like colour
-    only. tint (n, 3), colour (h, w, 3): Lab, 8 bits. lens: fx, fy, cx, cy. gates: depths that differ by less
-    than the first + the second z^2 m agree.
+    A moved point at a pixel that is OLD in `new` (h, w) says nothing: the surface there was always there. The
+    exception is a surface that may lie there `itself`, such as a panel that slides in its own plane. Hidden
+    points and points out of view say nothing either. At a BARED pixel another surface may have been there all
+    the time: the point counts a quarter, and for a like colour only. tint (n, 3), colour (h, w, 3): Lab.
+    lens: fx, fy, cx, cy. gates: depths that differ by less than the first + the second z^2 m agree.
     """
     h, w = depth.shape
     fx, fy, cx, cy = lens
@@ -121,8 +121,10 @@ def agreements(points, tint, T_cam_world, poses, depth, colour, new, itself, len
 
 @njit(cache=True, nogil=True)
 def best_path(score, most, price):  # type: ignore[no-untyped-def]
-    """The states (T,) of the best path through scores (T, Q), by dynamic programming (Viterbi 1967), and its
-    score: to each frame from the one before at most `most` (T,) states on, each step at a `price`."""
+    """The best path of states (T,) through scores (T, Q), and its score (dynamic programming, Viterbi 1967).
+
+    The state changes by at most `most` (T,) per frame, at a `price` per step.
+    """
     frames, count = score.shape
     total, new = score[0].astype(np.float64), np.zeros(count)
     back = np.zeros((frames, count), np.int32)

@@ -1,7 +1,7 @@
 """Surfaces that left their place, and surfaces that came to it.
 
-What a frame at rest sees and others see through was not there at all times. Compared with the recording's
-first frame these surfaces leave later; compared with its last one they came before.
+A surface that a frame at rest sees and other frames see through was not there at all times. Surfaces of the
+recording's first frame leave later; surfaces of its last frame came before.
 """
 
 from __future__ import annotations
@@ -17,15 +17,27 @@ from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import BARED, FRESH, OLD, SAME, THROUGH
 from twin.geometry import Array
 
-SIGMAS = 5.0  # of noise that a gap is wide, at least; and so many metres (chosen by us)
+# All chosen by us. Least gap in standard deviations of noise.
+SIGMAS = 5.0
+# Least gap, m.
 GAP_M = 0.02
-_SPANS, _LONG = 2, 3  # a surface is gone in so many spans of so many successive rows: single ones are noise
-SHARE = 0.004  # of the picture: the least surface that is a part's; chosen by us
-MOST = 4  # surfaces of each end
-_AMONG = 5  # px about one of unknown depth of which most of the known ones left; chosen by us
-# Depth (m) per pixel, and how many times that to the other side, where a surface ends before another, over
-# one pixel or two, as coarse sensors smear it; chosen by us
-_JUMP_M, _STEEPER, _SMEARED, _CROSS = 0.04, 2.0, 2, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+# A surface that left is gone in at least so many spans of rows: single rows are noise.
+_SPANS = 2
+# Rows of such a span.
+_LONG = 3
+# Least share of the picture that a part's surface has.
+SHARE = 0.004
+# Most surfaces of each end of the recording.
+MOST = 4
+# px of the window about a pixel of unknown depth, most of whose known pixels left.
+_AMONG = 5
+# Least jump of depth (m) per pixel where a surface ends before another one.
+_JUMP_M = 0.04
+# Least ratio of that jump to the slope on the other side.
+_STEEPER = 2.0
+# Most pixels over which coarse sensors smear the jump.
+_SMEARED = 2
+_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +51,7 @@ class Changed:
 
 
 def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
-    """Pieces of what row `rest` sees and several others see through, largest first, without arms."""
+    """Pieces of surface that row `rest` sees and several others see through, largest first, without arms."""
     known = depths.depth[rest] > 0
     points = depths.points(rest)
     gone = np.stack(
@@ -59,8 +71,10 @@ def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
 
 
 def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """What left (h, w), with pixels of unknown depth among it: a dark or plain surface that is seen in spots
-    is one. Beside a jump of depth none are: there they part two surfaces."""
+    """Pixels (h, w) that left, with those of unknown depth among them: dark surfaces are seen in spots.
+
+    Beside a jump of depth no pixel is added: there unknown pixels separate two surfaces.
+    """
     known, window = depth > 0, np.ones((_AMONG, _AMONG), np.uint8)
     left_here, known_here = (cv2.blur(m.astype(np.float32), window.shape) for m in (left, known))
     nearest = cv2.erode(np.where(known, depth, np.inf).astype(np.float32), window)
@@ -75,15 +89,17 @@ def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     for px in range(1, _SMEARED + 1):
         near = depth - cv2.erode(known, _CROSS, iterations=px)
         far = cv2.dilate(depth, _CROSS, iterations=px) - depth
-        # a slanted surface goes on beyond: as far to one side as it came from the other
+        # a slanted surface has the same slope on both sides
         torn |= (near > px * _JUMP_M) & (near > _STEEPER * far)
     return np.asarray(torn & (depth > 0), np.uint8)
 
 
-def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
-    """At most `count` rows, the first and the last among them: half of them evenly spread, half where much is
-    new to both ends of the recording, as are a part and a hand on their way. first, last: what is new (T, h,
-    w) to the first and to the last row."""
+def informative_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
+    """At most `count` rows with the first and the last: half of them evenly spread, half where much is new.
+
+    first, last: the `novelty` (T, h, w) to the first and to the last row. A part and a hand on their way are
+    new to both.
+    """
     rows = len(first)
     even = np.unique(np.linspace(0, rows - 1, min(count - count // 2, rows)).round().astype(np.int64))
     others = np.setdiff1d(np.arange(rows), even)
@@ -95,13 +111,12 @@ def telling_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) 
     return np.unique(np.concatenate([even, others[np.minimum(busy, len(others) - 1)]]))
 
 
-def news(depths: Depths, rest: int) -> NDArray[np.uint8]:
+def novelty(depths: Depths, rest: int) -> NDArray[np.uint8]:
     """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees
-    through it, BARED where it could not see: something else hid it, it was out of the picture, or has no
-    depth. It may always have been there."""
+    through, BARED where that row could not see: hidden, out of view or without depth."""
     known = depths.depth > 0
     out = np.zeros(depths.depth.shape, np.uint8)
     for t in range(len(depths.frames)):
-        told = depths.look(depths.points(t)[known[t]], rest, SIGMAS / 2.0, GAP_M / 2.0)
-        out[t][known[t]] = np.select([told == SAME, told == THROUGH], [OLD, FRESH], BARED)
+        seen = depths.look(depths.points(t)[known[t]], rest, SIGMAS / 2.0, GAP_M / 2.0)
+        out[t][known[t]] = np.select([seen == SAME, seen == THROUGH], [OLD, FRESH], BARED)
     return out

@@ -19,19 +19,36 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import moved_axis
 
-POINTS = 200  # of a surface that are carried; more cost time and rank no joint otherwise
-ROWS = 40  # on which joints are compared
-_IN_VIEW, _FEWEST_ROWS = 0.2, 5  # share of a surface that a row sees, and rows that tell a mean; by us
-_SIGMAS, _LEAST_M = 4.0, 0.018  # of noise, and m, within which depths agree; chosen by us
-_FAR: dict[Kind, float] = {"revolute": np.deg2rad(135.0), "prismatic": 0.7}  # farthest state, rad or m
-_STEP: dict[Kind, float] = {"revolute": np.deg2rad(3.0), "prismatic": 0.02}  # between neighbours, at first
-_FINE: dict[Kind, float] = {"revolute": np.deg2rad(0.75), "prismatic": 0.004}  # and at last
-_FASTEST: dict[Kind, float] = {"revolute": np.deg2rad(300.0), "prismatic": 2.5}  # a second; chosen by us
-_THROUGH = 2.0  # what is seen through counts so many times as what agrees: nothing excuses it
-_PRICE = 0.01  # of a step of the state, so that it rests where nothing moves it
-_WINDOW = 3  # neighbours of a state that are tried for a joint that is moved a little
-_LEADING = 4  # surfaces whose own best states are tried for all
-# Greatest tilts (rad) and shifts (m) of the search for a better joint, round by round
+# All chosen by us.
+# Points of a surface that are carried; more cost time and rank no joint otherwise.
+POINTS = 200
+# Rows on which joints are compared.
+ROWS = 40
+# Share of a surface in view in a row that looks at the surface.
+_IN_VIEW = 0.2
+# Fewest such rows for a mean over them.
+_FEWEST_ROWS = 5
+# Standard deviations of noise within which depths agree.
+_SIGMAS = 4.0
+# m within which depths agree at least.
+_LEAST_M = 0.018
+# Farthest state, rad or m.
+_FAR: dict[Kind, float] = {"revolute": np.deg2rad(135.0), "prismatic": 0.7}
+# First step between states, rad or m.
+_STEP: dict[Kind, float] = {"revolute": np.deg2rad(3.0), "prismatic": 0.02}
+# Last step between states, rad or m.
+_FINE: dict[Kind, float] = {"revolute": np.deg2rad(0.75), "prismatic": 0.004}
+# Fastest motion, rad/s or m/s.
+_FASTEST: dict[Kind, float] = {"revolute": np.deg2rad(300.0), "prismatic": 2.5}
+# Weight of a point seen through against a point that agrees: nothing excuses free space.
+_THROUGH = 2.0
+# Price of a step of the state, so that the state rests where nothing moves it.
+_PRICE = 0.01
+# Neighbours of a state that are tried after a small change of the joint.
+_WINDOW = 3
+# Surfaces whose own best states are tried for all.
+_LEADING = 4
+# Greatest tilts (rad) and shifts (m) of the search for a better joint, by round.
 _ROUNDS = (
     (np.deg2rad(6.0), 0.1),
     (np.deg2rad(3.0), 0.05),
@@ -43,9 +60,11 @@ _ROUNDS = (
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A changed surface: world points (n, 3) m of it at its rest in row `rest`, their Lab colours (n, 3), and
-    what is new (T, h, w) to that row (`recon.motion.change.surfaces.news`). rows: on which joints are
-    compared. panel: whether it slides in its own plane, over its own place."""
+    """A changed surface: world points (n, 3) m and Lab colours (n, 3) at its rest in row `rest`.
+
+    new: (T, h, w), `recon.motion.change.surfaces.novelty` to that row. rows: those that compare joints.
+    panel: whether the surface slides in its own plane, over its own place.
+    """
 
     depths: Depths
     rest: int
@@ -96,8 +115,7 @@ class Surface:
         return self.scores(poses[:, None], rows)[:, 0]
 
     def mean(self, scores: Array, rows: NDArray[np.int64]) -> float:
-        """Mean of scores (rows,) over those rows that look at it: a part beside which the camera looks for
-        most of the time is one all the same."""
+        """Mean of scores (rows,) over the rows that look at the surface: others say nothing of it."""
         looks = self._looks if rows is self.rows else self._looked_at(rows)
         return float(scores[looks].mean())
 
@@ -126,8 +144,11 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """A joint with states in the rows (T,), 0 in the first one; gains: of each surface, by how much its mean
-    score exceeds that of leaving to somewhere unknown, else 0; worth: their sum over the surfaces' pixels."""
+    """A joint with states in the rows (T,), 0 in the first one.
+
+    gains: each surface's mean score less that of leaving to somewhere unknown, at least 0. worth: the gains
+    summed over the surfaces' pixels.
+    """
 
     joint: Proposed
     rows: NDArray[np.int64]
@@ -169,7 +190,7 @@ class Surfaces:
         return best
 
     def followed(self, best: Explained) -> Explained:
-        """The states of all rows, finely, by all surfaces that gain."""
+        """The states of all rows in fine steps, by all surfaces that gain."""
         rows, step = np.arange(len(self.depths.frames)), _FINE[best.joint.kind]
         coarse = np.interp(rows, best.rows, best.state)
         low, high = coarse.min() - _STEP[best.joint.kind], coarse.max() + _STEP[best.joint.kind]
@@ -194,7 +215,7 @@ class Surfaces:
         score = surface.scores(poses, like.rows)
         score[at] = -1e6
         score[at, steps] = 0.0
-        # states that keep their distance from the former ones cost nothing
+        # states at a constant distance from the former ones cost nothing
         path, _ = best_path(score, np.full(len(state), 2), _PRICE)
         return self.following(
             joint, like.rows, np.clip(state + window[path], -_FAR[joint.kind], _FAR[joint.kind])

@@ -21,15 +21,19 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Revolute, Trajectory
 
-# Support of a track that moves with a part; coarse error (m) of a joint and states by depth; chosen by us
-_FOLLOW, _COARSE_M = 0.3, 0.015
+# Support of a track that moves with a part. Chosen by us.
+_FOLLOW = 0.3
+# m. Error of joints and states that depth alone found. Chosen by us.
+_COARSE_M = 0.015
 
 
 @dataclass(frozen=True, eq=False)
 class Witnessed:
-    """A joint told by depth, with a state for each posed frame, and the tracks (K,) that follow it.
-    by_tracks: the number of the part told by tracks whose joint is the same one, None where there is none;
-    as_well: how well depth agrees with that one's states (`ChangedPart.as_well`)."""
+    """A joint by depth with a state for each posed frame, and the tracks (K,) that follow it.
+
+    by_tracks: the number of the tracks' part with the same joint, or None. as_well: how well depth agrees
+    with that part's states (`ChangedPart.as_well`).
+    """
 
     joint: Joint
     state: Array
@@ -42,16 +46,16 @@ def witnessed(
     recording: Recording,
     cameras: Trajectory,
     movers: Movers,
-    told: Sequence[MovingPart],
+    tracked: Sequence[MovingPart],
 ) -> list[Witnessed]:
     """What depth says of the parts. tracked: parts by tracks, whose joints compete for changed surfaces."""
     out = []
-    known = [_proposed(p.joint) for p in told]
+    known = [_proposed(p.joint) for p in tracked]
     for part in changed_parts(recording, cameras, known):
         oriented = part.oriented(LIMIT_QUANTILE)
         state = np.interp(cameras.frames, part.frames, oriented.state)
-        same = [k for k, p in enumerate(told) if _same(oriented.joint, p.joint, part)]
-        motions = [told[k].motion for k in same]
+        same = [k for k, p in enumerate(tracked) if _same(oriented.joint, p.joint, part)]
+        motions = [tracked[k].motion for k in same]
         as_well = [part.as_well(known[k], m.frames, m.state) for k, m in zip(same, motions, strict=True)]
         out.append(
             Witnessed(
@@ -69,13 +73,13 @@ def _proposed(joint: Joint) -> Proposed:
     return Proposed(joint.kind, joint.axis, joint.pivot if isinstance(joint, Revolute) else np.zeros(3))
 
 
-def _same(joint: Joint, told: Joint, part: ChangedPart) -> bool:
-    """Whether both are one joint as far as the part can tell."""
-    if joint.kind != told.kind or geo.line_angle(joint.axis, told.axis) > SAME_AXIS:
+def _same(joint: Joint, tracked: Joint, part: ChangedPart) -> bool:
+    """Whether both joints are one as far as the part shows."""
+    if joint.kind != tracked.kind or geo.line_angle(joint.axis, tracked.axis) > SAME_AXIS:
         return False
-    if isinstance(joint, Revolute) and isinstance(told, Revolute):
+    if isinstance(joint, Revolute) and isinstance(tracked, Revolute):
         centre = part.surface.points.mean(axis=0)
-        feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, told)]
+        feet = [geo.nearest_point_on_line(centre, j.pivot, j.axis) for j in (joint, tracked)]
         return bool(np.linalg.norm(feet[0] - feet[1]) <= SAME_PIVOT)
     return True
 

@@ -1,9 +1,9 @@
 """Panels that slide in their own plane: strips leave and come, a panel's width apart.
 
-A strip at the panel's trailing edge leaves, one at its leading edge comes, and what lies between is covered
-by the panel before and after: depth has it rest there. Carried by itself, the strip that left would go all
-the way to the one that came. Together they are the panel. Where it is closed again in the end nothing came:
-its strip is looked for in between, while the one that left is away.
+A strip at the panel's trailing edge leaves, and a strip at its leading edge comes. The panel covers the place
+between them before and after, so depth sees rest there. Carried by itself, the first strip would go all the
+way to the second one; together they are the panel. If the panel is closed again in the end, nothing came: the
+second strip is then looked for in between, while the first one is away.
 """
 
 from __future__ import annotations
@@ -21,20 +21,32 @@ from recon.motion.change.surfaces import GAP_M, SIGMAS, Changed, changed_surface
 from recon.parts.changed.proposals import plane_of
 from twin.geometry import Array
 
-# Strips of one panel are as wide by this ratio at least, along the way, and share so much of the shorter
-# one's length, across it, and of the longer one's, where something hides the other; so much of what is seen
-# of the plane between them is covered at both ends, and so much of it is seen. Chosen by us
-_AS_WIDE, _BESIDE, _HIDDEN, _COVERED, _SEEN = 0.6, 0.5, 0.25, 0.85, 0.25
-_ON_M, _GRID, _ENDS = 0.02, 24, (0.02, 0.98)
-# An arm may hide a piece of a strip: sine by which its way may leave a side of their common rectangle; by us
+# All chosen by us. Least ratio of the widths of a panel's two strips, along the way.
+_AS_WIDE = 0.6
+# Least share of the shorter strip's length that both have, across the way.
+_BESIDE = 0.5
+# The same of the longer strip's length, part of which may be hidden.
+_HIDDEN = 0.25
+# Least share of the seen plane between the strips that is covered, at both ends of the recording.
+_COVERED = 0.85
+# Least share of that plane that is seen.
+_SEEN = 0.25
+# m from a plane within which points lie on the plane, at least.
+_ON_M = 0.02
+# Points along each side of the plane between the strips that are looked up.
+_GRID = 24
+# Quantiles of a strip's points that are its ends.
+_ENDS = (0.02, 0.98)
+# Sine by which the way may leave a side of the strips' rectangle, as an arm may hide a piece of a strip.
 _ASIDE = 0.5
-_BACK = 0.5  # share of a strip that is where it was, or away; chosen by us
+# Share of a strip that is where it was, or away.
+_BACK = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """A plane by a point and the directions (3, 2) along the way and across it; spans (2,) along the way of
-    the strip that left and of the one that came, and the span across that both have, m."""
+    """A plane by a point and the directions (3, 2) along and across the way; spans (2,) m along the way of
+    the strip that left and of the strip that came, and their span across."""
 
     origin: Array
     basis: Array
@@ -46,8 +58,7 @@ class _Way:
 def with_panels(
     depths: Depths, left: Sequence[Changed], came: Sequence[Changed]
 ) -> list[tuple[Changed, bool]]:
-    """All surfaces that left their place and that came to it, and whether each is a panel: strips of one are
-    replaced by it, at its rest before and after."""
+    """All surfaces that left or came, and whether each is a panel: a panel at rest replaces its strips."""
     panels: dict[int, Changed] = {}
     for a, b in product(left, came):
         way = None if id(a) in panels or id(b) in panels else _way_of_panel(depths, a, b)
@@ -79,13 +90,13 @@ def _away(depths: Depths, strip: Changed) -> int | None:
 
 
 def _way_of_panel(depths: Depths, left: Changed, came: Changed) -> _Way | None:
-    """The way from one strip to another of one panel, which covers what lies between before and after."""
+    """The way from one strip of a panel to the other, if the panel covers the place between at both ends."""
     way = _way(depths, left, came)
     return way if way is not None and all(_covered(depths, way, s.rest) for s in (left, came)) else None
 
 
 def _way(depths: Depths, left: Changed, came: Changed) -> _Way | None:
-    """The way from one strip to another, None where they are none of one panel."""
+    """The way from one strip to another; None if they are no strips of one panel."""
     normal, on = plane_of(left.points)
     origin, limit = on.mean(axis=0), _on(depths)
     if np.mean(np.abs((came.points - origin) @ normal) < limit) < _COVERED:
@@ -112,17 +123,17 @@ def _way(depths: Depths, left: Changed, came: Changed) -> _Way | None:
 
 
 def _covered(depths: Depths, way: _Way, row: int) -> bool:
-    """Whether a row sees a surface on the plane all over between the strips, where nothing hides it."""
+    """Whether a row sees surface all over the plane between the strips, unless hidden."""
     u = np.linspace(way.left[1], way.came[0], _GRID + 2)[1:-1]
     v = np.linspace(way.across[0], way.across[1], _GRID + 2)[1:-1]
     at = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    told = depths.look(way.origin + at @ way.basis.T, row, SIGMAS / 2.0, GAP_M / 2.0)
-    same, through = float(np.mean(told == SAME)), float(np.mean(told == THROUGH))
+    seen = depths.look(way.origin + at @ way.basis.T, row, SIGMAS / 2.0, GAP_M / 2.0)
+    same, through = float(np.mean(seen == SAME)), float(np.mean(seen == THROUGH))
     return same >= _SEEN and same >= _COVERED * (same + through)
 
 
 def _panel(depths: Depths, way: _Way, row: int, first: float, last: float) -> Changed:
-    """All that a row sees on the plane from one place to another along the way."""
+    """All that a row sees on the plane from `first` to `last` m along the way."""
     points = depths.points(row)
     at = (points - way.origin) @ way.basis
     normal = np.cross(way.basis[:, 0], way.basis[:, 1])
@@ -133,5 +144,5 @@ def _panel(depths: Depths, way: _Way, row: int, first: float, last: float) -> Ch
 
 
 def _on(depths: Depths) -> float:
-    """How far from a plane (m) depth has what lies on it."""
+    """m from a plane within which depth lies on the plane."""
     return max(_ON_M, SIGMAS / 2.0 * depths.noise.base)

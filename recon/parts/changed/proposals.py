@@ -12,12 +12,15 @@ from recon.joints.observations import Kind
 from twin import geometry as geo
 from twin.geometry import Array
 
+# m from a plane within which points lie on the plane. Chosen by us.
 _ON_PLANE_M = 0.02
-_TRIES = 200  # of three points, for the plane
+# Tries of three points for a plane. Chosen by us.
+_TRIES = 200
 # How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so the
 # surface seen to leave ends before it, by that gap over the sine of the opening. Chosen by us.
 _BEYOND_M = (0.0, 0.05, 0.1)
-_LENGTH = 0.98  # the edges hold this share of the points, so that single ones do not shift them; chosen by us
+# Quantile of the points that is an edge, so that single points do not shift the edge. Chosen by us.
+_LENGTH = 0.98
 
 
 @dataclass(frozen=True, eq=False)

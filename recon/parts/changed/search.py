@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recon.joints.observations import Model
 from recon.joints.sign_and_limits import Oriented, orient, smoothed
 from recon.motion.change.depths import Depths
-from recon.motion.change.surfaces import changed_surfaces, news, telling_rows
+from recon.motion.change.surfaces import changed_surfaces, informative_rows, novelty
 from recon.parts.changed.carried import ROWS, Explained, Surface, Surfaces
 from recon.parts.changed.panels import with_panels
 from recon.parts.changed.proposals import Proposed, plane_of, proposed_joints
@@ -20,32 +20,42 @@ from twin.geometry import Array
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-_FROM = 2  # surfaces whose own shape proposes joints
-_IMPROVED = 3  # joints that are searched around, of each round
-# Gain of a surface's mean score over leaving for nobody knows where: less tells nothing; and by which a
-# further surface is the part's. Chosen by us.
-LEAST, _SAME = 0.04, 0.01
-# Of what the first part explains, at least, for a further one; and for one that moves while none that
-# explains more does, as a small drawer after a large door: by less than this share of its moving frames,
-# those with a tenth of its fastest step or more. Of such more is asked by so much of the share in which both
-# move. Chosen by us.
-_FURTHER, _IN_TURN, _PER_SHARE, MEANWHILE, _CREEPS = 0.3, 0.1, 0.2, 0.5, 0.1
-# Of the way that depth tells, at most, that tracks go: .85 to 1.05 of it in 15 right open ones (looked at),
-# 1.75 in one whose states ran on. By us
+# Chosen by us where no other source is named. Largest surfaces whose own shape proposes joints.
+_FROM = 2
+# Joints of each round that are searched around.
+_IMPROVED = 3
+# Least gain of the largest surface's mean score over leaving to somewhere unknown.
+LEAST = 0.04
+# Least gain of a further surface of the part.
+_SAME = 0.01
+# A further part explains at least this share of what the first part explains.
+_FURTHER = 0.3
+# The same of a part that moves while no part that explains more does, as a small drawer after a large door.
+_IN_TURN = 0.1
+# By how much that share grows with the share of frames in which both move.
+_PER_SHARE = 0.2
+# Share of a part's moving frames in which another part moves, from which the two move together.
+MEANWHILE = 0.5
+# Share of a part's fastest step from which the part moves.
+_CREEPS = 0.1
+# Greatest ratio of the tracks' travel to that by depth: .85 to 1.05 in 15 right open recordings we looked at,
+# 1.75 in one whose states ran on.
 _FARTHER = 1.4
-_ALONG = 0.25  # sine of a way to a surface that it slides along; chosen by us
-_SIMPLER = 1.02  # a hinge must explain that much more than a slide, for its two further unknowns
-_SIGMA = {
-    "revolute": np.radians(1.5),
-    "prismatic": 0.008,
-}  # of a state; and of axis and pivot, rad and m: what the search's grid leaves
-_SIGMA_AXIS, _SIGMA_PIVOT = np.radians(2.0), 0.02
+# Sine of a way to a surface that the part slides along.
+_ALONG = 0.25
+# Ratio by which a hinge must explain more than a slide, for its two further unknowns.
+_SIMPLER = 1.02
+# Standard deviation of a state, rad or m: the search's grid.
+_SIGMA = {"revolute": np.radians(1.5), "prismatic": 0.008}
+# The same of the axis, rad.
+_SIGMA_AXIS = np.radians(2.0)
+# The same of the pivot, m.
+_SIGMA_PIVOT = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class ChangedPart:
-    """A joint with states (T,), 0 at the first of `frames` (T,), the surfaces that it carries, the largest
-    first, and how well the depth agrees with it."""
+    """A joint with states (T,), 0 at the first of `frames` (T,); its surfaces, largest first; its score."""
 
     joint: Proposed
     frames: NDArray[np.int64]
@@ -55,15 +65,16 @@ class ChangedPart:
 
     @property
     def surface(self) -> Surface:
-        """The largest of what it carries."""
+        """The largest surface carried."""
         return self.carried.surfaces[0]
 
     def as_well(self, joint: Proposed, frames: NDArray[np.int64], state: Array) -> float:
-        """How well the depth agrees where another joint carries the same surfaces by its states (n,) of
-        frames (n,), give or take a step of the search, which is what refinement takes in; over how well it
-        agrees with this one. 0 where they go farther than the surfaces were seen to: they ran on while the
-        part was out of view. A strip that slides in its own plane, over which depth is silent, only tells how
-        far: over how far this one goes."""
+        """Agreement of depth with another joint's states (n,) of frames (n,), over that with this joint.
+
+        The states may be off by a step of the search, which refinement takes in. The ratio is 0 where they go
+        farther than the surfaces were seen to: they ran on while the part was out of view. Depth is silent on
+        a strip that slides in its own plane: the ratio is then that of the travels.
+        """
         its = np.interp(self.frames, frames, state)
         ways = [float(np.ptp(np.quantile(s, (0.02, 0.98)))) for s in (its, self.state)]
         farther = ways[0] / max(ways[1], 1e-12)
@@ -98,17 +109,17 @@ class ChangedPart:
 def changed_parts(
     recording: Recording, cameras: Trajectory, known: Sequence[Proposed] = ()
 ) -> list[ChangedPart]:
-    """The parts that explain the changed surfaces, those that explain most first.
+    """The parts that explain the changed surfaces, by decreasing score.
 
-    known: joints that others propose; they compete with those that the shape of a surface suggests.
+    known: joints from elsewhere, which compete with those that a surface's shape suggests.
     """
     depths = Depths.of(recording, cameras)
     if len(depths.frames) < 8:
         return []
     surfaces: list[Surface] = []
     ends = (0, len(depths.frames) - 1)
-    new = [news(depths, rest) for rest in ends]
-    rows = telling_rows(new[0], new[1], ROWS)
+    new = [novelty(depths, rest) for rest in ends]
+    rows = informative_rows(new[0], new[1], ROWS)
     for changed, panel in with_panels(depths, *(changed_surfaces(depths, rest) for rest in ends)):
         surfaces.append(Surface.of(depths, changed, new[ends.index(changed.rest)], rows, panel))
     seconds = np.asarray(recording.times)[depths.frames]
@@ -118,7 +129,7 @@ def changed_parts(
         best = _best(Surfaces(depths, surfaces, seconds), known)
         mine = best.gains >= _SAME
         if best.gains.max() < LEAST:
-            surfaces = surfaces[1:]  # nothing carries the largest one
+            surfaces = surfaces[1:]  # no joint carries the largest one
             continue
         carried = [s for s, m in zip(surfaces, mine, strict=True) if m]
         its = Surfaces(depths, carried, seconds)
@@ -130,7 +141,7 @@ def changed_parts(
 
 
 def _worth_telling(found: Sequence[ChangedPart]) -> list[ChangedPart]:
-    """Those parts, of which the first explains most, that explain enough beside the others."""
+    """The parts (by decreasing score) that explain enough beside the others."""
     out: list[ChangedPart] = []
     for part in found:
         share = part.score / max(found[0].score, 1e-12)
@@ -142,7 +153,7 @@ def _worth_telling(found: Sequence[ChangedPart]) -> list[ChangedPart]:
 
 
 def together(state: Array, other: Array) -> float:
-    """Share of the frames in which states (n,) change that others (n,) change in, too."""
+    """Share of the frames of change of states (n,) in which others (n,) change, too."""
     mine, its = (np.abs(np.gradient(s)) for s in (state, other))
     moving = mine > _CREEPS * mine.max()
     return float((its[moving] > _CREEPS * its.max()).mean()) if moving.any() else 1.0

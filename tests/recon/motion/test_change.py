@@ -11,7 +11,7 @@ import pytest
 
 from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import BARED, FRESH, HIDDEN, OLD, SAME, THROUGH, UNKNOWN, best_path, look
-from recon.motion.change.surfaces import _torn, changed_surfaces, news, telling_rows
+from recon.motion.change.surfaces import _torn, changed_surfaces, informative_rows, novelty
 from recon.parts.changed.carried import Surfaces
 from recon.parts.changed.proposals import Proposed, proposed_joints
 from recon.parts.changed.search import ChangedPart, _worth_telling, changed_parts
@@ -279,7 +279,7 @@ def test_what_could_not_be_seen_may_always_have_been_there() -> None:
     poses = np.tile(np.eye(4), (26, 1, 1))
     poses[20:, 0, 3] = 1.0
     recording = replace(clip.recording, read_depth=lambda f: wall if f < 10 else nearer)
-    told = news(Depths.of(recording, replace(clip.cameras, T_world_cam=poses)), 0)
+    told = novelty(Depths.of(recording, replace(clip.cameras, T_world_cam=poses)), 0)
     assert (told[15, 62:88, 92:108] == FRESH).all()
     assert (told[15, :18, 102:] == BARED).all()  # without depth in the first frame
     assert (told[25, 30:50, 140:] == BARED).all()  # out of its picture
@@ -288,8 +288,8 @@ def test_what_could_not_be_seen_may_always_have_been_there() -> None:
 
 def test_rows_crowd_where_much_is_under_way(clip: Clip) -> None:
     depths = Depths.of(clip.recording, clip.cameras)
-    first, last = (news(depths, rest) for rest in (0, len(depths.frames) - 1))
-    rows = telling_rows(first, last, 10)
+    first, last = (novelty(depths, rest) for rest in (0, len(depths.frames) - 1))
+    rows = informative_rows(first, last, 10)
     assert rows[0] == 0
     assert rows[-1] == len(depths.frames) - 1
     under_way = ((rows >= 5) & (rows <= 20)).sum()

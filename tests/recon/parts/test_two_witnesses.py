@@ -17,7 +17,7 @@ from recon.parts.changed.proposals import Proposed
 from recon.parts.changed.search import ChangedPart
 from recon.parts.found import PartTracks
 from recon.parts.moving_part import MovingPart
-from recon.parts.two_witnesses import _goes_along, by_both
+from recon.parts.two_witnesses import _goes_along, reconciled_parts
 from recon.recording import Recording
 from tests.makers.recon.cabinets import Clip, Kind, make_clip
 from twin import geometry as geo
@@ -82,10 +82,10 @@ def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip:
     none = np.zeros(0, bool)
     wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
     told = [PartTracks(wrong, none, "motion"), PartTracks(clip.part, none, "motion")]
-    (kept,) = by_both(told, clip.recording, clip.cameras, movers(), 8)
+    (kept,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
     assert kept.type_source == "motion"
     assert kept.part.joint is clip.part.joint
-    (other,) = by_both(told[:1], clip.recording, clip.cameras, movers(), 8)
+    (other,) = reconciled_parts(told[:1], clip.recording, clip.cameras, movers(), 8)
     assert other.type_source == "depth"
     assert other.part.joint.kind == clip.part.joint.kind
     assert other.part.motion.inliers == 0.0  # no track follows it
@@ -106,7 +106,7 @@ def test_many_tracks_that_know_their_axis_need_no_other_witness() -> None:
 
     def told(part: MovingPart, tracks: int, degrees: float) -> tuple[PartTracks, ...]:
         firm = [firmly(part, tracks, degrees)]
-        return by_both(firm, clip.recording, clip.cameras, movers(tracks), 8)
+        return reconciled_parts(firm, clip.recording, clip.cameras, movers(tracks), 8)
 
     for tracks, degrees, kept in ((200, 0.2, True), (50, 0.2, False), (200, 2.0, False)):
         (part,) = told(elsewhere, tracks, degrees)
@@ -133,7 +133,7 @@ def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) 
     other = "motion" if strip else "depth"
     for state, source in ((0.1 * true, "depth"), (0.4 * true, other), (early, other), (true, "motion")):
         told = [PartTracks(with_states(clip, state), none, "motion")]
-        (part,) = by_both(told, clip.recording, clip.cameras, movers(), 8)
+        (part,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
         assert part.type_source == source
     np.testing.assert_array_equal(part.part.motion.state, true)
 
