@@ -19,7 +19,7 @@ to their authors and are not in this repository: they lie in Python packages, wh
 `pip install --no-deps --target FOLDER NAME==VERSION` unpacks. A file is taken when it lies where its collection keeps
 objects and has a hinge or a slide, in itself or in what it includes; robots are left out.
 
-A person judged every result once, with pictures of source and export at both ends of each range (`--sheets`) and with
+Every result was judged by eye once, with pictures of source and export at both ends of each range (`--sheets`) and with
 the ranges in the source. *right*: the twin is right, and what the verbs say about it is true. *refused*: import fails
 and says the true reason. *wrong*: anything else. `benchmarks/imports.toml` holds the judgements, each for one result of
 one file. *to be judged*: the file or its result is another one since.
