@@ -95,10 +95,9 @@ class ClearanceCheck:
         mujoco.mj_comPos(m, d)
         mujoco.mj_collision(m, d)
         least, names = self._reach, ""
-        for k in range(d.ncon):
-            g1, g2 = (int(g) for g in d.contact.geom[k])
-            if not self._allowed(g1, g2) and d.contact.dist[k] < least:
-                least = float(d.contact.dist[k])
+        for (g1, g2), distance in zip(d.contact.geom.tolist(), d.contact.dist.tolist(), strict=True):
+            if distance < least and not self._allowed(g1, g2):
+                least = distance
                 names = f"{w.body_of(g1)} and {w.body_of(g2)}"
         return least, names
 

@@ -219,10 +219,9 @@ class _Recorder:
         """Fingers that touch the part; everything else that touches the robot is noted as unintended."""
         w, m = self._w, self._w.model
         fingers = set()
-        for k in range(data.ncon):
-            if data.contact.dist[k] > 0:
+        for (g1, g2), distance in zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True):
+            if distance > 0:
                 continue
-            g1, g2 = (int(g) for g in data.contact.geom[k])
             if w.owner[g1] != ROBOT and w.owner[g2] != ROBOT:
                 continue
             f, other = (g1, g2) if w.finger[g1] else (g2, g1)
@@ -230,7 +229,7 @@ class _Recorder:
                 fingers.add(int(m.geom_bodyid[f]))
                 continue
             own, other = sorted((g1, g2), key=lambda g: (w.owner[g] != ROBOT, g))
-            names, depth = (w.body_of(own), w.body_of(other)), -float(data.contact.dist[k])
+            names, depth = (w.body_of(own), w.body_of(other)), -distance
             self._contacts.append(Contact(float(data.time), names, depth, bool(w.owner[other] == STATIC)))
         return len(fingers)
 

@@ -200,20 +200,17 @@ def _touches_of(
         data.qpos[address] = state
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        for c in data.contact:
-            if c.dist >= margin - 1e-5:
-                continue
-            a, b = c.geom
-            toward = c.frame[:3]  # from a to b
+        found = data.contact
+        for n in np.flatnonzero(found.dist < margin - 1e-5):
+            a, b = found.geom[n]
             if not yielding.matters(int(owner[a]), int(owner[b])):
                 continue
+            toward, depth = found.frame[n, :3].copy(), float(found.dist[n])  # from a to b
             gives, sign = (a, 1.0) if yielding.yields(int(owner[a]), int(owner[b])) else (b, -1.0)
-            surface = c.pos + sign * toward * c.dist / 2  # of the one that stays
+            surface = found.pos[n] + sign * toward * depth / 2  # of the one that stays
             key = (int(owner[gives]), int(index[gives]))
             piece = shapes[key[0]][key[1]]
-            yield _touch(
-                twin, key, piece, float(c.dist), surface, sign * toward, margin, part, states, float(state)
-            )
+            yield _touch(twin, key, piece, depth, surface, sign * toward, margin, part, states, float(state))
 
 
 def _touch(

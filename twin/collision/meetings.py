@@ -162,9 +162,9 @@ def _overlaps(twin: Twin) -> Iterator[tuple[tuple[int, int], float, Part, float]
             data.qpos[address] = state
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
-            for c in data.contact:
-                a, b = sorted((owner[c.geom[0]], owner[c.geom[1]]))
-                yield (a, b), -float(c.dist), part, state
+            for (g, h), distance in zip(data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True):
+                a, b = sorted((owner[g], owner[h]))
+                yield (a, b), -distance, part, state
 
 
 def with_pairs_cut(twin: Twin, met: Sequence[Meeting]) -> tuple[Twin, list[str]]:

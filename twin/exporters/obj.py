@@ -35,7 +35,7 @@ class Textured:
 
 def hull(mesh: Mesh) -> bytes:
     """An .obj of bare geometry: vertices to 1e-9 m and faces."""
-    return _text(_rows("v {:.9f} {:.9f} {:.9f}", mesh.vertices + 0.0) + _rows("f {} {} {}", mesh.faces + 1))
+    return _text(_rows("v %.9f %.9f %.9f", mesh.vertices + 0.0) + _rows("f %d %d %d", mesh.faces + 1))
 
 
 def textured(mesh: Mesh, name: str, plain: tuple[float, float, float] | None = None) -> Textured:
@@ -45,16 +45,16 @@ def textured(mesh: Mesh, name: str, plain: tuple[float, float, float] | None = N
     faces = mesh.faces[baked.order]
     png = None if baked.image is None else f"{name}.png"
     lines = [f"mtllib {name}.mtl", f"usemtl {name}"]
-    lines += _rows("v {:.7f} {:.7f} {:.7f}", mesh.vertices + 0.0)
-    lines += _rows("vt {:.6f} {:.6f}", baked.uv)
-    lines += _rows("vn {:.4f} {:.4f} {:.4f}", normals + 0.0)
+    lines += _rows("v %.7f %.7f %.7f", mesh.vertices + 0.0)
+    lines += _rows("vt %.6f %.6f", baked.uv)
+    lines += _rows("vn %.4f %.4f %.4f", normals + 0.0)
     vertex, normal = faces + 1, normal_index + 1
     if png:
         texture = np.arange(3 * len(faces)).reshape(-1, 3) + 1
         corners = np.stack([vertex, texture, normal], axis=2).reshape(len(faces), 9)
-        lines += _rows("f {}/{}/{} {}/{}/{} {}/{}/{}", corners)
+        lines += _rows("f %d/%d/%d %d/%d/%d %d/%d/%d", corners)
     else:
-        lines += _rows("f {}//{} {}//{} {}//{}", np.stack([vertex, normal], axis=2).reshape(len(faces), 6))
+        lines += _rows("f %d//%d %d//%d %d//%d", np.stack([vertex, normal], axis=2).reshape(len(faces), 6))
     color = mean_color(mesh) if plain is None else plain
     kd = (1.0, 1.0, 1.0) if png else color
     mtl = [f"newmtl {name}", "Ka 0 0 0", "Kd {:.4f} {:.4f} {:.4f}".format(*kd), "Ks 0.1 0.1 0.1", "Ns 20"]
@@ -125,7 +125,10 @@ def encoded(image: NDArray[np.uint8]) -> bytes:
 
 
 def _rows(template: str, values: NDArray[Any]) -> list[str]:
-    return [template.format(*row) for row in values.tolist()]
+    """A line of each row (n, k) in printf's template of k numbers; all at once is twice as fast."""
+    if not len(values):
+        return []
+    return ("\n".join([template] * len(values)) % tuple(values.ravel().tolist())).split("\n")
 
 
 def mean_color(mesh: Mesh) -> tuple[float, float, float]:
