@@ -14,7 +14,7 @@ from types import ModuleType
 
 import pytest
 
-from tests.conftest import LONGEST
+from tests.conftest import ORDER
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -133,8 +133,8 @@ def test_a_dead_link_of_the_built_site_is_found(tmp_path: Path) -> None:
     ]
 
 
-def test_the_files_that_start_first_exist() -> None:
-    assert [name for name in LONGEST if not (ROOT / name).is_file()] == []
+def test_what_starts_first_exists() -> None:
+    assert [name for name in ORDER if not (ROOT / name).exists()] == []
 
 
 def test_the_table_of_stages_is_the_pipeline() -> None:
