@@ -165,13 +165,11 @@ def compare_kinds(obs: Observations, fits: dict[Kind, TrackFit]) -> TypeEvidence
     seen = shared.weight > 0
     sigma = max(SIGMA_FLOOR, tight)
     chi2: dict[str, float] = {}
-    rms: dict[str, float] = {}
     for kind, fit in fits.items():
         square, _, _ = residuals(shared, fit.bundle.model, sigma)
         chi2[kind] = truncated_chi2(square[seen], sigma)
-        rms[kind] = agreeing_rms(fit.bundle)
     if "revolute" not in fits:
-        return TypeEvidence(0.0, 0.0, float("inf"), rms["prismatic"], rms["prismatic"])
+        return TypeEvidence(0.0, 0.0, float("inf"))
     hinge = fits["revolute"].bundle
     away = hinge.landmarks - hinge.model.pivot
     radius = float(
@@ -179,9 +177,9 @@ def compare_kinds(obs: Observations, fits: dict[Kind, TrackFit]) -> TypeEvidence
     )
     turned = float(np.ptp(np.quantile(hinge.model.state, [LIMIT_QUANTILE, 1 - LIMIT_QUANTILE])))
     if "prismatic" not in fits:
-        return TypeEvidence(float("inf"), turned, radius, float("inf"), rms["revolute"])
+        return TypeEvidence(float("inf"), turned, radius)
     dbic = delta_bic(chi2["prismatic"], chi2["revolute"], 3 * int(seen.sum()))
-    return TypeEvidence(dbic, turned, radius, rms["prismatic"], rms["revolute"])
+    return TypeEvidence(dbic, turned, radius)
 
 
 def agreeing_rms(bundle: Bundle) -> float:

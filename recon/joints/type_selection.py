@@ -32,14 +32,11 @@ class TypeEvidence:
 
     delta_bic: BIC of the slide less that of the hinge, above 0 speaks for the hinge (0 when there was no
     hinge to compare). range: rad, turned by the best hinge. radius: m, its distance from the part.
-    residual_prismatic, residual_revolute: RMS residual of both models in metres.
     """
 
     delta_bic: float
     range: float
     radius: float
-    residual_prismatic: float
-    residual_revolute: float
 
 
 @dataclass(frozen=True)

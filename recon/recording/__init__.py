@@ -11,80 +11,17 @@ from typing import Any, NamedTuple, SupportsIndex, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recon.recording.arrays import fields_of_arrays
+from recon.recording.delay import without_delay
+from recon.recording.intrinsics import Intrinsics as Intrinsics
+from recon.recording.part import MIN_FRAMES as MIN_FRAMES
+from recon.recording.part import part_of
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
 ReadColor = Callable[[int], NDArray[np.uint8]]
 ReadDepth = Callable[[int], NDArray[np.float32]]
-
-MIN_FRAMES = 10  # chosen by us: rest, motion and rest again need a few frames each
-
-
-@dataclass(frozen=True)
-class Intrinsics:
-    """Pinhole camera without distortion, pixel centres at integers; focal lengths and centre in pixels."""
-
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-
-    def __post_init__(self) -> None:
-        values = (self.width, self.height, self.fx, self.fy, self.cx, self.cy)
-        if not np.all(np.isfinite(values)) or min(self.width, self.height, self.fx, self.fy) <= 0:
-            raise InputError(
-                f"intrinsics must be finite with positive size and focal lengths, got {values}",
-                "give width, height, fx, fy, cx, cy in pixels",
-            )
-        if not (0 <= self.cx < self.width and 0 <= self.cy < self.height):
-            raise InputError(
-                f"principal point ({self.cx}, {self.cy}) lies outside the {self.width}x{self.height} image",
-                "give the intrinsics of this resolution",
-            )
-
-    @property
-    def matrix(self) -> Array:
-        """K (3, 3)."""
-        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
-
-    def scaled(self, width: int, height: int) -> Intrinsics:
-        """The same camera at another resolution; pixel centres stay at integers."""
-        sx, sy = width / self.width, height / self.height
-        cx, cy = (self.cx + 0.5) * sx - 0.5, (self.cy + 0.5) * sy - 0.5
-        return Intrinsics(width, height, self.fx * sx, self.fy * sy, cx, cy)
-
-    @property
-    def vector(self) -> Array:
-        """(fx, fy, cx, cy), for compiled kernels."""
-        return np.array([self.fx, self.fy, self.cx, self.cy])
-
-    def binned(self, factor: int) -> Intrinsics:
-        """The camera whose pixels are blocks of `factor` x `factor`; partial blocks right, below are cut."""
-        cx, cy = ((c + 0.5) / factor - 0.5 for c in (self.cx, self.cy))
-        return Intrinsics(
-            self.width // factor, self.height // factor, self.fx / factor, self.fy / factor, cx, cy
-        )
-
-    def strided(self, step: int) -> Intrinsics:
-        """The camera of every `step`-th pixel from the first on, as image[::step, ::step]."""
-        width, height = -(-self.width // step), -(-self.height // step)
-        return Intrinsics(width, height, *(self.vector / step).tolist())
-
-    def backproject(self, pixels: Array, depth: Array) -> Array:
-        """Camera points (..., 3) in metres of pixels (..., 2) = (x, y) at depth (...) metres."""
-        x = (pixels[..., 0] - self.cx) / self.fx * depth
-        y = (pixels[..., 1] - self.cy) / self.fy * depth
-        return np.stack([x, y, np.asarray(depth, dtype=np.float64)], axis=-1)
-
-    def project(self, points_cam: Array) -> Array:
-        """Pixels (..., 2) of camera points (..., 3); depth must be positive."""
-        z = points_cam[..., 2]
-        return np.stack(
-            [points_cam[..., 0] / z * self.fx + self.cx, points_cam[..., 1] / z * self.fy + self.cy], axis=-1
-        )
 
 
 class Frame(NamedTuple):
@@ -167,11 +104,8 @@ class Recording:
         Raises:
             InputError: shapes, types or ranges that are not these; it says which and how to bring them there.
         """
-        from recon.recording.arrays import recording_from_arrays
-
-        return recording_from_arrays(
-            color, depth, intrinsics, times, fps, depth_scale, poses, gravity_camera0, name
-        )
+        told = intrinsics, times, fps, depth_scale, poses, gravity_camera0
+        return cls(name=name, source=name, **fields_of_arrays(color, depth, *told))
 
     def __len__(self) -> int:
         return len(self.times)
@@ -189,8 +123,6 @@ class Recording:
         Raises InputError for a missing frame, and for a slice that goes backwards or holds too few frames.
         """
         if isinstance(index, slice):
-            from recon.recording.part import part_of
-
             return part_of(self, index)
         k = operator.index(index)
         return self.frame(k + len(self) if -len(self) <= k < 0 else k)
@@ -204,8 +136,6 @@ class Recording:
 
         Raises InputError for another delay, and where too few frames are left.
         """
-        from recon.recording.delay import without_delay
-
         return without_delay(self, delay)
 
     def __repr__(self) -> str:

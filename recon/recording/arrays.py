@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recon.recording import Intrinsics, Recording
+from recon.recording.intrinsics import Intrinsics
 from twin import geometry as geo
 from twin.errors import FuntwinError, InputError
 from twin.geometry import Array
@@ -19,7 +19,7 @@ from twin.scene import Trajectory
 FARTHEST, NEAREST = 50.0, 0.03  # m, medians over all known pixels
 
 
-def recording_from_arrays(
+def fields_of_arrays(
     color: Any,
     depth: Any,
     intrinsics: Intrinsics | ArrayLike,
@@ -28,9 +28,8 @@ def recording_from_arrays(
     depth_scale: float | None,
     poses: Trajectory | ArrayLike | None,
     gravity_camera0: ArrayLike | None,
-    name: str,
-) -> Recording:
-    """See `Recording.from_arrays`."""
+) -> dict[str, Any]:
+    """The fields of a recording but its name; see `Recording.from_arrays`."""
     count, height, width = _sizes(color, depth)
     camera = _camera(intrinsics, width, height)
     clock = _clock(times, fps, count)
@@ -38,17 +37,15 @@ def recording_from_arrays(
     gravity = None if gravity_camera0 is None else _gravity(gravity_camera0)
     trajectory = None if poses is None else _trajectory(poses, clock)
     digest = _digest(camera, clock, trajectory, gravity)
-    return Recording(
-        name=name,
-        source=name,
-        times=clock,
-        intrinsics=camera,
-        read_color=read.image,
-        read_depth=read.metres,
-        fingerprint=_check_all(read, count, digest),
-        poses=trajectory,
-        gravity_camera0=gravity,
-    )
+    return {
+        "times": clock,
+        "intrinsics": camera,
+        "read_color": read.image,
+        "read_depth": read.metres,
+        "fingerprint": _check_all(read, count, digest),
+        "poses": trajectory,
+        "gravity_camera0": gravity,
+    }
 
 
 @dataclass(frozen=True, eq=False)

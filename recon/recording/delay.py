@@ -5,13 +5,16 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.recording import MIN_FRAMES, Recording
-from recon.recording.part import of_frames
+from recon.recording.part import MIN_FRAMES, of_frames
 from twin.errors import InputError
+
+if TYPE_CHECKING:
+    from recon.recording import Recording
 
 _MS = re.compile(r"([+-]?\d+(?:\.\d+)?) ?ms", re.ASCII)
 _REMEDY = 'give whole frames, such as 2, or a time such as "66ms"; negative where depth is ahead of colour'

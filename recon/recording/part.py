@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.recording import Recording
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.scene import Trajectory
+
+if TYPE_CHECKING:
+    from recon.recording import Recording
+
+
+MIN_FRAMES = 10  # chosen by us: rest, motion and rest again need a few frames each
 
 
 def part_of(recording: Recording, index: slice) -> Recording:

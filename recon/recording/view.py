@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import html as markup
 from base64 import b64encode
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.recording import Recording
+if TYPE_CHECKING:
+    from recon.recording import Recording
 
 THUMBNAIL = 160  # px, width of a frame; chosen by us
 

@@ -7,8 +7,9 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from twin.cli import export_options, recording_options
+from twin.cli import export_options, recording_options, said_options
 from twin.cli.export_options import settings
+from twin.cli.said_options import point
 
 _MAY_BEGIN_WITH_MINUS = ("--contact", "--up", "--at", "--interval", "--goal", "--from-state", "--depth-delay")
 
@@ -23,17 +24,6 @@ def points_joined(words: Sequence[str]) -> list[str]:
         else:
             joined.append(word)
     return joined
-
-
-def point(text: str) -> tuple[float, ...]:
-    """Three numbers of an option; raises ArgumentTypeError for what is none."""
-    try:
-        point = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        point = ()
-    if len(point) != 3 or not all(map(math.isfinite, point)):
-        raise ArgumentTypeError(f"{text!r} is no point: write three numbers in m, such as 0.4,-0.1,0.9")
-    return point
 
 
 def _height(text: str) -> float:
@@ -104,9 +94,7 @@ def _reconstruct(parser: ArgumentParser) -> None:
         metavar="vlm|FILE",
         help="expected joint types, which clear motion overrules: vlm sends frames to FUNTWIN_VLM_URL",
     )
-    from twin.cli.said_options import add_options
-
-    add_options(parser)
+    said_options.add_options(parser)
     settings(parser)
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from argparse import ArgumentParser, ArgumentTypeError
 from functools import partial
-
-from twin.cli.options import point
 
 
 def add_options(parser: ArgumentParser) -> None:
@@ -18,6 +17,17 @@ def add_options(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--up", type=_up, metavar="AXIS|X,Y,Z", help="in the first camera's axes: -y for one held level"
     )
+
+
+def point(text: str) -> tuple[float, ...]:
+    """Three numbers of an option; raises ArgumentTypeError for what is none."""
+    try:
+        point = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        point = ()
+    if len(point) != 3 or not all(map(math.isfinite, point)):
+        raise ArgumentTypeError(f"{text!r} is no point: write three numbers in m, such as 0.4,-0.1,0.9")
+    return point
 
 
 def _pixel(text: str) -> tuple[int, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin import geometry as geo
 from twin.atlas import color_cells
+from twin.exporters.texture import Baked, photo_atlas
 from twin.geometry import Array
 from twin.mesh import GREY
 from twin.scene import Mesh
@@ -69,16 +70,6 @@ def _text(lines: list[str]) -> bytes:
     return ("\n".join(lines) + "\n").encode("ascii")
 
 
-@dataclass(frozen=True)
-class Baked:
-    """Faces in texture order: `order` (F,) into the mesh's faces, `uv` (3 F, 2) of their corners (v up) and
-    the texture `image` (side, side, 3), top row first; None without colours."""
-
-    order: NDArray[np.int64]
-    uv: Array
-    image: NDArray[np.uint8] | None
-
-
 @dataclass(frozen=True, eq=False)
 class Dressed:
     """Texture of a mesh, and normals (M, 3) with each corner's index (F, 3), faces in texture order."""
@@ -104,8 +95,6 @@ def dress(mesh: Mesh) -> Dressed:
 def bake(mesh: Mesh) -> Baked:
     """The photo texture of a mesh that has one, cut to what its faces use; else baked vertex colours."""
     if mesh.texture is not None and len(mesh.faces):
-        from twin.exporters.texture import photo_atlas  # here: it makes what this module defines
-
         return photo_atlas(mesh, np.arange(len(mesh.faces)))
     order = _spatial_order(mesh)
     if mesh.colors is None or not len(order):

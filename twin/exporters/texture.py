@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -9,10 +11,20 @@ from scipy.sparse.csgraph import connected_components
 
 from twin import geometry as geo
 from twin.atlas import BORDER, shelves
-from twin.exporters.obj import Baked
+from twin.geometry import Array
 from twin.scene import Mesh
 
 I64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Baked:
+    """Faces in texture order: `order` (F,) into the mesh's faces, `uv` (3 F, 2) of their corners (v up) and
+    the texture `image` (side, side, 3), top row first; None without colours."""
+
+    order: NDArray[np.int64]
+    uv: Array
+    image: NDArray[np.uint8] | None
 
 
 def photo_atlas(mesh: Mesh, keep: NDArray[np.integer] | None = None) -> Baked:

@@ -19,7 +19,8 @@ from twin.lint.model import Behaviour, LintModel, Severity
 from twin.lint.rules import RULES
 from twin.lint.rules.twins import TWIN_RULES
 from twin.names import scene_file, several
-from twin.storage import load, read_document
+from twin.storage import load
+from twin.storage.document import read_document
 
 SUFFIXES = {".urdf": "urdf", ".usd": "usd", ".usda": "usd", ".usdc": "usd", ".usdz": "usd", ".mjcf": "mjcf"}
 

@@ -29,6 +29,7 @@ from twin.scene import Mesh, Twin
 from twin.storage.completion import looks_files
 from twin.storage.document import (
     json_text,
+    read_document,
     shape_files,
     twin_document,
     with_changes,
@@ -36,6 +37,7 @@ from twin.storage.document import (
 )
 from twin.storage.earlier import Earlier, free_name, same_mesh
 from twin.storage.labels import LABEL
+from twin.storage.reading import read_twin
 from twin.storage.texture import same_texture, same_textures, texture_bytes, texture_files, texture_of
 from twin.storage.tum import tum_lines
 
@@ -80,8 +82,6 @@ def load(folder: AnyPath) -> Twin:
 
     Raises InputError that names the file, the field and its value.
     """
-    from twin.storage.reading import read_twin
-
     return read_twin(twin_folder(folder))
 
 
@@ -172,28 +172,6 @@ def aside_name(folder: Path) -> Path:
     while (aside := folder.with_name(f"{folder.name}_before_{k}")).exists():
         k += 1
     return aside
-
-
-def read_document(file: Path) -> dict[str, Any]:
-    """The object in a twin.json as it stands. Raises InputError when it is no JSON object of this format."""
-    try:
-        document = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_unambiguous)
-    except (OSError, ValueError, RecursionError) as e:
-        raise InputError(f"{file} is not readable JSON: {e}", "save the twin again") from e
-    if not isinstance(document, dict):
-        raise InputError(
-            f"{file}: document must be an object, is {document!r:.60}", "see docs/twin_format.md"
-        )
-    return document
-
-
-def _unambiguous(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object. Raises ValueError for a key that stands twice: readers differ in which they take."""
-    out = dict(pairs)
-    if len(out) < len(pairs):
-        twice = next(k for n, (k, _) in enumerate(pairs) if k in dict(pairs[:n]))
-        raise ValueError(f"the key {twice!r:.60} stands twice in one object")
-    return out
 
 
 def _earlier(folder: Path) -> dict[str, Any] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -219,3 +220,25 @@ def json_text(value: Any, indent: int = 0) -> str:
         raise InputError(
             f"twin.json can't hold the value {value!r}", "use finite numbers and JSON types only"
         ) from e
+
+
+def read_document(file: Path) -> dict[str, Any]:
+    """The object in a twin.json as it stands. Raises InputError when it is no JSON object of this format."""
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_unambiguous)
+    except (OSError, ValueError, RecursionError) as e:
+        raise InputError(f"{file} is not readable JSON: {e}", "save the twin again") from e
+    if not isinstance(document, dict):
+        raise InputError(
+            f"{file}: document must be an object, is {document!r:.60}", "see docs/twin_format.md"
+        )
+    return document
+
+
+def _unambiguous(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object. Raises ValueError for a key that stands twice: readers differ in which they take."""
+    out = dict(pairs)
+    if len(out) < len(pairs):
+        twice = next(k for n, (k, _) in enumerate(pairs) if k in dict(pairs[:n]))
+        raise ValueError(f"the key {twice!r:.60} stands twice in one object")
+    return out

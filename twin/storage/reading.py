@@ -30,9 +30,8 @@ from twin.scene import (
     Trajectory,
     Twin,
 )
-from twin.storage import read_document
 from twin.storage.completion import with_textured_pieces
-from twin.storage.document import FORMAT, extra_of, part_document, twin_document
+from twin.storage.document import FORMAT, extra_of, part_document, read_document, twin_document
 from twin.storage.labels import LabelFolder
 from twin.storage.node import Node
 from twin.storage.physics import read_inertial, read_physics

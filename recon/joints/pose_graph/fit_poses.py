@@ -122,19 +122,16 @@ def _evidence(fits: dict[Kind, PoseBundle], T_world_part: Array) -> TypeEvidence
         square = chi2(fit.error, max(SIGMA_FLOOR, fit.sigma), max(SIGMA_FLOOR_RAD, fit.sigma_rad))
         return truncated_chi2(square, 1.0, dof=6)
 
-    shift = slice(0, 3)
     if "revolute" not in fits:
-        slide = _rms(fits["prismatic"], shift)
-        return TypeEvidence(0.0, 0.0, float("inf"), slide, slide)
+        return TypeEvidence(0.0, 0.0, float("inf"))
     hinge = fits["revolute"]
     low, high = np.quantile(hinge.state, [LIMIT_QUANTILE, 1.0 - LIMIT_QUANTILE])
     away = T_world_part[:, :3, 3] - hinge.pivot
     radius = float(np.median(np.linalg.norm(np.cross(away, hinge.axis), axis=1)))
     if "prismatic" not in fits:
-        return TypeEvidence(float("inf"), float(high - low), radius, float("inf"), _rms(hinge, shift))
-    slide_fit = fits["prismatic"]
-    dbic = delta_bic(total(slide_fit), total(hinge), 6 * len(T_world_part))
-    return TypeEvidence(dbic, float(high - low), radius, _rms(slide_fit, shift), _rms(hinge, shift))
+        return TypeEvidence(float("inf"), float(high - low), radius)
+    dbic = delta_bic(total(fits["prismatic"]), total(hinge), 6 * len(T_world_part))
+    return TypeEvidence(dbic, float(high - low), radius)
 
 
 def _motion_fit(

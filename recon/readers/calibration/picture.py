@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from recon.readers.calibration.calibrate import CalibrationResult
 from recon.readers.calibration.camera import CameraResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from recon.readers.calibration.calibrate import CalibrationResult
 
 ARROW_PART = 0.04  # of the picture's width, length of a typical residual's arrow; chosen by us
 MAX_NAMES = 40  # pictures whose names can be read below their bars

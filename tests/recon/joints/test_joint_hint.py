@@ -70,7 +70,7 @@ def test_clear_motion_overrules_a_hint_and_open_motion_follows_it(
 def test_a_hint_weighs_what_it_states(
     delta_bic: float, turned_deg: float, radius: float, told: Kind, kind: Kind
 ) -> None:
-    evidence = TypeEvidence(delta_bic, float(np.radians(turned_deg)), radius, 0.01, 0.002)
+    evidence = TypeEvidence(delta_bic, float(np.radians(turned_deg)), radius)
     assert decide(evidence, hint(told))[0] == kind
     alone, why = decide(evidence)
     without_weight = TypeHint(told, 1, 2, "seer-1", weight=0.0)

@@ -281,11 +281,11 @@ def test_the_user_can_name_the_type() -> None:
 @pytest.mark.parametrize(
     ("evidence", "kind"),
     [
-        (TypeEvidence(500.0, 1.0, 0.5, 0.02, 0.002), "revolute"),
-        (TypeEvidence(15.0, 1.0, 0.5, 0.02, 0.002), "prismatic"),
-        (TypeEvidence(500.0, float(np.radians(2.9)), 0.5, 0.02, 0.002), "prismatic"),
-        (TypeEvidence(500.0, 1.0, 3.1, 0.02, 0.002), "prismatic"),
-        (TypeEvidence(float("inf"), 1.0, 0.5, float("inf"), 0.002), "revolute"),
+        (TypeEvidence(500.0, 1.0, 0.5), "revolute"),
+        (TypeEvidence(15.0, 1.0, 0.5), "prismatic"),
+        (TypeEvidence(500.0, float(np.radians(2.9)), 0.5), "prismatic"),
+        (TypeEvidence(500.0, 1.0, 3.1), "prismatic"),
+        (TypeEvidence(float("inf"), 1.0, 0.5), "revolute"),
     ],
 )
 def test_type_rule(evidence: TypeEvidence, kind: str) -> None:

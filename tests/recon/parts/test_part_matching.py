@@ -44,7 +44,7 @@ def fit_of(joint: Prismatic | Revolute = DRAWER, state: Array = STATE, **changes
     points = rng.uniform(-0.2, 0.2, (TRACKS, 3))
     known = MotionFit(
         joint, np.arange(len(state)), joint.upper * state, np.full(len(state), 0.001), 0.002, 0.9,
-        np.ones(TRACKS, bool), points, TypeEvidence(0.0, 0.0, 0.0, 0.0, 0.0), "motion",
+        np.ones(TRACKS, bool), points, TypeEvidence(0.0, 0.0, 0.0), "motion",
     )  # fmt: skip
     return replace(known, **changes)
 
