@@ -1,7 +1,7 @@
 """ROS 1 bags and MCAP logs: messages in chunks of one file, found through the chunks' indexes.
 
 ROS 1's format is "rosbag 2.0" of the ROS wiki, whose index the library rosbags reads; MCAP's is its published
-specification, version 0. rosbags reads MCAP too, but not the times of single messages without the messages.
+specification, version 0 (`mcap.py` says why rosbags does not read that here).
 """
 
 from __future__ import annotations
