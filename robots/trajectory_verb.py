@@ -59,7 +59,7 @@ def trajectory_step(
     from robots.formats import require_trust
 
     for part in parts:
-        require_trust(part, accept_doubtful)
+        require_trust(part, accept_doubtful, twin)
     sources = []
     for part in parts:
         task = task_of(part, goal, from_state)

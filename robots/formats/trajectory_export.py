@@ -17,7 +17,7 @@ from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
-from twin.scene import Part
+from twin.scene import Part, Twin
 
 _DECIMALS = 9  # a nanometre, a nanoradian, a nanosecond
 
@@ -117,18 +117,20 @@ class PlannedMotion:
         return poses, (local @ np.swapaxes(poses[:, :3, :3], -1, -2)).reshape(-1, 6)
 
 
-def require_trust(part: Part, accept_doubtful: bool = False) -> None:
+def require_trust(part: Part, accept_doubtful: bool = False, twin: Twin | None = None) -> None:
     """Raises InputError for a part whose verdict is worse than trusted, unless accepted: a robot would obey.
 
-    A part without a verdict was stated by somebody, or made before there were verdicts.
+    A part without a verdict was stated by somebody, or made before there were verdicts. twin: whose reasons
+    against all of it, such as an unsure up, count against the part as well.
     """
-    verdict = part.verdict
-    if accept_doubtful or verdict is None or verdict.main is None:
-        return
-    raise InputError(
-        f"{part.name} is {verdict.level}: {verdict.main.text}",
-        f"{verdict.main.help}; or take it as it is with --accept-doubtful (in Python accept_doubtful=True)",
-    )
+    whole = None if twin is None or twin.verdict is None else twin.verdict.of_all
+    for name, verdict in ((part.name, part.verdict), ("the twin", whole)):
+        if not accept_doubtful and verdict is not None and verdict.main is not None:
+            raise InputError(
+                f"{name} is {verdict.level}: {verdict.main.text}",
+                f"{verdict.main.help}; or take it as it is with --accept-doubtful "
+                "(in Python accept_doubtful=True)",
+            )
 
 
 def number(value: float) -> float:

@@ -30,6 +30,11 @@ class Verdict:
         return next((r for r in self.reasons if r.level == self.level), None)
 
     @property
+    def of_all(self) -> Verdict:
+        """Of a twin's verdict, the reasons against all of it: its cameras, up, recording."""
+        return Verdict(tuple(r for r in self.reasons if r.type != "OfPart"))
+
+    @property
     def text(self) -> str:
         """One line: the level, the main reason with what helps, and how many more there are."""
         if self.main is None:

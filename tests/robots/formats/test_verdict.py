@@ -80,6 +80,23 @@ def test_the_command_asks_for_consent(tmp_path, capsys):
     assert capsys.readouterr().out.startswith("verdict: doubtful: door: its axis is known to")
 
 
+def test_a_doubt_of_the_whole_twin_counts_against_each_part(tmp_path, capsys):
+    motion = source(Verdict())
+    up = reason("UpUnsure", "doubtful", 3.0, 20.0, "0,-1,0", "0,0,-1")
+    twin = planned_motions.furniture.door("left")
+    doubted = replace(twin, parts=(motion.part,), verdict=of_twin({"door": Verdict()}, own=[up]))
+    assert doubted.verdict is not None
+    assert doubted.verdict.of_all.reasons == (up,)
+    save(doubted, tmp_path / "run/twin")
+    native.save(motion.trajectory, tmp_path / "run/replay/franka/door")
+    order = ["trajectory", str(tmp_path / "run"), "--format", "csv", "-o", str(tmp_path / "out")]
+    assert run(order) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "the twin is doubtful: up is unsure" in line
+    assert not (tmp_path / "out").exists()
+    assert run([*order, "--accept-doubtful"]) == 0
+
+
 def test_a_report_of_a_replay_tells_the_verdict():
     from robots.simulation.report import ReplayReport
 
