@@ -29,10 +29,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from replay_cases import Case, cases
 from replay_judge import Judge
-from replay_page import page
+from replay_page import CONTROLS, page
 
 import robots
-from robots.config import CONTROLS
 from robots.floor import find_floor
 from robots.reasons import reason
 from robots.scene.world import World, build_world
