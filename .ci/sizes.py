@@ -1,5 +1,5 @@
-"""What `make lint` says of size and repetition: functions of at most 60 lines, files of at most 300, and no
-ten equal lines in two places. Imports, comments, docstrings and blank lines do not count as equal ones.
+"""What `make lint` says of size and repetition: functions of at most 60 lines and ten parameters, files of at
+most 300 lines, and no ten equal lines in two places. Imports, comments, docstrings and blank lines do not count as equal ones.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("twin", "recon", "robots")
-FUNCTION, FILE, EQUAL = 60, 300, 10
+FUNCTION, PARAMETERS, FILE, EQUAL = 60, 10, 300, 10
 
 
 def sources(*folders: str) -> Iterator[Path]:
@@ -26,15 +26,17 @@ def name_of(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def sizes() -> Iterator[tuple[str, int, int]]:
-    """(name, lines, limit) of every file and function."""
+def sizes() -> Iterator[tuple[str, int, str, int]]:
+    """(name, size, what is counted, limit) of every file and function."""
     for path in sources(*PACKAGES):
         text = path.read_text(encoding="utf-8")
-        yield name_of(path), len(text.splitlines()), FILE
+        yield name_of(path), len(text.splitlines()), "lines", FILE
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
-                yield f"{name_of(path)}:{node.name}", lines, FUNCTION
+                yield f"{name_of(path)}:{node.name}", lines, "lines", FUNCTION
+                names = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+                yield f"{name_of(path)}:{node.name}", len(names), "parameters", PARAMETERS
 
 
 def code_lines(path: Path) -> list[tuple[int, str]]:
@@ -74,9 +76,9 @@ def repeated() -> list[str]:
 
 def main() -> int:
     faults = [
-        f"{name} has {lines} lines, at most {most} are allowed"
-        for name, lines, most in sizes()
-        if lines > most
+        f"{name} has {size} {what}, at most {most} are allowed"
+        for name, size, what, most in sizes()
+        if size > most
     ]
     faults += repeated()
     print("\n".join(faults) or "sizes and repetition: nothing to tell")
