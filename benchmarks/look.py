@@ -26,7 +26,7 @@ from recon.config import ReconConfig
 from recon.pipeline import reconstruct
 from recon.readers import open_recording
 from recon.recording import Recording
-from recon.texture.dress import TextureConfig
+from recon.texture.photo_textures import TextureConfig
 from twin import geometry as geo
 from twin.scene import HAND_LABEL, Mesh, Twin
 

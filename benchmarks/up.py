@@ -26,7 +26,7 @@ from recon.evaluation.outcome import LOST_MM, UP_DEG
 from recon.evaluation.scores import camera_errors
 from recon.evaluation.truth import load_truth
 from recon.readers import open_recording
-from recon.recording.kept import kept
+from recon.recording.depth_cache import with_cached_depth
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import Stratum, sealed_set
 from recon.survey import survey
@@ -57,7 +57,7 @@ def strata() -> dict[int, Stratum]:
 def clip(seed: int, index: int, place: Path) -> dict[str, int]:
     """Counters of one recording, made and measured in `place`."""
     folder = simulate_random(seed, place / "recording", strata()[index])
-    truth, recording = load_truth(folder / "truth"), kept(open_recording(folder))
+    truth, recording = load_truth(folder / "truth"), with_cached_depth(open_recording(folder))
     with Run(None, recording.fingerprint) as run:
         surveyed = survey(Chain(run, ReconConfig()), recording)
     guessed: Trajectory = surveyed.reads[0].value

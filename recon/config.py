@@ -11,7 +11,7 @@ from recon.joints.config import JointConfig
 from recon.labels.label_frames import LabelConfig
 from recon.parts.config import MotionConfig
 from recon.recording.said import Said
-from recon.texture.dress import TextureConfig
+from recon.texture.photo_textures import TextureConfig
 from recon.tracking.tracks import TrackConfig
 from twin.runs.setting import Settings, group
 

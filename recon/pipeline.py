@@ -20,11 +20,11 @@ from recon.joints.type_selection import TypeHint
 from recon.models.joint_hint import JointHint
 from recon.readers import open_recording
 from recon.recording import Recording
-from recon.recording.kept import kept
+from recon.recording.depth_cache import with_cached_depth
 from recon.recording.said import require_said
 from recon.survey import Surveyed, survey
-from recon.texture.dress import TEXTURE, dress
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
+from recon.texture.photo_textures import TEXTURE, photo_textures
 from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
 from recon.verdict.judge import VERDICT, judge
 from twin.cause import Cause
@@ -89,7 +89,7 @@ def reconstruct(
     ):
         for note in recording.warnings:
             run.warn(note)
-        recording = kept(recording)
+        recording = with_cached_depth(recording)
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
         earlier = None if out is None else earlier_twin(run, out / "twin")
         twin = _run(run, recording, config, hints, materials, earlier)
@@ -167,7 +167,7 @@ def _judged_twin(
     dressed = stage(
         TEXTURE,
         [*surveyed.reads, labels, noise, finished],
-        lambda: dress(
+        lambda: photo_textures(
             recording, cameras, images, static, finished.value, c.texture, sigma, progress=loop("texture")
         ),
     )

@@ -54,7 +54,7 @@ def replay(
     """A robot opens or closes the parts. asked: of `MotionRequest`, and what there is to say of trials."""
     request = MotionRequest(**{f.name: asked.pop(f.name) for f in fields(MotionRequest) if f.name in asked})
     options = checked_trials(**asked)
-    data, where = given.told(config, set)
+    data, where = given.given_settings(config, set)
     given.put(data, "replay", {"stiffness": stiffness, "control": control})
     settings = from_dict(RobotsConfig, data, where if config or set else "options")
     # of a contact off its part the step tells in its warnings, which the page keeps
@@ -122,7 +122,7 @@ def replay_step(
     summary = "; ".join(f"{r[0]} {r[2]} open at the end" for r in rows)
     tables = [Table(f"replay with {robot}", _COLUMNS, rows), *tables]
     outcome = Outcome({"parts": reports}, tables, notes, warnings, all(r["ok"] for r in reports.values()))
-    return Step("replay", judged(outcome, twin), summary, started).kept(run_folder(run))
+    return Step("replay", judged(outcome, twin), summary, started).recorded(run_folder(run))
 
 
 def _require_one_part(contact: tuple[float, ...] | None, parts: Sequence[Part]) -> None:

@@ -104,12 +104,12 @@ def _late(_number: int, frame: FrameType | None) -> None:
     _raise(frame)
 
 
-def _unraisable(told: Any) -> None:
+def _unraisable(dropped: Any) -> None:
     """An interruption that fell into a callback or finalizer (Python drops it there) is raised again soon."""
     if not happened():
-        sys.__unraisablehook__(told)
+        sys.__unraisablehook__(dropped)
     elif (
-        isinstance(told.exc_value, KeyboardInterrupt)
+        isinstance(dropped.exc_value, KeyboardInterrupt)
         and threading.current_thread() is threading.main_thread()
     ):
         signal.setitimer(signal.ITIMER_REAL, _AGAIN)

@@ -83,7 +83,7 @@ def find_gravity(
 def _as_said(said: Up, normals: Array, cameras: Trajectory) -> Gravity:
     """Up as the user says, turned onto the planes' axis next to it if near and shown by normals (n, 3)."""
     up = geo.rotate(cameras.T_world_cam[0], up_direction(said))
-    axes, known = axes_told(normals)
+    axes, known = shown_axes(normals)
     column = int(np.argmax(np.abs(axes.T @ up)))
     nearest = axes[:, column] * np.sign(axes[:, column] @ up)
     told = known[column] or known.sum() == 2  # two walls tell the third direction
@@ -100,7 +100,7 @@ def _pick_up(axes: Array, camera_up: Array, camera_right: Array) -> Array:
     return np.asarray(candidates[np.argsort(-score)[0]])
 
 
-def axes_told(normals: Array) -> tuple[Array, NDArray[np.bool_]]:
+def shown_axes(normals: Array) -> tuple[Array, NDArray[np.bool_]]:
     """The Manhattan axes (3, 3) of normals (n, 3), and which columns enough show; none of few."""
     if len(normals) < _FEWEST_NORMALS:
         return np.eye(3), np.zeros(3, dtype=bool)

@@ -35,7 +35,7 @@ _BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
 _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
 # Frames since which two paths are compared, and by how much (m, rad) they then differ: ten times what both
 # are wrong by where they work (measured).
-_SINCE, _APART_M, _APART_RAD = (1, 10, 40), 0.01, float(np.radians(0.5))
+_SINCE, _DIVERGED_M, _DIVERGED_RAD = (1, 10, 40), 0.01, float(np.radians(0.5))
 # of the frames that all tracks pose are posed without those of a part, or they are kept; chosen by us
 _AS_MANY = 0.9
 # by what the other path agrees more with frames before; chosen by us: noise is 3 %, a lost camera 20
@@ -110,14 +110,14 @@ def _of_two(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array
     start, posed = _start_poses(tracks, focal, progress)
     poses = _bundle(tracks, start, posed, focal) if posed.any() else start
     depth = poses_by_depth(recording, tracks, poses, PIXEL_SIGMA / focal, progress)
-    apart = _apart(poses, depth.T_world_cam, posed & depth.posed)
-    if (apart & (depth.good > _BETTER * depth.theirs)).any() or depth.posed.sum() > posed.sum():
+    diverged = _diverged(poses, depth.T_world_cam, posed & depth.posed)
+    if (diverged & (depth.good > _BETTER * depth.theirs)).any() or depth.posed.sum() > posed.sum():
         posed = depth.posed
         poses = _bundle(tracks, depth.T_world_cam, posed, focal, depth.information)
     return poses, posed
 
 
-def _apart(a: Array, b: Array, both: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _diverged(a: Array, b: Array, both: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Frames (T,) at which two paths (T, 4, 4), known in `both`, have moved apart since earlier."""
     out = np.zeros(len(a), dtype=bool)
     rows = np.flatnonzero(both)
@@ -125,8 +125,8 @@ def _apart(a: Array, b: Array, both: NDArray[np.bool_]) -> NDArray[np.bool_]:
         if len(rows) > gap:
             i, j = rows[:-gap], rows[gap:]
             off = geo.invert_pose(geo.invert_pose(a[i]) @ a[j]) @ geo.invert_pose(b[i]) @ b[j]
-            out[j] |= np.linalg.norm(off[:, :3, 3], axis=1) > _APART_M
-            out[j] |= geo.rotation_angle(off[:, :3, :3]) > _APART_RAD
+            out[j] |= np.linalg.norm(off[:, :3, 3], axis=1) > _DIVERGED_M
+            out[j] |= geo.rotation_angle(off[:, :3, :3]) > _DIVERGED_RAD
     return out
 
 

@@ -55,20 +55,20 @@ class TruthPart:
     told_spans: tuple[Span, ...] | None = None
 
     @property
-    def _told(self) -> Array:
+    def _known_states(self) -> Array:
         """The states that are known; zero where none is."""
-        told = self.states[np.isfinite(self.states)]
-        return told if len(told) else np.zeros(1)
+        known = self.states[np.isfinite(self.states)]
+        return known if len(known) else np.zeros(1)
 
     @property
     def closed(self) -> float:
         """The most closed state that the recording shows; a twin's state 0."""
-        return float(self._told.min())
+        return float(self._known_states.min())
 
     @property
     def travel(self) -> float:
         """Range of states that the recording shows, m or rad."""
-        return float(np.ptp(self._told))
+        return float(np.ptp(self._known_states))
 
     @property
     def spans(self) -> tuple[Span, ...]:

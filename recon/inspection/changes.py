@@ -37,13 +37,13 @@ class Depths:
     camera: Intrinsics
     cameras: Trajectory
 
-    def in_front(self, frame: int, of: int) -> Mask | None:
-        """Mask (h, w) of the pixels of `frame` in front of what frame `of` saw; None without both poses."""
-        there, here = self.cameras.pose(of), self.cameras.pose(frame)
+    def in_front(self, frame: int, other: int) -> Mask | None:
+        """Mask (h, w) of the pixels of `frame` in front of what `other` saw; None without both poses."""
+        there, here = self.cameras.pose(other), self.cameras.pose(frame)
         if there is None or here is None:
             return None
         pose = geo.invert_pose(there) @ here
-        return in_front(self.depth[frame], self.depth[of], self.camera, pose)
+        return in_front(self.depth[frame], self.depth[other], self.camera, pose)
 
 
 def depths_of(stretch: Stretch) -> Depths | None:

@@ -39,12 +39,12 @@ def inspect(recording: Recording | Path | str) -> Inspection:
     checks = _quick(stretches, [s.shown for s in stretches], opened)
     checks["focal length"] = lambda: motion_checks.focal(stretches, opened)
     checks["rest and hand"] = lambda: motion_checks.rest_and_hand(stretches)
-    told = _told(checks)
+    results = _results(checks)
     return Inspection(
         name=opened.name,
-        findings=tuple(t for t in told if isinstance(t, Cause)),
+        findings=tuple(t for t in results if isinstance(t, Cause)),
         checked=tuple(checks),
-        unknown=tuple(t for t in told if isinstance(t, Unknown)),
+        unknown=tuple(t for t in results if isinstance(t, Unknown)),
         frames=sum(len(s.frames) for s in stretches),
         of=len(opened),
         outlook=outlook(opened),
@@ -58,7 +58,7 @@ def quick_findings(recording: Recording) -> tuple[Cause, ...]:
     if len(stretches) > 1:
         frames = thinned(recording.times)
         shown = [Shown(frames, list(each(lambda i: thumbnail(recording.frame(i)), frames.tolist())))]
-    found = tuple(t for t in _told(_quick(stretches, shown, recording)) if isinstance(t, Cause))
+    found = tuple(t for t in _results(_quick(stretches, shown, recording)) if isinstance(t, Cause))
     for finding in found:
         warnings.warn(f"{finding.text}; {finding.help}", stacklevel=2)
     return found
@@ -79,7 +79,7 @@ def _quick(stretches: list[Stretch], shown: Sequence[Shown], opened: Recording) 
     }
 
 
-def _told(checks: dict[str, Check]) -> list[Cause | Unknown]:
+def _results(checks: dict[str, Check]) -> list[Cause | Unknown]:
     """What the checks say; those that a lag of depth would spoil wait until it is mended."""
     out: list[Cause | Unknown] = []
     for name, check in checks.items():

@@ -147,7 +147,7 @@ def open_recording(
 def _asked(reader: Reader, topics: Mapping[str, str], cameras: Calibration | None) -> Reader:
     """The reader, told which topics to take and what it need not find."""
     if isinstance(reader, RosReader):
-        return replace(reader, calibrated=frozenset() if cameras is None else cameras.told, **topics)
+        return replace(reader, calibrated=frozenset() if cameras is None else cameras.contents, **topics)
     if topics:
         names = " and ".join(f"--{t.replace('_', '-')}" for t in topics)
         raise InputError(f"{names}: topics are of ROS bags, and this is none", "leave that out")

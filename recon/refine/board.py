@@ -49,7 +49,7 @@ Pixels = Callable[[int, Array, Array], tuple[NDArray[np.bool_], NDArray[np.bool_
 
 
 @dataclass(frozen=True, eq=False)
-class Board:
+class BoardFaces:
     """The surfels (K,) of a face and of the opposite one, where that is seen; the unit normal (3,) that both
     share (the near face's; the far one's is opposite) and their offsets along it; the direction (3,) from the
     axis to their outer edges, how flat they are (m, RMS) and their reach along the axis (m)."""
@@ -63,7 +63,7 @@ class Board:
     along: tuple[float, float]
 
 
-def find_board(joint: Joint, points: Array, normals: Array, noise: DepthNoise) -> Board | None:
+def find_board(joint: Joint, points: Array, normals: Array, noise: DepthNoise) -> BoardFaces | None:
     """The board that surfels (K, 3) with their normals (part frame) lie on; None when they are none."""
     if not isinstance(joint, Revolute) or len(points) < MIN_SURFELS:
         return None
@@ -88,7 +88,7 @@ def find_board(joint: Joint, points: Array, normals: Array, noise: DepthNoise) -
     outward = geo.unit(np.cross(joint.axis, normal))
     outward = outward * np.sign(np.median((points[near[1]] - joint.pivot) @ outward))
     low, high = np.quantile(points[near[1]] @ np.cross(normal, outward), (0.02, 0.98))
-    return Board(
+    return BoardFaces(
         near[1],
         None if far is None else far[1],
         normal,
@@ -155,7 +155,7 @@ def _normal(faces: list[Array], weights: list[Array]) -> Array:
     return np.asarray(np.linalg.eigh(scatter)[1][:, 0])
 
 
-def with_board(terms: Terms, board: Board, edges: Tie | None) -> Terms:
+def with_board(terms: Terms, board: BoardFaces, edges: Tie | None) -> Terms:
     """What surfels of a board see, with what is known of its faces.
 
     With two faces it counts twice, as distances to their parallel planes: all seen of a face at one offset.
@@ -202,7 +202,7 @@ def _some(terms: Terms) -> Terms:
 
 
 def edge_tie(
-    board: Board, patches: InPart, state: Array, rests: NDArray[np.bool_], pixels: Pixels
+    board: BoardFaces, patches: InPart, state: Array, rests: NDArray[np.bool_], pixels: Pixels
 ) -> Tie | None:
     """That the board ends at the same outer edge when closed and open, None where that is not known."""
     groups: tuple[list[_Strip], list[_Strip]] = ([], [])
@@ -245,7 +245,7 @@ class _Strip:
     error: float
 
 
-def _strip(board: Board, frame: int, x: Array, q: Array, pixels: Pixels) -> _Strip | None:
+def _strip(board: BoardFaces, frame: int, x: Array, q: Array, pixels: Pixels) -> _Strip | None:
     """The strip of points (n, 3), in the part's frame and the world's, that lie on a face; None where the
     edge may be out of the picture, behind an arm or seen edge-on. It ends where most of its length does, of
     what nothing covers: below an arm the arm ends it."""

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from recon.recording import Recording
-from recon.texture.dress import evenly
+from recon.texture.photo_textures import evenly
 from twin import geometry as geo
 from twin.completion.cloud import OUT, SIDE, UP
 from twin.completion.frame import viewer

@@ -69,7 +69,7 @@ def calibrate(
 ) -> Outcome:
     """A camera, or a colour and a depth camera, from pictures of a board. sizes: the board's if no file."""
     require_writable(out)
-    from recon.readers.calibration.board import Board, Kind, read_board
+    from recon.readers.calibration.board import CalibrationBoard, Kind, read_board
     from recon.readers.calibration.calibrate import calibrate as calibration_of
     from recon.readers.calibration.calibrate import write_calibration
     from recon.readers.calibration.file import read_calibration
@@ -82,7 +82,7 @@ def calibrate(
             raise InputError(
                 f"a {board} of unknown size: no {', '.join(missing)}", "count its squares, measure one"
             )
-        chosen = Board(kind, **told)
+        chosen = CalibrationBoard(kind, **told)
     elif told:
         raise InputError(f"{board} tells the board, and so do --{', --'.join(told)}", "give one of both")
     else:

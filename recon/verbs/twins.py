@@ -50,7 +50,7 @@ def simulate(
             from recon.simulate import simulate_random
 
             given.settings(SimulateConfig, config, set)  # refuses what is none
-            told = given.told(config, set)[0]
+            told = given.given_settings(config, set)[0]
             folder = simulate_random(random, out, settings=told, progress=tell, depth_lag=depth_lag)
         elif scene is None or joint is None:
             raise InputError(
@@ -83,7 +83,7 @@ def reconstruct(
 ) -> Outcome:
     """Recording to twin. opening: of `recon.open_recording`."""
     require_run(out)
-    data, where = given.told(config, set)
+    data, where = given.given_settings(config, set)
     given.put(data, "said", {"at": at, "intervals": intervals, "types": types, "up": up})
     from recon.readers import open_recording
 
@@ -169,4 +169,4 @@ def evaluate_step(progress: Progress, run: Path, truth: Path) -> Step:
         [*evaluation.remarks, summary],
         ok=evaluation.ok,
     )
-    return Step("evaluate", outcome, summary, started).kept(run_folder(run))
+    return Step("evaluate", outcome, summary, started).recorded(run_folder(run))

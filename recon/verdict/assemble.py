@@ -156,11 +156,11 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
         if found in (before, there):
             if there != found:
                 run.warn(f"{folder} was changed since and stays as it is: the result is the same as before")
-            dressed = _with_textures(earlier, twin)
-            if not same_textures(dressed, earlier):
-                save(dressed, folder)
+            textured = _with_textures(earlier, twin)
+            if not same_textures(textured, earlier):
+                save(textured, folder)
             update_manifest(out, twin=found)
-            return dressed
+            return textured
         known = keep_known(twin, earlier)
         if there != before or (earlier.extra and not known.extra):
             run.warn(
@@ -175,13 +175,13 @@ def keep_twin(run: Run, twin: Twin, out: Path) -> Twin:
 def _with_textures(earlier: Twin, twin: Twin) -> Twin:
     """The earlier twin with the new one's textures where meshes have the same faces: digests skip them."""
 
-    def dressed(old: Mesh, new: Mesh) -> Mesh:
+    def retextured(old: Mesh, new: Mesh) -> Mesh:
         same = np.array_equal(old.faces, new.faces) and np.array_equal(old.vertices, new.vertices)
         return replace(old, texture=new.texture) if same else old
 
     new = {p.id: p.mesh for p in twin.parts}
-    parts = tuple(replace(p, mesh=dressed(p.mesh, new.get(p.id, p.mesh))) for p in earlier.parts)
-    static = replace(earlier.static, mesh=dressed(earlier.static.mesh, twin.static.mesh))
+    parts = tuple(replace(p, mesh=retextured(p.mesh, new.get(p.id, p.mesh))) for p in earlier.parts)
+    static = replace(earlier.static, mesh=retextured(earlier.static.mesh, twin.static.mesh))
     return replace(earlier, static=static, parts=parts)
 
 

@@ -36,7 +36,7 @@ def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
         for a in np.unique(np.linspace(0, len(frames) - 1 - gap, _PAIRS).round().astype(int)):
             if a < 0:
                 continue
-            off = _apart(twin, (frames[a], rooms[a]), (frames[a + gap], rooms[a + gap]))
+            off = _depth_difference(twin, (frames[a], rooms[a]), (frames[a + gap], rooms[a + gap]))
             if off > worst[2]:
                 worst = (frames[a], frames[a + gap], off)
     return worst
@@ -47,7 +47,7 @@ def _room(twin: PosedTwin, frame: int) -> NDArray[np.float32]:
     return np.where(twin.expected(frame).owner >= FIRST_PART_ID, np.float32(0.0), twin.seen(frame))
 
 
-def _apart(
+def _depth_difference(
     twin: PosedTwin, one: tuple[int, NDArray[np.float32]], other: tuple[int, NDArray[np.float32]]
 ) -> float:
     """By how much (m) two frames' depths differ where they look at the same places; 0 if these are few."""

@@ -56,7 +56,7 @@ def places(twin: PosedTwin, part: MovingPart, mesh: Mesh) -> Places | None:
     posed = np.array([geo.transform(part.joint.pose(float(s)), points) for s in state])
     limit = APART * views[0].off
     far = np.linalg.norm(posed[np.argmax(state)] - posed[np.argmin(state)], axis=-1) > limit
-    followed, moved, against = _told(twin, views, posed, limit)
+    followed, moved, against = _counted(twin, views, posed, limit)
     contradicted = (against >= TWICE) & (against > moved)
     witnessed = (moved > 0) & (moved >= against)
     return Places(*(float(share.mean()) for share in (witnessed, contradicted, followed, far)))
@@ -112,7 +112,7 @@ def _views(twin: PosedTwin, frames: list[int]) -> list[_View]:
     ]
 
 
-def _told(
+def _counted(
     twin: PosedTwin, views: list[_View], posed: Array, limit: float
 ) -> tuple[Bits, NDArray[np.int64], NDArray[np.int64]]:
     """Which places (n,) are seen at two positions farther apart than `limit` m, how many frames show each

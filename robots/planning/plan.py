@@ -208,11 +208,11 @@ def _reported(base: Base) -> RejectedBase:
     p = base.T_world_base[:3, 3]
     score = base.score if np.isfinite(base.score) else -1e3
     return RejectedBase(
-        (float(p[0]), float(p[1]), float(p[2])), base.yaw, base.pedestal, float(score), _told(base)
+        (float(p[0]), float(p[1]), float(p[2])), base.yaw, base.pedestal, float(score), _reason_text(base)
     )
 
 
-def _told(base: Base) -> str:
+def _reason_text(base: Base) -> str:
     return "" if base.reason is None else base.reason.text
 
 
@@ -230,7 +230,7 @@ def _why(
     head = f"{spec.name} can't {verb} part {part.name!r} from any of {len(bases)} base poses{where}"
     reached = [b for b in rejected if np.isfinite(b.position_error)]
     if not reached:
-        return f"{head}: {_told(bases[0]) if bases else 'none was tried'}"
+        return f"{head}: {_reason_text(bases[0]) if bases else 'none was tried'}"
     refused = [b for b in reached if b.clearance > 0]  # free of contact, and still refused
     touched = [b for b in reached if b.clearance < 0]
     if refused:
@@ -240,4 +240,6 @@ def _why(
     else:
         best = min(reached, key=lambda b: b.position_error + 0.1 * b.angle_error)
     x, y, z = best.T_world_base[:3, 3]
-    return f"{head}: {_told(best)}; nearest base at ({x:.2f}, {y:.2f}, {z:.2f}) m, score {best.score:.2f}"
+    return (
+        f"{head}: {_reason_text(best)}; nearest base at ({x:.2f}, {y:.2f}, {z:.2f}) m, score {best.score:.2f}"
+    )

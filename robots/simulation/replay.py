@@ -92,7 +92,7 @@ def replay(
             if film is not None:
                 from robots.film.video import write_video
 
-                seen = _dressed(world, twin, trajectory)
+                seen = _film_world(world, twin, trajectory)
                 if not write_video(film, seen, trajectory, part, frames, config, demonstration):
                     film = None
             report = measure(record, trajectory, part, spec, wall, None if film is None else film.name)
@@ -103,7 +103,7 @@ def replay(
     return report
 
 
-def _dressed(world: World, twin: Twin, trajectory: RobotTrajectory) -> World:
+def _film_world(world: World, twin: Twin, trajectory: RobotTrajectory) -> World:
     """The scene for the film: with the real robot's visuals if on this machine, else the simulated one.
 
     It is another scene, so that a skin can't change the simulation; their joint positions are the same.

@@ -16,11 +16,11 @@ T = TypeVar("T")
 
 def settings(cls: type[T], path: Path | None, assignments: Sequence[str]) -> T:
     """The configuration class, from a TOML file and KEY=VALUE texts on top of it."""
-    data, where = told(path, assignments)
+    data, where = given_settings(path, assignments)
     return from_dict(cls, data, where)
 
 
-def told(path: Path | None, assignments: Sequence[str]) -> tuple[dict[str, Any], str]:
+def given_settings(path: Path | None, assignments: Sequence[str]) -> tuple[dict[str, Any], str]:
     """Settings as they were given, and by what."""
     data = {} if path is None else read_toml(path)
     where = "--set" if path is None else str(path)

@@ -27,7 +27,7 @@ class Step:
         self.verb, self.outcome, self.summary = verb, outcome, summary
         self.seconds = time.perf_counter() - started
 
-    def kept(self, run: Path) -> Step:
+    def recorded(self, run: Path) -> Step:
         """Keep the tables for the page."""
         o = self.outcome
         save_section(run, Section(self.verb, o.ok, round(self.seconds, 2), o.tables, o.warnings, o.notes))

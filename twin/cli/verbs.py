@@ -157,7 +157,7 @@ def export_step(
     warnings = [*files.warnings, *(r.warning for r in reports if r.warning)]
     doubt = "; ".join(m.text for m in files.overlaps)
     outcome = judged(Outcome(data, tables, warnings=warnings, ok=not doubt, doubt=doubt), twin)
-    return Step("export", outcome, ", ".join(files), started).kept(run_folder(run))
+    return Step("export", outcome, ", ".join(files), started).recorded(run_folder(run))
 
 
 def _collision(config: Path | None, set: Sequence[str]) -> Mapping[str, Any] | None:
@@ -213,7 +213,7 @@ def check_step(
         ok,
     )
     outcome = judged(outcome, twin)
-    return Step("check", outcome, summary, started).kept(run_folder(run))
+    return Step("check", outcome, summary, started).recorded(run_folder(run))
 
 
 def lint(console: Console, paths: Sequence[Path], ignore: Sequence[str], show_rules: bool) -> Outcome:

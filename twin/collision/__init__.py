@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
-from twin.collision.boards import Board, BoardSearch, beyond, find_boards
+from twin.collision.boards import BoardSearch, Slab, beyond, find_boards
 from twin.collision.cache import ShapeCache
 from twin.collision.clearance import STEP, Yielding, make_clear, points_of, sweep_states
 from twin.collision.closed_pieces import closed_piece_shapes
@@ -127,8 +127,8 @@ def with_collision(
     if all(stated):
         return twin
     cache = ShapeCache(cache_dir, asdict(config))
-    kept = cache.kept(cache.key_of_twin(twin, stated), lambda: _make(twin, stated, config, cache))
-    shapes = [own or tuple(made) for own, made in zip(stated, kept, strict=True)]
+    made = cache.cached(cache.key_of_twin(twin, stated), lambda: _make(twin, stated, config, cache))
+    shapes = [own or tuple(new) for own, new in zip(stated, made, strict=True)]
     parts = tuple(replace(p, collision=s) for p, s in zip(twin.parts, shapes[1:], strict=True))
     return replace(twin, static=replace(twin.static, collision=shapes[0]), parts=parts)
 
@@ -162,7 +162,7 @@ def made_for(mesh: Mesh, config: CollisionConfig, cache: ShapeCache) -> Made:
         made = make_part(mesh, config)
         return [list(made.shapes)], asdict(replace(made, shapes=(), seconds=time.perf_counter() - started))
 
-    shapes, told = cache.kept_with(key, make, numbers)
+    shapes, told = cache.cached_with(key, make, numbers)
     return Made(tuple(shapes[0]), **told)
 
 
@@ -226,7 +226,7 @@ def static_shapes(mesh: Mesh, reach: Array, config: CollisionConfig) -> list[Col
     return shapes
 
 
-def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Collision], list[Board]]:
+def cover(triangles: Array, config: CollisionConfig, most: int) -> tuple[list[Collision], list[Slab]]:
     """At most `most` boxes and hulls of a part's open surface (n, 3, 3), and the boards of the boxes."""
     boards, rest = find_boards(triangles, outline_axes(triangles), PART_BOARDS)
     boards = boards[:most]

@@ -51,7 +51,7 @@ class BoardSearch:
 
 
 @dataclass(frozen=True, eq=False)
-class Board:
+class Slab:
     """A box and the source of its thickness: the back that was seen, the depth of its edges, or the table."""
 
     box: Box
@@ -73,12 +73,12 @@ class _Plane:
         return np.asarray(out)
 
 
-def find_boards(triangles: Array, axes: Array, search: BoardSearch) -> tuple[list[Board], Array]:
+def find_boards(triangles: Array, axes: Array, search: BoardSearch) -> tuple[list[Slab], Array]:
     """Boards of a surface (n, 3, 3) along the columns of `axes`, and the surface they leave."""
     if len(triangles):
         size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
         search = replace(search, cell=max(search.cell, size / _CELLS))
-    boards: list[Board] = []
+    boards: list[Slab] = []
     skip: set[tuple[int, int, int]] = set()
     while len(triangles) and len(boards) < search.most:
         plane = _strongest_plane(triangles, axes, search, skip)
@@ -126,7 +126,7 @@ def _strongest_plane(
     return _Plane(frame, offset, (k, sign, row))
 
 
-def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Board]:
+def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Slab]:
     """Boards behind the surface that lies in a plane and faces its way."""
     local = plane.local(triangles)
     normal = geo.vector_areas(triangles) @ plane.frame
@@ -164,7 +164,7 @@ def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Board]:
         if np.all((high - low)[:2] > search.narrowest):
             middle = (low + high) / 2
             middle[2] = plane.offset - middle[2]
-            boards.append(Board(Box(geo.make_pose(plane.frame, plane.frame @ middle), high - low), source))
+            boards.append(Slab(Box(geo.make_pose(plane.frame, plane.frame @ middle), high - low), source))
     return boards
 
 

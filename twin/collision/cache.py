@@ -51,11 +51,11 @@ class ShapeCache:
             h.update(f"{[o.name for o in twin.owners]} {twin.filtered_pairs}".encode())
         return f"twin_{h.hexdigest()[:24]}"
 
-    def kept(self, key: str, make: Callable[[], Shapes]) -> Shapes:
+    def cached(self, key: str, make: Callable[[], Shapes]) -> Shapes:
         """The shapes under a key, made and kept if they are not there."""
-        return self.kept_with(key, lambda: (make(), {}), ())[0]
+        return self.cached_with(key, lambda: (make(), {}), ())[0]
 
-    def kept_with(
+    def cached_with(
         self, key: str, make: Callable[[], tuple[Shapes, dict[str, float]]], names: Sequence[str]
     ) -> tuple[Shapes, dict[str, float]]:
         """The shapes under a key with the named numbers beside them, made and kept if they are not there."""

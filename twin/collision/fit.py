@@ -36,7 +36,7 @@ class Fit:
         return asdict(self)
 
 
-def fit_of(shapes: Sequence[Collision], of: Solid, volume: float | None = None) -> Fit:
+def fit_of(shapes: Sequence[Collision], solid: Solid, volume: float | None = None) -> Fit:
     """Measure shapes against a solid that lies in the same frame.
 
     Args:
@@ -44,20 +44,20 @@ def fit_of(shapes: Sequence[Collision], of: Solid, volume: float | None = None) 
             closed.
     """
     union = Solid.of_shapes(shapes)
-    if volume is None and of.closed and not of.open:
-        volume = of.volume()
+    if volume is None and solid.closed and not solid.open:
+        volume = solid.volume()
     if not union.closed:
         return Fit(len(shapes), 0.0 if volume else None, np.inf, np.inf, None, np.inf)
     points = union.surface(_POINTS)
-    d = of.signed_distance(points)
-    out = np.where(of.behind(points), 0.0, np.maximum(d, 0.0))
-    missed = np.maximum(union.signed_distance(of.surface(_POINTS)), 0.0)
+    d = solid.signed_distance(points)
+    out = np.where(solid.behind(points), 0.0, np.maximum(d, 0.0))
+    missed = np.maximum(union.signed_distance(solid.surface(_POINTS)), 0.0)
     return Fit(
         shapes=len(shapes),
         ratio=union.volume() / volume if volume else None,
         surface=_p95(np.abs(d)),
         outside=_p95(out),
-        buried=_p95(np.maximum(-d, 0.0)) if of.closed else None,
+        buried=_p95(np.maximum(-d, 0.0)) if solid.closed else None,
         missed=_p95(missed),
     )
 

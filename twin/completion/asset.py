@@ -47,9 +47,9 @@ class AssetView:
                     f"{name} {value!r} is not known", f"choose from {', '.join(get_args(known))}"
                 )
 
-    def but(self, told: Mapping[str, str | None]) -> AssetView:
+    def but(self, fields: Mapping[str, str | None]) -> AssetView:
         """The view with fields given by name. Raises InputError for a word not known."""
-        said: dict[str, Any] = {k: v for k, v in told.items() if v is not None}
+        said: dict[str, Any] = {k: v for k, v in fields.items() if v is not None}
         return replace(self, **said)
 
     @property

@@ -20,7 +20,7 @@ _NARROWEST = 0.008  # m, less is noise
 _FRONT = 0.08  # m, the least width of a front beside one
 
 
-def apart(front: Board, cloud: Cloud) -> list[Board]:
+def split_at_grooves(front: Board, cloud: Cloud) -> list[Board]:
     """The fronts that a board is: cut at each groove that runs across it, upright ones first.
 
     front: a board whose face along out was seen. cloud: the seen surface, in the same frame.

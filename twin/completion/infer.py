@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.completion.frame import viewer
 from twin.completion.part import complete_part, front_of
-from twin.completion.room import apart
+from twin.completion.room import split_furniture
 from twin.completion.squared import Sight
 from twin.completion.static import complete_static, openings
 from twin.completion.sweep import held_points, swept_points
@@ -23,7 +23,7 @@ def infer(twin: Twin) -> Twin:
     eye = viewer(twin.cameras)
     fronts = [front_of(p, eye) for p in twin.parts]
     mesh = twin.static.mesh
-    found = apart(mesh, [f for f in fronts if f is not None])
+    found = split_furniture(mesh, [f for f in fronts if f is not None])
     opened = openings(twin.parts, fronts, mesh, found)
     rears = {o.part.id: float(o.carcass.low[2]) for o in opened}
     layers = [complete_part(p, f, rears.get(p.id)) for p, f in zip(twin.parts, fronts, strict=True)]

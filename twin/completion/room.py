@@ -62,7 +62,7 @@ class Bound:
 
 
 @dataclass(frozen=True, eq=False)
-class Apart:
+class FurnitureSplit:
     """The static scene's triangles (F,) that are furniture, and the room's bounds, a seen floor first."""
 
     furniture: NDArray[np.bool_]
@@ -70,7 +70,7 @@ class Apart:
     floor: Bound | None
 
 
-def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
+def split_furniture(mesh: Mesh, fronts: Sequence[Front]) -> FurnitureSplit:
     """Furniture is what hangs together with the surroundings of the fronts, less floor and walls.
 
     A wall is a large upright face with next to nothing behind, a floor a level one with nothing below.
@@ -79,7 +79,7 @@ def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
     normals, _ = geo.triangle_normals(corners)
     middles = corners.mean(axis=1)
     if not len(middles):
-        return Apart(np.zeros(0, bool), (), None)
+        return FurnitureSplit(np.zeros(0, bool), (), None)
     found = list(_bounds(mesh))
     floor = next((b for b in found if b.normal[2] > FACING), None)
     inside = np.zeros(len(middles), bool)
@@ -101,7 +101,7 @@ def apart(mesh: Mesh, fronts: Sequence[Front]) -> Apart:
             low = _below(fronts[0], floor, middles[chosen | inside], middles[left])
             share = np.bincount(piece, low) / np.maximum(np.bincount(piece), 1)
             chosen[left] |= (share > _MOSTLY)[piece]
-    return Apart(chosen | inside, tuple(found), floor)
+    return FurnitureSplit(chosen | inside, tuple(found), floor)
 
 
 def _below(front: Front, floor: Bound, furniture: Array, points: Array) -> NDArray[np.bool_]:

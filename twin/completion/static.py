@@ -1,5 +1,4 @@
-"""The inferred layer of what stands still: the cabinets of the parts, boards behind the faces that were seen,
-and the room apart from it."""
+"""The inferred layer of the static scene: cabinets of the parts, boards behind seen faces; the room apart."""
 
 from __future__ import annotations
 
@@ -15,12 +14,12 @@ from twin.collision.convex import triangles_of
 from twin.completion.board import Board
 from twin.completion.carcass import Carcass, find_carcass
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
-from twin.completion.grooves import apart
+from twin.completion.grooves import split_at_grooves
 from twin.completion.handle import Handle, find_handles
 from twin.completion.joined import Row, joined, worktop_over
 from twin.completion.leaf import Leaf
 from twin.completion.part import color_near
-from twin.completion.room import Apart, Bound, Front
+from twin.completion.room import Bound, Front, FurnitureSplit
 from twin.completion.shown import shown_surface, without_shreds
 from twin.completion.sides import continued
 from twin.completion.squared import PLANE, Sight, squared
@@ -30,17 +29,30 @@ from twin.inferred import Completion, Inferred, Interior
 from twin.scene import Box, Mesh, Part, Prismatic
 
 SEARCH = BoardSearch(deepest=0.045, thickness=0.012, cell=0.01, smallest=0.012, noise=0.004, most=24)
-_COPLANAR = 0.04  # m from the plane of a part's front within which other fronts lie
-_FRONT = 0.02  # m^2 of one
-_ALIGNED = float(np.cos(np.radians(8.0)))  # of a wall with a front
-_CLAD = 0.03  # m: of two faces of a wall nearer than that the farther is the wall, the other hangs on it
-_APART = 0.004  # m between a neighbour and the opening
-MOST, _FEWEST = 32, 12  # pieces of the furniture, and of them beside the cabinets of the parts
-_CLEAR = 0.0025  # m, a little more than shapes keep from what moves past them
-_PIECES = 3  # of a handle: a bar on two posts
-_RESERVED = 12  # pieces for handles
-NOISE = 0.004  # m, of a face of the static scene, as BoardSearch has it
-_SOLID = 0.05  # m: a neighbour that is less deep is left a board
+# All chosen by us. m from the plane of a part's front within which other fronts lie.
+_COPLANAR = 0.04
+# Least area of a front, m^2.
+_FRONT = 0.02
+# Least cosine between the normals of a wall and a front in line.
+_ALIGNED = float(np.cos(np.radians(8.0)))
+# m. Of two faces of a wall nearer than this the farther is the wall, the other is cladding.
+_CLAD = 0.03
+# m by which a neighbour may reach into an opening.
+_GAP = 0.004
+# Most pieces of the furniture.
+MOST = 32
+# Pieces kept for boards beside the cabinets of the parts.
+_FEWEST = 12
+# m, a little more than shapes keep from parts that move past.
+_CLEAR = 0.0025
+# Pieces of a handle: a bar on two posts.
+_PIECES = 3
+# Pieces kept for handles.
+_RESERVED = 12
+# m, noise of a face of the static scene, as in SEARCH.
+NOISE = 0.004
+# m. A neighbour of less depth stays a board.
+_SOLID = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +65,7 @@ class Opening:
 
 
 def openings(
-    parts: Sequence[Part], fronts: Sequence[Front | None], mesh: Mesh, found: Apart
+    parts: Sequence[Part], fronts: Sequence[Front | None], mesh: Mesh, found: FurnitureSplit
 ) -> list[Opening]:
     """The cabinets of the parts that have a flat front."""
     out = []
@@ -77,8 +89,10 @@ def openings(
 
 
 def wall_behind(front: Front, bounds: Sequence[Bound]) -> float | None:
-    """Where (m along out, negative) a wall or the floor lies behind a front; None where none was seen. Where
-    a wall is clad, as with tiles above a worktop, the furniture stands at the wall."""
+    """Where (m along out, negative) a wall or the floor lies behind a front; None if none was seen.
+
+    Behind cladding, such as tiles above a worktop, the furniture stands at the wall itself.
+    """
     T = front.frame.T_world_frame
     found = [b.offset - float(b.normal @ T[:3, 3]) for b in bounds if b.normal @ T[:3, OUT] > _ALIGNED]
     behind = [h for h in found if h < -0.05]
@@ -86,16 +100,16 @@ def wall_behind(front: Front, bounds: Sequence[Bound]) -> float | None:
 
 
 def complete_static(
-    mesh: Mesh, found: Apart, opened: Sequence[Opening], swept: Array, sight: Sight | None
+    mesh: Mesh, found: FurnitureSplit, opened: Sequence[Opening], swept: Array, sight: Sight | None
 ) -> Completion:
-    """The inferred layer of the static scene, without collision shapes of what lies in no piece.
+    """The inferred layer of the static scene, without collision shapes of surface in no piece.
 
     Args:
         mesh: its seen surface.
-        found: which of it is furniture.
+        found: which triangles are furniture.
         opened: the cabinets of the parts.
         swept: points (n, 3) that the parts pass.
-        sight: what cameras saw, None where nobody knows where they were.
+        sight: what cameras saw; None without camera poses.
     """
     furniture, room = mesh.of(found.furniture), mesh.of(~found.furniture)
     if not opened:
@@ -143,8 +157,10 @@ def _interiors(opened: Sequence[Opening]) -> tuple[Interior, ...]:
 def _panels(
     furniture: Mesh, left: Array, opened: Sequence[Opening], swept: Array, sight: Sight | None, most: int
 ) -> list[Board]:
-    """Boards and solid neighbours behind the faces (n, 3, 3) that belong to no cabinet of a part, `most` less
-    what is kept for handles, the largest faces first; in the frame of the first part's front."""
+    """Boards and solid neighbours behind faces (n, 3, 3) of no part's cabinet, in the first front's frame.
+
+    The largest faces come first, at most `most` less the pieces kept for handles.
+    """
     first = opened[0]
     T, passed = first.front.frame.T_world_frame, first.front.local(swept)
     cloud = Cloud.of(furniture, T)
@@ -153,7 +169,7 @@ def _panels(
     boards: list[Board] = []
     for k, b in enumerate(found):
         face = _local(f"panel_{k + 1}", b.box, b.back, T)
-        for one in apart(face, cloud) if _is_front(face) else [face]:
+        for one in split_at_grooves(face, cloud) if _is_front(face) else [face]:
             free = out_of_the_way(_neighbour(one, opened, cloud), passed)
             if free is not None and free.real and not free.contradicted(cloud):
                 boards.append(free)
@@ -188,8 +204,10 @@ def _sides(opened: Sequence[Opening]) -> list[tuple[Board, int]]:
 def _clear_piece(
     board: Board, T_world_frame: Array, furniture: Mesh, passed: Array, color: NDArray[np.uint8] | None = None
 ) -> Inferred:
-    """A board as a piece whose shape keeps clear of where the parts pass (n, 3), as a shorter box if it can:
-    shapes that are cut there later fall to many pieces."""
+    """A board as a piece whose shape keeps clear of points (n, 3) that the parts pass.
+
+    The shape is a shorter box if possible: shapes cut later fall to many pieces.
+    """
     piece = board.piece(T_world_frame, color_near(furniture, board, T_world_frame, color))
     shorter = out_of_the_way(board, passed, -_CLEAR)
     return (
@@ -200,21 +218,17 @@ def _clear_piece(
 def _local(name: str, box: Box, back: str, T_world_frame: Array) -> Board:
     """A box that lies along the frame's axes, as a board in it."""
     corners = geo.transform(geo.invert_pose(T_world_frame), box.corners)
-    told = {"seen": "both faces seen", "edge": "face and edges seen"}.get(
+    faces = {"seen": "both faces seen", "edge": "face and edges seen"}.get(
         back, "face seen; thickness assumed, the least of boards"
     )
     basis = "assumed" if back == "table" else "evidence"
-    return Board(name, "panel", corners.min(axis=0), corners.max(axis=0), basis, f"furniture: {told}")  # type: ignore[arg-type]
+    return Board(name, "panel", corners.min(axis=0), corners.max(axis=0), basis, f"furniture: {faces}")  # type: ignore[arg-type]
 
 
 def _is_front(board: Board) -> bool:
     size = board.size
-    return bool(
-        abs(board.high[OUT]) < _COPLANAR
-        and size[SIDE] * size[UP] > _FRONT
-        and size[SIDE] > 0.08
-        and size[UP] > 0.08
-    )
+    large = size[SIDE] * size[UP] > _FRONT and size[SIDE] > 0.08 and size[UP] > 0.08
+    return bool(abs(board.high[OUT]) < _COPLANAR and large)
 
 
 def _neighbour(board: Board, opened: Sequence[Opening], cloud: Cloud) -> Board:
@@ -224,20 +238,15 @@ def _neighbour(board: Board, opened: Sequence[Opening], cloud: Cloud) -> Board:
         return board
     low = board.low.copy()
     low[OUT] = rear
-    solid = replace(
-        board,
-        low=low,
-        role="neighbour",
-        basis="assumed",
-        reason="furniture: front seen, as deep as the cabinet beside it",
-    )
+    reason = "furniture: front seen, as deep as the cabinet beside it"
+    solid = replace(board, low=low, role="neighbour", basis="assumed", reason=reason)
     return board if solid.contradicted(cloud) or any(_meets(solid, o, opened[0]) for o in opened) else solid
 
 
 def _meets(solid: Board, o: Opening, first: Opening) -> bool:
     """Whether a solid in the first front's frame reaches into the inside of a cabinet."""
     inside = _inside_of(o, first)
-    return bool(np.all(np.minimum(inside.high, solid.high) - np.maximum(inside.low, solid.low) > _APART))
+    return bool(np.all(np.minimum(inside.high, solid.high) - np.maximum(inside.low, solid.low) > _GAP))
 
 
 def _inside_of(o: Opening, first: Opening) -> Board:
@@ -249,7 +258,7 @@ def _inside_of(o: Opening, first: Opening) -> Board:
 
 
 def _in_first(board: Board, o: Opening, first: Opening) -> Board:
-    """A board in the frame of a front, in that of the first."""
+    """A board of one front's frame in the first front's frame."""
     to_first = geo.invert_pose(first.front.frame.T_world_frame) @ o.front.frame.T_world_frame
     corners = geo.transform(to_first, np.array([board.low, board.high]))
     return replace(board, low=corners.min(axis=0), high=corners.max(axis=0))
@@ -274,14 +283,10 @@ def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:
                 boards = tuple(replace(b, low=b.low + up, high=b.high + up) for b in h.boards)
                 found.append(Handle(boards, h.low + up, h.high + up))
     named = []
-    for k, h in enumerate(found):  # the first of a plane bears its own name, the others are counted on
+    for k, h in enumerate(found):  # names count over all planes
         first = h.boards[0].name
-        named.append(
-            replace(
-                h,
-                boards=tuple(replace(b, name=b.name.replace(first, f"handle_{k + 1}", 1)) for b in h.boards),
-            )
-        )
+        boards = tuple(replace(b, name=b.name.replace(first, f"handle_{k + 1}", 1)) for b in h.boards)
+        named.append(replace(h, boards=boards))
     return named
 
 

@@ -36,7 +36,7 @@ _BLUR = 0.020
 
 
 @dataclass(frozen=True, eq=False)
-class _Dress:
+class _Textured:
     """A piece with its six faces, in the order of `_faces`, the tile of its most seen one, None where none
     was seen enough, and its colour (3,), None where too little was. before: which faces stand before what was
     seen, and not in another's."""
@@ -64,7 +64,7 @@ def worn(twin: Twin) -> Twin:
     still = twin.cameras.T_world_cam[::_EVERY, :3, 3]
     bodies = [(twin.static.mesh, twin.static.completion, still)]
     bodies += [(p.mesh, p.completion, _eyes(twin, p)) for p in twin.parts]
-    dressed = [_dressed(*body) for body in bodies]
+    dressed = [_textured_pieces(*body) for body in bodies]
     fronts = [d for body in dressed[1:] for d in body if d.piece.role in ("front", "panel")]
     layers = [
         layer if layer is None or not body else _with_looks(layer, body, fronts, eyes)
@@ -86,7 +86,7 @@ def _eyes(twin: Twin, part: Part) -> Array:
     return np.array(eyes)
 
 
-def _dressed(mesh: Mesh, layer: Completion | None, eyes: Array) -> list[_Dress]:
+def _textured_pieces(mesh: Mesh, layer: Completion | None, eyes: Array) -> list[_Textured]:
     """The pieces of a body with what was seen of them; none where the body has no photographs."""
     if layer is None or mesh.texture is None or not len(mesh.faces) or not layer.pieces:
         return []
@@ -97,7 +97,7 @@ def _dressed(mesh: Mesh, layer: Completion | None, eyes: Array) -> list[_Dress]:
     for piece in layer.pieces:
         faces, board = [blank(*where, texel) for where in _faces(piece.mesh)], board_of(piece)
         if piece.role == "handle":
-            out.append(_Dress(piece, tuple(faces), None, None, (False,) * 6))
+            out.append(_Textured(piece, tuple(faces), None, None, (False,) * 6))
             continue
         others = [b for b in boards if not np.array_equal(b.T_world_box, board.T_world_box)]
         larger = [b for b in others if _width(b) > _width(board)]
@@ -107,7 +107,7 @@ def _dressed(mesh: Mesh, layer: Completion | None, eyes: Array) -> list[_Dress]:
         most = max(own, key=lambda f: f.area)
         tile = tile_of(most) if most.area > _TELLS else None
         before = tuple(bool(m.mean() < _MOSTLY) for m in flush)
-        out.append(_Dress(piece, tuple(faces), tile, _color_of(most), before))
+        out.append(_Textured(piece, tuple(faces), tile, _color_of(most), before))
     return out
 
 
@@ -167,45 +167,45 @@ def _faces(box: Mesh) -> list[tuple[Array, Array, Array, Array]]:
     return out
 
 
-def _like(dress: _Dress, body: Sequence[_Dress], fronts: Sequence[_Dress]) -> _Dress | None:
+def _like(textured: _Textured, body: Sequence[_Textured], fronts: Sequence[_Textured]) -> _Textured | None:
     """Whose picture a piece wears: its own where enough of it was seen, else that of the piece that it goes
     on from, of what is nearest in colour, or, where none of it was seen, of its kind, of the fronts, of the
     most seen. None where no colour is near."""
-    if dress.tile is not None:
-        return dress
+    if textured.tile is not None:
+        return textured
     shown = sorted((d for d in body if d.tile is not None), key=lambda d: -d.area)
-    akin = [d for d in shown if _goes_on(dress, d)]
-    color = dress.color
+    akin = [d for d in shown if _goes_on(textured, d)]
+    color = textured.color
     options = [*shown, *fronts]
     if akin or color is None:
-        kind = [d for d in shown if d.piece.role == dress.piece.role]
+        kind = [d for d in shown if d.piece.role == textured.piece.role]
         return next(iter([*akin, *kind, *fronts, *shown]), None)
-    near = min(options, key=lambda d: _apart(d, color), default=None)
-    return near if near is not None and _apart(near, color) < _ALIKE else None
+    near = min(options, key=lambda d: _color_distance(d, color), default=None)
+    return near if near is not None and _color_distance(near, color) < _ALIKE else None
 
 
-def _apart(dress: _Dress, color: Array) -> float:
-    return np.inf if dress.color is None else float(np.linalg.norm(dress.color - color))
+def _color_distance(textured: _Textured, color: Array) -> float:
+    return np.inf if textured.color is None else float(np.linalg.norm(textured.color - color))
 
 
-def _goes_on(one: _Dress, other: _Dress) -> bool:
+def _goes_on(one: _Textured, other: _Textured) -> bool:
     """Whether one of two pieces goes on from the other, by their names."""
     a, b = one.piece.name, other.piece.name
     return a.startswith(f"{b}_") or b.startswith(f"{a}_")
 
 
-def _color(dress: _Dress, face: int, body: Sequence[_Dress]) -> Array | None:
+def _color(textured: _Textured, face: int, body: Sequence[_Textured]) -> Array | None:
     """Colour (3,) of a face of a piece of which nothing was seen: of the same face of a piece that it goes on
     from or that goes on from it, else of the piece itself, of such another, or of one of its kind."""
-    others = [d for d in body if d is not dress]
-    akin = [d for d in others if _goes_on(dress, d)]
-    kind = [d for d in others if d.piece.role == dress.piece.role]
-    options = [*(_color_of(d.faces[face]) for d in akin), *(d.color for d in (dress, *akin, *kind))]
+    others = [d for d in body if d is not textured]
+    akin = [d for d in others if _goes_on(textured, d)]
+    kind = [d for d in others if d.piece.role == textured.piece.role]
+    options = [*(_color_of(d.faces[face]) for d in akin), *(d.color for d in (textured, *akin, *kind))]
     return next((c for c in options if c is not None), None)
 
 
 def _with_looks(
-    layer: Completion, body: Sequence[_Dress], fronts: Sequence[_Dress], eyes: Array
+    layer: Completion, body: Sequence[_Textured], fronts: Sequence[_Textured], eyes: Array
 ) -> Completion:
     """The layer whose pieces wear their pictures, and whose seen surface is cut back to them."""
     likes = [None if d.piece.role == "handle" else _like(d, body, fronts) for d in body]
@@ -214,25 +214,27 @@ def _with_looks(
         [p for own in pictures for p in own], [f.seen for d in body for f in d.faces]
     )
     pieces = []
-    for k, (dress, like, own) in enumerate(zip(body, likes, pictures, strict=True)):
-        told = like is None or like is dress
+    for k, (textured, like, own) in enumerate(zip(body, likes, pictures, strict=True)):
+        told = like is None or like is textured
         reason = "" if told or like is None else f"; wears the picture of {like.piece.name}, tiled"
         largest = max(own, key=lambda p: p.size)
         color = np.asarray(np.round(largest.reshape(-1, 3).mean(axis=0)), np.uint8)
-        piece = replace(dress.piece, reason=f"{dress.piece.reason}{reason}", color=color)
+        piece = replace(textured.piece, reason=f"{textured.piece.reason}{reason}", color=color)
         pieces.append(
-            replace(piece, mesh=_covered(piece, dress.before, places[6 * k : 6 * k + 6], image, seen))
+            replace(piece, mesh=_covered(piece, textured.before, places[6 * k : 6 * k + 6], image, seen))
         )
     shown = trimmed(layer.shown, [board_of(d.piece) for d in body if d.piece.role != "handle"], eyes)
     return replace(layer, pieces=tuple(pieces), shown=shown)
 
 
-def _pictures(dress: _Dress, like: _Dress | None, body: Sequence[_Dress]) -> list[NDArray[np.uint8]]:
+def _pictures(
+    textured: _Textured, like: _Textured | None, body: Sequence[_Textured]
+) -> list[NDArray[np.uint8]]:
     """The pictures of a piece's six faces, with the tile of its like, in the light of what was seen of it."""
-    tile, own = None if like is None else like.tile, dress.piece.color.astype(np.float64)
+    tile, own = None if like is None else like.tile, textured.piece.color.astype(np.float64)
     out = []
-    for k, face in enumerate(dress.faces):
-        color = None if dress.piece.role == "handle" else _color(dress, k, body)
+    for k, face in enumerate(textured.faces):
+        color = None if textured.piece.role == "handle" else _color(textured, k, body)
         out.append(filled(face, tile, color, own if color is None else color))
     return out
 

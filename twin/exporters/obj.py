@@ -41,7 +41,7 @@ def hull(mesh: Mesh) -> bytes:
 
 def textured(mesh: Mesh, name: str, plain: tuple[float, float, float] | None = None) -> Textured:
     """The mesh as name.obj, name.mtl and, if coloured, name.png; plain: colour (r, g, b), 0..1, if not."""
-    dressed = dress(mesh)
+    dressed = textured_mesh(mesh)
     baked, normals, normal_index = dressed.baked, dressed.normals, dressed.corners
     faces = mesh.faces[baked.order]
     png = None if baked.image is None else f"{name}.png"
@@ -71,7 +71,7 @@ def _text(lines: list[str]) -> bytes:
 
 
 @dataclass(frozen=True, eq=False)
-class Dressed:
+class TexturedMesh:
     """Texture of a mesh, and normals (M, 3) with each corner's index (F, 3), faces in texture order."""
 
     baked: Baked
@@ -79,17 +79,17 @@ class Dressed:
     corners: NDArray[np.int64]
 
 
-_DRESSED: WeakKeyDictionary[Mesh, Dressed] = (
+_TEXTURED: WeakKeyDictionary[Mesh, TexturedMesh] = (
     WeakKeyDictionary()
 )  # formats write the same meshes one after another
 
 
-def dress(mesh: Mesh) -> Dressed:
+def textured_mesh(mesh: Mesh) -> TexturedMesh:
     """Texture and normals of a mesh, made once."""
-    if mesh not in _DRESSED:
+    if mesh not in _TEXTURED:
         baked = bake(mesh)
-        _DRESSED[mesh] = Dressed(baked, *corner_normals(mesh.vertices, mesh.faces[baked.order]))
-    return _DRESSED[mesh]
+        _TEXTURED[mesh] = TexturedMesh(baked, *corner_normals(mesh.vertices, mesh.faces[baked.order]))
+    return _TEXTURED[mesh]
 
 
 def bake(mesh: Mesh) -> Baked:

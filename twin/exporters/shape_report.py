@@ -76,10 +76,10 @@ def _report(part: Part, cache: ShapeCache) -> ShapeReport:
     shapes = shapes_of(part)
     fit = fit_of(shapes, solid, None if closed else _slabs(part.mesh))
     kept = cache.read(cache.key_of_mesh(part.mesh))
-    told = kept[1] if kept is not None else {}
+    numbers = kept[1] if kept is not None else {}
     boxes = sum(isinstance(s, Box) for s in shapes)
-    warning = _warning(part.name, told) if part.completion is None else ""
-    return ShapeReport(part.name, boxes, fit, closed, told.get("seconds"), warning)
+    warning = _warning(part.name, numbers) if part.completion is None else ""
+    return ShapeReport(part.name, boxes, fit, closed, numbers.get("seconds"), warning)
 
 
 def _slabs(mesh: Mesh) -> float | None:
@@ -91,13 +91,13 @@ def _slabs(mesh: Mesh) -> float | None:
     return float(shell_inertial(mesh, material).mass.value / material.density.value)
 
 
-def _warning(name: str, told: dict[str, float]) -> str:
-    unseen = told.get("edge", 0.0) + told.get("table", 0.0)
+def _warning(name: str, numbers: dict[str, float]) -> str:
+    unseen = numbers.get("edge", 0.0) + numbers.get("table", 0.0)
     if unseen < _TOLD:
         return ""
     sources = [
-        text.format(told[key])
+        text.format(numbers[key])
         for key, text in (("edge", "edges for {:.0%}"), ("table", "a table for {:.0%}"))
-        if told.get(key, 0.0) > 0.005
+        if numbers.get(key, 0.0) > 0.005
     ]
     return f"{name}: the back of {unseen:.0%} of its boards was never seen; thickness from {' and '.join(sources)}"

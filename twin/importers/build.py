@@ -41,7 +41,7 @@ def build(
 ) -> Twin:
     """The twin of a file, and UserWarnings of what is lost. Raises InputError that names the element."""
     notes = list(source.notes)
-    bodies = without_helpers(source, _kept(source, exclude, notes), limits, notes)
+    bodies = without_helpers(source, _carried(source, exclude, notes), limits, notes)
     groups = groups_of(bodies)
     moving = [g.first for g in groups if g.first is not None]
     for asked, what in ((closed, "closed"), (limits, "limits")):
@@ -68,7 +68,7 @@ def build(
     return replace(twin, parts=stated, filtered_pairs=pairs)
 
 
-def _kept(source: Source, exclude: Sequence[str], notes: list[str]) -> list[SourceBody]:
+def _carried(source: Source, exclude: Sequence[str], notes: list[str]) -> list[SourceBody]:
     """Bodies without what the user leaves out and without what stands loose, nor what hangs on either."""
     names = [b.name for b in source.bodies]
     for pattern in exclude:

@@ -58,7 +58,7 @@ def travel_of(
     span: tuple[float, float],
     closed: Closed | None,
     near: Surroundings,
-    kept: bool = False,
+    whole_range: bool = False,
 ) -> Travel:
     """The travel of a joint.
 
@@ -67,7 +67,7 @@ def travel_of(
         span: lower and upper end of the range.
         closed: what the user says, None where nothing.
         near: the part of the joint among the others.
-        kept: the user says both, range and closed pose: all of the range is kept.
+        whole_range: the user says both, range and closed pose: all of the range is kept.
 
     Raises:
         InputError: the user's closed pose is outside the range.
@@ -84,7 +84,7 @@ def travel_of(
     clauses = [choice.doubt] if choice.doubt else []
     if behind > 0:
         end = low if opens > 0 else high
-        if kept or choice.two_sided or behind > _NEAR * (high - low):
+        if whole_range or choice.two_sided or behind > _NEAR * (high - low):
             clauses.append(f"it opens to both sides, {low:g} to {high:g}")
         else:
             clauses.append(f"the travel from {choice.at:g} to {end:g} is cut off")

@@ -20,7 +20,7 @@ def touching_geoms(model: Any) -> NDArray[np.bool_]:
     return touches
 
 
-def bodies_apart(model: Any) -> set[tuple[int, int]]:
+def bodies_never_touching(model: Any) -> set[tuple[int, int]]:
     """Pairs (lower id first) of bodies with geoms that touch, not welded, that MuJoCo never lets touch.
 
     The rules are those of MuJoCo, "Computation: Collision detection: Selection": two geoms collide when the
@@ -33,15 +33,15 @@ def bodies_apart(model: Any) -> set[tuple[int, int]]:
     paired = _paired(model)
     excluded = {(int(s) >> _BODY_BITS, int(s) & ((1 << _BODY_BITS) - 1)) for s in model.exclude_signature}
     silent = bool(model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT))
-    apart = set()
+    never_touching = set()
     for a, b in combinations(sorted(geoms), 2):
         if model.body_weldid[a] == model.body_weldid[b]:
             continue
         filtered = {(a, b), (b, a)} & excluded or _parent_and_child(model, a, b)
         touch = (a, b) in paired or (not filtered and _affine(model, geoms[a], geoms[b]))
         if silent or not touch:
-            apart.add((a, b))
-    return apart
+            never_touching.add((a, b))
+    return never_touching
 
 
 def _paired(model: Any) -> set[tuple[int, int]]:

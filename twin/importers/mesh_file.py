@@ -29,7 +29,7 @@ def mesh_file(
     """
     pieces, factor = _loaded(path, owner, tell)
     turn = (_Y_TO_Z if upright else np.eye(3)).T * scale * factor
-    meshes = [_dressed(g, np.asarray(g.vertices, np.float64) @ turn, picture, tell) for g in pieces]
+    meshes = [_colored(g, np.asarray(g.vertices, np.float64) @ turn, picture, tell) for g in pieces]
     if float(np.prod(scale)) < 0:  # a mirrored mesh is inside out
         meshes = [inside_out(m) for m in meshes]
     return meshes, any(m.colors is not None for m in meshes)
@@ -90,7 +90,7 @@ def _is_picture(data: bytes) -> bool:
     return True
 
 
-def _dressed(piece: Any, vertices: Array, worn: U8 | None, tell: Tell) -> Mesh:
+def _colored(piece: Any, vertices: Array, worn: U8 | None, tell: Tell) -> Mesh:
     """A loaded piece with the picture that it is given, else with its own colours, else with neither."""
     faces, visual = np.asarray(piece.faces, np.int64), piece.visual
     uv = _coordinates(visual)

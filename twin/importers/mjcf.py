@@ -12,7 +12,7 @@ import numpy as np
 from twin import geometry as geo
 from twin.errors import InputError, SceneError
 from twin.geometry import Array
-from twin.importers.contact_pairs import bodies_apart, touching_geoms
+from twin.importers.contact_pairs import bodies_never_touching, touching_geoms
 from twin.importers.geom_groups import seen_geoms
 from twin.importers.keyframes import ends
 from twin.importers.look import Lost, welded
@@ -63,9 +63,9 @@ def read(path: Path, visual_groups: Sequence[int] = ()) -> Source:
     except SceneError as e:
         raise InputError(f"{path}: {e.problem}", e.remedy) from e
     name = path.stem if spec.modelname in ("", _UNNAMED) else spec.modelname
-    apart = frozenset(frozenset(map(scene.name, pair)) for pair in bodies_apart(model))
+    never_touching = frozenset(frozenset(map(scene.name, pair)) for pair in bodies_never_touching(model))
     notes = (*scene.notes, *scene.lost.notes(), *_not_carried(model))
-    return Source(path, name, bodies, notes, apart)
+    return Source(path, name, bodies, notes, never_touching)
 
 
 def _included(path: Path, seen: set[Path]) -> Iterator[Path]:

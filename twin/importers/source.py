@@ -74,17 +74,16 @@ class SourceBody:
 class Source:
     """A file as read: `bodies` with parents before their children, `notes` what of it no twin holds.
 
-    apart: pairs of names of bodies that move against each other, that both have collision shapes, and that
-    the file never lets touch. Two parts never touch when each body of the one and each body of the other,
-    shapes given, are such a pair.
-    URDF says nothing of contacts: the set is empty.
+    never_touching: pairs of names of bodies that move against each other, that both have collision shapes,
+    and that the file never lets touch. Two parts never touch when each body of the one and each body of the
+    other, shapes given, are such a pair. URDF says nothing of contacts: the set is empty.
     """
 
     path: Path
     name: str
     bodies: tuple[SourceBody, ...]
     notes: tuple[str, ...] = ()
-    apart: frozenset[frozenset[str]] = frozenset()
+    never_touching: frozenset[frozenset[str]] = frozenset()
 
 
 def joined_mass(masses: Sequence[SourceMass]) -> SourceMass | None:

@@ -23,6 +23,6 @@ def filtered_pairs(
     found = []
     for (a, mine), (b, theirs) in combinations(zip(names, solid, strict=True), 2):
         some = bool(mine or theirs)
-        if some and all(frozenset((x, y)) in source.apart for x in mine for y in theirs):
+        if some and all(frozenset((x, y)) in source.never_touching for x in mine for y in theirs):
             found.append((a, b))
     return tuple(found)

@@ -39,22 +39,22 @@ def lever_of(part: Part) -> float | None:
     return lever if lever > _LEVER else None
 
 
-def read_amount(text: str, of: str, part: Part) -> float:
+def read_amount(text: str, quantity: str, part: Part) -> float:
     """A force (N m of a hinge, N of a slide) or width (rad, m) as written: 24N, 7.2Nm, 3deg, 10mm; or bare.
 
     Args:
         text: number and unit.
-        of: "force" or "width".
+        quantity: "force" or "width".
         part: that has the catch; N and mm of a hinge are meant where the hand held it.
 
     Raises InputError for other texts, another joint's unit, or where the hand's place is not known.
     """
     hinge = part.joint.kind == "revolute"
-    known = {k: u for k, u in _UNITS[of].items() if hinge or u[1]}
+    known = {k: u for k, u in _UNITS[quantity].items() if hinge or u[1]}
     value, unit = number_and_unit(text)
     if math.isnan(value) or (unit and unit not in known):
         raise InputError(
-            f"the {of} {text!r} of {part.name}'s catch is not understood",
+            f"the {quantity} {text!r} of {part.name}'s catch is not understood",
             f"give a number and {', '.join(known)}",
         )
     size, at_handle = known[unit] if unit else (1.0, False)
@@ -62,12 +62,12 @@ def read_amount(text: str, of: str, part: Part) -> float:
         return value * size
     lever = lever_of(part)
     if lever is None:
-        other = "Nm" if of == "force" else "deg"
+        other = "Nm" if quantity == "force" else "deg"
         raise InputError(
             f"where {part.name} is held is not known, so {text!r} tells nothing of its hinge",
             f"give it in {other}",
         )
-    return value * size * lever if of == "force" else value * size / lever
+    return value * size * lever if quantity == "force" else value * size / lever
 
 
 def stated_catch(

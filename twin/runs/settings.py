@@ -96,7 +96,7 @@ def _plain(value: Any, where: str, for_json: bool = False) -> Any:
 def _write_table(
     table: Mapping[str, Any], path: tuple[str, ...], lines: list[str], note: Callable[[str], str] | None
 ) -> None:
-    def told(key: str) -> list[str]:
+    def comment(key: str) -> list[str]:
         return [] if note is None else [f"# {note('.'.join((*path, key)))}"]
 
     if path:
@@ -104,7 +104,7 @@ def _write_table(
         lines.append(f"[{'.'.join(map(_toml_key, path))}]")
     for key, value in table.items():
         if not isinstance(value, dict) and value is not None:
-            lines += [*told(key), f"{_toml_key(key)} = {_toml_value(value)}"]
+            lines += [*comment(key), f"{_toml_key(key)} = {_toml_value(value)}"]
     for key, value in table.items():
         if isinstance(value, dict):
             _write_table(value, (*path, key), lines, note)

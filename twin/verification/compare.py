@@ -156,7 +156,7 @@ def compare(engine: str, fmt: str, truth: Truth, got: Mapping[str, Mapping[str, 
                     fmt, engine, field, part.name, _text(want), "nothing" if measured is None else _text(measured),
                     float(off) if np.isfinite(off) else float("inf"), allowed(engine, fmt, field, twin, k),
                     known=entry.reason if entry else "",
-                    told=entry is None or entry.instead is None or _apart(want, entry.instead),
+                    told=entry is None or entry.instead is None or _differs(want, entry.instead),
                 )
             )  # fmt: skip
     return rows
@@ -168,7 +168,7 @@ def loads(engine: str, fmt: str, error: str | None) -> CheckRow:
     return CheckRow(fmt, engine, "loads", "", "a model", measured, off, tolerance(engine, "loads"))
 
 
-def _apart(want: Any, instead: float) -> bool:
+def _differs(want: Any, instead: float) -> bool:
     return abs(float(want) - instead) > 1e-3 * max(abs(instead), 1e-9)
 
 

@@ -237,7 +237,7 @@ def _refusal(status: int, data: bytes, endpoint: Endpoint) -> str:
         413: "finds the picture too large",
         429: "is busy or its quota is used up",
     }.get(status, "fails" if status >= 500 else "refuses the request")
-    return f"{endpoint.place} {meaning} (HTTP {status}){_told(data, endpoint)}"
+    return f"{endpoint.place} {meaning} (HTTP {status}){_server_message(data, endpoint)}"
 
 
 def _remedy(status: int) -> str:
@@ -249,7 +249,7 @@ def _remedy(status: int) -> str:
     return remedies.get(status, "check FUNTWIN_VLM_URL, --model and what the server says")
 
 
-def _told(data: bytes, endpoint: Endpoint) -> str:
+def _server_message(data: bytes, endpoint: Endpoint) -> str:
     """The server's own message, if it gives one."""
     try:
         error = json.loads(data)["error"]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.cameras.gravity import axes_told, surface_normals
+from recon.cameras.gravity import shown_axes, surface_normals
 from recon.contact.up.evidence import up_evidence
 from recon.contact.up.terms import log_likelihood
 from recon.fusion.fuse import FusedScene
@@ -63,7 +63,7 @@ def find_up(
     z = np.array([0.0, 0.0, 1.0])
     if said.up is not None or (recording.gravity_camera0 is not None and world.cameras.pose(0) is not None):
         return Upright(z)
-    axes, told = axes_told(surface_normals(recording, world.cameras))
+    axes, told = shown_axes(surface_normals(recording, world.cameras))
     if told.sum() < 2:
         if not world.parts:  # refused for that already
             return Upright(z)

@@ -25,7 +25,7 @@ _KEYS = ("type", "columns", "rows", "square", "marker", "dictionary")
 
 
 @dataclass(frozen=True)
-class Board:
+class CalibrationBoard:
     """A flat board.
 
     columns, rows: squares along its sides (not inner corners). square, marker: sides in m. dictionary: of a
@@ -99,7 +99,7 @@ class Board:
         return f"{self.kind}, {size}" + (f", markers {self.dictionary}" if self.kind == "charuco" else "")
 
 
-def read_board(path: Path) -> Board:
+def read_board(path: Path) -> CalibrationBoard:
     """A JSON board: {"type", "columns", "rows", "square", "marker", "dictionary"} (m), or Azure Kinect's."""
     data = files.read_json(path)
     where = files.shown(path)
@@ -117,19 +117,19 @@ def read_board(path: Path) -> Board:
     return _of(where, data)
 
 
-def dictionary_name(told: str | int) -> str:
+def dictionary_name(name: str | int) -> str:
     """The name of a dictionary, from OpenCV's name or number."""
-    if isinstance(told, int):
-        names = [n for n in DICTIONARIES if getattr(cv2.aruco, f"DICT_{n}", None) == told]
-        return names[0] if names else str(told)
-    return told.upper().removeprefix("DICT_")
+    if isinstance(name, int):
+        names = [n for n in DICTIONARIES if getattr(cv2.aruco, f"DICT_{n}", None) == name]
+        return names[0] if names else str(name)
+    return name.upper().removeprefix("DICT_")
 
 
 def _metres(millimetres: Any) -> Any:
     return millimetres / 1e3 if isinstance(millimetres, int | float) else millimetres
 
 
-def _of(where: str, data: Mapping[str, Any]) -> Board:
+def _of(where: str, data: Mapping[str, Any]) -> CalibrationBoard:
     for key in data:
         if key not in _KEYS:
             raise InputError(f"{where} has the unknown key {key[:40]!r}", f"known are {', '.join(_KEYS)}")
@@ -145,7 +145,7 @@ def _of(where: str, data: Mapping[str, Any]) -> Board:
             told = "is missing" if value is None else f"is {json.dumps(value)[:40]}"
             raise InputError(f"{where}: {key} {told}", f"write {', '.join(_KEYS)}; lengths in m")
     try:
-        return Board(
+        return CalibrationBoard(
             values["type"],
             values["columns"],
             values["rows"],

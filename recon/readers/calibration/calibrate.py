@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from recon.readers.calibration.board import Board
+from recon.readers.calibration.board import CalibrationBoard
 from recon.readers.calibration.camera import (
     CameraResult,
     calibrate_camera,
@@ -35,7 +35,7 @@ class CalibrationResult:
     """
 
     calibration: Calibration
-    board: Board
+    board: CalibrationBoard
     color: CameraResult | None
     depth: CameraResult | None
     pose: PoseResult | None
@@ -55,7 +55,7 @@ class CalibrationResult:
     @property
     def lines(self) -> list[str]:
         """What was found, for the terminal."""
-        told = [_told(c) for c in (self.color, self.depth) if c is not None]
+        told = [_summary(c) for c in (self.color, self.depth) if c is not None]
         if self.pose is not None:
             x, y, z = 1e3 * self.pose.T_color_depth[:3, 3]
             s = self.pose.sigma
@@ -73,7 +73,7 @@ class CalibrationResult:
 
 def calibrate(
     color: Sequence[Path],
-    board: Board,
+    board: CalibrationBoard,
     *,
     depth: Sequence[Path] = (),
     depth_maps: Sequence[Path] = (),
@@ -141,7 +141,7 @@ def write_calibration(result: CalibrationResult, folder: Path) -> tuple[Path, Pa
 
 def _cameras(
     paths: dict[str, Sequence[Path]],
-    board: Board,
+    board: CalibrationBoard,
     lenses: dict[str, Lens | None],
     coefficients: int | None,
     progress: Loop,
@@ -175,7 +175,7 @@ def _pose(
 
 
 def _notes(
-    board: Board, seen: Board, results: dict[str, CameraResult], wrong: dict[str, int]
+    board: CalibrationBoard, seen: CalibrationBoard, results: dict[str, CameraResult], wrong: dict[str, int]
 ) -> tuple[str, ...]:
     notes = []
     if seen.legacy != board.legacy:
@@ -189,7 +189,7 @@ def _notes(
     return tuple(notes)
 
 
-def _told(r: CameraResult) -> str:
+def _summary(r: CameraResult) -> str:
     k = r.lens.camera
     sigma = (
         "" if r.left_out is None else f" (known to {r.sigma_focal:.3%}), centre to {r.sigma_centre:.1f} px"

@@ -76,7 +76,7 @@ class Calibration:
         return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
     @property
-    def told(self) -> frozenset[str]:
+    def contents(self) -> frozenset[str]:
         """Which of "color", "depth" (lenses) and "pose" (between them) it holds."""
         held = {"color": self.color, "depth": self.depth, "pose": self.T_color_depth}
         return frozenset(name for name, value in held.items() if value is not None)

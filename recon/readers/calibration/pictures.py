@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.readers import files
-from recon.readers.calibration.board import Board
+from recon.readers.calibration.board import CalibrationBoard
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.runs.loop import Loop, untold
@@ -48,7 +48,7 @@ class Pictures:
     size: tuple[int, int]
     names: tuple[str, ...]
     views: tuple[View | None, ...]
-    board: Board
+    board: CalibrationBoard
 
     @property
     def usable(self) -> list[View]:
@@ -57,7 +57,7 @@ class Pictures:
 
 
 def find_boards(
-    paths: Sequence[Path], board: Board, what: str, progress: Loop = untold, certain: bool = False
+    paths: Sequence[Path], board: CalibrationBoard, what: str, progress: Loop = untold, certain: bool = False
 ) -> Pictures:
     """Find a board in one camera's pictures (JPEG or PNG, 8 or 16 bits).
 
@@ -91,8 +91,8 @@ def find_boards(
 
 
 def _better(
-    patterns: list[Board], found: list[list[View | None]]
-) -> tuple[list[Board], list[list[View | None]]]:
+    patterns: list[CalibrationBoard], found: list[list[View | None]]
+) -> tuple[list[CalibrationBoard], list[list[View | None]]]:
     """The pattern that most corners fit, and its views."""
     fitting = [sum(_fitting(v, p) for v in views) for p, views in zip(patterns, found, strict=True)]
     best = int(np.argmax(fitting))
@@ -149,7 +149,7 @@ def _number(path: Path) -> str:
     return digits[-1].lstrip("0") or "0" if digits else ""
 
 
-def _view(name: str, grey: NDArray[np.uint8], board: Board) -> View | None:
+def _view(name: str, grey: NDArray[np.uint8], board: CalibrationBoard) -> View | None:
     try:
         found = _charuco(grey, board) if board.kind == "charuco" else _checkerboard(grey, board)
     except cv2.error:  # a picture in which marker-like things lie in one line makes its homography fail
@@ -165,14 +165,14 @@ def _view(name: str, grey: NDArray[np.uint8], board: Board) -> View | None:
     return View(name, ids, corners)
 
 
-def _charuco(grey: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.int64], Array] | None:
+def _charuco(grey: NDArray[np.uint8], board: CalibrationBoard) -> tuple[NDArray[np.int64], Array] | None:
     corners, ids, _, _ = cv2.aruco.CharucoDetector(board.charuco).detectBoard(grey)
     if ids is None or len(ids) == 0:
         return None
     return np.asarray(ids).ravel().astype(np.int64), np.asarray(corners, dtype=np.float64).reshape(-1, 2)
 
 
-def _checkerboard(grey: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.int64], Array] | None:
+def _checkerboard(grey: NDArray[np.uint8], board: CalibrationBoard) -> tuple[NDArray[np.int64], Array] | None:
     across, down = board.columns - 1, board.rows - 1
     good, corners = cv2.findChessboardCornersSB(grey, (across, down), flags=_SB)
     if not good:
@@ -186,7 +186,7 @@ def _checkerboard(grey: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.int
     return np.arange(across * down, dtype=np.int64), flat.reshape(-1, 2).astype(np.float64)
 
 
-def _fitting(view: View | None, board: Board) -> int:
+def _fitting(view: View | None, board: CalibrationBoard) -> int:
     """Corners that lie where a flat board has them, within a tenth of a square."""
     if view is None:
         return 0

@@ -47,7 +47,7 @@ class Drawn:
     stratum: Stratum
     repeated: tuple[str, ...]
 
-    def told(self, seed: int) -> dict[str, Any]:
+    def to_json(self, seed: int) -> dict[str, Any]:
         """What was drawn, JSON types."""
         return {
             "seed": seed,
@@ -83,7 +83,7 @@ def simulate_random(
     require_new(folder)
     drawn = random_recording(seed, stratum, settings)
     record(drawn.stage, folder, progress, depth_lag)
-    write_json(folder / "truth" / "random.json", drawn.told(seed))
+    write_json(folder / "truth" / "random.json", drawn.to_json(seed))
     return folder
 
 

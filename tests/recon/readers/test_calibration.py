@@ -21,7 +21,7 @@ from benchmarks.layouts.boards import (
     texture,
     write_boards,
 )
-from recon.readers.calibration.board import Board
+from recon.readers.calibration.board import CalibrationBoard
 from recon.readers.calibration.calibrate import CalibrationResult, calibrate, write_calibration
 from recon.readers.calibration.camera import CameraResult, calibrate_camera, without_wrong_corners
 from recon.readers.calibration.file import Calibration, read_calibration
@@ -33,8 +33,8 @@ from twin.errors import InputError
 from twin.geometry import rotation_angle
 
 SQUARE = 0.03
-CHARUCO = Board("charuco", 9, 6, SQUARE, 0.021, "5X5_250")
-CHECKER = Board("checkerboard", 9, 6, SQUARE)
+CHARUCO = CalibrationBoard("charuco", 9, 6, SQUARE, 0.021, "5X5_250")
+CHECKER = CalibrationBoard("checkerboard", 9, 6, SQUARE)
 T_COLOR_DEPTH = pose((0.08, -0.01, 0.005), (-0.032, -0.002, 0.004))
 SCALE = 1.012
 
@@ -56,7 +56,7 @@ def result(boards: Path) -> CalibrationResult:
     return calibrated(boards)
 
 
-def calibrated(folder: Path, board: Board = CHARUCO) -> CalibrationResult:
+def calibrated(folder: Path, board: CalibrationBoard = CHARUCO) -> CalibrationResult:
     return calibrate(
         files_in(folder / "color"),
         board,

@@ -58,8 +58,8 @@ def test_numbers_come_back(tmp_path: Path) -> None:
     scale = read_calibration(written(tmp_path, {"format": "funtwin-calibration/1", "depth_scale": 0.99}))
     assert (scale.color, scale.depth, scale.T_color_depth, scale.depth_scale) == (None, None, None, 0.99)
     assert scale.digest != found.digest
-    assert found.told == {"color", "depth", "pose"}
-    assert scale.told == frozenset()
+    assert found.contents == {"color", "depth", "pose"}
+    assert scale.contents == frozenset()
 
 
 def test_open3d(tmp_path: Path) -> None:

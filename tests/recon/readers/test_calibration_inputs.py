@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.layouts.boards import SMALL_COLOR, SMALL_DEPTH, pose, texture, write_boards
-from recon.readers.calibration.board import Board, read_board
+from recon.readers.calibration.board import CalibrationBoard, read_board
 from recon.readers.calibration.calibrate import CalibrationResult, calibrate
 from recon.readers.calibration.file import Calibration
 from recon.readers.calibration.pictures import paired
@@ -24,8 +24,8 @@ from tests.makers.recon.tiny import read_image
 from twin.errors import InputError
 
 SCALE, SQUARE = 1.012, 0.03
-CHARUCO = Board("charuco", 9, 6, SQUARE, 0.021, "5X5_250")
-CHECKER = Board("checkerboard", 9, 6, SQUARE)
+CHARUCO = CalibrationBoard("charuco", 9, 6, SQUARE, 0.021, "5X5_250")
+CHECKER = CalibrationBoard("checkerboard", 9, 6, SQUARE)
 
 
 def files_in(folder: Path) -> list[Path]:
@@ -115,7 +115,7 @@ def test_pairs() -> None:
 
 
 def test_boards_are_read(tmp_path: Path) -> None:
-    def board(data: object) -> Board:
+    def board(data: object) -> CalibrationBoard:
         path = tmp_path / "board.json"
         path.write_text(json.dumps(data))
         return read_board(path)
@@ -131,7 +131,7 @@ def test_boards_are_read(tmp_path: Path) -> None:
     assert board(ours) == CHARUCO
     assert board({**ours, "dictionary": 6}) == CHARUCO
     assert board({"type": "checkerboard", "columns": 9, "rows": 6, "square": 0.03}) == CHECKER
-    assert Board("charuco", 9, 6, SQUARE, 0.021, "dict_5x5_250") == CHARUCO
+    assert CalibrationBoard("charuco", 9, 6, SQUARE, 0.021, "dict_5x5_250") == CHARUCO
     shape = {
         "shape": "charuco",
         "squares_x": 9,
@@ -150,6 +150,6 @@ def test_boards_are_read(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=told):
             board({**ours, **change})
     with pytest.raises(InputError, match="four equal sides"):
-        Board("checkerboard", 8, 8, 0.03)
+        CalibrationBoard("checkerboard", 8, 8, 0.03)
     with pytest.raises(InputError, match="more markers than"):
-        _ = Board("charuco", 20, 20, 0.03, 0.02, "4X4_50").charuco
+        _ = CalibrationBoard("charuco", 20, 20, 0.03, 0.02, "4X4_50").charuco

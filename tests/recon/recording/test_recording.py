@@ -18,7 +18,7 @@ import recon
 import recon.simulate
 from recon import Frame, Intrinsics, Recording, open_recording, pipeline
 from recon.models.joint_hint import PrecomputedJointHint
-from recon.recording.kept import kept
+from recon.recording.depth_cache import with_cached_depth
 from recon.verdict.assemble import say_where
 from tests.makers.recon.in_memory import T, made
 from tests.makers.recon.tiny import FRAMES, cameras, write_poses, write_recording
@@ -223,7 +223,9 @@ def test_depth_is_decoded_once_and_only_as_much_kept_as_fits() -> None:
 
     camera = Intrinsics(5, 4, 5.0, 5.0, 2.0, 2.0)
     color = np.zeros((4, 5, 3), np.uint8)
-    recording = kept(Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 3 * 80)
+    recording = with_cached_depth(
+        Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 3 * 80
+    )
     for _ in range(2):
         for k, frame in enumerate(recording):
             assert (frame.depth == np.float32(k + 1 / 3)).all()
@@ -241,7 +243,9 @@ def test_depth_in_millimetres_takes_half_the_room_and_loses_nothing() -> None:
 
     camera = Intrinsics(5, 4, 5.0, 5.0, 2.0, 2.0)
     color = np.zeros((4, 5, 3), np.uint8)
-    recording = kept(Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 10 * 40)
+    recording = with_cached_depth(
+        Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 10 * 40
+    )
     for _ in range(2):
         for k in range(10):
             assert np.array_equal(recording.depth(k), depth[k])

@@ -13,7 +13,7 @@ from benchmarks.scenes.tracks import minimum_jerk
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.parts.static_spans import REST_MARGIN
 from recon.recording import Intrinsics
-from recon.refine.board import Board, edge_tie, find_board, with_board
+from recon.refine.board import BoardFaces, edge_tie, find_board, with_board
 from recon.refine.observations import Views, pixels_on
 from recon.refine.refine_parts import _rests
 from recon.refine.solver import step
@@ -55,7 +55,7 @@ def _board(
     return points, normals
 
 
-def _known(points: Array, normals: Array, noise: DepthNoise = GOOD_SENSOR) -> Board:
+def _known(points: Array, normals: Array, noise: DepthNoise = GOOD_SENSOR) -> BoardFaces:
     found = find_board(HINGE, points, normals, noise)
     assert found is not None
     return found

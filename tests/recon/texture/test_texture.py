@@ -12,9 +12,9 @@ from recon.contact.finish_parts import FinishedPart
 from recon.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from recon.texture.charts import MAX_TURN, lay_out
-from recon.texture.dress import TextureConfig, chosen, dress, evenly
 from recon.texture.exposure import gains
 from recon.texture.fill import around, over_surface
+from recon.texture.photo_textures import TextureConfig, chosen, evenly, photo_textures
 from recon.texture.raster import faces_at
 from twin import geometry as geo
 from twin.geometry import Array
@@ -116,7 +116,7 @@ class Scene:
         self.cameras = Trajectory(np.arange(FRAMES), times, poses)
 
     def dressed(self, mesh: Mesh | None = None, parts: tuple[FinishedPart, ...] = ()) -> dict[int, Texture]:
-        return dress(self.recording, self.cameras, self.labels, mesh or cube(), parts, CONFIG)
+        return photo_textures(self.recording, self.cameras, self.labels, mesh or cube(), parts, CONFIG)
 
 
 def read(mesh: Mesh, texture: Texture) -> tuple[Array, Array, NDArray[np.bool_]]:

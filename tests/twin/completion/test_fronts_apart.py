@@ -13,7 +13,7 @@ from tests.makers.twin.layers import corners, pieces
 from twin import geometry as geo
 from twin.completion.board import Board
 from twin.completion.cloud import SIDE, UP, Cloud
-from twin.completion.grooves import apart
+from twin.completion.grooves import split_at_grooves
 from twin.completion.infer import infer
 from twin.completion.part import front_of
 from twin.completion.room import Bound
@@ -38,7 +38,7 @@ def fronts(axis: int, *deeper: scans.Piece) -> Cloud:
 @pytest.mark.parametrize("axis", [0, 2])
 def test_fronts_are_apart_where_a_board_was_seen_between_them(axis: int) -> None:
     bottom = ((0.0, 0.02, 0.1), (0.7, 0.03, 0.8), "-y")
-    found = apart(FRONT, fronts(axis, bottom))
+    found = split_at_grooves(FRONT, fronts(axis, bottom))
     across = SIDE if axis == 0 else UP
     assert [b.name for b in found] == ["panel_1", "panel_1_2"]
     assert abs(found[0].high[across] - SLIT[0]) < 2 * scans.BENT
@@ -53,7 +53,7 @@ def test_fronts_apart_both_ways_have_names_of_their_own() -> None:
         ((x[0], 0.0, 0.1 + z[0]), (x[1], 0.02, 0.1 + z[1]), "-y") for x in (low, high) for z in (low, high)
     ]
     bottom = ((0.0, 0.02, 0.1), (0.7, 0.03, 0.8), "-y")
-    found = apart(FRONT, Cloud.of(scans.surface([*four, bottom]), T))
+    found = split_at_grooves(FRONT, Cloud.of(scans.surface([*four, bottom]), T))
     assert [b.name for b in found] == ["panel_1", "panel_1_2", "panel_1_3", "panel_1_4"]
     assert [np.round((b.high - b.low)[:2], 1).tolist() for b in found] == [
         [0.3, 0.3],
@@ -64,14 +64,14 @@ def test_fronts_apart_both_ways_have_names_of_their_own() -> None:
 
 
 def test_what_was_not_seen_parts_no_front() -> None:
-    assert apart(FRONT, fronts(0)) == [FRONT], (
+    assert split_at_grooves(FRONT, fronts(0)) == [FRONT], (
         "nothing was seen in the slit: something may have hidden the front"
     )
     short = ((0.0, 0.02, 0.1), (0.7, 0.03, 0.3), "-y")
-    assert apart(FRONT, fronts(0, short)) == [FRONT], "a groove runs along the whole front"
+    assert split_at_grooves(FRONT, fronts(0, short)) == [FRONT], "a groove runs along the whole front"
     narrow = replace(FRONT, low=np.array([0.25, 0.1, -0.012]))
     bottom = ((0.0, 0.02, 0.1), (0.7, 0.03, 0.8), "-y")
-    assert apart(narrow, fronts(0, bottom)) == [narrow], "what would be left beside it is no front"
+    assert split_at_grooves(narrow, fronts(0, bottom)) == [narrow], "what would be left beside it is no front"
 
 
 def solid(name: str, low: scans.Corner, high: scans.Corner, role: str = "neighbour") -> Board:

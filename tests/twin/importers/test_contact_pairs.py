@@ -60,8 +60,8 @@ def test_bodies_that_mujoco_never_lets_touch_are_apart_and_no_others(seed: int, 
     solid = [b.name for b in source.bodies if b.collision]
     weld = {n: int(model.body_weldid[model.body(n).id]) for n in solid}
     against = {frozenset(p) for p in combinations(solid, 2) if weld[p[0]] != weld[p[1]]}
-    assert source.apart == against - touch
-    assert source.apart
+    assert source.never_touching == against - touch
+    assert source.never_touching
 
 
 def test_a_geom_that_only_a_pair_lets_touch_is_a_collision_shape(tmp_path: Path) -> None:
@@ -72,10 +72,10 @@ def test_a_geom_that_only_a_pair_lets_touch_is_a_collision_shape(tmp_path: Path)
     path.write_text(f"<mujoco><worldbody>{geom.format('w')}{door}</worldbody>{contact}</mujoco>")
     source = mjcf_reader.read(path)
     assert [len(b.collision) for b in source.bodies] == [1, 1]
-    assert source.apart == frozenset()
+    assert source.never_touching == frozenset()
 
 
 def test_urdf_says_nothing_of_contacts(tmp_path: Path) -> None:
     path = tmp_path / "door.urdf"
     path.write_text(urdf(HINGE.format("revolute", LIMIT)))
-    assert urdf_reader.read(path).apart == frozenset()
+    assert urdf_reader.read(path).never_touching == frozenset()

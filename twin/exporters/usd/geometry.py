@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 
 from twin import geometry as geo
-from twin.exporters.obj import dress, mean_color
+from twin.exporters.obj import mean_color, textured_mesh
 from twin.exporters.tree import Link, Tree, Visual
 from twin.exporters.usd.layers import (
     define_group,
@@ -113,7 +113,7 @@ def _place(shape: UsdGeom.Xformable, pose: Array) -> None:
 def _visual(stage: Usd.Stage, path: str, shown: Visual) -> None:
     """A mesh with its colours twice: texture coordinates, and the display colours of its vertices."""
     mesh = shown.mesh
-    dressed = dress(mesh)
+    dressed = textured_mesh(mesh)
     baked, normals, corners = dressed.baked, dressed.normals, dressed.corners
     shape = _mesh(stage, path, mesh.vertices, mesh.faces[baked.order])
     kind = Sdf.ValueTypeNames.Normal3fArray

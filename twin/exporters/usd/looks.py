@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
-from twin.exporters.obj import dress, encoded, mean_color
+from twin.exporters.obj import encoded, mean_color, textured_mesh
 from twin.exporters.tree import Link, Tree, Visual
 from twin.exporters.usd.layers import group_path, new_layer, scope_path, shape_materials
 
@@ -40,7 +40,7 @@ def _look_name(link: Link, shown: Visual) -> str:
 
 def _look(stage: Usd.Stage, path: str, link: Link, shown: Visual, payload: Path, textures: Path) -> None:
     """A rough surface with the link's texture (readers multiply it by the colour: white), else one colour."""
-    image = dress(shown.mesh).baked.image
+    image = textured_mesh(shown.mesh).baked.image
     plain = mean_color(shown.mesh) if shown.color is None else shown.color
     surface = define_surface(stage, path, plain if image is None else (1.0, 1.0, 1.0))
     if image is None:

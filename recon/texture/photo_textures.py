@@ -66,7 +66,7 @@ _NEAR_M = 0.5
 _MOST_FRAMES = 48
 
 
-def dress(
+def photo_textures(
     recording: Recording,
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],

@@ -15,7 +15,7 @@ MOST_BYTES = (
 _MILLIMETRE = np.float32(1000.0)
 
 
-def kept(recording: Recording, most_bytes: int = MOST_BYTES) -> Recording:
+def with_cached_depth(recording: Recording, most_bytes: int = MOST_BYTES) -> Recording:
     """The same recording, whose depth is decoded once as long as it fits into so many bytes.
 
     Depth alone, since it is asked for more often than colour and takes longer to decode. Stages go through
