@@ -14,9 +14,8 @@ from types import FrameType
 from typing import Any, NoReturn
 
 MESSAGE, REMEDY = "interrupted", "run the same command again to go on"
-_GRACE = (
-    3.0  # s, chosen by us: to unwind and remove temporary files; what dies without is cleared by the next run
-)
+# s, chosen by us: to unwind and remove temporary files; what dies without is cleared by the next run
+_GRACE = 3.0
 _AGAIN = 0.002  # s until an interruption that was dropped is raised again
 _signals: list[int] = []
 _deadline: list[float] = []

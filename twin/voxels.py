@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 _BITS = 21
 _OFFSET = 1 << (_BITS - 1)
-NEIGHBOURS = np.array(
-    [(x << (2 * _BITS)) + (y << _BITS) + z for x, y, z in product((-1, 0, 1), repeat=3)]
-)  # added to a voxel's key: itself and the 26 around it
+# added to a voxel's key: itself and the 26 around it
+NEIGHBOURS = np.array([(x << (2 * _BITS)) + (y << _BITS) + z for x, y, z in product((-1, 0, 1), repeat=3)])
 
 
 def voxel_keys(points: NDArray[np.float32], size: float) -> NDArray[np.int64]:

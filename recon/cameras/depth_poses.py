@@ -24,10 +24,8 @@ from twin.runs.threads import each
 
 _WIDTH = 160  # px to which depth is thinned out
 _REACH, _FLAT = 2, 0.01  # px around a pixel in which it is a plane, and what that may leave of the depth
-_EVERY, _MOST_TRACKS = (
-    5,
-    250,
-)  # pixel of a frame, and its tracks, that are laid onto others: enough for half a millimetre
+# pixel of a frame, and its tracks, that are laid onto others: enough for half a millimetre
+_EVERY, _MOST_TRACKS = 5, 250
 _FARTHEST = 6.0  # m; noise beyond
 _GAPS = (1, 3, 6, 10, 15, 21, 28, 36)  # frames back: most of them farther than a part is slow
 _AHEAD = (1, 3, 6)  # the frame is looked for where the motion since so many frames leads

@@ -204,9 +204,8 @@ def _close(hand: HandPoints, distance: Array, limit: float | None = None) -> Han
     keep = np.zeros(len(distance), dtype=bool)
     for frame in np.unique(hand.frame):
         of = hand.frame == frame
-        nearest = float(
-            np.quantile(distance[of], 0.02)
-        )  # single pixels of another surface may be labelled as hand
+        # single pixels of another surface may be labelled as hand
+        nearest = float(np.quantile(distance[of], 0.02))
         close = of & (distance < nearest + _FINGER)
         if nearest < (_NEAR if limit is None else limit) and np.count_nonzero(close) >= _MIN_POINTS:
             keep |= close

@@ -23,9 +23,8 @@ from twin.geometry import Array
 from twin.packages import to_install
 from twin.scene import HAND_LABEL
 
-KEYPOINTS = (
-    21  # wrist, then thumb, index, middle, ring, little finger with four each, from the palm to the tip
-)
+# wrist, then thumb, index, middle, ring, little finger with four each, from the palm to the tip
+KEYPOINTS = 21
 FINGERTIPS = (4, 8, 12, 16, 20)
 _CUT_PX = 640  # cut-outs are magnified to this size; the detector itself works at 192 px
 # Most hands in a picture; chosen by us

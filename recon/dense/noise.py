@@ -25,14 +25,10 @@ _WIDTH = 160  # points looked at in each row of pixels
 _PAIRS, _OTHERS = 14, 24  # frames compared, each with that of so many others that sees it most differently
 _SHARED = 0.5  # of the points that both must have in view
 _BINS, _FEWEST = 8, 150  # of depth, and points of a pair in each
-_TILES, _IN_TILE = (
-    (4, 3),
-    100,
-)  # across and down a picture, each about as large as a part is seen; and points of a pair in each
-_SLOPE_PX, _EDGE = (
-    3,
-    0.06,
-)  # a step of 6 % of the depth within 3 px to each side is an edge: an error of its own
+# across and down a picture, each about as large as a part is seen; and points of a pair in each
+_TILES, _IN_TILE = (4, 3), 100
+# a step of 6 % of the depth within 3 px to each side is an edge: an error of its own
+_SLOPE_PX, _EDGE = 3, 0.06
 _WORST = 0.08  # of the depth: what differs by more has moved
 _Differences = tuple[Array, Array, NDArray[np.int64]]
 _TRIM = 3.0  # standard deviations beyond which a difference is no noise, but something that moved

@@ -22,9 +22,8 @@ from twin.geometry import Array
 
 F32 = NDArray[np.float32]
 
-MAX_BEND = (
-    0.5  # px, chosen by us: a ray that projects further off its pixel has no solution of the lens model
-)
+# px, chosen by us: a ray that projects further off its pixel has no solution of the lens model
+MAX_BEND = 0.5
 FARTHEST = 1e6  # px, far off any picture and well within whole numbers
 NEAREST = 1e-3  # m before the colour camera, which shows nothing behind it
 MIN_SOLVED = 0.1  # of the pixels, chosen by us: a wide lens bends its corners out, never nearly all
@@ -168,9 +167,8 @@ class _Surface(NamedTuple):
         row, column = np.nonzero(self.border)
         steps = []
         for axis, joined in ((1, self.right), (0, self.down)):
-            back = (
-                (row, column - 1) if axis else (row - 1, column)
-            )  # -1 is the last one, which is never joined
+            # -1 is the last one, which is never joined
+            back = (row, column - 1) if axis else (row - 1, column)
             next_ = (
                 (row, np.minimum(column + 1, p.shape[1] - 1))
                 if axis

@@ -21,21 +21,17 @@ Found = list[Cause | Unknown]
 # standard deviations of a clock's own jitter that a step exceeds or falls below by chance in no recording
 _JITTER = 5.0
 _LONG = 1.5  # usual steps: more than half a frame over, so that one is missing
-_LEAST_FPS = (
-    10.0  # 1/s; a door that takes a second turns 9 degrees from frame to frame, and is then lost edge-on
-)
+# 1/s; a door that takes a second turns 9 degrees from frame to frame, and is then lost edge-on
+_LEAST_FPS = 10.0
 _LEAST_SIDE = 240  # px of the shorter side; below it a handle a metre away is a few pixels wide
-_BLUR = (
-    1.0  # px of 640: an even smear over 3.5 px. Sharp pictures, of six real cameras too, measure 0.2 to 0.8
-)
+# px of 640: an even smear over 3.5 px. Sharp pictures, of six real cameras too, measure 0.2 to 0.8
+_BLUR = 1.0
 _BLURRED = 0.1  # share of frames; tracks bridge single ones
 _MOTION = 1.5  # blur along the motion over blur across it; a lens blurs alike in all directions
 _WHITE = 0.1  # share of the picture: what is white has no corners, and a tenth is the size of a part
 _BLACK = 0.4  # share of the picture; a dark corner or fronts may be black, but not near half of all
-_NO_DEPTH = (
-    0.35,
-    0.25,
-)  # shares of the whole picture (registered depth leaves borders bare) and of its centre, where the part is
+# shares of the whole picture (registered depth leaves borders bare) and of its centre, where the part is
+_NO_DEPTH = 0.35, 0.25
 # m: nothing within it, and so nothing within an arm's length (0.8 m) of a head or chest that wears the camera
 _REACH = 2.0
 _NEAR = 0.3  # m: where depth cameras begin

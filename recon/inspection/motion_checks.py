@@ -115,9 +115,8 @@ def _rest(stretches: list[Stretch], ends: list[Depths]) -> Found:
         return [Unknown("rest", "the first or the last frames share too few points with the others")]
     most = float(np.nanmax(np.concatenate(shares)))
     if most < _MOVES:
-        return (
-            [] if len(stretches) > 1 else [finding("NothingMoves", most)]
-        )  # of a long one the motion may not have been looked at
+        # of a long one the motion may not have been looked at
+        return [] if len(stretches) > 1 else [finding("NothingMoves", most)]
     if max(before, after) < _MOVES:
         return []
     return [finding("NoRest", before >= _MOVES, after >= _MOVES, REST_SECONDS, max(before, after))]

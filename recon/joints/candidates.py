@@ -34,9 +34,8 @@ from twin.geometry import Array
 from twin.runs.threads import each
 
 _WIDEST = 2.0  # times the noise known beforehand (by us)
-_TOO_FAR = (
-    3.0  # times the greatest distance of a hinge: it is a slide's, however it is refined further (by us)
-)
+# times the greatest distance of a hinge: it is a slide's, however it is refined further (by us)
+_TOO_FAR = 3.0
 
 _WIDELY = Search()
 

@@ -20,9 +20,8 @@ from twin.geometry import Array
 from twin.robust import LENGTH3_MEDIAN
 
 _WINDOW = 5  # observations in the running median that measures travel (by us)
-_PAIR_ROUNDS = (
-    3  # rigid motions sought in one frame pair: the part, the hand that moves with it, what is at rest
-)
+# rigid motions sought in one frame pair: the part, the hand that moves with it, what is at rest
+_PAIR_ROUNDS = 3
 _NOISE_MIN = 1e-4  # m; thresholds never get finer than this
 
 
@@ -221,9 +220,8 @@ def pair_hypotheses(
             inlier = best_rigid_inliers(a, b, SAMPLES, tau2, rng)
             if inlier.sum() < MIN_TRACKS:
                 break
-            if (
-                np.median(np.linalg.norm(b[inlier] - a[inlier], axis=1)) > least
-            ):  # else it is at rest between the two
+            # else it is at rest between the two
+            if np.median(np.linalg.norm(b[inlier] - a[inlier], axis=1)) > least:
                 found += joints_of_motion(geo.fit_rigid(a[inlier], b[inlier]), a[inlier], b[inlier])
             both = both[~inlier]
     return found

@@ -97,7 +97,6 @@ def states_of(obs: Observations, joint: Hypothesis, sigma: float, rounds: int = 
         basis = geo.orthogonal_basis(joint.axis)
         plane = (obs.points - joint.pivot) @ basis[:, :2]
         coord = np.arctan2(plane[..., 1], plane[..., 0])
-        lever = np.minimum(
-            np.linalg.norm(plane, axis=-1), _LEVER
-        )  # or a few far tracks would outvote the part
+        # or a few far tracks would outvote the part
+        lever = np.minimum(np.linalg.norm(plane, axis=-1), _LEVER)
     return np.asarray(_additive_states(coord, lever, obs.weight, joint.kind == "revolute", sigma, rounds))

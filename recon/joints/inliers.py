@@ -39,9 +39,8 @@ def track_support(obs: Observations, model: Model, sigma: float) -> Array:
 def predicted_travel(obs: Observations, model: Model, landmarks: Array) -> Array:
     """Path extent (K,) m that the model gives each track over the frames in which it is seen."""
     seen = obs.weight > 0
-    state = median_filter(
-        model.state, size=min(5, len(model.state)), mode="nearest"
-    )  # single frames may jump
+    # single frames may jump
+    state = median_filter(model.state, size=min(5, len(model.state)), mode="nearest")
     high = np.where(seen, state, -np.inf).max(axis=1)
     low = np.where(seen, state, np.inf).min(axis=1)
     span = np.where(seen.any(axis=1), high - low, 0.0)

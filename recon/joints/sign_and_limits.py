@@ -17,9 +17,8 @@ from twin.geometry import Array
 from twin.joint import turned_covariance
 from twin.scene import JointSigma, Prismatic, Revolute
 
-REST_SHARE = (
-    0.02  # of the range: at most this far from the start is still the first rest pose (as for intervals)
-)
+# of the range: at most this far from the start is still the first rest pose (as for intervals)
+REST_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +61,8 @@ def orient(model: Model, covariance: Array, frames: NDArray[np.int64], quantile:
     state_sigma = np.sqrt(np.maximum(variance, 0.0))
     top = float(np.quantile(sign * (smooth - zero), 1.0 - quantile))
     bottom = float(np.quantile(sign * (smooth - zero), quantile))
-    lower = (
-        bottom if bottom < -0.1 * span else 0.0
-    )  # a part that really moved both ways from where it started
+    # a part that really moved both ways from where it started
+    lower = bottom if bottom < -0.1 * span else 0.0
     joint = joint_of(model, covariance[:n, :n], sign, lower, max(top, 0.0), float(np.median(state_sigma)))
     return Oriented(joint, state, state_sigma, -sign * zero)
 

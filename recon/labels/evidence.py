@@ -153,9 +153,8 @@ def _agreement(
             t2 = gap * gap * inv_var
             d0, d1, d2 = c0 - ref_color[r, b, a, 0], c1 - ref_color[r, b, a, 1], c2 - ref_color[r, b, a, 2]
             off = (one + np.float32(0.15) * t2) * (one + (d0 * d0 + d1 * d1 + d2 * d2) * inv_color)
-            least = min(
-                least, off if t2 < np.float32(9) and zr > np.float32(0) else none
-            )  # no branches: measured
+            # no branches: measured
+            least = min(least, off if t2 < np.float32(9) and zr > np.float32(0) else none)
     return one / least
 
 

@@ -47,9 +47,8 @@ from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
 MOTION = Stage("motion", 28, ("motion", "joints"))
 _DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
-_CALM_ROUNDS = (
-    2  # of telling restless tracks by the fit and fitting the others; more change nothing we measured
-)
+# of telling restless tracks by the fit and fitting the others; more change nothing we measured
+_CALM_ROUNDS = 2
 
 
 def find_parts(

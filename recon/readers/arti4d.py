@@ -27,9 +27,8 @@ from twin.errors import InputError
 from twin.geometry import Array, make_pose, matrix_from_quat_wxyz
 
 NS = 1e-9
-SECONDS_UP_TO = (
-    1e12  # chosen by us: stamps above are nanoseconds, as seconds they would be 30 000 years after 1970
-)
+# chosen by us: stamps above are nanoseconds, as seconds they would be 30 000 years after 1970
+SECONDS_UP_TO = 1e12
 T_UPRIGHT = np.diag([-1.0, -1.0, 1.0, 1.0])  # half a turn about the view: all recordings' pictures are turned
 MAX_LINE = 2**20  # bytes, chosen by us, of camera_info.txt
 COLUMNS = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")

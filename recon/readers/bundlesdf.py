@@ -21,9 +21,8 @@ from recon.recording.rig import Rig
 from twin.errors import InputError
 
 DEFAULT_FPS = 30.0  # chosen by us: the layout tells no times
-OFF_CENTRE = (
-    0.15  # of a side, chosen by us: a principal point further from the middle is likely of another resolution
-)
+# of a side, chosen by us: a principal point further from the middle is likely of another resolution
+OFF_CENTRE = 0.15
 _PAIRS = "give every frame one image in rgb/ and one of the same name in depth/"
 
 

@@ -21,11 +21,8 @@ _GAP, _PAIRS = 0.3, 6
 # rad by which the view of something a metre away moves in a pair, chosen by us: less moves the picture hardly
 # farther than noise does, after more the two share too little
 _LEAST, _MOST = np.radians(1.5), np.radians(15.0)
-_CORNERS, _APART, _BACK = (
-    300,
-    6,
-    0.7,
-)  # corners, px between them, px by which one followed there and back ends beside its start
+# corners, px between them, px by which one followed there and back ends beside its start
+_CORNERS, _APART, _BACK = 300, 6, 0.7
 _FEWEST = 30  # corners in all
 # Of the error of the second best turn, chosen by us: the right one leaves noise, the others all of the motion
 _CLEAR = 0.5

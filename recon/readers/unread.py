@@ -71,9 +71,8 @@ def _begins(*magic: bytes, at: int = 0) -> Test:
 
 
 def _sqlite(path: Path, query: str) -> tuple[str, ...]:
-    source = (
-        f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1"  # changes nothing, not even beside the file
-    )
+    # changes nothing, not even beside the file
+    source = f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1"
     with suppress(sqlite3.Error), closing(sqlite3.connect(source, uri=True)) as base:
         return tuple(str(row[0]) for row in base.execute(query))
     return ()

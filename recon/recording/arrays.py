@@ -157,9 +157,8 @@ def _camera(intrinsics: Intrinsics | ArrayLike, width: int, height: int) -> Intr
         abs(k[:2, 2] - np.array([width, height]) / 2),
         abs(k[:2, 2] - np.array([height, width]) / 2),
     )
-    if (
-        width != height and off_turned.sum() < 0.1 * off.sum()
-    ):  # a tenth, by us: centres are within 5 % of the middle
+    # a tenth, by us: centres are within 5 % of the middle
+    if width != height and off_turned.sum() < 0.1 * off.sum():
         raise InputError(
             f"the images are {width}x{height}, but K has its centre at ({k[0, 2]:g}, {k[1, 2]:g}), that of {height}x{width}",
             "turn K with the images: swap fx with fy and cx with cy, or give height before width",

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from recon.recording import ReadDepth, Recording
 
-MOST_BYTES = (
-    128 * 2**20
-)  # some 200 frames of 640x480 in whole millimetres; chosen by us: a tenth of what a reconstruction takes
+# some 200 frames of 640x480 in whole millimetres; chosen by us: a tenth of what a reconstruction takes
+MOST_BYTES = 128 * 2**20
 _MILLIMETRE = np.float32(1000.0)
 
 

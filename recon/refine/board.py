@@ -37,10 +37,8 @@ _EDGE, _COARSEST, _OTHER_EDGE, _SCATTER = 0.006, 0.02, 0.08, 2.0
 # each, of which that quantile is the end; the strip along it is so wide (m) to both sides; so far beside it
 # that share must have nothing before it, and the nearest of that be in the picture.
 _PIECES, _FEWEST, _ON, _OUTER, _STRIP, _BESIDE, _SHOWN = 10, 8, 0.006, 0.98, 0.03, (0.02, 0.04, 0.06), 0.9
-_MANY, _SEVERAL = (
-    4000,
-    100,
-)  # observations of a face, and of a frame's edge, that tell a mean as well as all do
+# observations of a face, and of a frame's edge, that tell a mean as well as all do
+_MANY, _SEVERAL = 4000, 100
 
 InPart = Iterable[tuple[int, Array, Array]]
 # Of a frame, points (n, 3) of the part and a normal (3,): which points are in the picture, which have
@@ -70,9 +68,8 @@ def find_board(joint: Joint, points: Array, normals: Array, noise: DepthNoise) -
     flatness = max(MAX_RMS, float(noise.measured(1.0)))
     basis = geo.orthogonal_basis(joint.axis)[:, :2]
     turned = normals @ basis
-    across = (
-        np.linalg.norm(turned, axis=1) > 0.7
-    )  # faces that hold the axis' direction, not the rims that it pierces
+    # faces that hold the axis' direction, not the rims that it pierces
+    across = np.linalg.norm(turned, axis=1) > 0.7
     facing = basis @ _mode(turned[across])
     near = _face(points, normals, across, facing, flatness)
     if near is None:

@@ -61,9 +61,8 @@ def with_uncertainty(
     d = jac.shape[1] - 1
     h, g = reduced(terms.term, terms.frame, weight, value, jac, len(state))
     h, _ = add_priors(h, g, d, state, start, rests)
-    held = d + int(
-        np.argmax(np.diag(h)[d:])
-    )  # errors of states are told against the frame that is known best
+    # errors of states are told against the frame that is known best
+    held = d + int(np.argmax(np.diag(h)[d:]))
     h[held, held] += 1e8 * max(1.0, float(np.abs(np.diag(h)).max()) * 1e-6)
     score = weight * (value - mean[terms.term])
     blocks = terms.frame // _BLOCK

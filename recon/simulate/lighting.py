@@ -17,10 +17,8 @@ F32 = NDArray[np.float32]
 
 AMBIENT_REACH = 0.6  # metres; chosen by us: corners of cupboards darken, whole rooms do not
 LIFT = 1e-3  # metres that a ray starts off its surface
-ALIKE, DEPTH_STEP = (
-    0.9,
-    0.02,
-)  # cosine between normals, share of the depth a pixel, within which light is shared
+# cosine between normals, share of the depth a pixel, within which light is shared
+ALIKE, DEPTH_STEP = 0.9, 0.02
 # Steps between the taps of the smoothing passes, in pixels: à-trous wavelets (Dammertz et al. 2010)
 PASSES = (1, 2, 4)
 

@@ -11,9 +11,8 @@ import numpy as np
 
 FloatArray = Any  # numba sees the concrete types
 Triple = tuple[float, float, float]
-Surfaces = tuple[
-    Any, ...
-]  # face -> surface, then of surfaces: T_texture_world, tile, gloss, mip levels; atlas, SIZE
+# face -> surface, then of surfaces: T_texture_world, tile, gloss, mip levels; atlas, SIZE
+Surfaces = tuple[Any, ...]
 Lamps = tuple[FloatArray, FloatArray, FloatArray]  # shapes, powers, sky: see `Lights`
 
 

@@ -12,9 +12,8 @@ from recon.simulate.textures import Material
 from twin import geometry as geo
 from twin.geometry import Array
 
-SMOOTH_ANGLE_DEG = (
-    40.0  # chosen by us: facets of a cylinder with 24 sides are smoothed, edges of a box are not
-)
+# chosen by us: facets of a cylinder with 24 sides are smoothed, edges of a box are not
+SMOOTH_ANGLE_DEG = 40.0
 
 
 @dataclass(frozen=True)

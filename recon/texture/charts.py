@@ -22,17 +22,14 @@ from twin.scene import Mesh
 
 # Chosen by us and the same for every mesh.
 MAX_TURN = float(np.cos(np.deg2rad(50.0)))  # a texel stretches by no more than 1 / cos = 1.6 along a chart
-MAX_TURN_SMALL = float(
-    np.cos(np.deg2rad(72.0))
-)  # for crumbs, which would cost more border than they have area
+# for crumbs, which would cost more border than they have area
+MAX_TURN_SMALL = float(np.cos(np.deg2rad(72.0)))
 TURNED = 0.05  # share of a chart's area that may turn farther from it than its texels are made for
 CRUMB = 12  # faces: a chart of fewer joins one beside it where it can
 ROUNDS = 4  # of cutting sheets apart; what still lies on another then gets a chart a face
 PADDING = 8  # texels between two charts, so that each has four of its own around it
-_CELL, _INSIDE = (
-    2.0,
-    0.1,
-)  # texels a cell, in which sheets are told apart; a centre so many cells within two faces is on both
+# texels a cell, in which sheets are told apart; a centre so many cells within two faces is on both
+_CELL, _INSIDE = 2.0, 0.1
 _ROW = 8192.0  # texels: charts stand in rows of so many before they are packed
 
 I32 = NDArray[np.int32]

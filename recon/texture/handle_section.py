@@ -35,10 +35,8 @@ WIDTHS = np.arange(0.006, 0.0425, 0.0005)  # m, of handles
 _STEP = 0.0005  # m between the samples of a profile
 _SHIFT = 0.014  # m that the handle may lie beside where the fused surface has it
 _REACH = 0.045  # m to both sides of a profile
-_AROUND = (
-    0.025,
-    0.012,
-)  # m: least half width of what is explained, and what of it lies beside the fused surface
+# m: least half width of what is explained, and what of it lies beside the fused surface
+_AROUND = 0.025, 0.012
 _ROWS = 40
 _MIDDLE = 0.7  # of the length that is looked at: posts stand at the ends
 _ASIDE, _ALONG = np.radians(55.0), np.radians(65.0)  # from how far aside a photograph still tells

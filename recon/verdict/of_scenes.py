@@ -11,10 +11,8 @@ from twin.verdict import Reason, reason
 
 _APART_M = 0.1  # tracks farther from each other are of different things; about a hand's breadth, chosen by us
 _FAR_M = 0.05  # what carries a thing goes farther; tracks that slip along edges mostly don't. Chosen by us
-_FEWEST, _SHARE = (
-    4,
-    0.05,
-)  # tracks of a thing, of all that move, as of a part (`JointConfig.min_tracks`, `min_share`)
+# tracks of a thing, of all that move, as of a part (`JointConfig.min_tracks`, `min_share`)
+_FEWEST, _SHARE = 4, 0.05
 
 
 def nothing_articulated(movers: Movers) -> Reason:

@@ -109,9 +109,8 @@ def holds_by_shape(twin: Twin, part: Part, spec: RobotSpec, seed: int) -> list[H
             holds: list[Hold] = []
             for contact in getattr(side, kind)():
                 found = shaped_holds(solid, contact, spec, seed)
-                if (
-                    not side.sure
-                ):  # a drawer's walls stand off its floor as bars do: there a hand must have room
+                # a drawer's walls stand off its floor as bars do: there a hand must have room
+                if not side.sure:
                     found = [h for h in found if _has_room(h, around)]
                 misfits += [text for h in found if (text := _misfit(h, spec))]
                 holds += [h for h in found if not _misfit(h, spec)][:2]

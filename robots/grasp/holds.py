@@ -22,9 +22,8 @@ from twin.mesh import sample_surface
 from twin.scene import ContactPath, Mesh
 
 _SAMPLES = 60_000
-_STANDING = (
-    40_000  # points on what stands off a face: 1 m^2 of it is still sampled finer than a cell of the finder
-)
+# points on what stands off a face: 1 m^2 of it is still sampled finer than a cell of the finder
+_STANDING = 40_000
 _NEAR = 0.08  # m; a handle farther from the contact than this is another handle: 3 cm error plus the fist
 _PINCH = 0.03  # m of a rim between the fingers and behind them: a fingertip is 2 cm long
 SIDE = 0.06  # m to either side of a contact within which a rim is looked for

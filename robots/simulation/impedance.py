@@ -22,10 +22,8 @@ TRANSLATION, ROTATION = 500.0, 60.0  # N/m, N m/rad
 FORCE_CAP, TORQUE_CAP = 60.0, 15.0  # N, N m
 # Critical damping of the mass (kg) and inertia (kg m^2) at the hand of a 15 to 25 kg arm (chosen by us).
 _MASS, _INERTIA = 4.0, 0.10
-_SLACK, _SLACK_DAMPING = (
-    10.0,
-    2.0,
-)  # N m/rad, N m s/rad of what the tool does not feel: an elbow must not drift
+# N m/rad, N m s/rad of what the tool does not feel: an elbow must not drift
+_SLACK, _SLACK_DAMPING = 10.0, 2.0
 _REGULAR = 1e-6 * np.eye(6)  # keeps the inverse of J J^T finite at a singularity
 EVERY = 2  # steps between commands: 250 Hz (chosen by us)
 

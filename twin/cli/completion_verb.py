@@ -77,9 +77,8 @@ def completion(console: Console, shell: str) -> Outcome:
 
 def script(shell: str) -> str:
     """The text of the script: `shell` is bash or zsh."""
-    keys: dict[str, list[str]] = {
-        " ".join([*VERBS, "--help", "--version"]): [""]
-    }  # by the words that may follow them
+    # by the words that may follow them
+    keys: dict[str, list[str]] = {" ".join([*VERBS, "--help", "--version"]): [""]}
     many = []
     for verb in VERBS:
         for key, parser in _parsers(verb, parser_of(verb)):

@@ -82,9 +82,8 @@ def _close_pipes() -> None:
 
 def _carry_out(verb: str, as_json: bool, options: dict[str, Any]) -> int:
     if sys.platform == "linux":
-        os.environ.setdefault(
-            "MUJOCO_GL", "egl"
-        )  # read by MuJoCo when it is imported; pictures without a screen
+        # read by MuJoCo when it is imported; pictures without a screen
+        os.environ.setdefault("MUJOCO_GL", "egl")
     from twin.cli.console import Console
 
     console = Console(quiet=as_json)

@@ -27,9 +27,8 @@ from twin.geometry import Array
 from twin.mesh import edges, signed_volume
 from twin.scene import Box, Collision, Mesh
 
-_SECONDS = (
-    8  # of processor time in CoACD, where bodies of furniture take 1-6; not of the clock: load must not tell
-)
+# of processor time in CoACD, where bodies of furniture take 1-6; not of the clock: load must not tell
+_SECONDS = 8
 _CLOCK = 300  # s, should the machine stand still
 _SEEDS = (0, 1)
 _CONVEX = 0.02  # a body that fills its hull but for this share is convex
@@ -109,9 +108,8 @@ def rough_box(triangles: Array, volume: float) -> Box | None:
     if np.any(extent < 1e-3) or abs(volume / np.prod(extent) - 1) > 0.05:
         return None
     away = np.abs(middle @ axes - ends.mean(axis=0)) - extent / 2
-    off = np.abs(
-        away.max(axis=1)
-    )  # of a point near the surface of a box: its distance from the nearest side's plane
+    # of a point near the surface of a box: its distance from the nearest side's plane
+    off = np.abs(away.max(axis=1))
     if np.average(off > _EVEN, weights=size) > 0.05:
         return None
     return Box(geo.make_pose(axes, axes @ ends.mean(axis=0)), extent)

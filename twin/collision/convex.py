@@ -58,9 +58,8 @@ def thick_hull(triangles: Array, thickness: float) -> Hull | None:
         directed = geo.vector_areas(triangles)
         normal = directed.sum(0) @ axes[2]
         missing = (thickness - np.ptp(along)) * axes[2]
-        if (
-            abs(normal) > 0.3 * np.linalg.norm(directed, axis=1).sum()
-        ):  # mostly one side was seen: the material is behind it
+        # mostly one side was seen: the material is behind it
+        if abs(normal) > 0.3 * np.linalg.norm(directed, axis=1).sum():
             points = np.concatenate([points, points - np.sign(normal) * missing])
         else:
             points = np.concatenate([points - missing / 2, points + missing / 2])

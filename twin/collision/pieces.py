@@ -15,9 +15,8 @@ from twin.scene import Mesh
 _SAME = 1e-7  # m: corners nearer than this are one
 
 
-_PIECES = (
-    1000  # taken one by one, chosen by us: furniture has tens of bodies, a scan tens of thousands of shreds
-)
+# taken one by one, chosen by us: furniture has tens of bodies, a scan tens of thousands of shreds
+_PIECES = 1000
 
 
 def pieces_of(mesh: Mesh) -> list[tuple[Mesh, bool]]:

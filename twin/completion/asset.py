@@ -157,9 +157,8 @@ def asset_pose(twin: Twin) -> Array:
     level = out * [1.0, 1.0, 0.0]
     level = geo.unit(level) if np.linalg.norm(level) > 1e-6 else np.array([0.0, -1.0, 0.0])
     rotation = np.stack([np.cross(-level, [0.0, 0.0, 1.0]), -level, [0.0, 0.0, 1.0]], axis=1)
-    if (
-        frame is not None and abs(frame.T_world_frame[2, 2]) <= _LEVEL
-    ):  # from the middle out to the front's plane
+    # from the middle out to the front's plane
+    if frame is not None and abs(frame.T_world_frame[2, 2]) <= _LEVEL:
         middle = middle + ((frame.T_world_frame[:3, 3] - middle) @ out) * out
     origin = np.array([*middle[:2], _lowest(twin)])
     return geo.invert_pose(geo.make_pose(rotation, origin))

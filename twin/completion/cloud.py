@@ -15,9 +15,8 @@ from twin.scene import Mesh
 SIDE, UP, OUT = 0, 1, 2
 PER_M2 = 60_000  # points: one every 4 mm, the voxel of a fused part
 MOST = 240_000  # points of one surface
-FACING = float(
-    np.cos(np.radians(25.0))
-)  # noisy faces still belong to their plane, as twin.collision.boards has it
+# noisy faces still belong to their plane, as twin.collision.boards has it
+FACING = float(np.cos(np.radians(25.0)))
 _BIN = 0.002  # m, half of what a fused surface scatters
 _SMOOTH = 5  # bins that one layer of noise fills
 _CELL = 0.006  # m, side of the grid in which a layer's outline is found

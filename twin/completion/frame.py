@@ -14,9 +14,8 @@ from twin.handles import CONE, outermost_face
 from twin.scene import Joint, Part, Prismatic, Trajectory
 
 Kind = Literal["drawer", "sliding_door", "door", "flap", "lid"]
-SQUARE = float(
-    np.cos(np.radians(12.0))
-)  # a drawer's front stands square to its way, chosen by us with room for noise
+# a drawer's front stands square to its way, chosen by us with room for noise
+SQUARE = float(np.cos(np.radians(12.0)))
 _LEVEL = float(np.cos(np.radians(40.0)))  # a lid's face looks up within
 _PLUMB = float(np.cos(np.radians(30.0)))  # a door's hinge stands upright within
 _POINTS = 20_000

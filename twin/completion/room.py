@@ -28,9 +28,8 @@ _AROUND = 0.06  # m around a front where its furniture begins
 _DEEP = 1.0  # m behind a front
 _BEFORE = 0.03  # m before it
 _PLINTH = 0.2  # m above the floor, the highest plinth
-_MOSTLY = (
-    0.5  # share of a piece that lies under the furniture; a picture cuts off more of that than of a plinth
-)
+# share of a piece that lies under the furniture; a picture cuts off more of that than of a plinth
+_MOSTLY = 0.5
 _WITHIN = 0.02  # m inside a front's edges: what is seen behind there is the furniture's inside
 
 

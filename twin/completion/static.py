@@ -75,9 +75,8 @@ def openings(
             continue
         cloud = Cloud.of(furniture, front.frame.T_world_frame)
         corners = front.leaf.corners.copy()
-        if front.frame.kind == "sliding_door" and isinstance(
-            part.joint, Prismatic
-        ):  # two doors wide at least
+        # two doors wide at least
+        if front.frame.kind == "sliding_door" and isinstance(part.joint, Prismatic):
             way = front.frame.T_world_frame[:3, :2].T @ part.joint.axis
             way = way * np.where(np.abs(way) > 0.5, np.maximum(front.leaf.size, part.joint.upper), 0.0)
             corners = np.stack(

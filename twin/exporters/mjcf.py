@@ -99,9 +99,8 @@ def _defaults(root: ET.Element, tree: Tree) -> None:
     if tree.whole:  # what no camera saw whole has classes of its own, so that a scene can shade or hide it
         for basis in BASES:
             inner = ET.SubElement(visual, "default", {"class": f"{name}_{basis}"})
-            ET.SubElement(
-                inner, "geom", drawn
-            )  # once more: Drake takes none of a class from the class around it
+            # once more: Drake takes none of a class from the class around it
+            ET.SubElement(inner, "geom", drawn)
     collision = ET.SubElement(main, "default", {"class": f"{name}_collision"})
     touch = {"friction": _friction(tree.root)} if tree.whole else {}
     ET.SubElement(collision, "geom", {"group": "3", "rgba": "0.6 0.3 0.3 0.4", **touch})

@@ -37,10 +37,8 @@ def scene(tree: Tree) -> ET.Element:
     points = [k.drawn for k in tree.links if len(k.drawn)]
     low = points[0].min(axis=0) if points else np.zeros(3)
     high = points[0].max(axis=0) if points else np.ones(3)
-    center, extent = (
-        (low + high) / 2,
-        0.7 * float(np.linalg.norm(high - low)),
-    )  # a camera 1.5 extents away sees all
+    # a camera 1.5 extents away sees all
+    center, extent = (low + high) / 2, 0.7 * float(np.linalg.norm(high - low))
     root = ET.Element("mujoco", model=f"{tree.name}_scene")
     root.extend(remarks(tree))
     ET.SubElement(root, "include", file=f"{tree.name}.xml")

@@ -79,9 +79,8 @@ class TexturedMesh:
     corners: NDArray[np.int64]
 
 
-_TEXTURED: WeakKeyDictionary[Mesh, TexturedMesh] = (
-    WeakKeyDictionary()
-)  # formats write the same meshes one after another
+# formats write the same meshes one after another
+_TEXTURED: WeakKeyDictionary[Mesh, TexturedMesh] = WeakKeyDictionary()
 
 
 def textured_mesh(mesh: Mesh) -> TexturedMesh:

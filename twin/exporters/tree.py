@@ -216,8 +216,7 @@ def front(tree: Tree) -> Array:
         elif link.joint is not None and link.joint.kind == "prismatic":
             total += link.joint.axis
         elif link.joint is not None and link.visuals:
-            total += np.cross(
-                link.joint.axis, link.visuals[0].mesh.area_centroid
-            )  # the way its middle starts to move
+            # the way its middle starts to move
+            total += np.cross(link.joint.axis, link.visuals[0].mesh.area_centroid)
     total[2] = 0.0
     return geo.unit(total) if np.linalg.norm(total) > 1e-6 else np.array([0.0, -1.0, 0.0])

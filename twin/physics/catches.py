@@ -18,10 +18,8 @@ from twin.scene import Part, Revolute, Twin
 from twin.units import ANGLES, LENGTHS, number_and_unit
 
 AT_HANDLE = 0.010  # m; chosen by us: magnets and rollers of furniture let go within about as much
-WIDEST = {
-    "revolute": 0.6,
-    "prismatic": 0.2,
-}  # rad, m; chosen by us: what holds farther out is a spring, not a catch
+# rad, m; chosen by us: what holds farther out is a spring, not a catch
+WIDEST = {"revolute": 0.6, "prismatic": 0.2}
 _LEVER = 0.01  # m; chosen by us: nearer to the hinge nobody pulls
 _ROUNDING = 1e-9  # rad, m
 # unit -> size, and whether it is meant at the handle of a hinge

@@ -32,16 +32,13 @@ from twin.scene import Mesh
 _MAX_BOARD = 2.5
 _STEP_IN = 1e-5  # m: a ray starts a little inside so that it can't hit its own face
 _FACING = -0.3  # cosine: the other side of a board faces the other way, up to noise
-_DEPTHS = (
-    6  # points behind each face that ask whether another face is nearer; 12 change masses by less than 0.5 %
-)
-_EDGE = (
-    1.4  # board thicknesses: faces are cut until no edge is longer; half of it changes masses by about 1 %
-)
+# points behind each face that ask whether another face is nearer; 12 change masses by less than 0.5 %
+_DEPTHS = 6
+# board thicknesses: faces are cut until no edge is longer; half of it changes masses by about 1 %
+_EDGE = 1.4
 _MOST_FACES = 30_000  # but not into many more than these; a mesh of over twice as many is decimated
-_SLIVERS = (
-    8  # times as many at most, chosen by us: boards reach 4; each sliver across a fan would become thousands
-)
+# times as many at most, chosen by us: boards reach 4; each sliver across a fan would become thousands
+_SLIVERS = 8
 
 
 def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
@@ -57,10 +54,8 @@ def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
     """
     if mesh.area < 1e-9:
         raise SceneError("a part's mesh has no area, so its mass can't be estimated", "give the part a mesh")
-    from twin.collision.union import (
-        OVERLAP,
-        united,
-    )  # imports SciPy, which a table of materials has no need of
+    # imports SciPy, which a table of materials has no need of
+    from twin.collision.union import OVERLAP, united
 
     whole = united(mesh)
     if whole is not None and whole.share > OVERLAP:

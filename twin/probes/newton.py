@@ -86,9 +86,8 @@ def _part(model: Any, b: int, j: int, closed: Array) -> dict[str, Any]:
     frame = (closed[parent] if parent >= 0 else np.eye(4)) @ _pose(model.joint_X_p.numpy()[j])
     shapes = [k for k in range(model.shape_count) if int(model.shape_body.numpy()[k]) == b]
     flags = model.shape_flags.numpy()
-    groups = (
-        model.shape_collision_group.numpy()
-    )  # 0: the magnet of a catch, which meets nothing but its plate
+    # 0: the magnet of a catch, which meets nothing but its plate
+    groups = model.shape_collision_group.numpy()
     touching = [k for k in shapes if flags[k] & int(newton.ShapeFlags.COLLIDE_SHAPES) and groups[k] != 0]
     friction = model.shape_material_mu.numpy()[touching]
     return {

@@ -90,9 +90,8 @@ def _bounds(model: Any, path: Path, fmt: str, ids: dict[str, int], out: dict[str
     found: dict[str, list[list[list[float]]]] = {}
     for shape in shapes.geometryObjects:
         n = model.frames[shape.parentFrame].name
-        if n in ids and hasattr(
-            shape.geometry, "num_vertices"
-        ):  # not the magnet of a catch, which nobody sees
+        # not the magnet of a catch, which nobody sees
+        if n in ids and hasattr(shape.geometry, "num_vertices"):
             vertices = np.array([shape.geometry.vertex(i) for i in range(shape.geometry.num_vertices)])
             place = data.oMi[ids[n]] * shape.placement
             box = bounds(vertices * shape.meshScale, pose(place.rotation, place.translation))

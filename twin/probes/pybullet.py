@@ -111,9 +111,8 @@ def _free(body: int, links: int, moving: list[int]) -> None:
         # it slows every body by 4 % a second unless told not to
         bullet.changeDynamics(body, link, linearDamping=0.0, angularDamping=0.0, maxJointVelocity=1e4)
     for j in moving:
-        bullet.setJointMotorControl2(
-            body, j, bullet.VELOCITY_CONTROL, force=0.0
-        )  # a motor that holds it still
+        # a motor that holds it still
+        bullet.setJointMotorControl2(body, j, bullet.VELOCITY_CONTROL, force=0.0)
 
 
 def _mass_matrix(body: int, moving: list[int], found: dict[str, int], state: list[float]) -> Array:

@@ -19,10 +19,8 @@ Color = tuple[int, int, int]
 Shown = tuple[Mesh, Color, float]  # a mesh, a colour, and how strongly that tints the mesh's own (0..1)
 BACKGROUND = np.array([246.0, 247.0, 249.0])
 STATIC_COLOR = (205, 208, 212)
-SHADES: dict[Basis, Color] = {
-    "evidence": (120, 160, 205),
-    "assumed": (224, 160, 96),
-}  # of inferred pieces: blue and orange
+# of inferred pieces: blue and orange
+SHADES: dict[Basis, Color] = {"evidence": (120, 160, 205), "assumed": (224, 160, 96)}
 _SUPERSAMPLING = 2
 
 
@@ -100,9 +98,8 @@ def overview(twin: Twin, width: int, height: int) -> View:
     eye = target + reach * 1.5 * (0.55 * back + 0.7 * side + np.array([0.0, 0.0, 0.55]))
     view = look_at(eye, target, points, width, height)
     depths = geo.transform(geo.invert_pose(view.T_world_cam), points)[:, 2]
-    return replace(
-        view, near=max(0.0, float(depths.min()) - 0.4)
-    )  # what stands before the scene would hide it
+    # what stands before the scene would hide it
+    return replace(view, near=max(0.0, float(depths.min()) - 0.4))
 
 
 def opening(twin: Twin, steps: int, width: int = 560, height: int = 420) -> list[Image]:

@@ -145,9 +145,8 @@ def digest(twin: Twin) -> str:
     h = hashlib.sha256(json.dumps(document, sort_keys=True).encode())
     for path in sorted(p for p in meshes if p.count(".") == 1):  # no shapes, no inferred layer
         h.update(ply_bytes(meshes[path]))
-    if (
-        twin.cameras is not None
-    ):  # not the rotations: those that were stored as quaternions differ in the last digit
+    # not the rotations: those that were stored as quaternions differ in the last digit
+    if twin.cameras is not None:
         h.update(twin.cameras.T_world_cam[:, :3, 3].tobytes())
     for frame in sorted(twin.labels):
         h.update(f"{frame}".encode() + np.ascontiguousarray(twin.labels[frame]).tobytes())

@@ -66,10 +66,8 @@ HEAVY = 0.1
 # of the friction that stands for a catch or a balance; chosen by us: both hold a part, and let a hand move it
 BALANCED = 1.5
 BRISK = 0.1  # s; chosen by us: no hand opens anything faster
-PUSH = {
-    "revolute": 1.0,
-    "prismatic": 0.3,
-}  # rad/s, m/s: chosen by us, a door or drawer let go in a brisk motion
+# rad/s, m/s: chosen by us, a door or drawer let go in a brisk motion
+PUSH = {"revolute": 1.0, "prismatic": 0.3}
 # N; chosen by us: a brisk pull of one hand, twice a kitchen cabinet's catch (benchmarks/door_forces.md)
 HAND = 50.0
 HAND_MASS = 1.0  # kg; chosen by us: what of an arm moves with its hand

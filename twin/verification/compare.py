@@ -36,17 +36,10 @@ TOLERANCE = {
 FIELDS = tuple(TOLERANCE)
 _SPACINGS = 8.0  # of single precision that an engine's chain of additions may lose; chosen by us
 SINGLE_PRECISION = ("newton", "physx", "sapien")  # engines that compute with 24 bits: ten times the tolerance
-_EXACT = (
-    "loads",
-    "tree",
-    "type",
-    "mesh_bounds_m",
-    "self_collision_m",
-)  # tolerances that don't depend on precision
-_SWEPT = (
-    "mujoco",
-    "urdf",
-)  # where contact between a part and what it is mounted on is looked at: URDF can't exclude it
+# tolerances that don't depend on precision
+_EXACT = "loads", "tree", "type", "mesh_bounds_m", "self_collision_m"
+# where contact between a part and what it is mounted on is looked at: URDF can't exclude it
+_SWEPT = "mujoco", "urdf"
 _ASKED = {
     "tree": "parent", "axis_deg": "axis", "pivot_m": "pivot", "com_m": "com", "mesh_bounds_m": "bounds",
     "self_collision_m": "collision",

@@ -158,9 +158,8 @@ class Dynamics:
         """Mass matrix (n, n) and the forces (n,) of gravity and of turning axes."""
         n = len(q)
         poses = np.empty((n, 4, 4))
-        axis, pivot, spin, speed = (
-            np.zeros((n, 3)) for _ in range(4)
-        )  # spin, speed: of the body, at the origin
+        # spin, speed: of the body, at the origin
+        axis, pivot, spin, speed = (np.zeros((n, 3)) for _ in range(4))
         axis_rate, pivot_rate = np.zeros((n, 3)), np.zeros((n, 3))
         for k in self.order:
             p = self.parents[k]

@@ -25,11 +25,8 @@ ENGINES: dict[str, tuple[str, ...]] = {
     "pybullet": ("urdf",),
     "sapien": ("urdf",),
 }
-OURS = (
-    "mujoco",
-    "pinocchio",
-    "yourdfpy",
-)  # come with this project; the others have environments of their own
+# come with this project; the others have environments of their own
+OURS = "mujoco", "pinocchio", "yourdfpy"
 # the probe that moves parts, for twin.verification.behaviour: it compares nothing and is no engine to choose
 BEHAVIOUR = "behaviour"
 SECONDS = 300.0  # an engine that takes longer for one file hangs; Newton compiles for half a minute once

@@ -15,9 +15,8 @@ from twin.verification.rest import Hold, hold
 REST = 1e-3  # m
 _YIELD = 1.1  # chosen by us: the closed form is that of a creep that is steady already
 
-Demand = tuple[
-    str, float | None, float, str
-]  # quantity, measured and limit in m at the farthest point, explanation
+# quantity, measured and limit in m at the farthest point, explanation
+Demand = tuple[str, float | None, float, str]
 
 
 @dataclass(frozen=True)

@@ -163,9 +163,8 @@ def _arm(up: Array, camera: Array, arm: Array) -> float:
     ground = np.array([-up @ right, -up @ down])
     way = np.array([arm @ right, arm @ down])
     length = float(np.linalg.norm(way))
-    cosine = (
-        float(ground @ way) / length if length > 1e-9 else 0.0
-    )  # times how much of the picture's plane is plumb
+    # times how much of the picture's plane is plumb
+    cosine = float(ground @ way) / length if length > 1e-9 else 0.0
     spread = _ARM * float(np.linalg.norm(ground))
     return math.log(_ARM_FROM_BELOW * math.exp(_ARM * cosine) / float(np.i0(spread)) + 1.0 - _ARM_FROM_BELOW)
 

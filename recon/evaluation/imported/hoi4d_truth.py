@@ -27,9 +27,8 @@ from twin.geometry import Array, exp_so3, make_pose
 from twin.scene import FIRST_PART_ID, Trajectory
 
 EVENTS = frozenset({"open", "close", "pull", "push"})  # events that move a joint
-MIN_EVENT_SHARE = (
-    0.1  # of a part's travel, chosen by us: in an event that is the part's it moves at least so far
-)
+# of a part's travel, chosen by us: in an event that is the part's it moves at least so far
+MIN_EVENT_SHARE = 0.1
 MAX_SIZE = 10.0  # m, chosen by us: no part is larger, so a larger one is told in another unit
 KNOWN = ("cameras", "intervals", "states", "centres")
 _POSES = ("objpose_refined", "objpose")

@@ -19,9 +19,8 @@ POINTS = 10_000  # FunREC, supplement 2.3
 MAX_FIT_FRAMES = 300  # of a HOI4D clip; of more, as many even ones tell the joint
 MIN_TURN = np.radians(10.0)  # chosen by us: annotated poses of a sliding part waver by some degrees
 MIN_SLIDE = 0.03  # m, chosen by us: annotated poses of a still part waver by a centimetre or two
-MAX_RESIDUAL = (
-    0.02  # m, chosen by us: what is further from one joint's motion is none, a part that is carried
-)
+# m, chosen by us: what is further from one joint's motion is none, a part that is carried
+MAX_RESIDUAL = 0.02
 _STEPS = 30  # of Gauss and Newton; from the start it takes a handful
 
 

@@ -147,9 +147,8 @@ def calibrated(streams: Streams, calibration: Calibration) -> Streams:
 
         read_depth = scaled
     both = hashlib.sha256((streams.fingerprint + calibration.digest).encode()).hexdigest()
-    own = (
-        streams.own_cameras if calibration.color is None else None
-    )  # a calibration goes before what the file tells
+    # a calibration goes before what the file tells
+    own = streams.own_cameras if calibration.color is None else None
     return replace(
         streams, rig=rig, own_cameras=own, read_depth=read_depth, fingerprint=both, warnings=warnings
     )

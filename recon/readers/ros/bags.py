@@ -23,9 +23,8 @@ from twin.packages import to_install
 ROS1 = b"#ROSBAG V"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"  # not among the library's types of ROS 1
 _METADATA = "metadata.yaml"
-_STORED = re.compile(
-    r"^\s*-\s+(?:path:\s*)?['\"]?([^'\"\n]*\.(?:db3|mcap)(?:\.zstd)?)['\"]?\s*$", re.M
-)  # in metadata.yaml
+# in metadata.yaml
+_STORED = re.compile(r"^\s*-\s+(?:path:\s*)?['\"]?([^'\"\n]*\.(?:db3|mcap)(?:\.zstd)?)['\"]?\s*$", re.M)
 _PART = re.compile(r"_\d+$")
 _MAX_METADATA = 2**20  # bytes, chosen by us: one has a few kilobytes
 

@@ -136,9 +136,8 @@ def parsed(raw: bytes, kind: str, encoding: str) -> Image:
     big, step = bool(fields.number("B")), fields.number()
     data = fields.data()
     unit = 0.0
-    if (
-        encoding == "ros1" and frame == "1" and len(raw) == fields.at + 4
-    ):  # RealSense's recorder: the frame is a version
+    # RealSense's recorder: the frame is a version
+    if encoding == "ros1" and frame == "1" and len(raw) == fields.at + 4:
         (unit,) = struct.unpack_from("<f", raw, fields.at)
     return Image(stamp, frame, name, data, width, height, step, big, unit)
 

@@ -24,10 +24,8 @@ from twin.geometry import Array, exp_so3, make_pose, unit
 
 UP = np.array([0.0, 0.0, 1.0])
 Rng = np.random.Generator
-_ASIDE = (
-    0.25,
-    0.42,
-)  # tangent from the middle of the view: less than half of the narrowest one drawn, 60 degrees wide
+# tangent from the middle of the view: less than half of the narrowest one drawn, 60 degrees wide
+_ASIDE = 0.25, 0.42
 
 
 def rng_of(seed: int) -> Rng:

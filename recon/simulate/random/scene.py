@@ -30,10 +30,8 @@ MOST_DRAWS = 12  # of one seed; more than a few mean that the stratum can't be m
 NEAR_FRONT = 0.28  # m^2; smaller fronts would have to be nearer than an arm bends to cover half of a picture
 Rng = np.random.Generator
 
-_SPEED = {
-    "prismatic": (0.08, 0.45),
-    "revolute": (np.deg2rad(15.0), np.deg2rad(75.0)),
-}  # mean of a move, m/s or rad/s
+# mean of a move, m/s or rad/s
+_SPEED = {"prismatic": (0.08, 0.45), "revolute": (np.deg2rad(15.0), np.deg2rad(75.0))}
 _SHORT = {"prismatic": (0.06, 0.10), "revolute": (np.deg2rad(12.0), np.deg2rad(20.0))}
 _RATTLE = {"prismatic": (0.001, 0.003), "revolute": (0.003, 0.008)}
 _LOW, _HIGH = ("drawer_low", "flap_down", "lid"), ("flap_up", "door_left", "door_right", "drawer_high")

@@ -29,9 +29,8 @@ FRESH, FRESH_SIZE = 0.758, 3.5
 # which a window finds no match; chosen by us so that a furnished room loses about the tenth that was
 # measured. Blotches vary it by half.
 CONTRAST, BLOTCHES, BLOTCH_SIZE = 2.1, 0.5, 6.0
-WOBBLE = (
-    1.3  # pixels by which edges waver, as a window that holds two depths decides for either; chosen by us
-)
+# pixels by which edges waver, as a window that holds two depths decides for either; chosen by us
+WOBBLE = 1.3
 EDGE = 0.03  # metres
 GRAZING = 0.12  # cosine under which the two views of a surface differ too much to match; chosen by us
 
@@ -94,9 +93,8 @@ def shadow(exact: Array, parallax: float) -> NDArray[np.bool_]:
     height, width = exact.shape
     disparity = np.where(exact > 0.0, parallax / np.maximum(exact, 1e-3), 0.0)
     u = np.arange(width)[None, :]
-    right = np.clip(
-        np.round(u - disparity).astype(int) + width, 0, 2 * width
-    )  # the right picture, with room on its left
+    # the right picture, with room on its left
+    right = np.clip(np.round(u - disparity).astype(int) + width, 0, 2 * width)
     cell = right + (2 * width + 1) * np.arange(height)[:, None]
     nearest = np.zeros(height * (2 * width + 1))
     np.maximum.at(nearest, cell.reshape(-1), disparity.reshape(-1))

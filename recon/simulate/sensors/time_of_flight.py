@@ -19,10 +19,8 @@ NEAREST, FARTHEST = 0.25, 5.46  # metres; Azure Kinect DK hardware specification
 # + 0.1 % of the distance without multipath; confirmed by Tolgyessy et al. 2021 ("Evaluation of the Azure
 # Kinect and Its Comparison to Kinect V1 and V2").
 SYSTEMATIC, SYSTEMATIC_SHARE = 0.011, 0.001
-DARKEST, DARKEST_AT = (
-    0.15,
-    3.86,
-)  # reflectivity at the end of the narrow mode's range, which the specification still promises
+# reflectivity at the end of the narrow mode's range, which the specification still promises
+DARKEST, DARKEST_AT = 0.15, 3.86
 # Shot noise: sigma ~ 1 / sqrt(returning light) ~ distance / sqrt(reflectivity) (Foix, Alenya, Torras 2011,
 # "Lock-in Time-of-Flight Cameras: A Survey"). Chosen by us: 1 mm at 1 m on white, so that the darkest
 # promised surface has 10 of the 17 mm.
@@ -34,9 +32,8 @@ SHOT = 0.001
 # error.
 WIGGLE, WIGGLE_PERIOD = 0.003, 0.19
 OFFSET, OFFSET_SIZE = 0.0035, 90.0  # metres, and over how many pixels it is alike
-AMPLITUDE_OFFSET = (
-    0.006  # metres between a black and a white surface (intensity-related error, Lefloch et al. 2013)
-)
+# metres between a black and a white surface (intensity-related error, Lefloch et al. 2013)
+AMPLITUDE_OFFSET = 0.006
 # Flying pixels: a pixel on an edge sees both surfaces and gives a distance between them (Lefloch et al.
 # 2013). The footprint, and which share of them the camera notices and leaves out, chosen by us after pictures
 # in Tolgyessy et al. 2021.

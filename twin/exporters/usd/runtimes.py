@@ -100,13 +100,8 @@ def _mujoco_model(stage: Usd.Stage, tree: Tree) -> None:
         if j.holds:
             prim = stage.OverridePrim(joint_path(tree, j.name))
             prim.AddAppliedSchema("MjcJointAPI")
-            impedance = [
-                HOLDING_IMPEDANCE,
-                HOLDING_IMPEDANCE,
-                0.001,
-                0.5,
-                2.0,
-            ]  # and MuJoCo's own width, midpoint, power
+            # and MuJoCo's own width, midpoint, power
+            impedance = [HOLDING_IMPEDANCE, HOLDING_IMPEDANCE, 0.001, 0.5, 2.0]
             _author(prim, "mjc:solimpfriction", Sdf.ValueTypeNames.DoubleArray, impedance, uniform=True)
     for link in tree.links:
         path = link_path(tree, link.name)

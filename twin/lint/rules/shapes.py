@@ -10,12 +10,8 @@ from twin.geometry import Array
 from twin.lint.meshes import crosses_itself, open_edges, surface_problem
 from twin.lint.model import WORLD, Fault, LintModel, Severity, Shape
 
-_ROUND = {
-    "sphere": (0, 1, 2),
-    "capsule": (0, 1, 2),
-    "cylinder": (0, 1),
-    "cone": (0, 1),
-}  # axes that must scale alike
+# axes that must scale alike
+_ROUND = {"sphere": (0, 1, 2), "capsule": (0, 1, 2), "cylinder": (0, 1), "cone": (0, 1)}
 _URDF = ("box", "cylinder", "sphere", "mesh")
 _ALIKE = 1e-4  # relative; float32 scale operations are exact to 1e-7
 
