@@ -42,8 +42,7 @@ from twin.storage import require_place
 
 T = TypeVar("T")
 
-# Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third
-# of the whole. Only their ratios count.
+# Seconds of stages on two cores, for the time left (benchmarks/speed.md, texture a third). Only ratios count.
 _SECONDS = {
     "inspect": 2.0, "tracks": 5.0, "cameras": 1.7, "gravity": 0.2, "motion": 6.0, "noise": 0.2, "refine": 4.0, "labels": 3.5, "polish": 1.6,
     "fusion": 1.8, "up": 0.5, "contact": 0.6, "texture": 13.0, "verdict": 2.0, "handle": 0.3,

@@ -27,8 +27,7 @@ from twin.scene import Trajectory
 
 T = TypeVar("T")
 
-# Seconds of the stages on two cores, by which the time left is told: benchmarks/speed.md, texture as a third
-# of the whole. Only their ratios count.
+# Seconds of stages on two cores, for the time left (benchmarks/speed.md, texture a third). Only ratios count.
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,8 +61,7 @@ __all__ = [
     "with_limits",
 ]
 
-# Modules are imported on first use, so that `import twin` stays light and the command hears Ctrl-C from its
-# first hundredth of a second on.
+# Modules are imported on first use: `import twin` stays light, and the command hears Ctrl-C at once.
 _LAZY = {
     "Verdict": "twin.verdict",
     "check": "twin.verification",

@@ -28,8 +28,7 @@ _FILLED = 0.3  # share of the fullest layer that makes the outermost one a face:
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A flat face: unit normal (3,) out of the part, normal @ x == offset on it, its points (n, 3), noise:
-    robust spread in m."""
+    """A flat face: unit normal (3,) out of the part, normal @ x == offset, points (n, 3), noise (m)."""
 
     normal: Array
     offset: float

@@ -32,8 +32,7 @@ def moved_axis(axis: Array, pivot: Array, delta: ArrayLike) -> tuple[Array, Arra
 
 
 def turned_covariance(covariance: Array, old: Array, new: Array) -> Array:
-    """The covariance (2, 2) or (4, 4) of a tangent in basis `old` (3, 2), told in basis `new` (3, 2) of the
-    same plane."""
+    """A tangent's covariance (2, 2) or (4, 4) in basis `old` (3, 2), in basis `new` (3, 2) of that plane."""
     turn = np.kron(np.eye(len(covariance) // 2), new.T @ old)
     turned = turn @ covariance @ turn.T
     return np.asarray(0.5 * (turned + turned.T))

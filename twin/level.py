@@ -24,8 +24,7 @@ from twin.scene import Mesh, Twin
 
 # Key of a twin's provenance: the reconstruction's doubts about up, texts.
 DOUBTED = "up_doubted"
-# All limits are chosen by us. Tilt in doubt, as `twin check` calls a hinge upright: more than the errors of a
-# carpenter and of a reconstructed axis.
+# All limits are chosen by us. Tilt in doubt, as `twin check` has it: above errors of carpenter and axis.
 TILT_DEG = 2.0
 # Degrees within which a witness agrees with an up: planes of a clean scan are within .2 deg, axes within 1.
 AGREE_DEG = 1.0

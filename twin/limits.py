@@ -52,8 +52,7 @@ def with_limits(twin: Twin, part: int | str, lower: Limit | None = None, upper: 
 
 
 def cut_off(part: Part, short: float = _STORED) -> str:
-    """What of its recorded motion a part's limits cut off, in one line; empty where they hold it, or all but
-    the share `short`."""
+    """What of its recorded motion a part's limits cut off, in a line; empty if at most the share `short`."""
     if not len(part.motion.frames):
         return ""
     low, high = (float(v) for v in np.quantile(part.motion.state, [_OUTLIERS, 1.0 - _OUTLIERS]))

@@ -78,8 +78,7 @@ def edges(faces: Faces) -> NDArray[np.int64]:
 
 
 def vertex_pieces(faces: Faces, vertices: int) -> NDArray[np.intp]:
-    """Number (vertices,) of the connected piece that each vertex is in; one that no face uses is a piece of
-    its own."""
+    """Number (vertices,) of each vertex' connected piece; an unused vertex is a piece of its own."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -32,8 +32,7 @@ class Described:
 def frozen_array(
     values: Any, shape: tuple[int | None, ...], what: str, dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """Read-only copy with a checked shape (None = any length) and finite values; an array that is frozen
-    already is its own copy."""
+    """Read-only copy of a checked shape (None = any length) and finite values; frozen arrays are returned."""
     a = values if _is_frozen(values, dtype) else np.array(values, dtype=dtype)
     if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape, strict=True)):
         raise SceneError(f"{what} must have shape {shape}, got {a.shape}")

@@ -32,8 +32,7 @@ def require_sound(twin: Twin) -> None:
 def overlaps(twin: Twin) -> list[str]:
     """One line for every moving part whose mesh holds the same space twice, with share and outcome.
 
-    Boards that only touch are not meant. The static scene is not looked at: it has no mass, and its shapes
-    follow the surface whatever it encloses.
+    Boards that touch are fine. The static scene is left out: it has no mass, its shapes follow its surface.
     """
     return [line for part in twin.parts if (line := _overlap(part))]
 
@@ -58,8 +57,7 @@ def _overlap(part: Part) -> str:
 
 
 def crossing(mesh: Mesh) -> tuple[float, Array]:
-    """Share (0..1) of the area on triangles that cross another one by more than 2 mm, and a point (3,) m of
-    one of them."""
+    """Share (0..1) of area in triangles that cross another by over 2 mm, and a point (3,) m on one."""
     import open3d as o3d
 
     shape = o3d.geometry.TriangleMesh(

@@ -244,8 +244,7 @@ def _depth_behind(
 def rebase(part: MovingPart, closed: ClosedEnd) -> MovingPart:
     """The part counted from its closed end: state 0 there, opening positive, `upper` at the other end.
 
-    The axis is reversed if the state fell on opening. The part's frame becomes its pose at the closed end
-    (`rebase_mesh`).
+    The axis is reversed if states fell on opening. The part's frame becomes its closed pose (`rebase_mesh`).
     """
     state = closed.opening_sign * (part.motion.state - closed.state)
     upper = max(0.0, travel_ends(state)[1])

@@ -55,8 +55,7 @@ _MIN_POINTS = 6
 
 @dataclass(frozen=True, eq=False)
 class HandPoints:
-    """Points (n, 3) of the hand's surface in the part's frame at state 0, the frame (n,) of each, and the
-    distance (n,) to the part's surface."""
+    """Points (n, 3) of the hand in the part's frame at state 0, frames (n,), distances (n,) to the part."""
 
     points: Array
     frame: NDArray[np.int64]

@@ -27,9 +27,8 @@ class Front:
 
 
 def front_of(surface: Surface, part: MovingPart, eyes: Array) -> Front:
-    """The part's front: of the largest flat faces, the one towards the viewer; of a slide, rather one square
-    to its motion when it has such a face. A small piece before the others is no front: its rim is not the
-    part's."""
+    """The part's front: of the largest flat faces, the one towards the viewer; of a slide, one square to its
+    motion if any. A small piece before the others is no front: its rim is not the part's."""
     faces = outer_faces(surface)
     if isinstance(part.joint, Prismatic):
         square = [f for f in faces if abs(f.normal @ part.joint.axis) > ALONG]

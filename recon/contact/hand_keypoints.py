@@ -132,8 +132,7 @@ def _detect_in_cut_out(
 
 
 def _lift(recording: Recording, depth: NDArray[np.float32], pixels: Array) -> Array:
-    """Camera points (21, 3) of keypoints (21, 2): median depth of 3x3 pixels; what lies far from the hand's
-    middle is another surface and NaN."""
+    """Points (21, 3) of keypoints (21, 2): median depth of 3x3 pixels; NaN far from the hand's middle."""
     height, width = depth.shape
     out = np.full((KEYPOINTS, 3), np.nan)
     for k, (x, y) in enumerate(np.rint(pixels).astype(int)):

@@ -102,8 +102,7 @@ def _held_piece(points: Array, touch: Array) -> Array | None:
 def _describe(piece: Array, off: Array, face: Face, hand: Array, joint: Joint) -> Handle:
     """Direction, ends and section of a handle from its outer half, which leaves the posts out.
 
-    What lies on the line of a bar belongs to it, although the hand may have hidden what joins them. off: all
-    points (n, 3) that stand off the face.
+    What lies on a bar's line is the bar's, though a hand may hide the joint. off: (n, 3) off the face.
     """
     normal = face.normal
     shape, top = face.outer_half(piece)

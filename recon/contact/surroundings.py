@@ -25,8 +25,7 @@ def flush_shares(
 ) -> list[list[float]]:
     """Shares (2, n) of the front's rim with static surface within `gap` of the part past each end.
 
-    Each piece of the rim counts by how far it moves: along a hinge it stays where it is and tells nothing.
-    past: rad or m past the ends, from 0.
+    Pieces of the rim count by how far they move. past: rad or m past the ends, from 0.
     """
     low, high = ends
     poses = [[joint.pose(low - x) for x in past], [joint.pose(high + x) for x in past]]

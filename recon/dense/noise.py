@@ -113,8 +113,7 @@ def measure_noise(recording: Recording, cameras: Trajectory) -> DepthNoise:
 
 
 def _three(recording: Recording, cameras: Trajectory, a: int) -> tuple[_Differences, _Differences, float]:
-    """Differences of frame number a of the cameras to the one that sees it most differently and to the next,
-    and its share of unknown pixels."""
+    """Differences of the cameras' frame a to its least similar one and to the next, and its unknown share."""
     camera, seen = recording.intrinsics, recording.depth(int(cameras.frames[a]))
     points = _points(seen, camera)
     T_other_a = geo.invert_pose(cameras.T_world_cam) @ cameras.T_world_cam[a]

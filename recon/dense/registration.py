@@ -47,8 +47,7 @@ def rays(lens: Lens) -> Array:
 
 
 def moved_lens(image: NDArray[np.uint8], own: Intrinsics, camera: Intrinsics) -> NDArray[np.uint8]:
-    """A picture (H, W, 3) that was taken with its own focal lengths and centre, as `camera` in the same place
-    takes it; black where it shows nothing."""
+    """A picture (H, W, 3) of its own focal lengths and centre, as `camera` there takes it; else black."""
     x, y = camera.fx / own.fx, camera.fy / own.fy
     place = np.array([[x, 0.0, camera.cx - x * own.cx], [0.0, y, camera.cy - y * own.cy]])
     return np.asarray(cv2.warpAffine(image, place, (camera.width, camera.height)), dtype=np.uint8)

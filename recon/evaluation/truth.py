@@ -1,7 +1,6 @@
 """The truth of a recording: cameras, joints, states, meshes, labels and grip (docs/recordings.md).
 
-Beside a simulated recording it is whole. What others annotated is less: `Truth.known` tells what there is,
-and nothing stands in for the rest.
+Whole beside a simulated recording. Others' annotations are less: `Truth.known` says what there is.
 """
 
 from __future__ import annotations

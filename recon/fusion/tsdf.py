@@ -42,8 +42,7 @@ class Field:
 class Observation:
     """One frame as the field sees it.
 
-    depth: (h, w) m. own: (h, w) pixels on this body. cosine: (h, w) of the angle between ray and normal.
-    T_cam_body: (4, 4) field coordinates to camera.
+    depth: (h, w) m. own: (h, w) body's pixels. cosine: (h, w) of ray and normal. T_cam_body: field to camera.
     """
 
     depth: F32

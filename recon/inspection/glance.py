@@ -33,8 +33,7 @@ _ALL, _SPAN = 180, 60
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Frames that follow each other. frames (n,): their numbers in the recording. small: they, `WIDTH` wide,
-    in memory. facts: n, one a frame."""
+    """Successive frames. frames (n,): their numbers. small: they, `WIDTH` wide, in memory. facts: n."""
 
     frames: NDArray[np.int64]
     small: Recording

@@ -158,8 +158,7 @@ def _middle(table: EdgeTable, fill: int, axis: int, part: slice) -> float:
 
 
 def peak(profile: Array) -> tuple[float, float]:
-    """Place (px, between samples) of the highest value of a profile over -REACH..REACH, and by how many
-    standard deviations of the rest it stands out."""
+    """Place (px, between samples) of a profile's highest value, and its sigmas above the rest."""
     k = int(np.argmax(profile))
     away = np.abs(np.arange(len(profile)) - k) > 3
     rest = profile[away]

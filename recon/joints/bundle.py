@@ -36,8 +36,7 @@ _NEGLIGIBLE, ROUGHLY = 1e-8, 2e-3
 class Bundle:
     """A refined model: residual (K, T) m, NaN where not seen, robust weight (K, T), noise sigma (m).
 
-    covariance: of the joint's tangent (2 or 4) followed by the states (T), under the gauge of a fixed mean
-    state. landmarks (K, 3): points at state 0.
+    covariance: of the joint's tangent, then states (T), mean state fixed. landmarks (K, 3): at state 0.
     """
 
     model: Model

@@ -81,8 +81,7 @@ def support(fit: MotionFit, asked: NDArray[np.bool_], movers: Movers) -> Array:
 
 
 def on_course(fit: MotionFit, movers: Movers, tolerance: float) -> NDArray[np.bool_]:
-    """Movers (K,) that keep their distance from the fitted joint's axis and their place along it, or move
-    along the slide, to within `tolerance` metres.
+    """Movers (K,) at a constant distance from the fitted joint's axis and place on it, to `tolerance` m.
 
     That needs no state, so it finds the part's points in frames of which the fit knows none.
     """

@@ -18,8 +18,7 @@ from twin.geometry import Array
 
 @njit(cache=True, nogil=True)
 def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, turn, out):  # type: ignore[no-untyped-def]
-    """Columns of dz of track k in frame t: the two tilts, the two shifts (revolute), the state; out (3, 5).
-    turn: the angle, cosine and sine of minus the angle."""
+    """Columns (3, 5) of dz (track k, frame t): tilts, shifts (revolute), state. turn: a, cos(-a), sin(-a)."""
     angle, c, s = turn
     if not revolute:
         for b in range(2):

@@ -63,8 +63,7 @@ class TypeHint:
 
 
 def hint_about(hints: Sequence[TypeHint], state: Array) -> TypeHint | None:
-    """The hint whose frames overlap most with those in which state (T,) is under way; None where none does.
-    One that is certain goes before all others."""
+    """The hint that overlaps most with the motion of state (T,), or None. Certain hints go first."""
     certain = next((h for h in hints if h.certain), None)
     if certain is not None or not hints:
         return certain

@@ -116,8 +116,7 @@ def _landings(m: F32, r: int, points: F32, n: int, camera: F32, noise: F32, vari
 
 @numba.njit(cache=True, nogil=True)
 def depth_range(depth: F32) -> tuple[F32, F32]:
-    """Least and greatest known depth (h, w) of each pixel's 3x3; the least is 0 where fewer than 6 are known,
-    the greatest where none is."""
+    """Least and greatest known depth (h, w) of each 3x3; least 0 if under 6 are known."""
     h, w = depth.shape
     near, far = np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)
     for y in range(1, h - 1):

@@ -92,8 +92,7 @@ def label_frames(
         frames: which frames; default every `config.every`-th one that has a camera pose.
         width: px, to which frames are shrunk for the dense test.
 
-    Warns when no frame before or after the motion is free of the hand. Raises ReconstructionError when none
-    of the frames has a camera pose.
+    Warns if no rest before or after the motion is without a hand. ReconstructionError: no camera pose.
     """
     known = set(cameras.frames.tolist())
     wanted = range(0, len(recording), config.every) if frames is None else frames

@@ -56,8 +56,7 @@ def voxel_size(views: list[View], noise: DepthNoise) -> float:
 class VoxelPool:
     """The voxels of the world and of each part's own frame, and which of them pixels fall into.
 
-    A part is the heaviest connected piece with what lies near it. A floor below a door turns within itself:
-    it goes along as well as it stays.
+    A part is its heaviest connected piece and what is near. A floor below a door turns within itself.
     """
 
     def __init__(

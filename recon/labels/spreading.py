@@ -99,8 +99,7 @@ def spread_along_surfaces(
 def follow_surroundings(score: F32, seen: View, scale: float) -> None:
     """Pixels without depth take the score of the labels around them, the nearer along like colours.
 
-    A stereo camera has no depth on plain surfaces, and no depth is no evidence for what is static. scale:
-    standard deviation of colour within a surface.
+    No depth, as of stereo on plain surfaces, is no evidence for static. scale: sigma of a surface's colour.
     """
     known = seen.depth > 0
     if known.all() or not known.any():

@@ -30,8 +30,7 @@ class Movers:
 
     @cached_property
     def travel(self) -> Array:
-        """Distance (K,) in metres between the median points of the first and of the farthest five
-        observations of each mover; 0 for the others."""
+        """Distance (K,) m of the medians of each mover's first and farthest five observations; else 0."""
         out = np.zeros(self.visible.shape[1])
         for k in np.flatnonzero(self.moving):
             p = self.points_world[self.visible[:, k], k]

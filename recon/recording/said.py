@@ -23,8 +23,7 @@ Up = Literal["+x", "-x", "+y", "-y", "+z", "-z"] | tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Word:
-    """What is said of one part. point: x, y px of the colour picture and a frame that show it. interval:
-    first and last frame in which it moves."""
+    """The user's word on one part. point: x, y px and frame. interval: first and last moving frame."""
 
     point: tuple[int, int, int] | None = None
     interval: tuple[int, int] | None = None

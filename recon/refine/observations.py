@@ -94,8 +94,7 @@ class Patches:
 def part_patches(
     views: Views, labels: Mapping[int, NDArray[np.uint8]], part: MovingPart, also: int | None = None
 ) -> Patches:
-    """What the labelled frames show of a part, and of `also`, another label, a pixel away from its outline;
-    neither joint nor states matter."""
+    """What labelled frames show of a part, and of label `also`, off its outline; joint doesn't matter."""
     h, w = views.depth.shape[1:]
     v, u = np.mgrid[0:h, 0:w]
     pixels = np.stack([u, v], axis=-1).astype(float)

@@ -28,8 +28,7 @@ _LEFT = 10.0  # rounds: as far as the last step goes on in these is how wrong th
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Joint and states (n,), the terms of the last round, and how far (2,) or (4,), rad and m, the joint
-    would have moved on; zero when it has settled."""
+    """Joint and states (n,), last terms, and the joint's next step (2,) or (4,), rad and m; 0 if settled."""
 
     joint: Joint
     state: Array

@@ -61,8 +61,7 @@ class BoardTies:
 
 @dataclass(frozen=True, eq=False)
 class FrontTie:
-    """What is known of the front of what slides out (`recon.refine.front`): the terms (K,) that are of it,
-    its normal (3,) and its size, m."""
+    """What is known of a slide's front (`recon.refine.front`): its terms (K,), normal (3,) and size, m."""
 
     of_faces: NDArray[np.bool_]
     normal: Array

@@ -148,8 +148,7 @@ def _shared(way: Array, weight: Array, residual: Array, blocks: NDArray[np.int64
 
 
 def _moves(joint: Joint, state: Array, terms: Terms) -> tuple[Array, Array]:
-    """How much (n, 3) each value changes by a metre along the world's axes, and by a radian about them
-    through the middle of the part."""
+    """How much (n, 3) values change per metre along the world's axes, and per radian about them."""
     n = terms.normals[terms.term]
     if isinstance(joint, Revolute):
         n = np.einsum("nij,nj->ni", geo.exp_so3(joint.axis * state[:, None])[terms.frame], n)

@@ -46,8 +46,7 @@ class Prepared:
 class BodyCache:
     """The bodies of the last frames, prepared. Known by identity: reuse bodies and images between frames.
 
-    At most KEPT bodies are held, or as many as one frame has, with the textures they wear: what long
-    recordings show for a while only is forgotten.
+    At most KEPT bodies are held, or a frame's, with their textures: long recordings forget rare ones.
     """
 
     def __init__(self) -> None:

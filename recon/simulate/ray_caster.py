@@ -14,9 +14,8 @@ NO_HIT = np.uint32(0xFFFFFFFF)
 
 
 class FirstHits(NamedTuple):
-    """First hits of n rays: parameter along the ray (inf for none), mesh id (NO_HIT), face index, (u, v),
-    unit normal of the face as its corners turn.
-    """
+    """First hits of n rays: ray parameter (inf: none), mesh id (NO_HIT), face, (u, v), unit shading
+    normal."""
 
     t: NDArray[np.float32]
     mesh: NDArray[np.uint32]

@@ -1,5 +1,4 @@
-"""Photo textures: the colours of every texel of the static scene and of each part, from the labelled frames
-that show it best.
+"""Photo textures: colours of all texels of static scene and parts, from labelled frames that show them best.
 
 Charts (`charts`), the point of the body at each texel (`raster`), the photographs that show it (`photos`),
 their exposure made equal (`exposure`), colours in two bands (`shade`), and plain colours where nothing was

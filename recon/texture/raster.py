@@ -30,8 +30,7 @@ def within(
 
 @numba.njit(cache=True, nogil=True)
 def faces_at(uv: Array, height: int, width: int) -> I32:  # pragma: no cover - compiled
-    """(height, width), lowest row first: the face of (F, 3, 2) texels that each texel's centre lies within,
-    or nearest within `MARGIN`; -1 for none."""
+    """(height, width), lowest row first: the face of each texel's centre, nearest within `MARGIN`; or -1."""
     owner = np.full((height, width), -1, np.int32)
     depth = np.full((height, width), -MARGIN, np.float32)
     for face in range(len(uv)):

@@ -104,16 +104,14 @@ class PartEvidence:
 
     @cached_property
     def least_labelled(self) -> tuple[int, float] | None:
-        """A frame at the end of its travel where labels and twin agree less, and their intersection over
-        union; None without one in view."""
+        """The travel's end frame where labels and twin agree least, and their overlap, or None."""
         if self.mesh is None or not len(self.mesh.faces):
             return None
         return least_labelled(self.scene.posed, self.part, self.scene.labels)
 
     @cached_property
     def bare_border(self) -> tuple[int, float] | None:
-        """A frame of rest with most of its border that is no edge, and that share; None where it never moves,
-        or without a border in view."""
+        """A frame of rest with most of its border without edge, and that share; None if unmoved, unseen."""
         if not self.part.motion.intervals:
             return None
         return bare_border(self.scene.posed, self.part, self.scene.labels)

@@ -1,5 +1,4 @@
-"""The joint that a part's tracks tell: that of the first half of its motion, by travel, against that of the
-second, and that of all of it."""
+"""The joint by a part's tracks: of the first half of its motion (by travel), the second half, and all."""
 
 from __future__ import annotations
 

@@ -58,8 +58,7 @@ SLIDE_DOUBTFUL = 0.02
 SLIDE_REFUSED = 0.01
 # Shares by which the ends of the travel differ. Right: .35 and more in 24; wrong: 0 in one.
 CLOSED_END = 0.25
-# m by which frames disagree on the room. Right paths (ATE up to 6 mm): 2 to 12 mm; wrong ones (27 to 134 mm):
-# 58 to 587.
+# m by which frames disagree on the room. Right (ATE up to 6 mm): 2 to 12; wrong (27 to 134): 58 to 587.
 CAMERAS_DOUBTFUL = 0.02
 CAMERAS_REFUSED = 0.05
 # m that the path may be aside by one sigma, half of the limit of success. Labels that cut an outline put the

@@ -9,8 +9,7 @@ from twin.geometry import Array
 
 @dataclass(frozen=True)
 class Contact:
-    """The robot touches what it should not: time (s), its body and the other one, how deep (m), and whether
-    that is the scene's static part."""
+    """The robot touches what it should not: time (s), both bodies, depth (m), if the other is static."""
 
     time: float
     bodies: tuple[str, str]

@@ -85,8 +85,7 @@ def diagnose() -> list[Finding]:
 
 
 def remedies(findings: Iterable[Finding]) -> list[str]:
-    """What brings everything needed which is missing: one line for all system packages, one for all Python
-    packages."""
+    """What installs all that is needed and missing: a line for system packages, one for Python packages."""
     missing = [f for f in findings if not f.ok and f.needed]
     debian = _apt(dict.fromkeys(p for f in missing for p in f.debian))
     python = _packages(dict.fromkeys(p for f in missing for p in f.python))

@@ -33,8 +33,7 @@ def given_settings(path: Path | None, assignments: Sequence[str]) -> tuple[dict[
 
 
 def put(data: dict[str, Any], table: str, values: Mapping[str, Any]) -> None:
-    """Put what options of their own say, None and [] apart, into a table of settings as a file gives them; it
-    replaces what the file says."""
+    """Put options of their own, None and [] apart, into a table of settings in place of the file's."""
     said = {name: copy(v) for name, v in values.items() if v not in (None, [])}
     if said and isinstance(place := data.setdefault(table, {}), dict):
         place |= said

@@ -28,8 +28,7 @@ _CROWDED = 500
 
 
 def decimated(mesh: Mesh, faces: int) -> Mesh:
-    """The mesh with about `faces` triangles, twice as many where it is in shreds; corners at the same place
-    are one and those of no face are left out."""
+    """The mesh with about `faces` triangles, twice in shreds; equal corners are one, unused ones go."""
     if len(mesh.faces) <= faces:
         return mesh
     welded = _welded(mesh)

@@ -1,5 +1,4 @@
-"""Where the collision shapes of a twin overlap while its parts open, and which pairs of them give way in a
-format that can't filter pairs."""
+"""Where a twin's collision shapes overlap while parts open, and who gives way without pair filters."""
 
 from __future__ import annotations
 

@@ -22,8 +22,7 @@ _ROUGH = 0.75  # of an open surface may look inward by more: noise turns faces a
 
 
 def require_convex(twin: Twin) -> None:
-    """Raises SceneError that names the first collision mesh that is not a convex body: engines would fill its
-    hollows, and refuse one that is flat."""
+    """Raises SceneError naming the first stated collision mesh that is not convex or is flat."""
     for owner in twin.owners:
         for k, shape in enumerate(owner.collision):
             if not isinstance(shape, Mesh):

@@ -23,8 +23,7 @@ def with_completion(twin: Twin, collision: Mapping[str, Any] | None = None) -> T
     """The twin with the inferred layer of its static scene and every part, collision shapes included; itself
     where it has one that the program of today inferred.
 
-    A twin that was not made from a recording was stated by somebody, whole as it is: nothing is inferred.
-    collision: settings of the shapes, by name.
+    A stated twin is whole: nothing is inferred. collision: settings of the shapes, by name.
     """
     if not (is_reconstructed(twin) and twin.parts) or has_completion(twin):
         return twin

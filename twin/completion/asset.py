@@ -111,8 +111,7 @@ def usual_view(twin: Twin) -> AssetView:
 
 
 def is_reconstructed(twin: Twin) -> bool:
-    """Whether a twin was made from a recording, and so shows no more than cameras saw: what was stated bears
-    no verdict."""
+    """Whether a twin was made from a recording, and so shows what cameras saw: stated ones have none."""
     return twin.recorded is not None and twin.verdict is not None
 
 

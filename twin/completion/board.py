@@ -13,8 +13,7 @@ from twin.geometry import Array
 from twin.inferred import Basis, Inferred, box_mesh
 from twin.scene import Box
 
-# m by which a board is drawn inside its faces, so that the seen surface lies before it, and more than a
-# 24-bit depth buffer tells apart at 3 m
+# m by which boards are drawn inside their faces, behind the seen surface; a depth buffer resolves it at 3 m
 INSET = 0.0003
 _SURE = 0.01  # m: a seen surface that lies deeper in a board than noise says that the board is not there
 _CONTRADICTED = 0.15  # share of a board's largest face that such a surface may have; chosen by us

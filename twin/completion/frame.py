@@ -25,8 +25,7 @@ _TRIED = 100  # directions
 
 @dataclass(frozen=True, eq=False)
 class PartFrame:
-    """T_world_frame (4, 4), origin on the front's plane, axes side, up, out; what kind of part it is, and the
-    noise (m) of its front."""
+    """T_world_frame (4, 4): origin on the front's plane, axes side, up, out; kind of part, noise (m)."""
 
     T_world_frame: Array
     kind: Kind

@@ -1,5 +1,4 @@
-"""Boards that are one: a worktop seen in strips between what stands on it, with its front edge, and a plinth
-half hidden below the fronts."""
+"""Boards that are one: a worktop seen in strips, with its front edge, or a plinth half hidden."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Neighbours, plinths and worktops that a picture's border cut off, made as wide as what is beside, below and
-above: furniture has straight sides."""
+"""Neighbours, plinths and worktops cut by a picture's border, made as wide as what is beside them."""
 
 from __future__ import annotations
 
@@ -88,8 +87,7 @@ def squared(
 
 
 def _added(board: Board, others: Sequence[Board], cabinets: Sequence[Board], sign: int) -> Board | None:
-    """What is missing of a board to one side, up to the farthest that it is in line with; None where nothing
-    is, or something stands there."""
+    """What a board lacks to one side, up to the farthest in line; None if nothing, or taken."""
     edge, beside = max(_ends(board, others, cabinets, sign), default=(-np.inf, ""))
     mine = _end(board, sign)
     if not _NARROW < edge - mine < _WIDEST:

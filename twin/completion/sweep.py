@@ -33,8 +33,7 @@ def swept_points(part: Part, layer: Completion) -> Array:
 
 
 def held_points(part: Part) -> Array:
-    """Points (n, 3) m that two fingers filled beside what they held of the closed part, in the world; none
-    where no hand held it."""
+    """Points (n, 3) m that two fingers filled at the closed part's grip, in the world; none without hand."""
     contact = part.contact
     if contact is None:
         return np.zeros((0, 3))

@@ -18,8 +18,7 @@ from twin.exporters.links import Link, Tree, TreeCatch, TreeJoint, numbers
 from twin.geometry import Array
 from twin.physics.simulation import HOLDING_IMPEDANCE
 
-# m, chosen by us: so small that a viewer who shows them sees where they are; the plate is as wide as the
-# magnet's way and this.
+# m, chosen by us: small, but seen in a viewer; the plate is as wide as the magnet's way and this.
 _RADIUS, _THICK, _MARGIN = 0.002, 0.002, 0.005
 
 

@@ -127,8 +127,7 @@ def mean_color(mesh: Mesh) -> tuple[float, float, float]:
 
 
 def _spatial_order(mesh: Mesh) -> NDArray[np.int64]:
-    """Faces along a Morton curve, so that neighbours on the surface are neighbours in the texture (coarse
-    mipmaps mix neighbouring texels)."""
+    """Faces along a Morton curve: neighbours on the surface are neighbours in the texture (for mipmaps)."""
     if not len(mesh.faces):
         return np.zeros(0, np.int64)
     c = mesh.vertices[mesh.faces].mean(axis=1)

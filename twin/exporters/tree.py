@@ -96,8 +96,7 @@ def _filtered(twin: Twin, links: list[Link]) -> tuple[tuple[str, str], ...]:
 
 
 def require_ranges(twin: Twin) -> None:
-    """Raises SceneError for a part that can't move, or whose closed state, in which all files show it, is
-    none of its own."""
+    """Raises SceneError for a part that can't move or whose closed state (in all files) is out of range."""
     for part in twin.parts:
         if part.joint.upper <= part.joint.lower:
             raise SceneError(

@@ -152,8 +152,7 @@ def _origin(element: ET.Element, pose: Array) -> None:
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:
-    """Fixed-axis roll, pitch, yaw (3,) rad of a rotation (3, 3): R = Rz(yaw) Ry(pitch) Rx(roll), also at
-    pitch = +-90 deg."""
+    """Fixed-axis roll, pitch, yaw (3,) rad of a rotation (3, 3): R = Rz(yaw) Ry(pitch) Rx(roll), always."""
     r = rotation
     cos_pitch = float(np.hypot(r[0, 0], r[1, 0]))
     pitch = float(np.arctan2(-r[2, 0], cos_pitch))

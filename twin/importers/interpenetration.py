@@ -80,8 +80,7 @@ def _within(mesh: Mesh, low: Array, high: Array) -> Array:
 
 
 def _passed(points: Array, mesh: Mesh, poses: Array) -> Array:
-    """How much deeper (n,) m points (m, 3) are in `mesh` at the last of `poses` (k, 4, 4) than at poses[1],
-    rest.
+    """How much deeper (n,) points (m, 3) are in `mesh` at the last of `poses` (k, 4, 4) than at poses[1].
 
     Points that are inside, or touch, at the first pose are left out.
     """
@@ -114,8 +113,7 @@ class _Surface:
         self._scene.add_triangles(_tensor(mesh.vertices - self._middle), faces)
 
     def first(self, start: Array, end: Array) -> tuple[Array, Array]:
-        """The share (n,) of the way from `start` to `end` (n, 3) at which a face is passed, infinite for
-        none, and the normals (n, 3) of those faces."""
+        """Share (n,) of the way from `start` to `end` (n, 3) at a face, or inf, and its normal (n, 3)."""
         rays = np.concatenate([start - self._middle, end - start], axis=1)
         still = np.linalg.norm(end - start, axis=1) < 1e-9
         rays[still, 3:] = [1.0, 0.0, 0.0]

@@ -23,8 +23,7 @@ _AT_BORDER = 1e-4
 # Half sides of a cube map that a face may reach from the middle of the one it wears. Chosen by us: the side
 # of a cylinder, which is cut at 45 deg, takes 1.4.
 _BEYOND = 3.0
-# Texels a metre that a cube map is drawn with where it is drawn anew. Chosen by us: more than a picture of
-# 1920 pixels across shows from 1 m.
+# Texels a metre of a cube map drawn anew. Chosen by us: more than a 1920 px picture shows from 1 m.
 _FINE = 2000.0
 # Scale of a picture above which its loss is not told. Chosen by us: rounding to whole texels.
 _WHOLE = 0.99

@@ -90,8 +90,7 @@ class Scene:
                 d.qpos[at] = np.clip(d.qpos[at], *m.jnt_range[j])
 
     def forget_parts_of(self, bodies: set[int]) -> None:
-        """Leave out parts whose shapes overlap others: they are stuck or driven off by that, which is one
-        fault and not three."""
+        """Leave out parts whose shapes overlap others: stuck or driven off is one fault, not three."""
         self.parts = [j for j in self.parts if not bodies & set(self.carries(j))]
 
     def settled_by_hand(self, j: int) -> bool:
@@ -244,8 +243,7 @@ def drifts(scene: Scene) -> Iterator[list[str]]:
 
 
 def _corners(m: Any, d: Any, bodies: list[int], part: int) -> Array:
-    """Corners (n, 3) of the boxes around the geoms of bodies, their origins where they have none; seen from
-    the parent of `part`."""
+    """Corners (n, 3) of the boxes around bodies' geoms (or origins), in the frame of `part`'s parent."""
     mine = np.isin(m.geom_bodyid, bodies) & (m.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     box = m.geom_aabb[mine]

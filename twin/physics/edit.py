@@ -51,8 +51,7 @@ def given(
     note: str = "",
     unit: str = "",
 ) -> Quantity:
-    """A number from the user; without an interval, 2 % around a weighed mass, 10 % around another
-    measurement, 20 % around what is only stated.
+    """A number from the user; interval: 2 % of a weighed mass, 10 % of measurements, 20 % of statements.
 
     Args:
         name: one of `UNITS`, or what the user calls it.
@@ -62,8 +61,7 @@ def given(
         note: where it comes from, for people.
         unit: of a name that is none of `UNITS`.
 
-    Raises InputError: the value is not finite, negative (of a mass, and what has no place in `UNITS`, also
-    zero), or not inside its interval.
+    Raises InputError: not finite, negative (a mass or a number out of `UNITS`: or zero), or off its interval.
     """
     some = name == "mass" or name not in UNITS
     unit = unit or UNITS[name]
@@ -100,8 +98,7 @@ def set_physics(
         material: a name of the table; how mass is spread, density and friction then come from it, and so does
             the mass unless it was measured or stated by the user.
 
-    The centre and the tensor keep the shape that the surface gives and grow with the mass, and so do a
-    damping and a frictionloss that nobody stated.
+    Centre and tensor keep the surface's shape and grow with the mass, as do unstated damping, frictionloss.
 
     Raises SceneError, ConfigError for an unknown part or material; InputError for an unknown quantity.
     """

@@ -222,8 +222,7 @@ def _asked(twin: Twin, part: Part, now: Quantity, law: JointLaw) -> tuple[Quanti
 
 
 def _worst(twin: Twin, part: Part, holds: float) -> Rest | None:
-    """The rest that asks for most; None without one, and where nothing between its moves asks for more than
-    `holds` (N or N m): then no label is read."""
+    """The rest that asks for most; None without, or (unread) where none asks for more than `holds`."""
     near, asks = STEADY[part.joint.kind], 0.0
     for frames, states in _between(part):
         others = _others(twin, part, int(frames[0]), int(frames[-1]))

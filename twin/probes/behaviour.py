@@ -163,8 +163,7 @@ def _reach(part: Moved, start: float, force: float) -> dict[str, float]:
 
 
 def _catch(part: Moved, asked: Mapping[str, float]) -> dict[str, Any]:
-    """What a catch does: how far the closed part goes in 10 s of the pull `less`, and how much of the width
-    is left after `more`, and when."""
+    """A catch: how far the part goes in 10 s of pull `less`, width left after `more`, and when."""
     near = replace(part, upper=part.lower + asked["width"])
     return {
         "less": _guarded(_pulled, part, asked["less"]),

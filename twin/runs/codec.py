@@ -58,8 +58,7 @@ class TreeCodec:
         (folder / "data.json").write_text(json.dumps(tree, allow_nan=False), encoding="utf-8")
 
     def load(self, folder: Path) -> Any:
-        """Read what `save` wrote. Raises CodecError naming the folder when it is damaged, OtherVersionError
-        when a class of it is gone."""
+        """Read what `save` wrote. CodecError: a damaged folder, OtherVersionError: a class is missing."""
         try:
             tree = json.loads((folder / "data.json").read_text(encoding="utf-8"))
             with np.load(folder / "arrays.npz", allow_pickle=False) as stored:

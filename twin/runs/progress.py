@@ -125,8 +125,7 @@ class Counted:
 
 
 class Bars:
-    """One rich progress bar per stage, drawn on standard error once `after` seconds are over; without
-    fractions between 0 and 1 it pulses."""
+    """A rich bar per stage on standard error after `after` seconds; without fractions of 0..1 it pulses."""
 
     def __init__(self, after: float = 0.0) -> None:
         from rich.console import Console as Rich

@@ -66,8 +66,7 @@ def to_toml(config: Any, note: Callable[[str], str] | None = None) -> str:
 
 
 def _plain(value: Any, where: str, for_json: bool = False) -> Any:
-    """Dictionaries, lists, None and numbers and texts of Python's own types: numpy's float64 is a float too,
-    but writes itself as `np.float64(...)`."""
+    """Dictionaries, lists, None, numbers and texts of Python's own types, not numpy's (`np.float64(...)`)."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {f.name: getattr(value, f.name) for f in fields(value) if f.init}
     if isinstance(value, Enum):

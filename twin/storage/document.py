@@ -113,8 +113,7 @@ def with_extra(known: Mapping[str, Any], extra: Mapping[str, Any]) -> dict[str, 
 def with_changes(
     raw: Mapping[str, Any], before: Mapping[str, Any], after: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """`raw` with every value that differs between two documents, and without what only the first has; what is
-    the same in both stays as `raw` has it.
+    """`raw` with all that differs between two documents, without what only the first has; else as in `raw`.
 
     Parts are matched by their id.
     """

@@ -28,8 +28,7 @@ def texture_document(owner: str, texture: Texture | None) -> dict[str, Any]:
 
 
 def texture_files(document: Mapping[str, Any]) -> Iterator[tuple[tuple[Owner, str], str]]:
-    """Files of the textures of a document: ((part id or None for the static scene, "image" or "uv"), path),
-    and of the looks of its inferred layers."""
+    """Files of a document's textures, ((part id or None, "image" or "uv"), path), and its inferred looks."""
     for owner in (document["static"], *document["parts"]):
         for key in _FILES if owner.get("texture") is not None else ():
             yield (owner.get("id"), key), owner["texture"][key]

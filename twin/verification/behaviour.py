@@ -282,7 +282,6 @@ def _deviations(twin: Twin, part: Part, motion: Array) -> Array:
 
 
 def _reconstruction_error(part: Part, lever: float) -> float:
-    """Three standard deviations (m) of the part's farthest point, of the residual and of what states do from
-    frame to frame; slow errors are followed."""
+    """Three sigmas (m) of the part's farthest point by residual and frame noise; slow errors are followed."""
     jitter = mad_sigma(np.diff(part.motion.state, 2)) / math.sqrt(6.0)
     return max(FLOOR, _SIGMAS * math.hypot(jitter * lever, part.motion.residual))

@@ -39,8 +39,7 @@ def python_of(engine: str) -> Path:
 
 
 def ask(engine: str, jobs: Sequence[dict[str, Any]], seconds: float = SECONDS) -> list[dict[str, Any]]:
-    """One answer per job, as twin.probes describes it; a crash, or a hang of so many seconds, is the answer's
-    error, and the rest is asked again."""
+    """One answer per job (twin.probes); a crash or hang is the answer's error, the rest is asked again."""
     python = python_of(engine)
     answers: list[dict[str, Any]] = []
     while len(answers) < len(jobs):

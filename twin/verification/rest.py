@@ -63,8 +63,7 @@ def hold(twin: Twin, part: Part, state: float, others: dict[int, float] | None =
 def slide(
     twin: Twin, part: Part, state: float, times: Sequence[float], armature: float
 ) -> tuple[Array, Array]:
-    """States (t,) and speeds (t,), which no stop ends, at `times` (s, increasing) of a part that is let go at
-    `state` and moves, up to its stop.
+    """States (t,) and speeds (t,), endless, at `times` (s, rising) of a part let go at `state`, to its stop.
 
     armature: of its joint, kg m^2 or kg, as the file has it.
     """

@@ -134,8 +134,7 @@ class Question:
 def ask(question: Question, endpoint: Endpoint, limits: Limits = DEFAULT) -> str:
     """The model's answer as text.
 
-    Raises ServiceError: no connection, too slow, too long, refused, or not an answer at all.
-    MissingDependencyError without the extra `vlm`.
+    ServiceError: no connection, slow, long, refused or no answer. MissingDependencyError: no extra `vlm`.
     """
     httpx = _httpx()
     deadline = time.monotonic() + limits.total

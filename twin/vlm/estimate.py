@@ -37,8 +37,7 @@ _SOLID = 1.1  # a part fills no more than its hull, up to the mesh's own error
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What the surface says for certain: edges (3,) m of its tightest box, longest first, volume m^3 of its
-    hull, least and greatest mass kg."""
+    """What the surface fixes: edges (3,) m of its box, longest first, hull's volume m^3, mass bounds kg."""
 
     edges: tuple[float, float, float]
     volume: float

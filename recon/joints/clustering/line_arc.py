@@ -66,8 +66,7 @@ def _net_motion(points: Array, w: Array) -> Array:
 
 
 def _circles(u: Array, v: Array, w: Array) -> tuple[Array, Array]:
-    """Centres (K, 2) and sums of squared radial errors (K,) of circles through plane points (K, T), Kasa's
-    start and geometric Gauss-Newton."""
+    """Centres (K, 2) and squared radial errors (K,) of circles by points (K, T): Kasa, Gauss-Newton."""
     z = u**2 + v**2
     design = np.stack([u, v, np.ones_like(u)], axis=-1) * w[..., None]
     normal = np.einsum("kti,ktj->kij", design, design)

@@ -119,8 +119,7 @@ def _reduced(
     sigma: float,
     sigma_rad: float,
 ) -> tuple[int, tuple[Array, Array, Array], Array, Array]:
-    """Count of joint unknowns; for back-substitution (cross / diag, state step, diag); Schur matrix and
-    gradient over joint tangent and rest pose (6)."""
+    """Number of joint unknowns; back-substitution; Schur matrix and gradient over joint , rest pose."""
     right = right_inverse(error)
     carry = right @ _adjoint(geo.invert_pose(rest))
     by_joint = carry @ motion_jacobian(kind, axis, pivot, state)

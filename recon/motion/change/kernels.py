@@ -52,8 +52,7 @@ def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ign
 
 @njit(cache=True, nogil=True)
 def _agreement(points, tint, T_cam_world, pose, depth, colour, new, itself, lens, gates):  # type: ignore[no-untyped-def]
-    """The share of points (n, 3) at a pose (4, 4) that agree with a depth image (h, w), and that are seen
-    through.
+    """Shares of points (n, 3) at a pose (4, 4) that agree with a depth image (h, w) and are seen through.
 
     A moved point at a pixel that is OLD in `new` (h, w) says nothing: the surface there was always there. The
     exception is a surface that may lie there `itself`, such as a panel that slides in its own plane. Hidden

@@ -97,8 +97,7 @@ def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
 def informative_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
     """At most `count` rows with the first and the last: half of them evenly spread, half where much is new.
 
-    first, last: the `novelty` (T, h, w) to the first and to the last row. A part and a hand on their way are
-    new to both.
+    first, last: `novelty` (T, h, w) to the first and last row. Moving parts and hands are new to both.
     """
     rows = len(first)
     even = np.unique(np.linspace(0, rows - 1, min(count - count // 2, rows)).round().astype(np.int64))

@@ -146,8 +146,7 @@ class Surface:
 class Explained:
     """A joint with states in the rows (T,), 0 in the first one.
 
-    gains: each surface's mean score less that of leaving to somewhere unknown, at least 0. worth: the gains
-    summed over the surfaces' pixels.
+    gains: each surface's mean score over that of leaving, at least 0. worth: the gains summed over pixels.
     """
 
     joint: Proposed

@@ -31,8 +31,7 @@ _COARSE_M = 0.015
 class Witnessed:
     """A joint by depth with a state for each posed frame, and the tracks (K,) that follow it.
 
-    by_tracks: the number of the tracks' part with the same joint, or None. as_well: how well depth agrees
-    with that part's states (`ChangedPart.as_well`).
+    by_tracks: the tracks' part of the same joint, or None. as_well: see `ChangedPart.as_well`.
     """
 
     joint: Joint

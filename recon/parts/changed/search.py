@@ -38,8 +38,7 @@ _PER_SHARE = 0.2
 MEANWHILE = 0.5
 # Share of a part's fastest step from which the part moves.
 _CREEPS = 0.1
-# Greatest ratio of the tracks' travel to that by depth: .85 to 1.05 in 15 right open recordings we looked at,
-# 1.75 in one whose states ran on.
+# Greatest ratio of the tracks' travel to depth's: .85 to 1.05 in 15 right open recordings, 1.75 if wrong.
 _FARTHER = 1.4
 # Sine of a way to a surface that the part slides along.
 _ALONG = 0.25

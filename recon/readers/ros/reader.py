@@ -134,8 +134,7 @@ def _meet(first: NDArray[np.int64], second: NDArray[np.int64]) -> bool:
 def _stamps(bag: Bag, topic: Topic) -> NDArray[np.int64]:
     """Header stamps (ns) of all messages of a topic.
 
-    Where a message's first bytes can't be read alone, `_SAMPLES` messages stand for the others if their
-    stamps keep one distance to their log times.
+    If a message's head can't be read alone, `_SAMPLES` messages stand for all with even stamps.
     """
 
     def read(indices: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -66,8 +66,7 @@ def camera_settings(rng: Rng, wanted: Stratum, pieces: Sequence[Placed]) -> dict
 
 
 def _reachable(rise: float) -> float:
-    """How far away a person stands whose eyes are `rise` m above what the hand takes: an arm's length, from a
-    shoulder 0.5 m below."""
+    """How far away a person with eyes `rise` m above the grip stands: an arm's length from the shoulder."""
     return float(np.sqrt(max(_ARM**2 - (rise - 0.5) ** 2, 0.45**2)))
 
 

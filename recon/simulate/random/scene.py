@@ -90,8 +90,7 @@ def random_recording(
 ) -> Drawn:
     """All is drawn from the seed; stratum: wanted, None: drawn as well. settings: as `simulate_random`.
 
-    A draw is repeated only where no camera could see what happens, or no arm could reach it. Raises
-    InputError when that is so for MOST_DRAWS draws.
+    A draw is repeated only if no camera or arm could follow. Raises InputError after MOST_DRAWS draws.
     """
     wanted = stratum or Stratum.drawn(np.random.default_rng([seed, 1]))
     repeated: list[str] = []
