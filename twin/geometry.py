@@ -165,7 +165,7 @@ def matrix_from_quat_wxyz(quat_wxyz: ArrayLike) -> Array:
 
 
 def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Least-squares pose T_target_source (..., 4, 4) with target ~, target , Umeyama 1991, scale 1).
+    """Least-squares pose T_target_source (..., 4, 4), target ~ T source (Kabsch 1976, Umeyama 1991, scale 1).
 
     Args:
         source: points (..., n, 3).

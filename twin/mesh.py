@@ -101,7 +101,7 @@ def signed_volume(corners: Array) -> float:
 def decimated(vertices: NDArray[Any], faces: Faces, budget: int) -> tuple[Array, NDArray[np.int32]]:
     """About `budget` faces by quadric error (Garland and Heckbert 1997), by fast-simplification.
 
-    Precision is that of `vertices`, thresholds suit lengths of about one, and keeps borders.
+    Precision is that of `vertices`, thresholds suit lengths of about one; borders stay.
     """
     import fast_simplification
 

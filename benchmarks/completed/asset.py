@@ -10,7 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from recon.evaluation.metrics import Surface
+from recon.evaluation.metrics import DistanceField
 from recon.simulate.geoms import geom_mesh
 from twin import geometry as geo
 from twin.completion.asset import asset_pose
@@ -182,7 +182,7 @@ def _twin_from_asset(twin: Twin, geoms: list[Geom], path: Path) -> Array:
     candidates = [np.eye(4)]
     candidates.append(geo.invert_pose(asset_pose(twin)))
     named = {STATIC: twin.static.mesh, **{p.name: p.mesh for p in twin.parts}}
-    surfaces = {name: Surface(mesh) for name, mesh in named.items()}
+    surfaces = {name: DistanceField(mesh) for name, mesh in named.items()}
     seen = [g for g in geoms if g.visual and g.inferred is None and len(g.mesh.faces)]
     if not seen:
         raise InputError(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.completed.asset import Geom, merged
-from recon.evaluation.metrics import Surface
+from recon.evaluation.metrics import DistanceField
 from recon.evaluation.truth import TruthPart
 from twin import geometry as geo
 from twin.collision.pieces import pieces_of
@@ -33,7 +33,7 @@ _FACING = 0.9  # cosine, chosen by us: faces of one side of a board
 def covered(true: Mesh, shown: Iterable[Geom]) -> float:
     """Share of the outside of a true body that has surface within `WITHIN`."""
     points = Solid.of_mesh(true).surface(POINTS)
-    return _share(Surface(merged(g.mesh for g in shown)).distance(points) <= WITHIN)
+    return _share(DistanceField(merged(g.mesh for g in shown)).distance(points) <= WITHIN)
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def inferred_areas(
     for g in shown:
         if g.inferred is not None:
             groups.setdefault(basis.get(g.inferred, "unnamed"), []).append(g.mesh)
-    surface, out = Surface(true), {}
+    surface, out = DistanceField(true), {}
     for name, meshes in sorted(groups.items()):
         mesh = merged(meshes)
         corners = mesh.vertices[mesh.faces]

@@ -31,7 +31,7 @@ _GAPS = (1, 3, 6, 10, 15, 21, 28, 36)  # frames back: most of them farther than 
 _AHEAD = (1, 3, 6)  # the frame is looked for where the motion since so many frames leads
 _GATES, _ROUNDS, _LEAST = (6.0, 3.0, 2.0), (3, 2, 3), 5e-4  # sigmas; steps at each; m and rad, the last step
 _SAME = 2e-3  # m and rad: two searches that have come so near end in one place
-# Errors of depth are alike over patches and frames: it counts as so many times fewer looks.
+# Errors of depth are alike over patches and frames: they count as so many times fewer looks.
 _ALIKE = 100.0
 _UNSURE = 0.03  # m: a frame whose place is less sure than that is lost
 # All chosen by us.

@@ -20,19 +20,19 @@ _BEHIND_M = 0.012  # how far behind a face a hand around its edge may be
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class SurfaceSamples:
     """Evenly sampled surface: points (n, 3) and unit normals (n, 3) whose sign means nothing."""
 
     points: Array
     normals: Array
 
 
-def sample(mesh: Mesh, count: int = SAMPLES) -> Surface:
+def sample(mesh: Mesh, count: int = SAMPLES) -> SurfaceSamples:
     """Sample a mesh evenly by area; the same for the same mesh."""
-    return Surface(*sample_surface(mesh, count, np.random.default_rng(0)))
+    return SurfaceSamples(*sample_surface(mesh, count, np.random.default_rng(0)))
 
 
-def outer_faces(surface: Surface) -> list[Face]:
+def outer_faces(surface: SurfaceSamples) -> list[Face]:
     """The outermost flat face to either side of each direction of much surface, largest first."""
     found = []
     for direction in _directions(surface.normals):
@@ -41,7 +41,7 @@ def outer_faces(surface: Surface) -> list[Face]:
     return sorted(found, key=lambda f: -len(f.points))
 
 
-def faces_before(surface: Surface, hand: Array) -> list[Face]:
+def faces_before(surface: SurfaceSamples, hand: Array) -> list[Face]:
     """Flat faces that have the hand's centre (3,) in front of them, the largest first."""
     found = []
     for face in outer_faces(surface):

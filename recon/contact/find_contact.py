@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from recon.contact.faces import Surface, sample
+from recon.contact.faces import SurfaceSamples, sample
 from recon.contact.handles import Handle, around_edge, find_edge, find_handle, unseen_handle
 from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
@@ -126,7 +126,7 @@ def _hand_points(
     recording: Recording,
     labels: Mapping[int, NDArray[np.uint8]],
     T_part_cam: Mapping[int, Array],
-    surface: Surface,
+    surface: SurfaceSamples,
 ) -> HandPoints:
     """The hand's surface in the labelled frames in which the part moves, as far as it is near the part."""
     tree = cKDTree(surface.points)
@@ -215,7 +215,7 @@ def _fingertips(
     recording: Recording,
     labels: Mapping[int, NDArray[np.uint8]],
     T_part_cam: Mapping[int, Array],
-    surface: Surface,
+    surface: SurfaceSamples,
 ) -> HandPoints:
     """The fingertips near the part, in each frame no farther from it than `_NEAR` beyond the nearest."""
     from recon.contact.hand_keypoints import FINGERTIPS, detect_hands

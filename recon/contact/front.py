@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from recon.contact.faces import Surface, outer_faces
+from recon.contact.faces import SurfaceSamples, outer_faces
 from recon.parts.moving_part import MovingPart
 from twin import geometry as geo
 from twin.geometry import Array
@@ -26,7 +26,7 @@ class Front:
     normal: Array
 
 
-def front_of(surface: Surface, part: MovingPart, eyes: Array) -> Front:
+def front_of(surface: SurfaceSamples, part: MovingPart, eyes: Array) -> Front:
     """The part's front: of the largest flat faces, the one towards the viewer; of a slide, one square to its
     motion if any. A small piece before the others is no front: its rim is not the part's."""
     faces = outer_faces(surface)

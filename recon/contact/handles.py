@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from recon.contact.faces import Surface, faces_before
+from recon.contact.faces import SurfaceSamples, faces_before
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.handles import (
@@ -71,7 +71,7 @@ class Handle:
         return replace(self, centre=centre, low=self.low - step, high=self.high - step)
 
 
-def find_handle(surface: Surface, touch: Array, joint: Joint) -> Handle | None:
+def find_handle(surface: SurfaceSamples, touch: Array, joint: Joint) -> Handle | None:
     """The bar or knob near the hand, None when nothing stands off a face there.
 
     Args:
@@ -151,7 +151,7 @@ def _hinge(joint: Joint) -> Array | None:
     return joint.axis if isinstance(joint, Revolute) else None
 
 
-def find_edge(surface: Surface, touch: Array, joint: Joint) -> Handle:
+def find_edge(surface: SurfaceSamples, touch: Array, joint: Joint) -> Handle:
     """The free edge that the hand pinches: of the largest face before it, on the side of the hand's centre.
 
     The closing direction goes through the panel, the third direction out of it over the edge.

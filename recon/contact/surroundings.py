@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from recon.contact.faces import Surface, sample
+from recon.contact.faces import SurfaceSamples, sample
 from recon.contact.front import ALONG, Front
 from twin import geometry as geo
 from twin.geometry import Array
@@ -15,7 +15,7 @@ _EDGE_M = 0.05  # how much of the part beside its front's rim is looked at: the 
 
 
 def flush_shares(
-    surface: Surface,
+    surface: SurfaceSamples,
     face: Front,
     joint: Joint,
     ends: tuple[float, float],

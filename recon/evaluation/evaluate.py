@@ -14,7 +14,7 @@ import numpy as np
 from recon.evaluation.cut_truth import truth_of
 from recon.evaluation.goals import goal_of
 from recon.evaluation.known import measurable, unknown_measures
-from recon.evaluation.metrics import Surface
+from recon.evaluation.metrics import DistanceField
 from recon.evaluation.outcome import success
 from recon.evaluation.rows import Evaluation, Row
 from recon.evaluation.scores import (
@@ -138,7 +138,7 @@ def _scene_rows(
     points = seen.get(STATIC_LABEL)
     if points is None:
         return
-    on_surface = Surface(truth.static).nearest(points[:: max(1, len(points) // SAMPLES)])
+    on_surface = DistanceField(truth.static).nearest(points[:: max(1, len(points) // SAMPLES)])
     static = surface_errors(twin.static.mesh.transformed(T), truth.static, points, on_surface)
     yield from _surface_rows("static", SCENE, static)
 
@@ -206,7 +206,7 @@ def _contact_mm(found: Part | None, true: TruthPart, T: Array) -> float | None:
         return None
     grip = true.handle
     distance = float(np.linalg.norm(geo.transform(T, found.contact.point[None])[0] - grip))
-    return 1e3 * max(0.0, distance - float(Surface(true.closed_mesh).distance(grip[None])[0]))
+    return 1e3 * max(0.0, distance - float(DistanceField(true.closed_mesh).distance(grip[None])[0]))
 
 
 def _mean_rows(per_part: Sequence[Sequence[Row]]) -> list[Row]:

@@ -160,7 +160,7 @@ def iou(true: NDArray[np.bool_], found: NDArray[np.bool_]) -> float:
     return np.count_nonzero(true & found) / union if union else 1.0
 
 
-class Surface:
+class DistanceField:
     """A mesh that answers how far points are from it.
 
     In single precision: points near large thin triangles are up to 0.3 mm off, means of thousands below 1 um.

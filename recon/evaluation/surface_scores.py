@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recon.evaluation.metrics import Surface
+from recon.evaluation.metrics import DistanceField
 from recon.evaluation.truth import Truth
 from recon.recording import Recording
 from twin import geometry as geo
@@ -41,8 +41,8 @@ def surface_errors(mesh: Mesh, true: Mesh, seen: Array, true_points: Array) -> S
     points = sampled(mesh)
     if len(points) == 0:
         return None
-    surface = Surface(mesh)
-    accuracy = float(np.mean(Surface(true).distance(points)))
+    surface = DistanceField(mesh)
+    accuracy = float(np.mean(DistanceField(true).distance(points)))
     back = surface.distance(true_points)
     covered = surface.distance(seen) <= COMPLETE_WITHIN
     return SurfaceErrors(
@@ -92,4 +92,4 @@ def seen_points(recording: Recording, truth: Truth) -> dict[int, Array]:
 def _on_surface(points: Array, mesh: Mesh) -> Array:
     if len(points) > MAX_SEEN:
         points = points[np.random.default_rng(0).choice(len(points), MAX_SEEN, replace=False)]
-    return points[Surface(mesh).distance(points) <= SEEN_TOLERANCE]
+    return points[DistanceField(mesh).distance(points) <= SEEN_TOLERANCE]

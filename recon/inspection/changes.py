@@ -93,7 +93,7 @@ def _border(known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _arm_on(through: Mask, z: Array, focal: float) -> bool:
-    """Whether a run on a line of pixels is an arm. through (n,): by others, z (n,): m, 0 unknown."""
+    """Whether a run on a line of pixels is an arm. through (n,): seen through, z (n,): m, 0 unknown."""
     joined = cv2.morphologyEx(through.astype(np.uint8)[None], cv2.MORPH_CLOSE, np.ones((1, 3), np.uint8))[0]
     ends = np.flatnonzero(np.diff(np.concatenate([[0], joined.astype(int), [0]])))
     aside = np.concatenate([np.zeros(_ASIDE), z, np.zeros(_ASIDE)])

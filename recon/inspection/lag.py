@@ -39,7 +39,7 @@ SURE = 3.0
 
 @dataclass(frozen=True)
 class Lag:
-    """Frames by whichdepth of a stretch lags behind colour (early: negative). sigma: jackknife over times."""
+    """Frames by which a stretch's depth lags behind colour (early: negative). sigma: jackknife over times."""
 
     frames: float
     sigma: float

@@ -88,7 +88,7 @@ def tree_fingerprint(path: Path, inputs: Iterable[Path]) -> str:
 
 
 def known_depth(metres: NDArray[np.floating], name: str) -> NDArray[np.float32]:
-    """Depth (H, W) float32 m with 0 where not finite or in front. Raises InputError for all along -z."""
+    """Depth (H, W) float32 m with 0 where not finite, not in front. Raises InputError for all along -z."""
     if metres.ndim != 2:
         raise InputError(f"{name} has shape {metres.shape}", "depth is one number a pixel, (height, width)")
     with np.errstate(invalid="ignore", over="ignore"):

@@ -1,6 +1,6 @@
 """Forward and inverse kinematics and Jacobian of a serial arm for many configurations at once (numpy).
 
-The joints of a planar base, two slides and a hinge, come first in the chain: both are solved together.
+The joints of a planar base, two slides and a hinge, come first: base and arm are solved at once.
 
 The planner screens hundreds of base poses with it; the final path comes from `robots.planning.ik`. The chain
 is read from the compiled MJCF model, so there is one description of the arm.

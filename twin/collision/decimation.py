@@ -93,7 +93,7 @@ def _crowding(mesh: Mesh) -> float:
 
 
 def _clustered(mesh: Mesh, faces: int) -> Mesh:
-    """At most `faces` triangles: the corners in each cell of a grid become their mean, as small as possible.
+    """At most `faces` triangles: the corners in each cell of a grid become their mean, in small cells.
 
     Of triangles with the same three corners one stays, so that a board thinner than a cell keeps its surface.
     """

@@ -50,7 +50,7 @@ def faults() -> dict[str, str]:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file; of a folder, of the lines "<sha256> <relative path>" sorted by path."""
+    """SHA-256 of a file; of a folder, of the lines "<sha256>  <relative path>" sorted by path."""
     if path.is_file():
         return hashlib.sha256(path.read_bytes()).hexdigest()
     names = sorted(p.relative_to(path).as_posix() for p in path.rglob("*") if p.is_file())

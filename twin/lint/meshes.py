@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
-from twin.lint.model import Surface
+from twin.lint.model import FileMesh
 from twin.lint.xml import read_xml
 from twin.scene import Mesh
 from twin.soundness import crossing
@@ -56,7 +56,7 @@ def is_absolute(written: str) -> bool:
     return written.startswith(("/", "\\", "~", "file:/")) or bool(re.match(r"[A-Za-z]:[\\/]", written))
 
 
-def load_surface(path: Path) -> tuple[Surface | None, str]:
+def load_surface(path: Path) -> tuple[FileMesh | None, str]:
     """The mesh in a file, or why it can't be read. Scenes are joined into one mesh in their common frame;
     COLLADA's unit is followed, its `up_axis` is not."""
     import trimesh
@@ -70,7 +70,7 @@ def load_surface(path: Path) -> tuple[Surface | None, str]:
     except Exception as e:  # whatever the parser of an unknown file raises
         return None, f"{type(e).__name__}: {e}".splitlines()[0][:200]
     faces = np.asarray(loaded.faces, dtype=np.int64).reshape(-1, 3)
-    return Surface(unit * np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3), faces), ""
+    return FileMesh(unit * np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3), faces), ""
 
 
 def counts_y_up(path: Path) -> bool:
@@ -86,7 +86,7 @@ def counts_y_up(path: Path) -> bool:
     return not axes or axes[0].strip() == "Y_UP"
 
 
-def surface_problem(surface: Surface) -> str:
+def surface_problem(surface: FileMesh) -> str:
     """What makes a mesh useless for collision: no face, no extent, infinite numbers, unknown vertices."""
     v, f = surface.vertices, surface.faces
     if not len(f):
@@ -100,7 +100,7 @@ def surface_problem(surface: Surface) -> str:
     return ""
 
 
-def open_edges(surface: Surface) -> int:
+def open_edges(surface: FileMesh) -> int:
     """Number of edges that don't join exactly two faces, vertices at the same place counted as one."""
     _, place = np.unique(np.round(surface.vertices, 9), axis=0, return_inverse=True)
     f = place.reshape(-1)[surface.faces]
@@ -115,7 +115,7 @@ _MOST_FACES = 5000  # Open3D compares every pair of triangles: about a second at
 _SHARE = 0.01
 
 
-def crosses_itself(surface: Surface) -> bool:
+def crosses_itself(surface: FileMesh) -> bool:
     """True when the mesh passes through itself (twin.soundness.crossing). Over 5000 faces: not judged."""
     if len(surface.faces) > _MOST_FACES:
         return False

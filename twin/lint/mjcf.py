@@ -12,7 +12,7 @@ import numpy as np
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.lint.meshes import load_surface
-from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shape, Surface
+from twin.lint.model import WORLD, Body, FileMesh, Joint, Kind, LintModel, Reference, Shape
 from twin.lint.primitives import box_points, cylinder_points
 from twin.lint.xml import read_xml
 
@@ -218,15 +218,15 @@ def _shape(spec: Any, g: Any, model: Any, data: Any, files: dict[str, Reference]
     )
 
 
-def _compiled_surface(model: Any, mesh: int) -> Surface:
+def _compiled_surface(model: Any, mesh: int) -> FileMesh:
     v0, vn = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     f0, fn = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    return Surface(
+    return FileMesh(
         model.mesh_vert[v0 : v0 + vn].astype(np.float64), model.mesh_face[f0 : f0 + fn].astype(np.int64)
     )
 
 
-def _points(kind: str, surface: Surface | None, model: Any, data: Any, geom: int) -> Array | None:
+def _points(kind: str, surface: FileMesh | None, model: Any, data: Any, geom: int) -> Array | None:
     size = model.geom_size[geom]
     local = {
         "box": lambda: box_points(2 * size),

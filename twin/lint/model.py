@@ -24,7 +24,7 @@ Severity = Literal["error", "warning"]
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class FileMesh:
     """A triangle mesh as it lies in the file: `vertices` (N, 3), `faces` (M, 3)."""
 
     vertices: Array
@@ -43,7 +43,7 @@ class Shape:
     role: Literal["collision", "visual"]
     kind: str
     points: Array | None = None
-    surface: Surface | None = None
+    surface: FileMesh | None = None
     problem: str = ""
     approximation: str | None = None
     scale: Array = field(default_factory=lambda: np.ones(3))

@@ -12,7 +12,7 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.lint.meshes import counts_y_up, load_surface, locate
-from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shape, Surface
+from twin.lint.model import WORLD, Body, FileMesh, Joint, Kind, LintModel, Reference, Shape
 from twin.lint.primitives import box_points, cylinder_points
 from twin.lint.xml import read_xml
 
@@ -30,7 +30,7 @@ class _File:
     lines: dict[ET.Element, int]
     unread: list[tuple[str, str]] = field(default_factory=list)
     references: list[Reference] = field(default_factory=list)
-    surfaces: dict[Path, tuple[Surface | None, str]] = field(default_factory=dict)
+    surfaces: dict[Path, tuple[FileMesh | None, str]] = field(default_factory=dict)
 
     def where(self, element: ET.Element, owner: str) -> str:
         return f"{owner} (line {self.lines[element]})"

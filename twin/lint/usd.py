@@ -12,7 +12,7 @@ from twin import geometry as geo
 from twin.errors import InputError
 from twin.geometry import Array
 from twin.lint.meshes import is_absolute
-from twin.lint.model import WORLD, Body, Joint, Kind, LintModel, Reference, Shape, StageUnits, Surface
+from twin.lint.model import WORLD, Body, FileMesh, Joint, Kind, LintModel, Reference, Shape, StageUnits
 from twin.lint.primitives import box_points, cylinder_points
 from twin.lint.usd_prims import authored, body_of, enabled, has, matrix_of, scales
 
@@ -243,7 +243,7 @@ def _primitive(prim: Any, kind: str) -> Array | None:
     return None
 
 
-def _surface(mesh: Any) -> tuple[Surface | None, str]:
+def _surface(mesh: Any) -> tuple[FileMesh | None, str]:
     """The mesh with its polygons cut into fans."""
     points = np.array(mesh.GetPointsAttr().Get() or np.zeros((0, 3)), dtype=np.float64).reshape(-1, 3)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get() or [], dtype=np.int64)
@@ -262,7 +262,7 @@ def _surface(mesh: Any) -> tuple[Surface | None, str]:
         )
         for k in range(2, int(counts.max(initial=0)))
     ]
-    return Surface(points, np.concatenate(faces) if faces else np.zeros((0, 3), np.int64)), ""
+    return FileMesh(points, np.concatenate(faces) if faces else np.zeros((0, 3), np.int64)), ""
 
 
 def _references(stage: Any) -> Iterator[Reference]:

@@ -122,7 +122,7 @@ def check_rules(files: Sequence[Path], python: Path | None = None) -> list[Findi
 
 
 def _profile(python: Path, asset: Path) -> tuple[list[Finding], dict[str, bool]]:
-    """SimReady's verdict on the interface of an asset: unmet requirements, errors if the profile's."""
+    """SimReady's verdict on the interface of an asset: unmet requirements, as errors if the profile's."""
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "answer.json"
         name, version = PROFILE

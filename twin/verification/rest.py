@@ -39,7 +39,7 @@ class Hold:
 
     @property
     def on_edge(self) -> bool:
-        """It moves, but with so little pull left that MuJoCo's friction (impedance 0.9), may hold it back."""
+        """It moves, but with so little pull left that MuJoCo's friction (impedance 0.9) may hold it back."""
         return self.moves and 0.85 * abs(self.pull) < self.least
 
     @property

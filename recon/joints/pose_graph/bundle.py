@@ -119,7 +119,7 @@ def _reduced(
     sigma: float,
     sigma_rad: float,
 ) -> tuple[int, tuple[Array, Array, Array], Array, Array]:
-    """Number of joint unknowns; back-substitution; Schur matrix and gradient over joint , rest pose."""
+    """Number of unknowns; back-substitution; Schur matrix and gradient over joint and rest pose."""
     right = right_inverse(error)
     carry = right @ _adjoint(geo.invert_pose(rest))
     by_joint = carry @ motion_jacobian(kind, axis, pivot, state)

@@ -59,7 +59,7 @@ _ROUNDS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class CarriedSurface:
     """A changed surface: world points (n, 3) m and Lab colours (n, 3) at its rest in row `rest`.
 
     new: (T, h, w), `recon.motion.change.surfaces.novelty` to that row. rows: those that compare joints.
@@ -78,11 +78,11 @@ class Surface:
     @staticmethod
     def of(
         depths: Depths, changed: Changed, new: NDArray[np.uint8], rows: NDArray[np.int64], panel: bool = False
-    ) -> Surface:
+    ) -> CarriedSurface:
         """A few of its points, evenly chosen."""
         count = len(changed.points)
         chosen = np.sort(np.random.default_rng(0).choice(count, min(POINTS, count), replace=False))
-        return Surface(
+        return CarriedSurface(
             depths, changed.rest, changed.points[chosen], changed.tint[chosen], count, new, rows, panel
         )
 
@@ -157,11 +157,11 @@ class Explained:
 
 
 @dataclass(frozen=True, eq=False)
-class Surfaces:
+class CarriedSurfaces:
     """All surfaces that changed, largest first, and the seconds (T,) of the rows."""
 
     depths: Depths
-    surfaces: Sequence[Surface]
+    surfaces: Sequence[CarriedSurface]
     seconds: Array
 
     def explained(self, joint: Proposed) -> Explained:
@@ -220,7 +220,7 @@ class Surfaces:
             joint, like.rows, np.clip(state + window[path], -_FAR[joint.kind], _FAR[joint.kind])
         )
 
-    def _path(self, joint: Proposed, surface: Surface, rows: NDArray[np.int64]) -> Array:
+    def _path(self, joint: Proposed, surface: CarriedSurface, rows: NDArray[np.int64]) -> Array:
         """The states (rows,) that one surface asks for."""
         step, count = _STEP[joint.kind], round(_FAR[joint.kind] / _STEP[joint.kind])
         states = np.asarray(step * np.arange(-count, count + 1), np.float64)

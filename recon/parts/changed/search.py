@@ -12,7 +12,7 @@ from recon.joints.observations import Model
 from recon.joints.sign_and_limits import Oriented, orient, smoothed
 from recon.motion.change.depths import Depths
 from recon.motion.change.surfaces import changed_surfaces, informative_rows, novelty
-from recon.parts.changed.carried import ROWS, Explained, Surface, Surfaces
+from recon.parts.changed.carried import ROWS, CarriedSurface, CarriedSurfaces, Explained
 from recon.parts.changed.panels import with_panels
 from recon.parts.changed.proposals import Proposed, plane_of, proposed_joints
 from recon.recording import Recording
@@ -60,10 +60,10 @@ class ChangedPart:
     frames: NDArray[np.int64]
     state: Array
     score: float
-    carried: Surfaces
+    carried: CarriedSurfaces
 
     @property
-    def surface(self) -> Surface:
+    def surface(self) -> CarriedSurface:
         """The largest surface carried."""
         return self.carried.surfaces[0]
 
@@ -115,23 +115,23 @@ def changed_parts(
     depths = Depths.of(recording, cameras)
     if len(depths.frames) < 8:
         return []
-    surfaces: list[Surface] = []
+    surfaces: list[CarriedSurface] = []
     ends = (0, len(depths.frames) - 1)
     new = [novelty(depths, rest) for rest in ends]
     rows = informative_rows(new[0], new[1], ROWS)
     for changed, panel in with_panels(depths, *(changed_surfaces(depths, rest) for rest in ends)):
-        surfaces.append(Surface.of(depths, changed, new[ends.index(changed.rest)], rows, panel))
+        surfaces.append(CarriedSurface.of(depths, changed, new[ends.index(changed.rest)], rows, panel))
     seconds = np.asarray(recording.times)[depths.frames]
     found: list[ChangedPart] = []
     while surfaces:
         surfaces.sort(key=lambda s: -s.area)
-        best = _best(Surfaces(depths, surfaces, seconds), known)
+        best = _best(CarriedSurfaces(depths, surfaces, seconds), known)
         mine = best.gains >= _SAME
         if best.gains.max() < LEAST:
             surfaces = surfaces[1:]  # no joint carries the largest one
             continue
         carried = [s for s, m in zip(surfaces, mine, strict=True) if m]
-        its = Surfaces(depths, carried, seconds)
+        its = CarriedSurfaces(depths, carried, seconds)
         fine = its.followed(replace(best, gains=best.gains[mine]))
         state = smoothed(fine.state)
         found.append(ChangedPart(fine.joint, depths.frames, state - state[0], best.worth, its))
@@ -165,14 +165,14 @@ def carried_along(state: Array, other: Array) -> float:
     return float(mine[moving] @ np.sign(its[moving])) / max(float(np.abs(its[moving]).sum()), 1e-12)
 
 
-def _best(surfaces: Surfaces, known: Sequence[Proposed]) -> Explained:
+def _best(surfaces: CarriedSurfaces, known: Sequence[Proposed]) -> Explained:
     """The joint that explains most."""
     proposed = [j for points in _shapes(surfaces.surfaces) for j in proposed_joints(points)]
     first = sorted(each(surfaces.explained, [*proposed, *known]), key=_worth, reverse=True)
     return max(each(surfaces.improved, first[:_IMPROVED]), key=_worth)
 
 
-def _shapes(surfaces: Sequence[Surface]) -> list[Array]:
+def _shapes(surfaces: Sequence[CarriedSurface]) -> list[Array]:
     """Points (n, 3) of the largest surfaces, and of all that changed at one end: noise cuts doors up."""
     out = [s.points for s in surfaces[:_FROM]]
     for rest in sorted({s.rest for s in surfaces}):

@@ -12,7 +12,7 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from recon.evaluation.metrics import Surface
+from recon.evaluation.metrics import DistanceField
 from recon.evaluation.truth import Truth
 from twin import geometry as geo
 from twin.files.ply import ply_bytes
@@ -233,7 +233,7 @@ def twin_of(truth: Truth) -> Twin:
         joint = type(p.joint)(p.joint.axis, 0.0, p.travel, **pivot)  # type: ignore[arg-type]
         motion = Motion(np.arange(truth.frames), truth.cameras.times, p.states - p.closed, p.spans)
         contact = ContactPath(
-            Surface(p.closed_mesh).nearest(p.handle[None])[0], np.eye(3), 0.02, (0,), "truth"
+            DistanceField(p.closed_mesh).nearest(p.handle[None])[0], np.eye(3), 0.02, (0,), "truth"
         )
         parts.append(Part(p.id, p.name, p.closed_mesh, joint, motion, contact=contact))
     static = StaticPart("static", truth.static)

@@ -214,7 +214,7 @@ def test_contact_on_recordings_with_true_labels(funtwin_data: Path, name: str) -
         found = find_contact(recording, cameras, labels, part, true.mesh)
     assert found is not None
     grip = geo.transform(geo.invert_pose(true.T_world_closed), true.handle[None])[0]
-    from recon.evaluation.metrics import Surface
+    from recon.evaluation.metrics import DistanceField
 
-    beyond = np.linalg.norm(found.point - grip) - Surface(true.mesh).distance(grip[None])[0]
+    beyond = np.linalg.norm(found.point - grip) - DistanceField(true.mesh).distance(grip[None])[0]
     assert beyond < 0.02

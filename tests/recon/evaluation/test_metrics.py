@@ -112,7 +112,7 @@ def test_mask_overlap() -> None:
 
 
 def test_distance_to_a_box() -> None:
-    surface = metrics.Surface(box((0, 0, 0), (2, 2, 2)))
+    surface = metrics.DistanceField(box((0, 0, 0), (2, 2, 2)))
     points = np.array([[3.0, 0, 0], [0.9, 0, 0], [2, 2, 0], [1, 0.2, 0.3]])
     np.testing.assert_allclose(surface.distance(points), [2.0, 0.1, np.sqrt(2), 0.0], atol=1e-6)
     np.testing.assert_allclose(surface.nearest(points)[0], [1.0, 0, 0], atol=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recon.dense.noise import GOOD_SENSOR
-from recon.evaluation.metrics import Surface
+from recon.evaluation.metrics import DistanceField
 from recon.evaluation.surface_scores import sampled
 from recon.evaluation.truth import Truth, load_truth
 from recon.fusion.fuse import FusedScene, FusionConfig, fuse
@@ -45,13 +45,13 @@ def test_meshes_lie_on_the_true_surfaces(door: tuple[Recording, Truth, FusedScen
     _, truth, fused = door
     part = truth.part(2)
     found = fused.parts[2]
-    assert Surface(part.mesh).distance(sampled(found)).mean() < 0.003
-    assert Surface(truth.static).distance(sampled(fused.static)).mean() < 0.004
+    assert DistanceField(part.mesh).distance(sampled(found)).mean() < 0.003
+    assert DistanceField(truth.static).distance(sampled(fused.static)).mean() < 0.004
 
 
 def test_the_part_has_the_sides_that_opening_shows(door: tuple[Recording, Truth, FusedScene]) -> None:
     _, _, fused = door
-    found = Surface(fused.parts[2])
+    found = DistanceField(fused.parts[2])
     front = np.array([[x, 0.55, z] for x in np.linspace(-0.45, -0.2, 6) for z in np.linspace(1.1, 1.5, 6)])
     edge = np.array([[-0.1, 0.56, z] for z in np.linspace(1.1, 1.5, 9)])
     assert found.distance(front).max() < 0.01

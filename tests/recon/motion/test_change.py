@@ -12,7 +12,7 @@ import pytest
 from recon.motion.change.depths import Depths
 from recon.motion.change.kernels import BARED, FRESH, HIDDEN, OLD, SAME, THROUGH, UNKNOWN, best_path, look
 from recon.motion.change.surfaces import _torn, changed_surfaces, informative_rows, novelty
-from recon.parts.changed.carried import Surfaces
+from recon.parts.changed.carried import CarriedSurfaces
 from recon.parts.changed.proposals import Proposed, proposed_joints
 from recon.parts.changed.search import ChangedPart, _worth_telling, changed_parts
 from recon.recording import Intrinsics
@@ -102,7 +102,7 @@ def test_the_world_frame_does_not_matter(clip: Clip, parts: list[ChangedPart]) -
 def _explaining(score: float, first: int, last: int) -> ChangedPart:
     """A part that moves from one of 100 frames to another and explains so much."""
     state = np.interp(np.arange(100), [first, last], [0.0, 0.3])
-    none = cast(Surfaces, None)
+    none = cast(CarriedSurfaces, None)
     return ChangedPart(Proposed("prismatic", np.eye(3)[0], np.zeros(3)), np.arange(100), state, score, none)
 
 
