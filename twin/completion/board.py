@@ -1,4 +1,4 @@
-"""A board of a part or a carcass: a box in a frame of furniture, and what each of its measures rests on."""
+"""A board of a part or a carcass: a box in a frame of furniture, with the basis of its measures."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class Board:
 
     @property
     def real(self) -> bool:
-        """Whether it has volume."""
+        """Whether the box has volume."""
         return bool(np.all(self.size >= _THINNEST))
 
     def contradicted(self, cloud: Cloud) -> bool:
-        """Whether what was seen runs through its inside."""
+        """Whether seen surface runs through the board's inside."""
         deep = np.minimum(_SURE, 0.45 * self.size)
         inside = cloud.where(cloud.within(self.low + deep, self.high - deep))
         return inside.size > _CONTRADICTED * float(np.sort(self.size)[1:].prod())

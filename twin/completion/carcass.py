@@ -45,13 +45,13 @@ class Carcass:
 
     @property
     def rear(self) -> float:
-        """Where (m along out) it ends."""
+        """Where (m along out) the cabinet ends."""
         return float(min([self.low[OUT], *(b.low[OUT] for b in self.boards)]))
 
 
 @dataclass(frozen=True, eq=False)
 class _Wall:
-    """A board across the front's plane: where its inner face lies, its thickness, and what both rest on."""
+    """A board across the front's plane: place of the inner face, thickness, and the basis of both."""
 
     inner: float
     thickness: float
@@ -65,10 +65,9 @@ def find_carcass(front: Front, cloud: Cloud, wall: float | None, opening: Array,
     Args:
         front: of the part.
         cloud: the furniture's seen surface in the front's frame.
-        wall: where (m along out, negative) a wall of the room or the floor ends the furniture, None where
-            none was seen.
-        opening: corners (2, 2) in side and up of what the part covers and moves before.
-        name: of the part, with which the names of the pieces begin.
+        wall: where (m along out, negative) a wall or the floor ends the furniture; None if none was seen.
+        opening: corners (2, 2) in side and up of the area that the part covers and moves before.
+        name: the part's; the pieces' names begin with this name.
     """
     start = -front.leaf.thickness - _GAP
     inside = _inside(cloud, opening, start)
@@ -126,7 +125,7 @@ def _inside(cloud: Cloud, opening: Array, start: float) -> Cloud:
 
 
 def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start: float) -> _Wall:
-    """The board on one side of the opening: by its inner, else its outer face, else at the front's edge."""
+    """The board on one side of the opening: by its inner or outer face, else at the front's edge."""
     edge = float(opening[(s + 1) // 2, axis])
     faces = (
         [k for k in layers(inside, axis, -s, _LEAST) if s * (k.offset - edge) > -_INWARD]
@@ -155,14 +154,14 @@ def _wall(inside: Cloud, cloud: Cloud, opening: Array, axis: int, s: int, start:
 
 
 def _outer(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, start: float) -> Layer | None:
-    """The outer face of the board on one side: it looks away from the opening, near its edge."""
+    """The outer face of the board on one side: near the edge of the opening, looking away."""
     found = _looking_away(cloud, opening, axis, s, (edge - s * 0.02, edge + s * _THICKEST), start)
     return found[0] if found else None
 
 
 def _overhung(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, start: float) -> Layer | None:
-    """The outer face of a board over which the front hangs, as a chest's lid does: farther in, along much of
-    the opening, and seen from close behind the front."""
+    """The outer face of a board under an overhanging front, such as a chest's lid: farther in, along much of
+    the opening, seen from close behind the front."""
     other = UP if axis == SIDE else SIDE
     for k in _looking_away(cloud, opening, axis, s, (edge - s * _HANGS_OVER, edge), start):
         points = k.cloud.points
@@ -175,7 +174,7 @@ def _overhung(cloud: Cloud, opening: Array, axis: int, s: int, edge: float, star
 def _looking_away(
     cloud: Cloud, opening: Array, axis: int, s: int, span: tuple[float, float], start: float
 ) -> list[Layer]:
-    """Layers behind an opening that look to one side, within a span along that axis, the largest first."""
+    """Layers behind an opening that face one side, within a span along that axis, largest first."""
     other = UP if axis == SIDE else SIDE
     low, high = np.empty(3), np.empty(3)
     low[axis], high[axis] = sorted(span)
@@ -191,7 +190,7 @@ def _rear(
     wall: float | None,
     start: float,
 ) -> tuple[float, Basis, str]:
-    """Where the inside ends: at the back that was seen, else where its outside or the room's wall ends it."""
+    """Where the inside ends: at the seen back, else at the end of the outside or the room's wall."""
     if backs:
         rear = backs[0].offset
         if wall is None or rear > wall + 0.002:

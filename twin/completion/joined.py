@@ -24,12 +24,12 @@ _LONG = 0.3  # m, the shortest
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """Furniture that boards belong to, in their frame.
+    """The furniture of some boards, in their frame.
 
     Attributes:
         cabinets: insides of the parts' cabinets, which stay free.
-        tops: of these cabinets.
-        rear: m along out, where these end.
+        tops: boards on top of these cabinets.
+        rear: m along out, where the cabinets end.
         cloud: the seen surface.
         sight: what cameras saw, in the world.
         T_world_frame: pose (4, 4) of the frame.
@@ -43,14 +43,14 @@ class Row:
     T_world_frame: Array
 
     def holds(self, whole: Board, others: Sequence[Board]) -> bool:
-        """Whether nothing that was seen, no inside and no solid among other boards speaks against a board."""
+        """Whether no seen surface, inside or solid among other boards contradicts a board."""
         solid = [b for b in others if b.role == "neighbour"]
         return not (
             any(overlap(whole, b) for b in (*self.cabinets, *solid)) or whole.contradicted(self.cloud)
         )
 
     def free(self, points: Array) -> float:
-        """Share of points (n, 3) in the frame through which some camera saw what lies behind."""
+        """Share of points (n, 3) in the frame that some camera saw through."""
         return self.sight.free(self.T_world_frame[:3, 3] + points @ self.T_world_frame[:3, :3].T)
 
 
@@ -62,7 +62,7 @@ def joined(boards: Sequence[Board], row: Row) -> list[Board]:
 
 
 def _strips(boards: list[Board], row: Row) -> list[Board]:
-    """Panels in one plane put together, the largest first."""
+    """Panels of one plane joined, largest first."""
     again = True
     while again:
         again = False
@@ -77,7 +77,7 @@ def _strips(boards: list[Board], row: Row) -> list[Board]:
 
 
 def _one(a: Board, b: Board, others: Sequence[Board], row: Row) -> Board | None:
-    """Two panels and what is hidden between them as one, None where they are not."""
+    """Two panels and the hidden area between them as one; None if they are two."""
     axis = int(np.argmin(a.size))
     if not a.role == b.role == "panel" or axis != np.argmin(b.size) or b.size[axis] > _EDGE:
         return None
@@ -89,7 +89,7 @@ def _one(a: Board, b: Board, others: Sequence[Board], row: Row) -> Board | None:
     across = [k for k in range(3) if k != axis]
     shown = np.zeros(len(points), bool)
     if any(overlap(whole, k) for k in others):
-        return None  # another board stands in it
+        return None  # another board stands between
     for k in (a, b, *row.tops):
         shown |= np.all((points >= k.low - OVER)[:, across] & (points <= k.high + OVER)[:, across], axis=1)
     if np.mean(~shown) > _HIDDEN or row.free(points[~shown]) > FREE or not row.holds(whole, others):
@@ -99,7 +99,7 @@ def _one(a: Board, b: Board, others: Sequence[Board], row: Row) -> Board | None:
 
 
 def _with_edges(boards: Sequence[Board], row: Row) -> list[Board]:
-    """Worktops as thick as their front edges, which are none of their own then."""
+    """Worktops as thick as their front edges, which are then no boards of their own."""
     out = list(boards)
     for top in sorted(boards, key=lambda b: -float(b.size[SIDE])):
         if top.role != "panel" or int(np.argmin(top.size)) != UP:
@@ -127,7 +127,7 @@ def _up_to(inside: Board, level: float) -> Board:
 
 
 def worktop_over(top: Board, boards: Sequence[Board]) -> bool:
-    """Whether a cabinet's top is a worktop among boards (same frame): it lies in one, upper faces level."""
+    """Whether a cabinet's top lies in a worktop among boards (same frame) with a level upper face."""
     tops = [b for b in boards if int(np.argmin(b.size)) == UP and b.role == "panel"]
     return any(
         abs(b.high[UP] - top.high[UP]) < _SAME
@@ -149,7 +149,7 @@ def _is_edge(edge: Board, top: Board) -> bool:
 
 
 def _plinth(board: Board, others: Sequence[Board], row: Row) -> Board:
-    """A long panel that stands back below fronts as their plinth, up to them and as deep as the cabinets."""
+    """A long panel set back below fronts as a plinth, up to the fronts and as deep as the cabinets."""
     if board.role != "panel" or int(np.argmin(board.size)) == SIDE or board.size[SIDE] < _LONG:
         return board
     above = [b for b in others if b.role == "neighbour" and stands_on(b, board)]

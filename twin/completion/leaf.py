@@ -1,4 +1,4 @@
-"""The front of a part as one board: its outline, and how thick it is."""
+"""The front of a part as one board: outline and thickness."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Leaf:
 
 
 def find_leaf(cloud: Cloud) -> Leaf | None:
-    """The front of a part, whose plane is out = 0; None where what lies there fills no rectangle."""
+    """The front of a part in the plane out = 0; None if the surface there fills no rectangle."""
     found = [k for k in layers(cloud, OUT, 1, 0.002) if abs(k.offset) < _ON_PLANE]
     if not found:
         return None
@@ -80,7 +80,7 @@ def _thickness(cloud: Cloud, corners: Array) -> tuple[float, Basis, str]:
                 depths.append((len(rim), 2.0 * float(np.median(rim))))  # a rim is seen evenly over its depth
     if depths:
         rim = max(depths)[1] - BENT
-        if not _BOARDS[0] <= rim <= _BOARDS[1]:  # its skirt of noise, which tells nothing
+        if not _BOARDS[0] <= rim <= _BOARDS[1]:  # a skirt of noise
             return FRONT_THICKNESS, "evidence", f"rim seen, {_AS_BOARDS}"
         t = (
             rim + FRONT_THICKNESS

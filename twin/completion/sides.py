@@ -23,11 +23,10 @@ def continued(
 ) -> list[Board]:
     """The boards with the cabinets' sides continued beside them, where seen, or where nothing says free.
 
-    Neighbours that end short of such a side reach it; a board that is a piece of it is left out.
+    Neighbours that end short of such a side are extended to the side; boards that are a piece of it go.
 
     Args:
-        sides: sides of the parts' cabinets that were seen, each with the direction in which it looks outwards
-            (-1 left, 1 right).
+        sides: seen sides of the parts' cabinets, each with its outward direction (-1 left, 1 right).
         boards: of the furniture, in one frame.
         sight: what cameras saw, in the world.
         T_world_frame: pose (4, 4) of the frame.
@@ -49,7 +48,7 @@ def continued(
 
 
 def _column(side: Board, sign: int, inner: float, up: int, boards: Sequence[Board]) -> list[Board]:
-    """The neighbours that end at a side, one next to the other from its lower (up = -1) or upper end on."""
+    """The neighbours that end at a side, in a row from the side's lower (up = -1) or upper end."""
     ends = [
         b
         for b in boards

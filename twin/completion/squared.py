@@ -30,10 +30,10 @@ OVER = 0.01  # m that fronts may overlap: noise
 
 
 class Sight:
-    """What cameras saw: whether one looked through a point at something behind it."""
+    """What cameras saw: whether some camera saw surface behind a point."""
 
     def __init__(self, mesh: Mesh, eyes: Array) -> None:
-        """mesh: all that was seen standing still. eyes: (n, 3) m, where cameras were, in the same frame."""
+        """mesh: the seen static surface. eyes: (n, 3) m, the cameras, in the same frame."""
         import open3d as o3d
 
         self._scene: Any = o3d.t.geometry.RaycastingScene(1)
@@ -44,7 +44,7 @@ class Sight:
         self._eyes = eyes[np.unique(np.linspace(0, len(eyes) - 1, min(_EYES, len(eyes))).astype(int))]
 
     def free(self, points: Array) -> float:
-        """Share of points (n, 3) through which some camera saw what lies behind."""
+        """Share of points (n, 3) that some camera saw through."""
         import open3d as o3d
 
         through = np.zeros(len(points), bool)
@@ -62,17 +62,18 @@ class Sight:
 def squared(
     boards: Sequence[Board], cabinets: Sequence[Board], sight: Sight, T_world_frame: Array
 ) -> list[Board]:
-    """The boards, of which neighbours, plinths and worktops reach to the side as far as what they are in line
-    with, where nothing says that this is free; by themselves or by a board beside them.
+    """The boards; neighbours, plinths and worktops extended sideways to the boards in line with them.
+
+    The extension must not be seen to be free. It is part of the board or a board of its own beside.
 
     Args:
         boards: of the furniture, in one frame.
-        cabinets: insides of the parts' cabinets, which are in the way.
+        cabinets: insides of the parts' cabinets, which stay free.
         sight: what cameras saw, in the world.
         T_world_frame: pose (4, 4) of the frame.
     """
     out = list(boards)
-    for last in (False, True):  # worktops follow what is below them, which follows a plinth
+    for last in (False, True):  # worktops follow the boards below, which follow a plinth
         for k in [k for k, b in enumerate(boards) if _is_worktop(b) is last]:
             for sign in (-1, 1):
                 added = _added(out[k], [*out[:k], *out[k + 1 :]], cabinets, sign)
@@ -87,7 +88,7 @@ def squared(
 
 
 def _added(board: Board, others: Sequence[Board], cabinets: Sequence[Board], sign: int) -> Board | None:
-    """What a board lacks to one side, up to the farthest in line; None if nothing, or taken."""
+    """The missing piece of a board to one side, up to the farthest board in line; None if none or taken."""
     edge, beside = max(_ends(board, others, cabinets, sign), default=(-np.inf, ""))
     mine = _end(board, sign)
     if not _NARROW < edge - mine < _WIDEST:
@@ -108,7 +109,7 @@ def _added(board: Board, others: Sequence[Board], cabinets: Sequence[Board], sig
 
 
 def _face(board: Board) -> Array:
-    """Points (n, 3) on the face of a board that one sees: its front, of a worktop its top."""
+    """Points (n, 3) on a board's visible face: the front, of a worktop the top."""
     return sheet(board, UP if int(np.argmin(board.size)) == UP else OUT)
 
 
@@ -120,8 +121,8 @@ def _end(board: Board, sign: int) -> float:
 def _ends(
     board: Board, boards: Sequence[Board], cabinets: Sequence[Board], sign: int
 ) -> list[tuple[float, str]]:
-    """How far what a board is in line with reaches to one side, and what that is: fronts in its plane; of a
-    neighbour the plinth below and the worktop above; of these the neighbours."""
+    """How far the boards in line with a board reach to one side, and which: fronts in its plane; of a
+    neighbour its plinth and worktop; of a plinth or worktop the neighbours."""
     found = []
     fronts = [b for b in boards if b.role == "neighbour"]
     if board.role == "neighbour":
@@ -153,12 +154,12 @@ def _lies_on(top: Board, solid: Board) -> bool:
 
 
 def _overhang(top: Board, solid: Board) -> float:
-    """How far (m) a worktop stands out before what it lies on, and beside it as much."""
+    """How far (m) a worktop hangs over its cabinets to the front, and likewise to the side."""
     return float(np.clip(top.high[OUT] - solid.high[OUT], 0.0, _OVERHANG))
 
 
 def stands_on(front: Board, plinth: Board) -> bool:
-    """Whether a neighbour stands right above a board that stands back below it."""
+    """Whether a neighbour stands right above a board that is set back."""
     shared = min(front.high[SIDE], plinth.high[SIDE]) - max(front.low[SIDE], plinth.low[SIDE])
     return bool(
         -OVER < front.low[UP] - plinth.high[UP] < PLINTH
@@ -168,8 +169,8 @@ def stands_on(front: Board, plinth: Board) -> bool:
 
 
 def _beside(strip: Board, boards: Sequence[Board]) -> Board | None:
-    """The highest piece of a strip that no board takes, None where little is left, or neither its upper nor
-    its lower end: what hangs between others is none of a cabinet."""
+    """The highest piece of a strip that no board takes. None if the piece is small or at neither end of the
+    strip: a piece that hangs between boards belongs to no cabinet."""
     taken = [(float(b.low[UP]), float(b.high[UP])) for b in boards if overlap(strip, b)]
     edges = sorted([(float(strip.low[UP]),) * 2, *taken, (float(strip.high[UP]),) * 2])
     best, reached = (0.0, 0.0), edges[0][1]
@@ -191,7 +192,7 @@ def overlap(a: Board, b: Board) -> bool:
 
 
 def sheet(board: Board, axis: int) -> Array:
-    """Points (n, 3) inside the borders of that face of a board which looks along an axis of the frame."""
+    """Points (n, 3) inside the borders of a board's face along an axis of the frame."""
     across = [k for k in (SIDE, UP, OUT) if k != axis]
     counts = [max(2, round(float(board.size[k]) / _GRID)) for k in across]
     axes = [

@@ -1,4 +1,4 @@
-"""What a drawer has behind its front: floor, sides and back, from what was seen of them when it was open."""
+"""The tray behind a drawer's front: floor, sides and back, as seen when the drawer was open."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Tray:
 
 @dataclass(frozen=True, eq=False)
 class _Wall:
-    """One side: where its inner face is (m along side), how thick it is, whether it was seen, how far back (m
-    along out), how high and low (m along up)."""
+    """One side: inner face (m along side), thickness m, whether seen, rear (m along out), top and bottom (m
+    along up)."""
 
     inner: float
     thickness: float
@@ -62,7 +62,7 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     Args:
         cloud: the part's surface in its frame.
         leaf: its front.
-        rear_limit: where (m along out, negative) the furniture ends behind, None where that was not seen.
+        rear_limit: where (m along out, negative) the furniture ends behind; None if unseen.
     """
     front = -leaf.thickness
     margin = np.array([0.02, 0.02])
@@ -72,7 +72,7 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
     floor = _floor(behind, leaf)
     left, right = _sides(behind, leaf, floor)
     rears = [w.rear for w in (left, right) if w.seen]
-    if rears:  # what lies behind both sides is the cabinet's
+    if rears:  # surface behind both sides is the cabinet's
         floor = _floor(behind, leaf, min(rears))
     tops = [w.top for w in (left, right) if w.top is not None]
     backs = _backs(behind, max(tops, default=float(leaf.corners[1, 1])), rears)
@@ -86,7 +86,7 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
         told = "nothing bounds it" if rear_limit is None else "no farther than its cabinet is deep"
     lows = [w.low for w in (left, right) if w.low is not None]
     bottom = leaf.corners[0, 1] + _RAISED if floor is None else floor.offset
-    if floor is None and lows:  # a side ends below where the floor does
+    if floor is None and lows:  # sides end at the floor
         bottom = max(bottom, min(lows) + FLOOR)
     top = float(np.median(tops)) if tops else bottom + _HEIGHT * float(leaf.size[1])
     top = float(np.clip(top, bottom + _SHORTEST, max(leaf.corners[1, 1], bottom + _SHORTEST)))
@@ -103,17 +103,19 @@ def _skirt(cloud: Cloud, leaf: Leaf) -> Mask:
 
 
 def _backs(behind: Cloud, top: float, rears: list[float]) -> list[Layer]:
-    """Layers that face the viewer and may be the back, the largest first: most of it below the sides' upper
-    edges, and not before where these end (m along out). Of a drawer that stands open, its cabinet's front
-    edge lies there, which labels may take for it."""
+    """Layers that face the viewer and may be the back, largest first.
+
+    The back lies mostly below the sides' upper edges and not before their rear (m along out): labels may take
+    the front edge of an open drawer's cabinet for a back.
+    """
     found = layers(behind, OUT, 1, _LEAST) if len(behind) else []
     found = [k for k in found if k.offset < -_REAR and np.median(k.cloud.points[:, UP]) < top]
     return [k for k in found if k.offset < max(rears, default=0.0) + _PAST]
 
 
 def _floor(behind: Cloud, leaf: Leaf, rear: float = -np.inf) -> Layer | None:
-    """The lowest of the large layers that face up, below the skirt of the front's rim and wider than the rim
-    of a side, and not behind where the sides end (m along out)."""
+    """The lowest large layer that faces up, below the skirt of the front's rim, wider than a side's rim and
+    not behind the sides' rear (m along out)."""
     below, wide = float(leaf.corners[1, 1]) - _BELOW_RIM, _WIDE * float(leaf.size[0])
     found = layers(behind, UP, 1, _LEAST) if len(behind) else []
     found = [k for k in found if k.offset < below and _spans(k.cloud.points[:, SIDE], leaf, wide)]
@@ -177,7 +179,7 @@ def _side(behind: Cloud, s: int, middle: float) -> _Wall | None:
 
 
 def _thickness(behind: Cloud, s: int, inner: float, points: Array, away: list[Layer]) -> tuple[float, str]:
-    """How thick a side is whose inner face was seen: by its outer face, by its rim, or as usual."""
+    """Thickness of a side with a seen inner face: by its outer face, by its rim, or the usual one."""
     outer = [k.offset for k in away if 0.003 < s * (k.offset - inner) < _THICKEST]
     if outer:
         thickness = abs(outer[0] - inner)
