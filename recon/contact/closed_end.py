@@ -1,4 +1,7 @@
-"""Which end of a part's travel is the closed one (FunREC, supplement 4): the furniture around decides."""
+"""Which end of a part's travel is the closed one: the furniture around decides.
+
+FunREC, supplement 4: which of the limits is the closed end.
+"""
 
 from __future__ import annotations
 
