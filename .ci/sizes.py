@@ -1,5 +1,6 @@
 """What `make lint` says of size and repetition: functions of at most 60 lines and ten parameters, files of at
-most 300 lines, and no ten equal lines in two places. Imports, comments, docstrings and blank lines do not count as equal ones.
+most 300 lines, and no ten equal lines in two places. Imports, comments, docstrings and blank lines do not
+count as equal ones.
 """
 
 from __future__ import annotations

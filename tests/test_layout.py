@@ -237,4 +237,4 @@ def test_repetition_counts_code_alone(tmp_path: Path, monkeypatch: pytest.Monkey
     (told,) = sizes.repeated()
     assert "twin/a.py:14 and twin/b.py:2" in told
     (tmp_path / "twin/a.py").write_text("def long():\n" + "    x = 1\n" * 60)
-    assert ("twin/a.py:long", 61, 60) in list(sizes.sizes())
+    assert ("twin/a.py:long", 61, "lines", 60) in list(sizes.sizes())
