@@ -73,8 +73,8 @@ def test_an_interrupted_run_ends_with_the_same_bytes(
 def test_a_changed_setting_recomputes_what_depends_on_it(recording: Path, run: Path) -> None:
     from recon.config import ReconConfig
 
-    gap = ReconConfig().closed_end.gap
-    assert reconstruct(recording, run, *UP, "--set", f"closed_end.gap={gap * 1.01}") == 0
+    voxel = ReconConfig().fusion.static_voxel
+    assert reconstruct(recording, run, *UP, "--set", f"fusion.static_voxel={voxel * 1.01}") == 0
     reasons = computed(run)
-    assert list(reasons) == ["contact", "texture", "verdict", "handle"]
-    assert f"gap changed from {gap}" in reasons["contact"]
+    assert list(reasons) == ["fusion", "up", "contact", "texture", "verdict", "handle"]
+    assert f"static_voxel changed from {voxel}" in reasons["fusion"]

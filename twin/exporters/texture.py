@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from twin import geometry as geo
 from twin.atlas import BORDER, shelves
@@ -58,6 +56,9 @@ def photo_atlas(mesh: Mesh, keep: NDArray[np.integer] | None = None) -> Baked:
 
 def _charts(uv: NDArray[np.float64]) -> I64:
     """Chart (n,) of each face (n, 3, 2): faces that share a corner's place are on one."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     _, corner = geo.unique_rows(np.round(uv.reshape(-1, 2) * 2**22).astype(np.int64))
     ends = corner.reshape(-1, 3)
     pairs = ends[:, [0, 1, 1, 2]].reshape(-1, 2)

@@ -321,4 +321,4 @@ def test_a_jaw_that_would_meet_something_half_way_is_seen(spot):
     around = np.random.default_rng(0).uniform([-0.01, 0.02, -0.06], [0.01, 0.10, 0.02], (200, 3))
     pegs = (with_peg(p) for p in geo.transform(plan.T_world_tool[moving[0]], around))
     met_half_way = next(t for t in pegs if free(t, 0.014) and free(t, spec.stroke) and reason(t))
-    assert "upper_jaw" in reason(met_half_way).bodies
+    assert "upper_jaw" in reason(met_half_way).numbers["bodies"]
