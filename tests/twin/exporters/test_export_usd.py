@@ -269,7 +269,8 @@ def test_nvidias_validators_pass_the_asset_and_catch_planted_faults(
     verdict = validate_usd(exported["usd"])
     assert verdict.ok, verdict.errors
     warned = {f.rule for f in verdict.findings if f.severity == "warning"}
-    assert warned <= {"WeldChecker", "ManifoldChecker"}, "what is so with the twin's own meshes"
+    # The twin's own meshes are open; the white that MuJoCo's reader tints textures with belongs to no vertex.
+    assert warned <= {"WeldChecker", "ManifoldChecker", "UnusedPrimvarChecker"}
     needed = {f"FET_{n}_{r.upper()}" for n in ("000", "003", "004") for r in (*RUNTIMES, "Standard")}
     assert {k for k in needed if not verdict.features[k]} == set()
     broken = Path(shutil.copytree(exported["usd"].parent, tmp_path / "usd"))
