@@ -125,6 +125,15 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
     return p @ np.swapaxes(t[..., :3, :3], -1, -2) + t[..., None, :3, 3]
 
 
+def every(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether all columns (..., n) of a row hold, for few columns: for three, `np.all` takes ten times as
+    long."""
+    out = mask[..., 0].copy()
+    for k in range(1, mask.shape[-1]):
+        out &= mask[..., k]
+    return out
+
+
 def rotate(pose: ArrayLike, directions: ArrayLike) -> Array:
     """Apply the rotation of a pose (4, 4) to directions (..., 3)."""
     return as_float(directions) @ as_float(pose)[:3, :3].T

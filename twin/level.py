@@ -240,7 +240,7 @@ def large_planes(mesh: Mesh) -> tuple[Plane, ...]:
 def _neighbours(points: Array, normals: Array, rng: np.random.Generator) -> Iterator[Array]:
     """Points (k, 3) m within 15 cm of some random ones that look the same way."""
     for k in rng.choice(len(points), min(_GUESSES, len(points)), replace=False):
-        near = (np.abs(points - points[k]) < _EDGE).all(axis=1) & (normals @ normals[k] > _TURNED)
+        near = geo.every(np.abs(points - points[k]) < _EDGE) & (normals @ normals[k] > _TURNED)
         if near.sum() >= _FEW:
             yield points[near]
 

@@ -220,4 +220,4 @@ def _has_room(hold: Hold, around: Array) -> bool:
     """Whether nothing of points (n, 3) stands where the hand would."""
     local = (around - hold.centre) @ hold.rotation
     before = (local[:, 2] > hold.depth) & (local[:, 2] < _HAND)
-    return not np.any(before & np.all(np.abs(local[:, :2]) < _FIST, axis=1))
+    return not np.any(before & geo.every(np.abs(local[:, :2]) < _FIST))

@@ -148,7 +148,7 @@ def _cover(triangles: Array, plane: _Plane, search: BoardSearch) -> list[Slab]:
     edges = local[np.abs(normal[:, 2]) < 0.5], normal[np.abs(normal[:, 2]) < 0.5]
     boards = []
     for i0, i1, j0, j1 in _rectangles(grid, thick, search):
-        inside = (index >= (i0, j0)).all(axis=1) & (index < (i1, j1)).all(axis=1)
+        inside = geo.every((index >= (i0, j0)) & (index < (i1, j1)))
         if not inside.any():  # where large gaps were closed
             continue
         low, high = np.quantile(points[inside], 0.005, axis=0), np.quantile(points[inside], 0.995, axis=0)
@@ -173,7 +173,7 @@ def _nearest(local: Array, origin: Array, shape: tuple[int, ...], cell: float) -
     out = np.full(shape, np.inf)
     points = sample(local, cell * 0.7)
     index = np.floor((points[:, :2] - origin) / cell).astype(np.int64)
-    inside = (index >= 0).all(axis=1) & (index < shape).all(axis=1)
+    inside = geo.every((index >= 0) & (index < shape))
     np.minimum.at(out, (index[inside, 0], index[inside, 1]), points[inside, 2])
     return out
 
@@ -282,6 +282,6 @@ def beyond(triangles: Array, boxes: list[Box], margin: float) -> Array:
     keep = np.ones(len(triangles), bool)
     for box in boxes:
         local = geo.transform(geo.invert_pose(box.T_world_box), triangles[keep].reshape(-1, 3))
-        inside = (np.abs(local) <= box.size / 2 + margin).all(axis=1).reshape(-1, 3).all(axis=1)
+        inside = geo.every(geo.every(np.abs(local) <= box.size / 2 + margin).reshape(-1, 3))
         keep[np.flatnonzero(keep)[inside]] = False
     return triangles[keep]

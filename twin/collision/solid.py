@@ -139,7 +139,7 @@ class _Scene:
         """Whether points (n, 3) lie inside, by the parity of crossings."""
         import open3d as o3d
 
-        out = np.all((points > self._low) & (points < self._high), axis=1)
+        out = geo.every((points > self._low) & (points < self._high))
         if out.any():
             query = np.ascontiguousarray(points[out] - self._centre, dtype=np.float32)
             out[out] = (

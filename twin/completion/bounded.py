@@ -26,7 +26,7 @@ def bounded(layer: Completion, seen: Mesh) -> Completion:
     handles = [p for p in layer.assumed if p.role == "handle"]
     others = [p for p in layer.pieces if p.role != "handle"]
     of_handle = _inside(seen.vertices, handles, BLUR) & ~_inside(seen.vertices, others, ON_FACE)
-    restored: NDArray[np.bool_] = np.all(of_handle[seen.faces], axis=1)
+    restored = geo.every(of_handle[seen.faces])
     shown = joined([layer.shown, seen.of(restored)])
     return replace(layer, pieces=kept, shown=shown)
 
@@ -36,5 +36,5 @@ def _inside(points: Array, pieces: Iterable[Inferred], around: float) -> NDArray
     out = np.zeros(len(points), bool)
     for box in (s for p in pieces for s in p.shapes if isinstance(s, Box)):
         local = geo.transform(geo.invert_pose(box.T_world_box), points)
-        out |= np.all(np.abs(local) < box.size / 2 + around, axis=1)
+        out |= geo.every(np.abs(local) < box.size / 2 + around)
     return out

@@ -56,7 +56,7 @@ class Cloud:
 
     def within(self, low: Array, high: Array) -> Mask:
         """Which points (n,) lie in a box of the frame, from corner low (3,) to high (3,)."""
-        return np.asarray(((self.points >= low) & (self.points <= high)).all(axis=1))
+        return geo.every((self.points >= low) & (self.points <= high))
 
     @property
     def size(self) -> float:
@@ -130,5 +130,5 @@ def filled_share(points: Array, corners: Array) -> float:
     """Share of a rectangle (2, 2) that points (n, 2) fill, by cells of a grid."""
     cells = np.maximum(np.ceil((corners[1] - corners[0]) / _CELL), 1).astype(np.int64)
     at = np.floor((points - corners[0]) / _CELL).astype(np.int64)
-    at = at[((at >= 0) & (at < cells)).all(axis=1)]
+    at = at[geo.every((at >= 0) & (at < cells))]
     return len(np.unique(at[:, 0] * cells[1] + at[:, 1])) / float(cells.prod())

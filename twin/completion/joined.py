@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from twin import geometry as geo
 from twin.completion.board import Board
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
 from twin.completion.squared import FREE, OVER, Sight, overlap, sheet, stands_on
@@ -91,7 +92,7 @@ def _one(a: Board, b: Board, others: Sequence[Board], row: Row) -> Board | None:
     if any(overlap(whole, k) for k in others):
         return None  # another board stands between
     for k in (a, b, *row.tops):
-        shown |= np.all((points >= k.low - OVER)[:, across] & (points <= k.high + OVER)[:, across], axis=1)
+        shown |= geo.every((points >= k.low - OVER)[:, across] & (points <= k.high + OVER)[:, across])
     if np.mean(~shown) > _HIDDEN or row.free(points[~shown]) > FREE or not row.holds(whole, others):
         return None
     basis = "evidence" if a.basis == b.basis == "evidence" else "assumed"

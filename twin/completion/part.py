@@ -99,7 +99,7 @@ def color_near(
     if mesh.colors is None or not len(mesh.colors):
         return np.array(PLAIN, np.uint8) if otherwise is None else otherwise
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
-    near = ((local > board.low - _NEAR) & (local < board.high + _NEAR)).all(axis=1)
+    near = geo.every((local > board.low - _NEAR) & (local < board.high + _NEAR))
     told = int(near.sum()) > _FEW
     if not told and otherwise is not None:
         return otherwise

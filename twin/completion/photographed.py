@@ -97,7 +97,8 @@ class Seen:
         self._scene.add_triangles(
             tensor(mesh.vertices.astype(np.float32)), tensor(mesh.faces.astype(np.uint32))
         )
-        self._normals = geo.triangle_normals(mesh.vertices[mesh.faces])[0]
+        self._corners = mesh.vertices[mesh.faces]
+        self._normals = geo.triangle_normals(self._corners)[0]
         self._faced = faced(mesh, eyes)
         assert mesh.texture is not None
         self._texture: Texture = mesh.texture
@@ -109,9 +110,10 @@ class Seen:
         """
 
         def near(points: Array) -> Mask:
-            return np.asarray(self._nearest(points, face.normal)[0] & ~hidden(points))
+            there = self._nearest(points, face.normal)[0]
+            return there & ~hidden(points) if there.any() else there
 
-        fine = face.where(near, more=True)
+        fine = face.where(near, more=True) if self._may_show(face) else np.zeros_like(face.seen)
         if not fine.any():
             return face
         points = face.points()[fine]
@@ -123,6 +125,15 @@ class Seen:
         seen[rows[:, 0], rows[:, 1]] = True
         found = _settled(replace(face, color=color, seen=seen))
         return found if found.seen.sum() > FEW else face
+
+    def _may_show(self, face: Face) -> bool:
+        """Whether any triangle lies near enough to the face and looks its way."""
+        facing = self._faced & (self._normals @ face.normal > LOOKS)
+        axes = np.stack([face.across, face.up, face.normal])
+        sizes = np.array([np.linalg.norm(face.across), np.linalg.norm(face.up), 1.0])
+        local = (self._corners[facing] - face.corner) @ (axes / sizes[:, None]).T
+        far = np.array([sizes[0], sizes[1], 0.0]) + ON_FACE
+        return bool(geo.every((local.min(axis=1) < far) & (local.max(axis=1) > -ON_FACE)).any())
 
     def _nearest(self, points: Array, normal: Array) -> tuple[Mask, Array]:
         """Whether the surface nearest to points (n, 3) lies on a face of that normal, and its uv (n, 2)."""
@@ -232,10 +243,10 @@ def filled(face: Face, tile: F32 | None, color: Array | None, plain: Array) -> U
         light = even[rows][:, columns] * (
             1.0 if color is None else color / np.maximum(even.mean(axis=(0, 1)), 1.0)
         )
+    picture = light * grain
     if face.seen.any():
-        light = light_of(face).astype(np.float64)
-    share = _feathered(face.seen)[..., None]
-    picture = share * face.color + (1 - share) * light * grain
+        share = _feathered(face.seen)[..., None]
+        picture = share * face.color + (1 - share) * light_of(face).astype(np.float64) * grain
     return np.round(np.clip(picture, 0, 255)).astype(np.uint8)
 
 

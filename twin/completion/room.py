@@ -48,7 +48,7 @@ class Front:
         """Which world points (n, 3) lie behind the front, up to `margin` m beside, `before` m before it."""
         p = self.local(points)
         corners = self.leaf.corners + np.array([[-margin], [margin]])
-        inside = np.all((p[:, :2] > corners[0]) & (p[:, :2] < corners[1]), axis=1)
+        inside = geo.every((p[:, :2] > corners[0]) & (p[:, :2] < corners[1]))
         return np.asarray(inside & (p[:, OUT] < before) & (p[:, OUT] > -_DEEP))
 
 
@@ -111,7 +111,7 @@ def _below(front: Front, floor: Bound, furniture: Array, points: Array) -> NDArr
     axes.remove(int(np.argmax(np.abs(front.frame.T_world_frame[2, :3]))))  # the upright one
     above = points @ floor.normal - floor.offset
     return np.asarray(
-        (above < _PLINTH) & np.all((theirs[:, axes] > low[axes]) & (theirs[:, axes] < high[axes]), axis=1)
+        (above < _PLINTH) & geo.every((theirs[:, axes] > low[axes]) & (theirs[:, axes] < high[axes]))
     )
 
 

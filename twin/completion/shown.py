@@ -57,12 +57,12 @@ def shown_surface(
     for board in boards:
         low, high = board.low - _BESIDE, board.high + _BESIDE
         low[2] -= _SKIRT - _BESIDE
-        around = ((local > low) & (local < high)).all(axis=1)
-        keep &= settled | ~np.asarray(around)[mesh.faces].all(axis=1)
+        around = geo.every((local > low) & (local < high))
+        keep &= settled | ~geo.every(around[mesh.faces])
     if front is not None:
-        keep &= settled | ~_skirt(local, front)[mesh.faces].all(axis=1)
+        keep &= settled | ~geo.every(_skirt(local, front)[mesh.faces])
     for low, high in fitted:
-        inside = ((local > low - ON_FACE) & (local < high + ON_FACE)).all(axis=1)
+        inside = geo.every((local > low - ON_FACE) & (local < high + ON_FACE))
         keep &= settled | ~np.asarray(inside)[mesh.faces].any(axis=1)
     return without_shreds(mesh.of(keep, geo.transform(T_world_frame, moved)))
 
@@ -87,7 +87,7 @@ def _on_face(
     for k in range(3):
         if k != axis:
             near &= (local[:, k] > board.low[k] - ON_FACE) & (local[:, k] < board.high[k] + ON_FACE)
-    return np.asarray(near[faces].all(axis=1) & (sign * normals[:, axis] > LOOKS))
+    return np.asarray(geo.every(near[faces]) & (sign * normals[:, axis] > LOOKS))
 
 
 def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plane: float) -> None:
@@ -109,7 +109,7 @@ def without_floaters(
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
     near = np.zeros(len(local), bool)
     for b in boards:
-        near |= np.all((local > b.low - _TOUCHES) & (local < b.high + _TOUCHES), axis=1)
+        near |= geo.every((local > b.low - _TOUCHES) & (local < b.high + _TOUCHES))
     piece = vertex_pieces(mesh.faces, len(mesh.vertices))
     kept = mesh.of(np.isin(piece[mesh.faces[:, 0]], np.unique(piece[near])))
     return kept if opening is None else passing(kept, opening, T_world_frame)
@@ -142,7 +142,7 @@ def up_to(mesh: Mesh, rear: float, T_world_frame: Array) -> Mesh:
     if not len(mesh.faces):
         return mesh
     local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
-    keep: NDArray[np.bool_] = np.all(local[mesh.faces, 2] > rear - ON_FACE, axis=1)
+    keep = geo.every(local[mesh.faces, 2] > rear - ON_FACE)
     return mesh.of(keep)
 
 

@@ -53,7 +53,7 @@ def out_of_the_way(board: Board, swept: Array, into: float = _INTO) -> Board | N
 
     into: m that points may come into it; below zero they keep that far away.
     """
-    hit = swept[np.all((swept > board.low + into) & (swept < board.high - into), axis=1)]
+    hit = swept[geo.every((swept > board.low + into) & (swept < board.high - into))]
     if not len(hit):
         return board
     best: tuple[float, Array, Array] | None = None

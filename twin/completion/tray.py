@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin import geometry as geo
 from twin.completion.board import Board
 from twin.completion.cloud import OUT, SIDE, UP, Cloud, Layer, Mask, layers, outline
 from twin.completion.leaf import BENT, Leaf
@@ -98,7 +99,7 @@ def find_tray(cloud: Cloud, leaf: Leaf, rear_limit: float | None) -> Tray:
 def _skirt(cloud: Cloud, leaf: Leaf) -> Mask:
     """Which points lie right behind the front's border, where fusion bridges to what was farther."""
     p = cloud.points
-    inside = np.all((p[:, :2] > leaf.corners[0] + _BORDER) & (p[:, :2] < leaf.corners[1] - _BORDER), axis=1)
+    inside = geo.every((p[:, :2] > leaf.corners[0] + _BORDER) & (p[:, :2] < leaf.corners[1] - _BORDER))
     return np.asarray(~inside & (p[:, OUT] > -_HANGS))
 
 

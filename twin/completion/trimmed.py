@@ -30,12 +30,12 @@ def trimmed(shown: Mesh, boards: Sequence[Box], eyes: Array) -> Mesh:
         if boards
         else np.zeros((1, len(shown.vertices)), bool)
     )
-    whole: NDArray[np.bool_] = np.any(np.all(on[:, shown.faces], axis=2), axis=0)
-    bridges = np.all(np.any(on, axis=0)[shown.faces], axis=1) & ~whole
+    whole: NDArray[np.bool_] = np.any(geo.every(on[:, shown.faces]), axis=0)
+    bridges = geo.every(np.any(on, axis=0)[shown.faces]) & ~whole
     return without_shreds(shown.of((whole | faced(shown, eyes)) & ~bridges))
 
 
 def within(box: Box, points: Array, margin: float) -> NDArray[np.bool_]:
     """Which points (n, 3) lie in a box, or less than `margin` m outside it."""
     local = geo.transform(geo.invert_pose(box.T_world_box), points)
-    return np.asarray(np.all(np.abs(local) <= box.size / 2 + margin, axis=1))
+    return geo.every(np.abs(local) <= box.size / 2 + margin)

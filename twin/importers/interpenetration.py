@@ -72,11 +72,11 @@ def _common(depths: Array) -> float:
 def _within(mesh: Mesh, low: Array, high: Array) -> Array:
     """Points (n, 3) of a surface in a box, at most _POINTS."""
     corners = mesh.vertices[mesh.faces]
-    near = np.all((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high), axis=1)
+    near = geo.every((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high))
     if not geo.triangle_areas(corners[near]).sum() > 0:
         return np.zeros((0, 3))
     points = spread(corners[near], _DRAWN)[0]
-    return points[np.all((points >= low) & (points <= high), axis=1)][:_POINTS]
+    return points[geo.every((points >= low) & (points <= high))][:_POINTS]
 
 
 def _passed(points: Array, mesh: Mesh, poses: Array) -> Array:
