@@ -10,7 +10,9 @@ import numpy as np
 from twin.collision.solid import Solid
 from twin.scene import Collision
 
-_POINTS = 20_000  # on each side: a 95th percentile then rests on a thousand points
+# On each side: a 95th percentile then rests on 250 points. 20,000 changed none of five parts' numbers by more
+# than 3 % and took five times as long.
+_POINTS = 5_000
 
 
 @dataclass(frozen=True)

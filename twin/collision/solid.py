@@ -93,7 +93,7 @@ class Solid:
             out |= scene.holds(points)
         return out
 
-    def volume(self, spacing: float = 0.0015) -> float:
+    def volume(self, spacing: float = 0.003) -> float:
         """Volume (m^3) of the union, from parallel lines `spacing` (m) apart: what each has inside, times the
         area it stands for. That is a sum over voxels which along one direction are infinitely short.
         """
