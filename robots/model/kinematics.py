@@ -9,6 +9,7 @@ is read from the compiled MJCF model, so there is one description of the arm.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -48,14 +49,20 @@ class Chain:
         r = np.broadcast_to(np.eye(3), (batch, 3, 3))
         p = np.zeros((batch, 3))
         origins, directions = np.empty((batch, n, 3)), np.empty((batch, n, 3))
-        for i in range(n):
-            p = p + r @ self.fixed[i, :3, 3]
-            r = r @ self.fixed[i, :3, :3]
-            origins[:, i], directions[:, i] = p, r @ self.axes[i]
+        sine, versine = np.sin(q), 1 - np.cos(q)
+        for i, step in enumerate(self._steps):
+            moved = (r.reshape(-1, 3) @ step).reshape(batch, 3, -1)
+            p = p + moved[:, :, 0]
+            r = moved[:, :, 2:5]
+            origins[:, i], directions[:, i] = p, moved[:, :, 1]
             if self.slides[i]:
                 p = p + directions[:, i] * q[:, i, None]
-            else:
-                r = r @ _rotations(self.axes[i], q[:, i])
+            else:  # Rodrigues' formula
+                r = (
+                    r
+                    + sine[:, i, None, None] * moved[:, :, 5:8]
+                    + versine[:, i, None, None] * moved[:, :, 8:]
+                )
         p = p + r @ self.last[:3, 3]
         r = r @ self.last[:3, :3]
         linear = np.cross(directions, p[:, None] - origins)
@@ -67,6 +74,16 @@ class Chain:
         pose = np.zeros((batch, 4, 4))
         pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = r, p, 1.0
         return pose, jacobian
+
+    @cached_property
+    def _steps(self) -> tuple[Array, ...]:
+        """Of each joint (3, 11): its origin, its axis, the rotation F before it, F K and F K^2, where K is
+        the cross product of its axis: a rotation times all of it takes one product of matrices."""
+        out = []
+        for pose, axis in zip(self.fixed, self.axes, strict=True):
+            before, k = pose[:3, :3], geo.skew(axis)
+            out.append(np.column_stack([pose[:3, 3], before @ axis, before, before @ k, before @ k @ k]))
+        return tuple(out)
 
     def solve(self, q: Array, target: Array, weights: Array, steps: int) -> tuple[Array, Array]:
         """Damped least squares towards `target` (B, 4, 4) from q (B, n), inside the limits.
@@ -80,11 +97,11 @@ class Chain:
         pull[: self.base] = _BASE_PULL
         damping = np.full(q.shape[1], 3e-5)
         damping[: self.base] = _BASE_DAMPING
-        damping = np.diag(damping)
+        damping = np.diag(damping + pull)
         for _ in range(steps):
             error, jacobian = self._error(q, target)
             jw = jacobian.transpose(0, 2, 1) * w2
-            hessian = jw @ jacobian + damping + np.diag(pull)
+            hessian = jw @ jacobian + damping
             gradient = (jw @ error[:, :, None])[:, :, 0] + pull * (middle - q)
             step = np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
             largest = np.abs(step).max(axis=1, keepdims=True)
@@ -107,11 +124,6 @@ class Chain:
     def limit_margin(self, q: Array) -> Array:
         """Smallest distance (...,) in rad of the arm's part of q (..., n) from its limits."""
         return np.asarray(np.minimum(q - self.lower, self.upper - q)[..., self.base :].min(axis=-1))
-
-
-def _rotations(axis: Array, angles: Array) -> Array:
-    k = geo.skew(axis)
-    return np.eye(3) + np.sin(angles)[:, None, None] * k + (1 - np.cos(angles))[:, None, None] * (k @ k)
 
 
 def read_chain(model: mujoco.MjModel, spec: RobotSpec) -> Chain:

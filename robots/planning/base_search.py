@@ -174,21 +174,20 @@ def _follow(
     weights = np.concatenate([np.ones(3), np.mean([grasps[g].freedom for g in choice], axis=0)])
     middle = count // 2
     starts = _starts(targets[:, middle], chain, spec)
-    tried = [chain.solve(s, targets[:, middle], weights, _START_STEPS) for s in starts]
-    cost = np.stack(
-        [np.linalg.norm(e * weights, axis=1) - 0.02 * chain.limit_margin(p).clip(0, 0.5) for p, e in tried]
-    )
-    best = np.argmin(cost, axis=0)
-    rows = np.arange(batch)
-    q[:, middle] = np.stack([p for p, _ in tried])[best, rows]
-    error[:, middle] = np.stack([e for _, e in tried])[best, rows]
-    for order in (range(middle + 1, count), range(middle - 1, -1, -1)):
-        current = q[:, middle]
-        for k in order:
-            current, error[:, k] = chain.solve(current, targets[:, k], weights, _FOLLOW_STEPS)
-            q[:, k] = current
-    off = np.linalg.norm(error[:, :, :3], axis=2).max(axis=1)
-    near = np.flatnonzero((off > _REACHED) & (off < _NEARLY))
+    goals = np.tile(targets[:, middle], (len(starts), 1, 1))
+    tried, off = chain.solve(np.concatenate(starts), goals, weights, _START_STEPS)
+    cost = np.linalg.norm(off * weights, axis=1) - 0.02 * chain.limit_margin(tried).clip(0, 0.5)
+    best = np.argmin(cost.reshape(len(starts), batch), axis=0) * batch + np.arange(batch)
+    q[:, middle], error[:, middle] = tried[best], off[best]
+    for away in range(1, count):  # both ways at a time
+        ways = [(k, k - step) for step in (1, -1) if 0 <= (k := middle + step * away) < count]
+        if ways:
+            to, since = np.array(ways).T
+            start, goal = (x.reshape(-1, *x.shape[2:]) for x in (q[:, since], targets[:, to]))
+            there, left = chain.solve(start, goal, weights, _FOLLOW_STEPS)
+            q[:, to], error[:, to] = (x.reshape(batch, len(to), -1) for x in (there, left))
+    worst = np.linalg.norm(error[:, :, :3], axis=2).max(axis=1)
+    near = np.flatnonzero((worst > _REACHED) & (worst < _NEARLY))
     if len(near):  # a mobile base converges slowly
         shape = (len(near) * count, -1)
         polished, left = chain.solve(
