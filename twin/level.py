@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import geometry as geo
+from twin.by_surface import by_surface
 from twin.geometry import Array
 from twin.mesh import sample_surface
 from twin.scene import Mesh, Twin
@@ -203,7 +203,7 @@ def _refined(those: Sequence[Witness], up: Array) -> Array:
     return np.asarray(least if least @ up > 0 else -least)
 
 
-@lru_cache(maxsize=4)  # one command asks several times: when parts get physics, on export, in a check
+@by_surface  # one command asks several times: when parts get physics, on export, in a check
 def large_planes(mesh: Mesh) -> tuple[Plane, ...]:
     """Large planes of a mesh, largest first, without parallel ones next to them.
 

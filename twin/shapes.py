@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,6 +78,14 @@ class Mesh(Described):
             raise SceneError(
                 f"a texture for {len(self.texture.uv)} faces does not fit a mesh of {len(self.faces)}"
             )
+
+    @cached_property
+    def surface_digest(self) -> bytes:
+        """A digest of vertices and faces: meshes with the same one have the same surface."""
+        h = hashlib.blake2b(str(self.vertices.shape).encode(), digest_size=16)
+        h.update(np.ascontiguousarray(self.vertices).data)
+        h.update(np.ascontiguousarray(self.faces).data)
+        return h.digest()
 
     def transformed(self, T_new_old: Array) -> Mesh:
         """The mesh in another frame."""

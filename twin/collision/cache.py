@@ -1,4 +1,4 @@
-"""Keeps collision shapes between runs: one file a part, and one for the twin after shapes gave way."""
+"""Keeps collision shapes: a file for each part and one for the twin after shapes gave way, or in memory."""
 
 from __future__ import annotations
 
@@ -20,9 +20,13 @@ _VERSION = 7  # part of every key: raise it whenever the same input may give oth
 
 Shapes = list[list[Collision]]
 
+# Entries kept in memory. Chosen by us: the parts of a kitchen, and the whole.
+_MOST = 32
+_last: dict[str, tuple[Shapes, dict[str, float]]] = {}
+
 
 class ShapeCache:
-    """Shapes in a folder under keys of meshes and config; without a folder nothing is kept."""
+    """Shapes under keys of meshes and config in a folder; without one, those made last are in memory."""
 
     def __init__(self, folder: AnyPath | None, config: dict[str, object]) -> None:
         self._folder = None if folder is None else Path(folder)
@@ -68,8 +72,10 @@ class ShapeCache:
 
     def read(self, key: str) -> tuple[Shapes, dict[str, float]] | None:
         """Shapes and numbers under a key; None when they are not there or the file is broken."""
-        path = None if self._folder is None else self._folder / f"{key}.npz"
-        if path is None or not path.is_file():
+        if self._folder is None:
+            return _last.get(key)
+        path = self._folder / f"{key}.npz"
+        if not path.is_file():
             return None
         try:
             with np.load(path, allow_pickle=False) as data:
@@ -81,6 +87,9 @@ class ShapeCache:
 
     def _write(self, key: str, shapes: Shapes, numbers: dict[str, float]) -> None:
         if self._folder is None:
+            _last[key] = shapes, numbers
+            while len(_last) > _MOST:
+                _last.pop(next(iter(_last)))
             return
         arrays: dict[str, NDArray[np.generic]] = {"count": np.array([len(s) for s in shapes])}
         arrays |= {f"told_{k}": np.array(v) for k, v in numbers.items()}

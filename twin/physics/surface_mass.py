@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from twin import geometry as geo
+from twin.by_surface import by_surface
 from twin.errors import SceneError
 from twin.geometry import Array
 from twin.mesh import signed_volume
@@ -41,6 +42,7 @@ _MOST_FACES = 30_000  # but not into many more than these; a mesh of over twice 
 _SLIVERS = 8
 
 
+@by_surface
 def shell_inertial(mesh: Mesh, material: Material) -> Inertial:
     """Mass (kg), centre and inertia tensor of a surface of boards of `material`, with intervals.
 

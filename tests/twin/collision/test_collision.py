@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -21,8 +22,9 @@ from benchmarks.scenes.boards import (
     drawer_boards,
     world_from_cabinet,
 )
+from twin import collision
 from twin import geometry as geo
-from twin.collision import PART_BOARDS, CollisionConfig, make_part, with_collision
+from twin.collision import PART_BOARDS, CollisionConfig, cache, make_part, with_collision
 from twin.collision.boards import find_boards
 from twin.collision.clearance import STEP, find_touches, make_clear, points_of, sweep_states
 from twin.collision.convex import Hull, clip, cut, hull_of, thick_hull, triangles_of
@@ -204,12 +206,17 @@ def test_a_static_ghost_of_the_door_gives_way(bare: Twin) -> None:
     assert sum(isinstance(s, Box) for s in shaped.part("door").collision) >= 1
 
 
-def test_equal_input_gives_equal_shapes_and_the_cache_gives_them_back(bare: Twin, tmp_path: Path) -> None:
+def test_equal_input_gives_equal_shapes_and_the_cache_gives_them_back(
+    bare: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache, "_last", {})
     one = replace(bare, parts=bare.parts[:1])
     first, again = with_collision(one, cache_dir=tmp_path), with_collision(one)
     assert sorted(f.name.partition("_")[0] for f in tmp_path.iterdir()) == ["part", "twin"]
-    cached = with_collision(one, cache_dir=tmp_path)
-    for a, b in ((first, again), (first, cached)):
+    monkeypatch.setattr(collision, "_make", Mock(side_effect=AssertionError("made once")))
+    cached, remembered = with_collision(one, cache_dir=tmp_path), with_collision(one)
+    monkeypatch.undo()
+    for a, b in ((first, again), (first, cached), (first, remembered)):
         for x, y in zip((a.static, *a.parts), (b.static, *b.parts), strict=True):
             assert len(x.collision) == len(y.collision)
             for s, t in zip(x.collision, y.collision, strict=True):
