@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.geometry import Array
@@ -120,7 +121,7 @@ def _open_area(level: Array, scene: Array, height: float) -> float:
     """m^2 of a level surface (n, 3) over which nothing of the scene's points (m, 3) stands."""
     over = scene[(scene[:, 2] > height + _ABOVE[0]) & (scene[:, 2] < height + _ABOVE[1])]
 
-    def cells(points: Array) -> set[tuple[int, int]]:
-        return {(int(x), int(y)) for x, y in np.floor(points[:, :2] / _CELL)}
+    def cells(points: Array) -> NDArray[np.int64]:
+        return np.asarray(np.floor(points[:, :2] / _CELL), np.int64) @ [1 << 32, 1]
 
-    return len(cells(level) - cells(over)) * _CELL**2
+    return len(np.setdiff1d(cells(level), cells(over))) * _CELL**2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,7 @@ def render(run: AnyPath) -> Path:
     return path
 
 
+@cache
 def _template() -> Any:
     import jinja2
 
