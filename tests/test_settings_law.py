@@ -10,6 +10,7 @@ import tomllib
 import types
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -172,6 +173,7 @@ def test_a_user_has_at_most_60_settings_to_choose() -> None:
     assert sum(count for room, count in counted if room != "the paper's ways") <= 60
 
 
+@cache  # a strategy takes longer to build than to draw from
 def values(hint: Any) -> st.SearchStrategy[Any]:
     """Any value of a field's type, numpy's numbers among them."""
     origin, args = get_origin(hint), get_args(hint)

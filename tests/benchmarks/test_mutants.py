@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import ast
 import shutil
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -108,6 +110,19 @@ def test_what_no_test_of_behaviour_is_for_is_left_alone(line: str) -> None:
     assert candidates(line) == []
 
 
+def blocks(source: str) -> Iterator[range]:
+    """Line numbers of each statement of a module; of a class, those of each statement in it."""
+    for node in ast.parse(source).body:
+        for n in node.body if isinstance(node, ast.ClassDef) else [node]:
+            yield range(n.lineno, (n.end_lineno or 0) + 1)
+
+
+def program(lines: Sequence[str]) -> str:
+    """What lines of a statement say, its indent aside."""
+    text = "".join(lines)
+    return ast.dump(ast.parse(f"if True:\n{text}" if text.startswith(" ") else text))
+
+
 @pytest.mark.parametrize(
     "room",
     ["recon/motion", "recon/parts", "recon/joints", "recon/refine", "recon/labels", "recon/contact", "robots/planning"],
@@ -116,13 +131,14 @@ def test_every_candidate_of_the_sources_is_another_valid_program(room: str) -> N
     for path in modules(ROOT, room):
         source = path.read_text(encoding="utf-8")
         lines = source.splitlines(keepends=True)
-        blocks = {k: n for n in ast.parse(source).body for k in range(n.lineno, (n.end_lineno or 0) + 1)}
-        for c in candidates(source):
-            block, k = blocks[c.number], c.number - 1
-            assert lines[k].strip() == c.line
-            changed = [*lines[:k], lines[k].replace(c.line, c.planted, 1), *lines[c.number :]]
-            text = "".join(changed[block.lineno - 1 : block.end_lineno])
-            assert ast.dump(ast.parse(text).body[0]) != ast.dump(block), c
+        block_of = {k: block for block in blocks(source) for k in block}
+        for block, found in groupby(candidates(source), lambda c: block_of[c.number]):
+            own = [lines[k - 1] for k in block]
+            before = program(own)
+            for c in found:
+                k = c.number - block.start
+                assert own[k].strip() == c.line
+                assert program([*own[:k], own[k].replace(c.line, c.planted, 1), *own[k + 1 :]]) != before, c
 
 
 @pytest.fixture
@@ -215,8 +231,11 @@ FAULTS = {
 COMPILED = Fault("recon/room/mod.py", CONSTANT, "FAR = 8.0", "FAR = 2.4")
 
 
-def test_the_runner_tells_noticed_from_surviving_and_goes_on_where_it_was(tiny: Path, tmp_path: Path) -> None:
+def test_the_runner_tells_noticed_from_surviving_and_goes_on_where_it_was(
+    tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("coverage")
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")  # the tiny tests need no plugin
     (tiny / "recon/room/mod.py").write_text(INTERPRETED)
     (tiny / "tests/test_mod.py").write_text(TESTS.split("def test_compiled")[0].replace(", doubled", ""))
     told: list[str] = []
