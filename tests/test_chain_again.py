@@ -18,7 +18,7 @@ UP = ("--up", "0,-1,-0.07")  # of the first picture: the clip is too small to te
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A door is opened."""
-    return tiny.write_recording(tmp_path_factory.mktemp("again") / "clip", frames=36, scale=3, pattern=47.0)
+    return tiny.write_recording(tmp_path_factory.mktemp("again") / "clip", frames=30, scale=2, pattern=47.0)
 
 
 @pytest.fixture(scope="module")

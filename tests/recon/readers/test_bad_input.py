@@ -222,7 +222,7 @@ def told_by_the_command(capsys: pytest.CaptureFixture[str], *argv: object) -> st
 
 
 def test_where_nothing_moves_the_scene_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    still = write_recording(tmp_path / "still", scale=3, still=True)
+    still = write_recording(tmp_path / "still", still=True)
     assert run(["reconstruct", str(still), "-o", str(tmp_path / "run")]) == 2
     streams = capsys.readouterr()
     told = "verdict: refused: nothing articulated was found; nothing moved; record a part being opened"

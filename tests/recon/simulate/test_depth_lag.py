@@ -4,6 +4,7 @@ own."""
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +15,20 @@ from recon.simulate import simulate
 from recon.simulate.config import Staging
 from recon.simulate.record import late_depth
 from recon.simulate.simulator import MOST_LAG, drawn_lag
+from tests.makers.recon.paint import plain_surfaces
 from twin.cli.main import run
 from twin.errors import InputError
 from twin.files.assets import asset
 
 SMALL = Staging(width=48, height=36, frames=24, samples=1, ambient_samples=1, clutter=0, room=False, seed=3)
 SCENE = asset("scenes/base_cabinet.xml")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unpainted() -> Iterator[None]:
+    """Nothing here looks at textures."""
+    with plain_surfaces():
+        yield
 
 
 def files(folder: Path) -> dict[str, bytes]:

@@ -11,13 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from recon.evaluation.truth import load_truth
-from recon.simulate import simulate_random, textures
+from recon.simulate import simulate_random
 from recon.simulate.hand import hand_shape, mirrored
 from recon.simulate.mjcf import articulations
-from recon.simulate.painters import SIZE
 from recon.simulate.random import scene as random_scene
 from recon.simulate.random.boards import box
 from recon.simulate.random.furniture import HANDLES, KINDS
@@ -29,6 +27,7 @@ from recon.simulate.record import OTHER_LABEL
 from recon.simulate.sensors import depth_camera
 from recon.simulate.textures import make_material
 from recon.simulate.timeline import Episode, Leg, Timeline
+from tests.makers.recon.paint import plain_surfaces
 from twin import geometry as geo
 from twin.errors import ConfigError, InputError
 from twin.geometry import Array, transform
@@ -38,29 +37,17 @@ PLAIN = Stratum("ideal", size=(96, 72))
 
 
 @pytest.fixture(scope="module", autouse=True)
-def plain_surfaces() -> Iterator[None]:
-    """Nothing here looks at textures, whose painting takes most of the time; what is rendered needs its
-    size."""
-
-    def even(_: np.random.Generator, colour: Array) -> NDArray[np.float32]:
-        size = SIZE if rendered else 8
-        return np.tile(colour.astype(np.float32), (size, size, 1))
-
-    with pytest.MonkeyPatch.context() as patch:
-        for kind, (_, tile, gloss) in textures.PAINTERS.items():
-            patch.setitem(textures.PAINTERS, kind, (even, tile, gloss))
+def unpainted() -> Iterator[None]:
+    """Nothing here looks at textures."""
+    with plain_surfaces(8), pytest.MonkeyPatch.context() as patch:
         patch.setattr(random_scene, "unfit", lambda _: None)  # has a test of its own
         yield
 
 
-rendered: list[bool] = []  # whether pictures are rendered
-
-
 @pytest.fixture
 def rendering() -> Iterator[None]:
-    rendered.append(True)
-    yield
-    rendered.clear()
+    with plain_surfaces():
+        yield
 
 
 @cache

@@ -30,6 +30,7 @@ from recon.simulate.simulator import opening
 from recon.simulate.stage import Stage
 from recon.simulate.textures import PAINTERS, make_material, mipmaps
 from recon.simulate.timeline import Timeline, minimum_jerk
+from tests.makers.recon.paint import plain_surfaces
 from twin.errors import ConfigError, InputError, MissingDependencyError
 from twin.geometry import Array, invert_pose, matrix_from_quat_wxyz, rotation_angle, transform
 
@@ -48,13 +49,15 @@ CASES = [
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tiny recording of a door without depth noise."""
     out = tmp_path_factory.mktemp("simulated") / "door"
-    return simulate(SCENES / "base_cabinet.xml", "door_left_hinged", out, SMALL)
+    with plain_surfaces():
+        return simulate(SCENES / "base_cabinet.xml", "door_left_hinged", out, SMALL)
 
 
 @cache
 def stage_of(scene: str, joint: str) -> Stage:
     """A stage at full length; only looked at, so tests may share it."""
-    return opening(SCENES / scene, joint, replace(SMALL, frames=None))
+    with plain_surfaces(8):
+        return opening(SCENES / scene, joint, replace(SMALL, frames=None))
 
 
 def read_truth(folder: Path) -> dict[str, object]:
@@ -259,12 +262,14 @@ def test_equal_seeds_give_equal_frames_and_others_do_not() -> None:
     first, again = (opening(SCENES / "chest.xml", "lid", config).render(12) for _ in range(2))
     np.testing.assert_array_equal(first.colour, again.colour)
     np.testing.assert_array_equal(first.labels, again.labels)
-    other = opening(SCENES / "chest.xml", "lid", replace(config, seed=4)).render(12)
+    with plain_surfaces():
+        other = opening(SCENES / "chest.xml", "lid", replace(config, seed=4)).render(12)
     assert not np.array_equal(first.depth, other.depth)
 
 
 def test_depth_noise_grows_with_distance_and_leaves_most_pixels() -> None:
-    stage = opening(SCENES / "base_cabinet.xml", "drawer_middle", SMALL)
+    with plain_surfaces():
+        stage = opening(SCENES / "base_cabinet.xml", "drawer_middle", SMALL)
     view, rays = stage.render(0), stage.view_directions(0)
     frame = Frame(view, rays, np.zeros((120, 160, 3), np.uint8), 0, np.random.default_rng(0))
     exact, depth = (
@@ -285,7 +290,8 @@ def test_any_size_and_a_joint_of_the_kitchen() -> None:
         scene = kitchen_scene()
     except MissingDependencyError as error:
         pytest.skip(str(error))
-    stage = opening(scene, "microwave", replace(SMALL, width=96, height=54))
+    with plain_surfaces():
+        stage = opening(scene, "microwave", replace(SMALL, width=96, height=54))
     assert stage.parts[0].kind == "revolute"
     np.testing.assert_allclose(stage.parts[0].axis, [0.0, 0.0, -1.0], atol=1e-9)
     assert not any("panda" in s.name for s in stage.still)
@@ -314,13 +320,13 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="can't load the scene") as caught:
         simulate(tmp_path / "bad.xml", "lid", tmp_path / "a", SMALL)
     assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="no site or geom 'knob'"):
+    with plain_surfaces(8), pytest.raises(InputError, match="no site or geom 'knob'"):
         simulate(cabinet, "drawer_top", tmp_path / "a", replace(SMALL, handle="knob"))
     with pytest.raises(ConfigError, match=r"opening = 0\.9 m is beyond"):
         simulate(cabinet, "drawer_top", tmp_path / "a", replace(SMALL, opening=0.9))
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "x").write_text("")
-    with pytest.raises(InputError, match="not an empty folder"):
+    with plain_surfaces(8), pytest.raises(InputError, match="not an empty folder"):
         simulate(cabinet, "drawer_top", tmp_path / "full", SMALL)
     with pytest.raises(ConfigError, match=r"width = 4000 must be from 32 to 1920 px"):
         SimulateConfig(width=4000)
