@@ -18,16 +18,16 @@ pytest.register_assert_rewrite(
 
 
 # In which order files start. While test_chain.py has the kernels of a reconstruction compiled and kept on
-# disk, the other worker runs tests that need none. Of those that do, the longest come first.
+# disk, the other worker has those of the simulator compiled, and then runs tests that need none. Of those
+# that do, the longest come first.
 ORDER = (
     "tests/test_chain.py",
+    "tests/recon/simulate/",
     "tests/robots/",
     "tests/twin/",
     "tests/test_chain_again.py",
     "tests/test_documents.py",
     "tests/recon/motion/",
-    "tests/recon/simulate/",
-    "tests/benchmarks/test_mutants.py",
     "tests/recon/joints/",
 )
 

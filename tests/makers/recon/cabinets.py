@@ -144,6 +144,13 @@ def make_clip(
 ) -> Clip:
     """A clip of `FRAMES` frames, every `EVERY`-th labelled. axis_sign -1 hands out the joint with its axis
     reversed."""
+    if axis_sign < 0:
+        clip = make_clip(kind, grip, backwards=backwards, hand=hand)
+        given, motion = clip.part.joint, clip.part.motion
+        part = replace(
+            clip.part, joint=replace(given, axis=-given.axis), motion=replace(motion, state=-motion.state)
+        )
+        return replace(clip, part=part)
     joint, mesh, static, at, upright = furniture(kind, grip)
     u = np.clip((np.arange(FRAMES) - 7) / 11.0, 0, 1)
     opening = TRAVEL[kind] * u**3 * (10 - 15 * u + 6 * u**2)
@@ -169,9 +176,7 @@ def make_clip(
     recording = Recording("cabinet", "memory", times, CAMERA, lambda i: colors[i], lambda i: depths[i], "0")
     frames = np.arange(FRAMES)
     first = joint.pose(float(opening[0]))
-    state = axis_sign * (opening - opening[0])
-    given = replace(joint, axis=axis_sign * joint.axis)
-    part = MovingPart(2, given, Motion(frames, times, state, ((8, 17),)))
+    part = MovingPart(2, joint, Motion(frames, times, opening - opening[0], ((8, 17),)))
     return Clip(
         recording,
         Trajectory(frames, times, np.stack(poses)),

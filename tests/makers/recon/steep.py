@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -38,6 +39,7 @@ def look(pitch_deg: float, target: Array) -> Array:
     return geo.make_pose(np.stack([x, np.cross(z, x), z], axis=1), target - NEAR * z)
 
 
+@cache
 def steep(pitch_deg: float, with_part: bool = True) -> Steep:
     """The drawer is pulled out in the middle of the recording."""
     joint, mesh, static, _, _ = furniture("drawer", "edge")

@@ -24,6 +24,12 @@ from twin.verdict import Verdict
 NEITHER = ClosedCues((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), None, 0.0, 1.0)
 
 
+@pytest.fixture(scope="module")
+def sound(clip: Clip) -> PartEvidence:
+    """A door about which nothing is doubtful; its scene is looked at once."""
+    return perfect(clip)
+
+
 def walled(clip: Clip) -> Mesh:
     """The clip's room with a wall as high as the door beyond its open end, beside which it would be flush if
     it went on."""
@@ -42,20 +48,20 @@ def judged(clip: Clip, e: PartEvidence) -> Verdict:
 
 
 def test_a_door_that_is_flush_where_it_starts_is_not_doubted_for_a_wall_beyond_its_open_end(
-    clip: Clip,
+    clip: Clip, sound: PartEvidence
 ) -> None:
     """One cue says flush 100 % against 0 %; a second one, flush if it went on, is as strong at both ends."""
-    assert judged(clip, perfect(clip)).reasons == ()
+    assert judged(clip, sound).reasons == ()
 
 
-def test_another_reason_keeps_the_doubt_about_the_closed_end(clip: Clip) -> None:
-    reasons = judged(clip, with_sigma(perfect(clip), pivot=0.02)).reasons
+def test_another_reason_keeps_the_doubt_about_the_closed_end(clip: Clip, sound: PartEvidence) -> None:
+    reasons = judged(clip, with_sigma(sound, pivot=0.02)).reasons
     assert {r.type for r in reasons} == {"PivotUnsure", "ClosedEndUnsure"}
 
 
 @pytest.mark.parametrize(("off", "level"), [(0.001, "trusted"), (-0.001, "doubtful")])
-def test_the_doubt_is_cleared_from_its_limit_on(off: float, level: str, clip: Clip) -> None:
-    e = replace(perfect(clip), closed_margin=0.0, closed_probability=CLOSED_SURE + off)
+def test_the_doubt_is_cleared_from_its_limit_on(off: float, level: str, sound: PartEvidence) -> None:
+    e = replace(sound, closed_margin=0.0, closed_probability=CLOSED_SURE + off)
     assert verdict_on(e).level == level
 
 

@@ -95,7 +95,7 @@ def test_the_parts_of_a_recording_take_hints(tmp_path: Path) -> None:
     """A door that opens a crack only, once without and once with a hint; the hint of another time changes
     nothing."""
     frames = 60
-    folder = tiny.write_recording(tmp_path / "still", ("door",), frames=frames, scale=2, still=True)
+    folder = tiny.write_recording(tmp_path / "still", ("door",), frames=frames, still=True)
     recording = open_recording(folder)
     rng = np.random.default_rng(3)
     joint = Revolute(geo.unit(np.array([0.1, 1.0, 0.05])), 0.0, 1.0, pivot=np.array([0.2, 0.0, 1.5]))

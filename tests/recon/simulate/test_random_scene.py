@@ -200,8 +200,8 @@ def test_every_draw_makes_furniture_that_ends_behind_its_front(kind: str, handle
     rng = np.random.default_rng(3)
     for _ in range(400):
         made = KINDS[kind](rng, handle)
-        front, *rest = (b.corners for b in made.panels)
         if kind.startswith("drawer"):
+            front, *rest = (b.corners for b in made.panels)
             assert np.ptp(np.concatenate(rest)[:, 2]) < np.ptp(front[:, 2])
 
 
