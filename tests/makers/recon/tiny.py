@@ -4,7 +4,10 @@ hand."""
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -94,6 +97,26 @@ def write_recording(
 
     scale: 2 is 192x144. still: nothing moves but the camera. pattern: cells of the grey pattern per metre.
     """
+    for name, data in _files(parts, frames, scale, still, pattern).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
+    return folder
+
+
+@lru_cache(maxsize=8)  # many tests change a copy of the same clip
+def _files(
+    parts: tuple[str, ...], frames: int, scale: int, still: bool, pattern: float
+) -> Mapping[str, bytes]:
+    """Content of each file of a recording, by its name in the folder."""
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        _write(folder, parts, frames, scale, still, pattern)
+        return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def _write(
+    folder: Path, parts: tuple[str, ...], frames: int, scale: int, still: bool, pattern: float
+) -> None:
     for name in ("color", "depth", "truth/labels"):
         (folder / name).mkdir(parents=True)
     T_world_cam = cameras(frames)
@@ -108,7 +131,6 @@ def write_recording(
     write_intrinsics(folder / "intrinsic.json", scale * WIDTH, scale * HEIGHT, scale * FOCAL)
     write_poses(folder / "truth" / "trajectory.txt", times, T_world_cam)
     _write_truth(folder / "truth", parts, segments, states)
-    return folder
 
 
 def write_intrinsics(path: Path, width: int, height: int, focal: float) -> None:
