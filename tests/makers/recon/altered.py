@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -59,7 +60,7 @@ def ranging(e: PartEvidence, span: float, kind: type[Joint] = Revolute) -> PartE
 
 def with_known(e: PartEvidence, **known: Any) -> PartEvidence:
     """The scene's evidence as if it had been computed."""
-    scene = replace(e.scene)
+    scene = copy(e.scene)  # with all that is known of it already
     scene.__dict__.update(known)
     return replace(e, scene=scene)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -43,12 +44,20 @@ def movers_of(clip: Clip, background: float = 0.0) -> tuple[Movers, Any]:
 
 def perfect(clip: Clip, labels: Any = None) -> PartEvidence:
     """The truth of the clip as evidence. labels: label images; the true ones where none are given."""
+    return _true(clip) if labels is None else _with(clip, labels)
+
+
+@cache  # what tests ask of the scene is computed once
+def _true(clip: Clip) -> PartEvidence:
+    return _with(clip, clip.labels)
+
+
+def _with(clip: Clip, labels: Any) -> PartEvidence:
     movers, mask = movers_of(clip)
     part = part_of(clip)
     tracks = PartTracks(part, mask, "motion")
     found = FoundParts(movers, np.zeros_like(mask), (tracks,))
-    images = clip.labels if labels is None else labels
-    scene = SceneEvidence(clip.recording, clip.cameras, images, found, clip.static, ((part, clip.mesh),))
+    scene = SceneEvidence(clip.recording, clip.cameras, labels, found, clip.static, ((part, clip.mesh),))
     return PartEvidence(scene, part, clip.mesh, tracks)
 
 
