@@ -26,7 +26,7 @@ from twin.errors import ConfigError
 from twin.scene import Revolute, Trajectory
 
 FRAMES = 120
-OF_TWO = 60  # frames, half of them for each part
+OF_TWO = 80  # frames, half of them for each part; 43 tracks are on the door, 27 on the drawer
 Tracked = tuple[Recording, Tracks, Trajectory]
 
 
@@ -41,7 +41,7 @@ def _tracked(folder: Path) -> Tracked:
 def two(tmp_path_factory: pytest.TempPathFactory) -> Tracked:
     """A door is opened, then a drawer."""
     folder = tmp_path_factory.mktemp("motion") / "two"
-    return _tracked(tiny.write_recording(folder, ("door", "drawer"), frames=OF_TWO, scale=2, pattern=47.0))
+    return _tracked(tiny.write_recording(folder, ("door", "drawer"), frames=OF_TWO, scale=4, pattern=47.0))
 
 
 @pytest.mark.parametrize("method", ["fits", "clusters"])
