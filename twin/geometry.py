@@ -238,8 +238,7 @@ def line_distance(origin_a: ArrayLike, axis_a: ArrayLike, origin_b: ArrayLike, a
 def orthogonal_basis(axis: ArrayLike) -> Array:
     """Right-handed rotation (3, 3) whose third column is the unit `axis`."""
     z = unit(axis)
-    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = unit(_cross(helper, z))
+    x = unit(_cross(np.eye(3)[int(np.argmin(np.abs(z)))], z))
     return np.stack([x, _cross(z, x), z], axis=1)
 
 
@@ -261,9 +260,8 @@ def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:
 
 def vector_areas(corners: Array) -> Array:
     """Vector areas (..., 3) m^2 of triangles (..., 3, 3): right-handed normals as long as the area."""
-    return np.asarray(
-        0.5 * np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
-    )
+    a, b = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+    return np.asarray(0.5 * np.cross(a, b))
 
 
 def triangle_areas(corners: Array) -> Array:

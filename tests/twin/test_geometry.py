@@ -110,3 +110,10 @@ def test_a_zero_direction_is_refused() -> None:
         geo.unit([0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="must not be zero"):
         geo.matrix_from_quat_wxyz([0.0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (7, 1), (50, 3), (4, 5, 2), (3,)])
+def test_every_says_what_numpys_all_says_of_the_last_axis(shape: tuple[int, ...]) -> None:
+    mask = np.random.default_rng(0).random(shape) > 0.3
+    for some in (mask, np.ones(shape, bool), mask[..., ::-1]):
+        assert np.array_equal(geo.every(some), np.all(some, axis=-1))
