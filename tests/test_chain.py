@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import mujoco
 import pytest
 
 from tests.makers.runs import STAGES, computed, reconstruct, twin_bytes
@@ -62,6 +63,9 @@ def test_the_robot_opens_the_drawer(run: Path, capsys: pytest.CaptureFixture[str
     (report,) = (run / "replay").glob("franka/*/report.json")
     assert read_json(report)["opening_final"] >= 0.9
     assert (report.parent / "replay.mp4").stat().st_size > 10_000
+    scene = mujoco.MjModel.from_xml_path(str(report.parent / "scene.xml"))
+    assert scene.nkey == 3
+    assert scene.ntext >= 2, "what of the twin is inferred, and why"
     page = (run / "report.html").read_text(encoding="utf-8")
     assert "phase by phase" in page
     assert "<td>approach</td>" in page

@@ -105,4 +105,10 @@ def _with_own_files(text: str, spec: RobotSpec) -> tuple[str, dict[str, bytes]]:
                 known[path] = f"robot_{len(known)}_{path.name}"
                 files[known[path]] = path.read_bytes()
             element.set("file", known[path])
+    for text_field in root.iter(
+        "text"
+    ):  # MuJoCo 4 writes one with an apostrophe as content, which it can't read
+        if text_field.text:
+            text_field.set("data", text_field.text)
+            text_field.text = None
     return ET.tostring(root, encoding="unicode") + "\n", files
