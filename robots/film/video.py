@@ -96,6 +96,8 @@ def _finish_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
     model.vis.global_.offwidth, model.vis.global_.offheight = size
     model.vis.map.znear, model.vis.map.zfar = 0.005, 50.0
     model.vis.quality.shadowsize = 0
+    # MuJoCo's default, four samples a pixel, takes 3.6 times as long without a graphics card.
+    model.vis.quality.offsamples = 0
 
 
 def _renderer(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.Renderer:
