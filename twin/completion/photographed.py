@@ -58,6 +58,14 @@ class Face:
     color: F32
     seen: Mask
 
+    def touched(self, corners: Array) -> bool:
+        """Whether any triangle (n, 3, 3) m, by the box around it, lies on the face."""
+        axes = np.stack([self.across, self.up, self.normal])
+        sizes = np.array([np.linalg.norm(self.across), np.linalg.norm(self.up), 1.0])
+        local = (corners - self.corner) @ (axes / sizes[:, None]).T
+        far = np.array([sizes[0], sizes[1], 0.0]) + ON_FACE
+        return bool(geo.every((local.min(axis=1) < far) & (local.max(axis=1) > -ON_FACE)).any())
+
     @property
     def area(self) -> float:
         """m^2 that was seen."""
@@ -113,7 +121,9 @@ class Seen:
             there = self._nearest(points, face.normal)[0]
             return there & ~hidden(points) if there.any() else there
 
-        fine = face.where(near, more=True) if self._may_show(face) else np.zeros_like(face.seen)
+        if not face.touched(self._corners[self._faced & (self._normals @ face.normal > LOOKS)]):
+            return face
+        fine = face.where(near, more=True)
         if not fine.any():
             return face
         points = face.points()[fine]
@@ -125,15 +135,6 @@ class Seen:
         seen[rows[:, 0], rows[:, 1]] = True
         found = _settled(replace(face, color=color, seen=seen))
         return found if found.seen.sum() > FEW else face
-
-    def _may_show(self, face: Face) -> bool:
-        """Whether any triangle lies near enough to the face and looks its way."""
-        facing = self._faced & (self._normals @ face.normal > LOOKS)
-        axes = np.stack([face.across, face.up, face.normal])
-        sizes = np.array([np.linalg.norm(face.across), np.linalg.norm(face.up), 1.0])
-        local = (self._corners[facing] - face.corner) @ (axes / sizes[:, None]).T
-        far = np.array([sizes[0], sizes[1], 0.0]) + ON_FACE
-        return bool(geo.every((local.min(axis=1) < far) & (local.max(axis=1) > -ON_FACE)).any())
 
     def _nearest(self, points: Array, normal: Array) -> tuple[Mask, Array]:
         """Whether the surface nearest to points (n, 3) lies on a face of that normal, and its uv (n, 2)."""

@@ -39,7 +39,7 @@ _BLUR = 0.020
 class _Textured:
     """A piece with its six faces, in the order of `_faces`, the tile of its most seen one, None where none
     was seen enough, and its colour (3,), None where too little was. before: which faces stand before what was
-    seen of them, and not in another's."""
+    seen, and not in another's."""
 
     piece: Inferred
     faces: tuple[Face, ...]
@@ -106,7 +106,7 @@ def _textured_pieces(mesh: Mesh, layer: Completion | None, eyes: Array) -> list[
         own = [replace(f, seen=f.seen & ~m) for f, m in zip(faces, flush, strict=True)]
         most = max(own, key=lambda f: f.area)
         tile = tile_of(most) if most.area > _TELLS else None
-        before = tuple(bool(f.seen.any() and m.mean() < _MOSTLY) for f, m in zip(faces, flush, strict=True))
+        before = tuple(bool(m.mean() < _MOSTLY) for m in flush)
         out.append(_Textured(piece, tuple(faces), tile, _color_of(most), before))
     return out
 
