@@ -122,6 +122,7 @@ def _open_area(level: Array, scene: Array, height: float) -> float:
     over = scene[(scene[:, 2] > height + _ABOVE[0]) & (scene[:, 2] < height + _ABOVE[1])]
 
     def cells(points: Array) -> NDArray[np.int64]:
-        return np.asarray(np.floor(points[:, :2] / _CELL), np.int64) @ [1 << 32, 1]
+        column, row = np.floor(points[:, :2] / _CELL).astype(np.int64).T
+        return np.asarray((column << 32) + row)
 
     return len(np.setdiff1d(cells(level), cells(over))) * _CELL**2
