@@ -226,24 +226,23 @@ def point_line_distance(point: ArrayLike, origin: ArrayLike, axis: ArrayLike) ->
 
 def line_distance(origin_a: ArrayLike, axis_a: ArrayLike, origin_b: ArrayLike, axis_b: ArrayLike) -> float:
     """Shortest distance in metres between two infinite lines, parallel ones included."""
-    a, b = unit(axis_a), unit(axis_b)
-    d = as_float(origin_b) - as_float(origin_a)
+    a, b, d = unit(axis_a), unit(axis_b), as_float(origin_b) - as_float(origin_a)
     n = np.cross(a, b)
     s = float(np.linalg.norm(n))
-    if s < 1e-9:
-        return float(np.linalg.norm(d - a * (d @ a)))
-    return float(abs(d @ n) / s)
+    return float(np.linalg.norm(d - a * (d @ a)) if s < 1e-9 else abs(d @ n) / s)
 
 
 def orthogonal_basis(axis: ArrayLike) -> Array:
     """Right-handed rotation (3, 3) whose third column is the unit `axis`."""
     z = unit(axis)
-    x = unit(_cross(np.eye(3)[int(np.argmin(np.abs(z)))], z))
-    return np.stack([x, _cross(z, x), z], axis=1)
+    x = unit(cross(np.eye(3)[int(np.argmin(np.abs(z)))], z))
+    return np.stack([x, cross(z, x), z], axis=1)
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Cross product of two vectors (3,), a tenth of the time of NumPy's, which is made for many."""
+def cross(a: Array, b: Array) -> Array:
+    """Cross products of vectors (3,) or of a few rows (n, 3); NumPy's takes ten times as long for these."""
+    if a.ndim > 1:
+        return np.array([cross(x, y) for x, y in zip(a, b, strict=True)])
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 

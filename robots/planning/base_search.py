@@ -179,13 +179,12 @@ def _follow(
     cost = np.linalg.norm(off * weights, axis=1) - 0.02 * chain.limit_margin(tried).clip(0, 0.5)
     best = np.argmin(cost.reshape(len(starts), batch), axis=0) * batch + np.arange(batch)
     q[:, middle], error[:, middle] = tried[best], off[best]
-    for away in range(1, count):  # both ways at a time
-        ways = [(k, k - step) for step in (1, -1) if 0 <= (k := middle + step * away) < count]
-        if ways:
-            to, since = np.array(ways).T
-            start, goal = (x.reshape(-1, *x.shape[2:]) for x in (q[:, since], targets[:, to]))
-            there, left = chain.solve(start, goal, weights, _FOLLOW_STEPS)
-            q[:, to], error[:, to] = (x.reshape(batch, len(to), -1) for x in (there, left))
+    for away in range(1, middle + 1):  # both ways at a time
+        ways = [(k, k - step) for step in (1, -1) if (k := middle + step * away) < count]
+        to, since = np.array(ways).T
+        start, goal = (x.reshape(-1, *x.shape[2:]) for x in (q[:, since], targets[:, to]))
+        there, left = chain.solve(start, goal, weights, _FOLLOW_STEPS)
+        q[:, to], error[:, to] = (x.reshape(batch, len(to), -1) for x in (there, left))
     worst = np.linalg.norm(error[:, :, :3], axis=2).max(axis=1)
     near = np.flatnonzero((worst > _REACHED) & (worst < _NEARLY))
     if len(near):  # a mobile base converges slowly

@@ -117,3 +117,9 @@ def test_every_says_what_numpys_all_says_of_the_last_axis(shape: tuple[int, ...]
     mask = np.random.default_rng(0).random(shape) > 0.3
     for some in (mask, np.ones(shape, bool), mask[..., ::-1]):
         assert np.array_equal(geo.every(some), np.all(some, axis=-1))
+
+
+@pytest.mark.parametrize("shape", [(3,), (1, 3), (5, 3)])
+def test_cross_products_are_numpys(shape: tuple[int, ...]) -> None:
+    a, b = np.random.default_rng(1).normal(size=(2, *shape))
+    assert np.array_equal(geo.cross(a, b), np.cross(a, b))

@@ -164,11 +164,11 @@ class Dynamics:
             carrier, w, u = (poses[p], spin[p], speed[p]) if p >= 0 else (np.eye(4), np.zeros(3), np.zeros(3))
             axis[k] = carrier[:3, :3] @ self.axes[k]
             pivot[k] = carrier[:3, :3] @ self.pivots[k] + carrier[:3, 3]
-            axis_rate[k], pivot_rate[k] = _cross(w, axis[k]), u + _cross(w, pivot[k])
+            axis_rate[k], pivot_rate[k] = geo.cross(w, axis[k]), u + geo.cross(w, pivot[k])
             if self.turns[k]:
                 r = geo.exp_so3(self.axes[k] * q[k])
                 poses[k] = carrier @ geo.make_pose(r, self.pivots[k] - r @ self.pivots[k])
-                spin[k], speed[k] = w + axis[k] * v[k], u - _cross(axis[k] * v[k], pivot[k])
+                spin[k], speed[k] = w + axis[k] * v[k], u - geo.cross(axis[k] * v[k], pivot[k])
             else:
                 poses[k] = carrier @ geo.make_pose(translation=self.axes[k] * q[k])
                 spin[k], speed[k] = w, u + axis[k] * v[k]
@@ -176,18 +176,18 @@ class Dynamics:
         for i in range(n):
             rotation = poses[i, :3, :3]
             c = rotation @ self.com[i] + poses[i, :3, 3]
-            c_rate = speed[i] + _cross(spin[i], c)
+            c_rate = speed[i] + geo.cross(spin[i], c)
             turn = np.where((self.turns & self.chain[i])[:, None], axis, 0.0)  # (n, 3), rows of Jw^T
             turn_rate = np.where((self.turns & self.chain[i])[:, None], axis_rate, 0.0)
             slide = (~self.turns & self.chain[i])[:, None]
-            move = np.where(slide, axis, _cross(turn, c - pivot))
+            move = np.where(slide, axis, geo.cross(turn, c - pivot))
             move_rate = np.where(
-                slide, axis_rate, _cross(turn_rate, c - pivot) + _cross(turn, c_rate - pivot_rate)
+                slide, axis_rate, geo.cross(turn_rate, c - pivot) + geo.cross(turn, c_rate - pivot_rate)
             )
             tensor = rotation @ self.tensor[i] @ rotation.T
             inertia += self.mass[i] * move @ move.T + turn @ tensor @ turn.T
             bias += self.mass[i] * move @ (move_rate.T @ v - GRAVITY)
-            bias += turn @ (tensor @ (turn_rate.T @ v) + _cross(spin[i], tensor @ spin[i]))
+            bias += turn @ (tensor @ (turn_rate.T @ v) + geo.cross(spin[i], tensor @ spin[i]))
         return inertia, bias
 
 
@@ -196,11 +196,3 @@ def _parents_first(parents: list[int]) -> list[int]:
     while len(order) < len(parents):
         order += [k for k, p in enumerate(parents) if k not in order and (p < 0 or p in order)]
     return order
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross products of vectors (3,) or of a few rows (n, 3); many times faster than numpy's for these."""
-    if a.ndim > 1:
-        return np.array([_cross(x, y) for x, y in zip(a, b, strict=True)])
-    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
-    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
