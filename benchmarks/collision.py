@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from recon.evaluation.read_truth import load_truth
 from recon.evaluation.scores import camera_errors, match_parts
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.truth import Truth
 from twin.collision import (
     PART_BOARDS,
     PART_FACES,

@@ -26,7 +26,8 @@ from benchmarks import sealing
 from benchmarks.sealing import ROOT
 from benchmarks.unseen_counts import counts
 from benchmarks.unseen_page import write_row
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import sealed_set
 from twin.errors import FuntwinError, InputError

@@ -23,8 +23,8 @@ from benchmarks import sealing
 from benchmarks.sealing import ROOT
 from recon.config import ReconConfig
 from recon.evaluation.outcome import LOST_MM, UP_DEG
+from recon.evaluation.read_truth import load_truth
 from recon.evaluation.scores import camera_errors
-from recon.evaluation.truth import load_truth
 from recon.readers import open_recording
 from recon.recording.depth_cache import with_cached_depth
 from recon.simulate.random.scene import simulate_random

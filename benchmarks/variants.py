@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from recon.readers import files, open_recording
 from recon.recording import Recording
 from twin.errors import FuntwinError, InputError

@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -57,7 +58,8 @@ ONLY_PARSED = {
     "make test": ITSELF,
     "make wheel": ITSELF,
     "pip install -e .": ITSELF,
-    "pip install ./dist/funtwin-*.whl": ITSELF,
+    'pip install "$(ls dist/funtwin-*.whl)[record3d,ros]"': ITSELF,
+    'pip install "$(ls dist/funtwin-*.whl)[record3d]"': ITSELF,
     "python .ci/constants.py": "prints counts of the source",
     "twin demo": ITSELF,
     "python .ci/settings_page.py": "writes docs/settings.md; tests/test_settings_law.py compares",
@@ -150,7 +152,14 @@ def test_every_command_of_the_documents_is_understood(page: str, command: str) -
         file = words[1].replace(".", "/") + ".py" if words[0] == "-m" else words[0]
         assert (ROOT / file).is_file()
     elif program == "pip":
-        assert words[-1] in (ROOT / "Makefile").read_text(encoding="utf-8"), "what `make wheel` leaves"
+        if words == ["install", "-e", "."]:
+            return
+        named = re.fullmatch(r"\$\(ls (.+)\)\[(.+)\]", words[-1])
+        assert named is not None
+        wheel, extras = named.groups()
+        assert wheel in (ROOT / "Makefile").read_text(encoding="utf-8"), "what `make wheel` leaves"
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        assert set(extras.split(",")) <= set(project["optional-dependencies"])
     else:
         if words == ["--help"]:
             with pytest.raises(SystemExit, match="0"):

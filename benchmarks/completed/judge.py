@@ -24,9 +24,10 @@ from benchmarks.completed.surfaces import (
     seen_share,
     side_share,
 )
+from recon.evaluation.read_truth import load_truth
 from recon.evaluation.scores import camera_errors, match_parts
 from recon.evaluation.surface_scores import seen_points
-from recon.evaluation.truth import Truth, TruthPart, load_truth
+from recon.evaluation.truth import Truth, TruthPart
 from recon.readers import open_recording
 from twin.collision.fit import fit_of
 from twin.collision.solid import Solid

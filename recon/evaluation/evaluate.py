@@ -16,6 +16,7 @@ from recon.evaluation.goals import goal_of
 from recon.evaluation.known import measurable, unknown_measures
 from recon.evaluation.metrics import DistanceField
 from recon.evaluation.outcome import success
+from recon.evaluation.read_truth import load_truth
 from recon.evaluation.rows import Evaluation, Row
 from recon.evaluation.scores import (
     CameraErrors,
@@ -27,7 +28,7 @@ from recon.evaluation.scores import (
     match_parts,
 )
 from recon.evaluation.surface_scores import SAMPLES, SurfaceErrors, sampled, seen_points, surface_errors
-from recon.evaluation.truth import Truth, TruthPart, load_truth
+from recon.evaluation.truth import Truth, TruthPart
 from recon.readers import open_recording
 from recon.recording import Recording
 from twin import geometry as geo

@@ -135,7 +135,7 @@ def evaluate(console: Console, run: Path, truth: Path) -> Outcome:
 
 def evaluate_step(progress: Progress, run: Path, truth: Path) -> Step:
     started = time.perf_counter()
-    from recon.evaluation.truth import load_truth
+    from recon.evaluation.read_truth import load_truth
 
     twin, true = load(run), load_truth(truth)  # before what takes seconds to import
     told = {k: v for k, v in opened_with(run_folder(run)).items() if k in _WHICH_FRAMES}

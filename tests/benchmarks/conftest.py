@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from tests.makers.benchmarks.completed import (
     write_truth,
 )

@@ -131,7 +131,7 @@ def _import(parser: ArgumentParser) -> None:
         type=int,
         action="append",
         default=[],
-        help="group of MJCF geoms that is seen, 0 to 5; may be repeated [by the model's own groups]",
+        help="group of MJCF geoms that is seen, 0 to 5 [by the model's own groups]",
     )
 
 

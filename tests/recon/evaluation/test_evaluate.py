@@ -14,7 +14,8 @@ import pytest
 
 from benchmarks.variants import KINDS, write_frames, write_variant
 from recon.evaluation.evaluate import Evaluation, camera_errors, evaluate, joint_errors, label_scores
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from recon.readers import open_recording
 from tests.makers.recon.tiny import JOINTS, TRAVEL, merged, twin_of, write_recording
 from twin import geometry as geo

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from recon.evaluation.outcome import outcome
-from recon.evaluation.truth import load_truth
+from recon.evaluation.read_truth import load_truth
 from recon.simulate import simulate_random
 from recon.simulate.random.strata import Stratum
 from twin.cli.main import run

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.variants import HAND_SHARE, main, write_variant
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from recon.readers import open_recording
 from tests.makers.recon.tiny import cameras, write_poses, write_recording
 from twin.errors import InputError

@@ -7,8 +7,9 @@ import pytest
 
 from recon.dense.noise import GOOD_SENSOR
 from recon.evaluation.metrics import DistanceField
+from recon.evaluation.read_truth import load_truth
 from recon.evaluation.surface_scores import sampled
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.truth import Truth
 from recon.fusion.fuse import FusedScene, FusionConfig, fuse
 from recon.fusion.mesh_cleaning import reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from recon.dense.depth import depth_sigma
 from recon.dense.noise import GOOD_SENSOR
 from recon.dense.voxels import distinct, in_hull_of, largest_piece, near_piece, solid_core
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from recon.labels.crf import agree, geodesic, upsample_labels
 from recon.labels.evidence import Errors, Others, Pixels, compare, depth_range, median_depth
 from recon.labels.label_frames import LabelConfig, _score, _warn_of_ends, label_frames

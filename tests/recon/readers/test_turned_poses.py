@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.layouts.phones import write_r3d, write_record3d_exr
-from recon.evaluation.truth import load_truth
+from recon.evaluation.read_truth import load_truth
 from recon.readers import open_recording
 from recon.readers.turned import quarter_turn
 from recon.recording import Recording

@@ -11,7 +11,7 @@ import pytest
 
 from recon.evaluation.cut_truth import of_frames
 from recon.evaluation.evaluate import evaluate
-from recon.evaluation.truth import load_truth
+from recon.evaluation.read_truth import load_truth
 from recon.readers import open_recording
 from recon.recording import Recording
 from tests.makers.recon.in_memory import T, made

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recon.evaluation.truth import load_truth
+from recon.evaluation.read_truth import load_truth
 from recon.simulate import simulate_random
 from recon.simulate.hand import hand_shape, mirrored
 from recon.simulate.mjcf import articulations

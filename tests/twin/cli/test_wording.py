@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
-from recon.evaluation import evaluate, truth
+from recon.evaluation import evaluate, read_truth
 from recon.evaluation.rows import Row
 from recon.verbs.twins import evaluate_step
 from twin.cli import main as cli
@@ -39,7 +39,7 @@ def test_a_share_is_a_number_without_a_unit(tmp_path: Path, monkeypatch: pytest.
         Row("ATE", "scene", 2.0, 2.0, "mm", None),
     )
     found: Any = SimpleNamespace(rows=rows, ok=True, name="made", remarks=(), as_dict=dict)
-    monkeypatch.setattr(truth, "load_truth", lambda _: None)
+    monkeypatch.setattr(read_truth, "load_truth", lambda _: None)
     monkeypatch.setattr(evaluate, "evaluate", lambda *_: found)
     (table,) = evaluate_step(silent, tmp_path, tmp_path).outcome.tables
     assert [row[2] for row in table.rows] == ["1", "2 mm"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 import recon
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from tests.makers.recon.annotated import FRAMES, exact_twin
 from tests.makers.recon.tiny import write_recording
 from twin.scene import Twin

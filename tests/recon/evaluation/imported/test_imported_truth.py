@@ -16,7 +16,8 @@ from benchmarks.layouts import datasets as write
 from recon.evaluation.evaluate import evaluate, match_parts
 from recon.evaluation.imported.nested_yaml import nested_mapping
 from recon.evaluation.known import EVERYTHING, NEEDS, measurable
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from tests.makers.recon.annotated import (
     SCENE_ONLY,
     arti4d,

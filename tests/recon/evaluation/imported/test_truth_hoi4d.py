@@ -14,7 +14,8 @@ import pytest
 import recon
 from benchmarks.layouts import datasets as write
 from recon.evaluation.evaluate import evaluate
-from recon.evaluation.truth import Truth, load_truth
+from recon.evaluation.read_truth import load_truth
+from recon.evaluation.truth import Truth
 from tests.makers.recon.annotated import (
     FRAMES,
     annotated,
