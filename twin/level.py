@@ -1,7 +1,8 @@
 """A test of the twin's up against floors, worktops, walls, the travel of drawers and the lines of hinges.
 
-A witness is a direction. The normal of a large plane and the line of a hinge are plumb or level in furniture
-that stands; the travel of a slide is level. The up that most witnesses agree with is one of the normals, of
+A witness is a direction. The normal of a large plane and the line of a hinge are plumb or level in
+furniture that stands; the travel of a slide is level, of a file from elsewhere plumb or level: its author
+says which way a button or a burner goes. The up that most witnesses agree with is one of the normals, of
 the cross products of pairs, or the twin's own, refined by least squares over the witnesses that agree.
 Witnesses that only repeat the twin's up say nothing against it.
 """
@@ -142,11 +143,12 @@ def doubts_about_up(twin: Twin) -> tuple[str, ...]:
 def witnesses(twin: Twin) -> tuple[Witness, ...]:
     """The large planes of the static mesh, largest first, then every part's joint on it."""
     found = [Witness(_named(p), p.normal) for p in large_planes(twin.static.mesh)]
+    stated = twin.recorded is None
     for part in twin.parts:
         if part.parent is None:  # a carried part is as level as its carrier stands
             slides = part.joint.kind == "prismatic"
             name = f"the {'travel' if slides else 'hinge'} of {part.name}"
-            found.append(Witness(name, part.joint.axis, slides))
+            found.append(Witness(name, part.joint.axis, slides and not stated))
     return tuple(found)
 
 

@@ -152,8 +152,12 @@ def _overlaps(twin: Twin) -> Iterator[tuple[tuple[int, int], float, Part, float]
     import mujoco
 
     shapes = [list(shapes_of(o)) for o in twin.owners]
+    solid = {k for k, own in enumerate(shapes) if own}
     for part in twin.parts:
-        model = model_of(twin, shapes, carried(twin, part), _MEET)
+        moving = carried(twin, part)
+        if not (solid & moving and solid - moving):
+            continue
+        model = model_of(twin, shapes, moving, _MEET)
         data = mujoco.MjData(model)
         owner = [int(model.geom(g).name.split("_")[1]) for g in range(model.ngeom)]
         address = int(model.joint(f"joint_{part.id}").qposadr[0])

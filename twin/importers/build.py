@@ -64,7 +64,7 @@ def build(
     )
     for note in notes:
         warnings.warn(f"{source.path.name}: {note}", UserWarning, stacklevel=4)
-    pairs = filtered_pairs(source, [o.name for o in twin.owners], [g.bodies for g in groups])
+    pairs = filtered_pairs(source, twin, [g.bodies for g in groups])
     return replace(twin, parts=stated, filtered_pairs=pairs)
 
 

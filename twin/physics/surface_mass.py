@@ -2,12 +2,15 @@
 
 A reconstructed part is a surface, not a solid. Each triangle stands for a slab of material behind it (against
 its normal):
+
 - where the opposite side of the same board was seen too, at most `_MAX_BOARD` times the table's thickness
-behind, each
-  side stands for half of what lies between them, and never for more than half the table's thickness;
-- where only one side was seen, it stands for the table's whole thickness. What lies behind several faces, as
-at a board's rim, counts for the nearest one alone. So a board counts once, whichever of its sides were seen,
-and hollow furniture weighs panel area x thickness x density, never what its hull would hold.
+  behind, each side stands for half of what lies between them, and never for more than half the table's
+  thickness;
+- where only one side was seen, it stands for the table's whole thickness.
+
+What lies behind several faces, as at a board's rim, counts for the nearest one alone. So a board counts once,
+whichever of its sides were seen, and hollow furniture weighs panel area x thickness x density, never what its
+hull would hold.
 
 FunREC, supplement 4: geometry and a table in place of a model.
 """

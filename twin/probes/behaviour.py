@@ -16,7 +16,7 @@ touch; in `_demonstration` the hand's mass goes with the part.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from importlib import import_module
@@ -48,7 +48,7 @@ def read(path: Path, fmt: str, job: Mapping[str, Any]) -> dict[str, Any]:
     if fmt == "usd":
         import_module("mujoco._usd")  # registers the schemas: before any other use of pxr in this process
     spec = mujoco.MjSpec.from_file(str(path))
-    whole, touching = spec.compile(), _touching(Path(job["scene"]))
+    whole, touching = spec.compile(), _touching(Path(job["scene"]), job["filtered"])
     ways = (spec, whole), (touching, touching.compile())
     return {part["name"]: _measured(part, *ways) for part in job["parts"]}
 
@@ -77,11 +77,15 @@ def _measured(part: Mapping[str, Any], file: _File, touching: _File) -> dict[str
     }
 
 
-def _touching(path: Path) -> Any:
-    """The specification with every pair of bodies allowed to touch, also those the file keeps apart."""
+def _touching(path: Path, filtered: Sequence[Sequence[str]]) -> Any:
+    """The specification with every pair of bodies allowed to touch, also a part and what it is mounted on,
+    but for the twin's filtered pairs (names of bodies, of which one may stand still)."""
     spec = mujoco.MjSpec.from_file(str(path))
+    apart = {frozenset(pair) for pair in filtered}
     for pair in list(spec.excludes):
-        spec.delete(pair)
+        names = (name.rpartition("/")[2] for name in (pair.bodyname1, pair.bodyname2))  # of USD a prim's path
+        if frozenset(names) not in apart:
+            spec.delete(pair)
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
     return spec
 

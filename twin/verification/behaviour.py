@@ -2,30 +2,27 @@
 
 What is asked of every part, one part at a time while the others stay where the recording had them:
 
-- rest: closed, it stays within 1 mm for 10 s. `rest_half_open`: so it does half open, where its joint neither
-lifts nor lowers
-  it (a hinge within 2 degrees of upright, a slide within 2 degrees of level).
+- rest: closed, it stays within 1 mm for 10 s. `rest_half_open`: so it does half open, where its joint
+  neither lifts nor lowers it (a hinge within 2 degrees of upright, a slide within 2 degrees of level).
 - rest_at_...: so it does at every state in which it rested in the recording, no hand in view, the others
-where they were then.
-- open, close: a steady 10 N or 2 N m, of a heavy part a tenth of its weight on its lever, of one that rested
-against its weight half
-  more than what holds it there, takes it from one limit to the other within a minute, up to 1 % of its range.
-  Weights are left out, so that friction and obstacles are asked for and not the weight of a lid.
-- sweep: over its range it meets nothing deeper than 1 mm, neither what the file says it must not touch nor
-the floor of MJCF's
-  scene.xml.
+  where they were then.
+- open, close: a steady 10 N or 2 N m, of a heavy part a tenth of its weight on its lever, of one that
+  rested against its weight half more than what holds it there, takes it from one limit to the other within
+  a minute, up to 1 % of its range. Weights are left out, so that friction and obstacles are asked for and
+  not the weight of a lid.
+- sweep: over its range it meets nothing deeper than 1 mm: neither what it is mounted on, which the files
+  let it pass, nor the floor of MJCF's scene.xml. What the twin's filtered pairs let it pass is left aside.
 - energy: pushed half open and let go, it never has more energy than at the start, up to 1 % of what is at
-play.
+  play.
 - catch_holds, catch_lets_go: where the twin states a catch, a pull of 0.95 of it leaves the closed part
-within 1 mm for 10 s, and 1.05 of it and the
-  friction take it past the catch's width. Only MJCF simulates catches; other formats are tried without.
+  within 1 mm for 10 s, and 1.05 of it and the friction take it past the catch's width. Only MJCF simulates
+  catches; other formats are tried without.
 - demonstration: a servo no stronger than a hand takes it along the recorded states, and it passes the
-recorded poses within
-  the error that the reconstruction states of itself.
+  recorded poses within the error that the reconstruction states of itself.
 
 The files are simulated with the time step and the integrator they ask for, which is what whoever loads them
-gets: MJCF those of twin/physics/simulation.py; URDF and USD ask for none, so it is MuJoCo's default, 2 ms and
-semi-implicit Euler.
+gets: MJCF those of twin/physics/simulation.py; URDF and USD ask for none, so it is MuJoCo's default, 2 ms
+and semi-implicit Euler.
 """
 
 from __future__ import annotations
@@ -108,7 +105,9 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
         for f, t in shown.items()
     }
     jobs = [
-        _job(f, Path(p).resolve(), [_asked(shown[f], q, left_at[f][q.name]) for q in shown[f].parts])
+        _job(
+            f, Path(p).resolve(), shown[f], [_asked(shown[f], q, left_at[f][q.name]) for q in shown[f].parts]
+        )
         for f, p in files.items()
     ]
     answers = ask(BEHAVIOUR, jobs)
@@ -123,11 +122,12 @@ def behave(twin: Twin, files: Mapping[str, Path]) -> BehaviourReport:
     return BehaviourReport(tuple(rows), tuple(warnings))
 
 
-def _job(fmt: str, path: Path, asked: list[dict[str, Any]]) -> dict[str, Any]:
+def _job(fmt: str, path: Path, twin: Twin, asked: list[dict[str, Any]]) -> dict[str, Any]:
     """What the probe is asked of a file; MJCF's scene has a floor as well, which an opening part may meet."""
     scene = path.with_name(scene_file(path.stem))
     with_floor = scene if fmt == "mjcf" and scene.is_file() else path
-    return {"path": str(path), "format": fmt, "parts": asked, "scene": str(with_floor)}
+    apart = [list(pair) for pair in twin.filtered_pairs]
+    return {"path": str(path), "format": fmt, "parts": asked, "scene": str(with_floor), "filtered": apart}
 
 
 def _asked(twin: Twin, part: Part, where: Rested) -> dict[str, Any]:
@@ -221,7 +221,8 @@ def _judge(fmt: str, twin: Twin, part: Part, where: Rested, got: Mapping[str, An
             "" if end is None else f"{word} by {_pull(twin, part):.3g} {closed.unit}, {end['seconds']:.1f} s"
         )
         add(quantity, None if end is None else end["left"], SHORT, told, against)
-    add("sweep_m", got["sweep"], DEPTH, "deepest contact over the range")
+    aside = ("filtered pairs aside",) if twin.filtered_pairs else ()
+    add("sweep_m", got["sweep"], DEPTH, "deepest contact over the range", *aside)
     for row in catch_rows(filled(twin)[twin.parts.index(part)][1], got["catch"], lever, closed.unit):
         add(*row, how)
     energy = got["energy"]
