@@ -120,6 +120,14 @@ def format_of(path: Path) -> str:
     tag = root.tag
     if any(e.tag.startswith("xacro:") for e in root.iter()):
         raise InputError(f"{path} is a xacro template", "expand it first: xacro model.xacro > model.urdf")
+    if tag == "mujocoinclude":
+        raise InputError(
+            f"{path} is a piece of an MJCF model (mujocoinclude)",
+            "give the file that includes it, or write one: <mujoco><include file='ASSETS.xml'/><worldbody>"
+            f"<include file='{path.name}'/></worldbody></mujoco>",
+        )
+    if tag == "sdf":
+        raise InputError(f"{path} is SDF, which is not read", "convert it to URDF or MJCF")
     if tag not in ("robot", "mujoco"):
         raise InputError(f"{path} is neither URDF nor MJCF: its root is <{tag}>", "give a URDF or MJCF file")
     return "urdf" if tag == "robot" else "mjcf"

@@ -42,6 +42,8 @@ def _quiet() -> Iterator[None]:
         ('<robot name="r"><xacro:macro name="m"/></robot>', ["xacro"]),
         ('<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/hostname">]><robot name="&e;"/>', ["document type"]),
         ("<html/>", ["<html>"]),
+        ('<sdf version="1.9"/>', ["SDF", "convert it"]),
+        ('<mujocoinclude><body name="b"/></mujocoinclude>', ["a piece of an MJCF model", "that includes it", "'scene.xml'"]),
         (mjcf('<body name="b"><joint type="ball"/><geom size=".1"/></body>'), ["body 'b'", "ball"]),
         (mjcf('<body name="b"><joint name="x" type="slide" range="0 1"/><joint name="y" type="slide" range="0 1"/><geom size=".1"/></body>'), ["'b'", "'x', 'y'"]),
         (mjcf('<body name="b"><joint name="k"/><geom size=".1"/></body>'), ["joint 'k'", "no limits"]),
