@@ -145,12 +145,12 @@ def face_cells(corners: NDArray[np.generic], color: Callable[[Array], U8], most:
     weights = np.clip(np.stack([1 - u - v, u, v], axis=-1), 0.0, 1.0)
     weights /= weights.sum(axis=-1, keepdims=True)
     padded = np.concatenate([corners, np.repeat(corners[-1:], 2 * grid * grid - n, axis=0)])
-    pairs = padded.reshape(grid, grid, 2, 3, -1).astype(np.float64)
-    cells = np.where(
-        first[None, None, :, :, None],
-        np.einsum("ijk,abkc->abijc", weights, pairs[:, :, 0]),
-        np.einsum("ijk,abkc->abijc", weights, pairs[:, :, 1]),
-    )
+    pairs = padded.reshape(grid, grid, 2, 3, 1, -1).astype(np.float64)
+    cells = np.empty((grid, grid, s, s, pairs.shape[-1]))
+    for half, texels in enumerate((first, ~first)):
+        a, b, c = weights[texels].T[:, :, None]
+        corner = pairs[:, :, half]
+        cells[:, :, texels] = a * corner[:, :, 0] + b * corner[:, :, 1] + c * corner[:, :, 2]
     image = color(cells.transpose(0, 2, 1, 3, 4).reshape(grid * s, grid * s, -1))
     place = np.array([[[0, 0], [s - 2, 0], [0, s - 2]], [[s - 1, s - 1], [1, s - 1], [s - 1, 1]]]) + 0.5
     k = np.arange(n)

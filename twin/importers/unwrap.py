@@ -81,7 +81,11 @@ def sides_of(directions: Array) -> NDArray[np.int64]:
 def on_sides(directions: Array, sides: NDArray[np.int64]) -> Array:
     """Where directions (..., 3) meet the planes of sides (...) of a cube map: across and down (..., 2), -1 to
     1 on the side itself and beyond it outside; infinite where they go away from it."""
-    across, down, out = np.moveaxis((CUBE[sides] @ directions[..., None])[..., 0], -1, 0)
+    turned = np.empty(directions.shape)
+    for side, T in enumerate(CUBE):
+        own = np.broadcast_to(sides == side, directions.shape[:-1])
+        turned[own] = directions[own] @ T.T
+    across, down, out = np.moveaxis(turned, -1, 0)
     away = out <= 1e-9 * np.abs(directions).max(axis=-1)
     place = np.stack([across, down], axis=-1) / np.where(away, 1.0, out)[..., None]
     return np.where(away[..., None], np.inf, place)
@@ -90,7 +94,12 @@ def on_sides(directions: Array, sides: NDArray[np.int64]) -> Array:
 def cube_colors(strip: NDArray[np.uint8], directions: Array) -> NDArray[np.uint8]:
     """Colours (..., 3) of a cube map in directions (..., 3); strip (6 n, n, 3), or (n, n, 3) for all."""
     texels = strip.shape[1]
-    sides = sides_of(directions)
-    column, row = np.moveaxis(((on_sides(directions, sides) + 1) / 2 * texels).astype(np.int64), -1, 0)
-    first = sides * texels if len(strip) > texels else 0
-    return strip[first + np.clip(row, 0, texels - 1), np.clip(column, 0, texels - 1)]
+    flat = directions.reshape(-1, 3)
+    sides, colors = sides_of(flat), np.empty(flat.shape, np.uint8)
+    for side, T in enumerate(CUBE):
+        own = np.flatnonzero(sides == side)
+        across, down, out = T @ flat[own].T
+        half = texels / (2 * np.where(out > 0, out, 1.0))
+        column, row = ((x * half + texels / 2).astype(np.int64).clip(0, texels - 1) for x in (across, down))
+        colors[own] = strip[row + (side * texels if len(strip) > texels else 0), column]
+    return colors.reshape(directions.shape)
