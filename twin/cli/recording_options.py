@@ -20,7 +20,12 @@ def add_options(parser: ArgumentParser) -> None:
     )
     add("--color-topic", metavar="TOPIC", help="colour topic of a ROS bag [the only one]")
     add("--depth-topic", metavar="TOPIC", help="depth topic of a ROS bag [the only one]")
-    add("--depth-delay", type=_delay, metavar="N|MSms", help="depth lags so many frames, or such as 66ms [0]")
+    add(
+        "--depth-delay",
+        type=_delay,
+        metavar="N|MSms",
+        help="frames by which depth lags, or a time such as 66ms [0]",
+    )
     add("--start", type=_seconds, metavar="S", help="leave out what is before, s from the first frame")
     add("--end", type=_seconds, metavar="S", help="leave out what is after, s from the first frame")
 

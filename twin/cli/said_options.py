@@ -13,9 +13,12 @@ def add_options(parser: ArgumentParser) -> None:
     add = partial(parser.add_argument, action="append", default=[])
     add("--at", type=_pixel, metavar="X,Y@FRAME", help="a pixel that shows a moving part")
     add("--interval", dest="intervals", type=_frames, metavar="A:B", help="frames in which a part moves")
-    add("--type", dest="types", choices=("hinge", "slide"), help="of its joint, or of all parts' joints")
+    add("--type", dest="types", choices=("hinge", "slide"), help="type of its joint, or of all parts' joints")
     parser.add_argument(
-        "--up", type=_up, metavar="AXIS|X,Y,Z", help="in the first camera's axes: -y for one held level"
+        "--up",
+        type=_up,
+        metavar="AXIS|X,Y,Z",
+        help="which way is up, in the first camera's axes: -y for one held level",
     )
 
 
