@@ -23,13 +23,18 @@ from twin.runs.loop import Loop, untold
 from twin.runs.threads import each
 
 _WIDTH = 160  # px to which depth is thinned out
-_REACH, _FLAT = 2, 0.01  # px around a pixel in which it is a plane, and what that may leave of the depth
-# pixel of a frame, and its tracks, that are laid onto others: enough for half a millimetre
-_EVERY, _MOST_TRACKS = 5, 250
+_REACH = 2  # px around a pixel in which it is a plane
+_FLAT = 0.01  # share of the depth that the plane may leave
+# every so many pixels of a frame are laid onto others: enough for half a millimetre
+_EVERY = 5
+# tracks of a frame that are laid onto others, at most
+_MOST_TRACKS = 250
 _FARTHEST = 6.0  # m; noise beyond
 _GAPS = (1, 3, 6, 10, 15, 21, 28, 36)  # frames back: most of them farther than a part is slow
 _AHEAD = (1, 3, 6)  # the frame is looked for where the motion since so many frames leads
-_GATES, _ROUNDS, _LEAST = (6.0, 3.0, 2.0), (3, 2, 3), 5e-4  # sigmas; steps at each; m and rad, the last step
+_GATES = (6.0, 3.0, 2.0)  # sigmas
+_ROUNDS = (3, 2, 3)  # steps at each gate
+_LEAST = 5e-4  # m and rad, the last step
 _SAME = 2e-3  # m and rad: two searches that have come so near end in one place
 # Errors of depth are alike over patches and frames: they count as so many times fewer looks.
 _ALIKE = 100.0

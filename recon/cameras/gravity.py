@@ -20,10 +20,12 @@ from twin.runs.keys import Stage
 from twin.scene import Trajectory
 
 GRAVITY = Stage("gravity", 2, ())
-# Planes so near to what the user says of up refine it: a direction is meant as it is said, give or take what
-# a person sees; of the camera's axes the nearest one is at most 54.7 degrees off, and 45 where the head is
+# Planes so near to a direction that the user calls up refine it: it is meant as it is said, give or take what
+# a person sees. Chosen by us.
+_NEAR_DIRECTION = float(np.radians(10.0))
+# The same for an axis of the camera: the nearest axis is at most 54.7 degrees off, and 45 where the head is
 # level. Chosen by us.
-_NEAR_DIRECTION, _NEAR_AXIS = float(np.radians(10.0)), float(np.radians(45.0))
+_NEAR_AXIS = float(np.radians(45.0))
 _FEWEST_NORMALS = 100  # less depth shows no plane
 # The Manhattan fit to surface normals (Straub 2014 in spirit); all chosen by us.
 # Frames whose normals are used, evenly spread

@@ -33,8 +33,12 @@ from twin.scene import Trajectory
 CAMERAS = Stage("cameras", 3, ("cameras",))
 _BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
 _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
-# Frames after which two paths are compared, and their least difference (m, rad): ten times their errors.
-_SINCE, _DIVERGED_M, _DIVERGED_RAD = (1, 10, 40), 0.01, float(np.radians(0.5))
+# Frames after which two paths are compared.
+_SINCE = (1, 10, 40)
+# m, least difference of two paths: ten times their errors.
+_DIVERGED_M = 0.01
+# rad, the same of their turns.
+_DIVERGED_RAD = float(np.radians(0.5))
 # of the frames that all tracks pose are posed without those of a part, or they are kept; chosen by us
 _AS_MANY = 0.9
 # by what the other path agrees more with frames before; chosen by us: noise is 3 %, a lost camera 20

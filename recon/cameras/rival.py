@@ -20,8 +20,10 @@ from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.geometry import Array
 
-_GAPS, _EVERY = (6, 12), 3  # frames between which motions are compared, and from how many on
-_STAY, _LEAVE = 2.0, 4.0  # standard deviations of a pair of points: less keeps its place, more has left it
+_GAPS = (6, 12)  # frames between which motions are compared
+_EVERY = 3  # frames from one compared motion to the next
+_STAY = 2.0  # standard deviations of a pair of points: less keeps its place
+_LEAVE = 4.0  # standard deviations of a pair of points: more has left its place
 _TRIES = 200  # rigid motions; chosen by us
 _FEWEST = 20  # tracks of either motion that tell an outline
 _PAIRS = 3  # pairs of frames, at least, that show both motions

@@ -17,7 +17,9 @@ F32 = NDArray[np.float32]
 
 # Axial noise of structured-light sensors, Nguyen, Izadi and Lovell 2012 (there 1.2 mm + 1.9 mm (z - 0.4)^2
 # for a Kinect at small angles); widened by us to cover grazing angles and time-of-flight sensors.
-DEPTH_SIGMA_M, DEPTH_SIGMA_SLOPE, NEAR_M = 0.002, 0.003, 0.4
+DEPTH_SIGMA_M = 0.002
+DEPTH_SIGMA_SLOPE = 0.003
+NEAR_M = 0.4
 # m, chosen by us: what drift of the cameras leaves between what two frames saw of one surface
 _MARGIN = 0.03
 MAX_STEP = 0.02  # chosen by us: neighbours further apart than 2 % of their depth lie on two surfaces

@@ -22,13 +22,17 @@ NOISE = Stage("noise", 3, ())
 
 # Chosen by us and the same for every recording.
 _WIDTH = 160  # points looked at in each row of pixels
-_PAIRS, _OTHERS = 14, 24  # frames compared, each with that of so many others that sees it most differently
+_PAIRS = 14  # frames compared
+_OTHERS = 24  # frames of which each is compared with the one that sees it most differently
 _SHARED = 0.5  # of the points that both must have in view
-_BINS, _FEWEST = 8, 150  # of depth, and points of a pair in each
-# across and down a picture, each about as large as a part is seen; and points of a pair in each
-_TILES, _IN_TILE = (4, 3), 100
+_BINS = 8  # of depth
+_FEWEST = 150  # points of a pair in a bin
+# tiles across and down a picture, each about as large as a part is seen
+_TILES = (4, 3)
+_IN_TILE = 100  # points of a pair in a tile
 # a step of 6 % of the depth within 3 px to each side is an edge: an error of its own
-_SLOPE_PX, _EDGE = 3, 0.06
+_SLOPE_PX = 3
+_EDGE = 0.06
 _WORST = 0.08  # of the depth: what differs by more has moved
 _Differences = tuple[Array, Array, NDArray[np.int64]]
 _TRIM = 3.0  # standard deviations beyond which a difference is no noise, but something that moved

@@ -24,8 +24,10 @@ _BLUR = 1.5  # px of it
 _CONTRAST = 4.0
 # Blocks down and across; of their changes the median counts
 _BLOCKS = (3, 4)
-# Least relative change of depth of a changed pixel, and least share of pixels with depth in both frames
-_FARTHER, _KNOWN = 0.2, 0.1
+# Least relative change of depth of a changed pixel
+_FARTHER = 0.2
+# Least share of pixels with depth in both frames
+_KNOWN = 0.1
 # Of the contrast, and relative to depth: what noise and a steady camera change
 _NOISE = 0.003
 # Frames on either side to compare with: two, as videos of doubled frames change in every second
@@ -34,7 +36,8 @@ _NEIGHBOURS = 2
 # of them random: 2.9 and 1.2 at most, but for colour where an arm appears at once (4.9) and on two screens
 # (19, 72). Beyond both are 62 of 63 joins of two recordings, and 45, 55 and 56 of 64 with 20, 40 frames or
 # all but the ends cut out; in the others the camera hardly moves over the cut
-_MORE_COLOUR, _MORE_DEPTH = 8.0, 2.0
+_MORE_COLOUR = 8.0
+_MORE_DEPTH = 2.0
 
 
 @dataclass(frozen=True, eq=False)

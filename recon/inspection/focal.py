@@ -25,7 +25,8 @@ from twin.robust import chi2_scale, geman_mcclure
 # between the two frames of a pair: long enough to turn, short enough to share tracks
 _GAPS_S = 0.4, 0.8, 1.6
 _PAIRS = 20  # of each gap and stretch
-_LEAST, _MOST = 60, 300  # tracks that a pair shares, and that are used
+_LEAST = 60  # tracks that a pair shares
+_MOST = 300  # tracks of a pair that are used
 _TRIES = 60  # rigid motions; chosen by us
 _ROUNDS = 3
 _BLOCKS = 6  # of the jackknife

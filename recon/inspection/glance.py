@@ -27,8 +27,10 @@ WIDTH = 480
 # Poses tried for a frame: a glance needs no more. Chosen by us.
 _TRIES = 100
 _FPS = 15.0  # 1/s; what documents ask for. Denser recordings are thinned to it
-# frames: up to 12 s all are looked at, of a longer recording beginning, middle and end, 4 s each
-_ALL, _SPAN = 180, 60
+# frames: up to 12 s all are looked at
+_ALL = 180
+# frames: of a longer recording beginning, middle and end, 4 s each
+_SPAN = 60
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,10 @@ MOST = 5
 _REACH = 10
 # Relative step of depth between frames where an edge has passed: above noise and slanted surfaces
 _JUMP = 0.05
-# px, of the window that a change of colour is compared with, and by how much it counts at most
-_AROUND, _CLIP = 21, 4.0
+# px, of the window that a change of colour is compared with
+_AROUND = 21
+# times the window's change by which a change of colour counts at most
+_CLIP = 4.0
 _BLOCKS = 6  # of the jackknife over times
 # Standard deviations by which the sum at the lag exceeds that at every lag two frames from it and farther. In
 # 35 recordings 5 and more, 2 at most where one of the two was shuffled or turned around

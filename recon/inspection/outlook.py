@@ -20,8 +20,10 @@ from twin.geometry import Array
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-# px, width of the pictures that corners are followed in, and of the depth that is compared
-_WIDTH, _DEPTH_WIDTH = 320, 160
+# px, width of the pictures that corners are followed in
+_WIDTH = 320
+# px, width of the depth that is compared
+_DEPTH_WIDTH = 160
 # Frames that are looked at: two minutes, `REST_SECONDS` apart; of a longer recording they are farther apart
 _MOST = 360
 # Share of the picture that something other than the camera changes between two, as for rest at ends
@@ -30,20 +32,30 @@ _MOVES = 0.003
 _REST = 2.0
 # Steps in a row in which something moves: one alone may be noise
 _LEAST = 2
-_CORNERS, _APART = 300, 6  # corners followed, and px between them
-_TRIES, _GATE = 60, 4.0  # as for the focal length
+_CORNERS = 300  # corners followed
+_APART = 6  # px between corners
+_TRIES = 60  # as for the focal length
+_GATE = 4.0  # as for the focal length
 
 
 # What a reconstruction takes, by runs of the kitchens and the shipped recording, alone and four times
 _VGA = 640 * 480
-# s before and after all frames, and s a frame of VGA, least and most, on the two cores of two machines
-_START_S, _FRAME_S = 5.0, (0.3, 0.7)
+# s before and after all frames, on the two cores of two machines
+_START_S = 5.0
+# s a frame of VGA, least and most, on the same
+_FRAME_S = (0.3, 0.7)
 # Frames after which twice as much is taken for a frame at most: what looks at all tracks in all frames
 _TWICE = 1000
-# MB without frames, and of textures at VGA
-_BASE_MB, _TEXTURE_MB = 800.0, 700.0
-# Tracks that a frame of VGA begins, bytes of a track in a frame, and copies of that held at once
-_TRACKS, _BYTES, _COPIES = 60, 41, 4
+# MB without frames
+_BASE_MB = 800.0
+# MB of textures at VGA
+_TEXTURE_MB = 700.0
+# Tracks that a frame of VGA begins
+_TRACKS = 60
+# Bytes of a track in a frame
+_BYTES = 41
+# Copies of the tracks held at once
+_COPIES = 4
 # MB beyond which a piece is advised: what many a computer has to spare
 _MUCH_MB = 6000
 

@@ -14,13 +14,17 @@ from twin.geometry import Array
 
 F32 = NDArray[np.float32]
 
-# grey levels of 255: from where on JPEG's noise can't be told from clipping; below, from black
-BRIGHT, DARK = 252, 12
+# grey levels of 255 from where on JPEG's noise can't be told from clipping
+BRIGHT = 252
+# grey levels below which it can't be told from black
+DARK = 12
 _BLUR_WIDTH = 640  # px: blur is measured, and told, in pixels of a picture this wide
 _REBLUR = 1.5  # px, standard deviation of the known blur that edges are compared under
 _EDGE = 3.0  # grey levels per pixel of the weakest edge: over the noise of JPEG
-# pixels on edges in each direction: a quartile of fewer is uncertain; the strongest
-_MIN_EDGES, _MAX_EDGES = 100, 400
+# pixels on edges in each direction: a quartile of fewer is uncertain
+_MIN_EDGES = 100
+# pixels on edges in each direction that are used: the strongest
+_MAX_EDGES = 400
 DIRECTIONS = ("horizontal", "falling", "vertical", "rising")  # of a motion that blurs, as seen in the picture
 
 

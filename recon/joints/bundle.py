@@ -27,9 +27,10 @@ from twin.geometry import Array
 from twin.joint import moved_axis
 from twin.robust import cauchy_loss
 
-# Change of chi-square that ends a refinement: far below noise, for the sake of exact input; and where another
-# one follows, a twentieth of a sigma along the last direction that still changes
-_NEGLIGIBLE, ROUGHLY = 1e-8, 2e-3
+# Change of chi-square that ends a refinement: far below noise, for the sake of exact input
+_NEGLIGIBLE = 1e-8
+# The same where another one follows: a twentieth of a sigma along the last direction that still changes
+ROUGHLY = 2e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,15 @@ from twin.geometry import Array
 from twin.runs.threads import each
 from twin.scene import Trajectory
 
-# Chosen by us, m: a front is what a slide shows foremost, so thick, and at least so wide and high; half of
-# that is there; it has no more than a cabinet's depth behind it.
+# All m, chosen by us.
 _REACH_M = 0.1
-_FRONT, _LEAST, _CELL, _DEEP = 0.04, 0.06, 0.02, 0.6
+# Thickness of a front: what a slide shows foremost
+_FRONT = 0.04
+# Least width and height of a front, of which half is there
+_LEAST = 0.06
+_CELL = 0.02
+# A cabinet's depth: a front has no more behind it
+_DEEP = 0.6
 
 
 def enclosed_by_parts(

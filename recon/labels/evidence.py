@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32, pixel_sigma
 
 ENOUGH = 2.0  # supporting references; more make nothing surer
-# Cosines between normal and ray: below the first seen edge-on, above the second well; by us.
-_EDGE_ON, _FACING = np.float32(0.15), np.float32(0.35)
+# Cosine between normal and ray below which a surface is seen edge-on. Chosen by us.
+_EDGE_ON = np.float32(0.15)
+# Cosine above which a surface is seen well. Chosen by us.
+_FACING = np.float32(0.35)
 
 
 class Pixels(NamedTuple):

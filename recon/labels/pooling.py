@@ -26,7 +26,12 @@ from twin.scene import Revolute, Trajectory
 from twin.voxels import voxel_centres, voxel_keys
 
 # Chosen by us and the same for every recording.
-_VOXEL_GAIN, _VOXEL_PRIOR, _CLIP = 1.5, 2.0, 2.0
+# Weight of a voxel's mean score in each of its pixels
+_VOXEL_GAIN = 1.5
+# Pixels of score 0 that a voxel's mean starts from
+_VOXEL_PRIOR = 2.0
+# Largest score that a pixel gives
+_CLIP = 2.0
 _NEAR_M = 0.1  # what lies so near to a part's piece may be of it, seen in spots
 _Evidence = tuple[F32, NDArray[np.int64], F32]
 SURE = 1.0  # lead of a log score that counts as certain

@@ -21,7 +21,8 @@ from twin.runs.threads import each
 from twin.scene import Trajectory
 
 # Log scores and px of the working grid, chosen by us.
-_SURFACE_GAIN, _FOLLOW_GAIN = 3.0, 3.0
+_SURFACE_GAIN = 3.0
+_FOLLOW_GAIN = 3.0
 _REACH_PX = 60.0
 # the rim that cameras see no depth in beside a hand, which is nearer than what it hides
 _HAND_FARTHER_PX = 8.0

@@ -32,8 +32,10 @@ from twin.scene import Trajectory
 
 # m. Surface farther than that from a part's tracks is doubted (`recon.verdict.of_parts`): so are seeds.
 REACH_M = 0.3
-# Of the tracks in reach the nearest; a rigid motion needs 3, and one to agree. Chosen by us.
-_SEEDS, _FEWEST = 24, 4
+# Of the tracks in reach so many, the nearest. Chosen by us.
+_SEEDS = 24
+# Tracks of a rigid motion: it needs 3, and one to agree. Chosen by us.
+_FEWEST = 4
 _SIGMAS = 3.0  # of depth: nine of ten distances between two points lie within 2.3 (1.64 times the root of 2)
 # Support of tracks that join the seeds, by rounds: those that follow well settle the joint before the others
 # are asked. A wrong joint has a quarter or less (`AS_WELL` of `recon.joints.group_fits`). Chosen by us.

@@ -12,9 +12,11 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Revolute
 
-# m. Points so far from the joint are compared, the reach of a cupboard's door, and may differ so much, root
-# mean square over the frames: what refined joints of one board differ by is below a fifth of it. Chosen by us
-_REACH, _ALIKE = 0.3, 0.01
+# m from the joint of the points that are compared: the reach of a cupboard's door. Chosen by us.
+_REACH = 0.3
+# m, root mean square over the frames, by which they may differ: refined joints of one board differ by less
+# than a fifth of it. Chosen by us.
+_ALIKE = 0.01
 
 
 def distinct(parts: Sequence[MovingPart]) -> tuple[MovingPart, ...]:

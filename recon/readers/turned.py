@@ -16,13 +16,21 @@ from recon.recording import Frame, Intrinsics
 from twin.errors import InputError
 from twin.geometry import Array, exp_so3, invert_pose, make_pose, rotation_angle, transform
 
-# s between the two pictures of a pair, and how many pairs are looked at
-_GAP, _PAIRS = 0.3, 6
-# rad by which the view of something a metre away moves in a pair, chosen by us: less moves the picture hardly
-# farther than noise does, after more the two share too little
-_LEAST, _MOST = np.radians(1.5), np.radians(15.0)
-# corners, px between them, px by which one followed there and back ends beside its start
-_CORNERS, _APART, _BACK = 300, 6, 0.7
+# s between the two pictures of a pair
+_GAP = 0.3
+# Pairs that are looked at
+_PAIRS = 6
+# rad by which the view of something a metre away moves in a pair, at least: less moves the picture hardly
+# farther than noise does. Chosen by us
+_LEAST = np.radians(1.5)
+# rad, at most: after more the two share too little. Chosen by us
+_MOST = np.radians(15.0)
+# Corners
+_CORNERS = 300
+# px between corners
+_APART = 6
+# px by which a corner followed there and back ends beside its start
+_BACK = 0.7
 _FEWEST = 30  # corners in all
 # Of the error of the second best turn, chosen by us: the right one leaves noise, the others all of the motion
 _CLEAR = 0.5

@@ -15,8 +15,10 @@ from twin.errors import FuntwinError, InputError
 from twin.geometry import Array
 from twin.scene import Trajectory
 
-# Chosen by us: rooms are smaller than the one, and no depth camera measures nearer than the other.
-FARTHEST, NEAREST = 50.0, 0.03  # m, medians over all known pixels
+# m, median over all known pixels: rooms are smaller. Chosen by us.
+FARTHEST = 50.0
+# m, median over all known pixels: no depth camera measures nearer. Chosen by us.
+NEAREST = 0.03
 
 
 def fields_of_arrays(

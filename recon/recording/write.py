@@ -28,8 +28,9 @@ TUM_PER_METRE = 5000.0  # the layout's own
 MAX_COUNT = 65535
 MIN_COUNT = 30  # readers take an image without any larger count for one in metres
 WHOLE = 1e-3  # counts, chosen by us: float32 metres tell millimetres that well to 8 m
-# of PNG, chosen by us: higher ones take several times as long for 2 % fewer bytes
-COLOR_LEVEL, DEPTH_LEVEL = 3, 4
+# Levels of PNG: higher ones take several times as long for 2 % fewer bytes. Chosen by us.
+COLOR_LEVEL = 3
+DEPTH_LEVEL = 4
 
 
 @dataclass(frozen=True)

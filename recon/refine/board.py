@@ -21,24 +21,50 @@ from twin.geometry import Array
 from twin.robust import geman_mcclure
 from twin.scene import Joint, Revolute
 
-# Chosen by us: a face is at least this many surfels, this flat (m, robust RMS, or what depth's own scatter
-# leaves) and this long (m); normals within MAX_TURN of opposite belong to it, by median within MAX_SPREAD (a
-# round body's are not), and faces that are further from parallel than MAX_TILT are no board's.
-MIN_SURFELS, MAX_RMS, MIN_LENGTH = 40, 0.006, 0.10
-MAX_TURN, MAX_TILT, MAX_SPREAD = np.radians(25.0), np.radians(12.0), np.radians(10.0)
+# All chosen by us.
+# Fewest surfels of a face
+MIN_SURFELS = 40
+# m, robust RMS of a face, or what depth's own scatter leaves
+MAX_RMS = 0.006
+# m, shortest face
+MIN_LENGTH = 0.10
+# rad: normals within so much of opposite belong to a face
+MAX_TURN = np.radians(25.0)
+# rad: faces that are further from parallel are no board's
+MAX_TILT = np.radians(12.0)
+# rad, median of a face's normals; a round body's are not within it
+MAX_SPREAD = np.radians(10.0)
 
 # What is known of hinged boards, chosen by us, m: middle, standard deviation and limits. Lids of laptops are
 # 6 mm thick, doors of furniture 12 to 40, with frames and seals up to 80.
 _APART = (0.025, 0.015, 0.005, 0.080)
 _HINGE = (0.0, 0.025, -0.060, 0.060)  # of the face above the hinge
-# Error of the outer edge, and of a pixel's footprint on it; what ends further off is another edge.
-_EDGE, _COARSEST, _OTHER_EDGE, _SCATTER = 0.006, 0.02, 0.08, 2.0
-# The edge is told by so many pieces of its length, with so many points within that distance (m) of a face in
-# each, of which that quantile is the end; the strip along it is so wide (m) to both sides; so far beside it
-# that share must have nothing before it, and the nearest of that be in the picture.
-_PIECES, _FEWEST, _ON, _OUTER, _STRIP, _BESIDE, _SHOWN = 10, 8, 0.006, 0.98, 0.03, (0.02, 0.04, 0.06), 0.9
-# observations of a face, and of a frame's edge, that tell a mean as well as all do
-_MANY, _SEVERAL = 4000, 100
+# m, error of the outer edge
+_EDGE = 0.006
+# m, largest footprint of a pixel on the edge
+_COARSEST = 0.02
+# m: what ends further off is another edge
+_OTHER_EDGE = 0.08
+# Times its distance from the end in all frames that a frame's end is off, at least
+_SCATTER = 2.0
+# Pieces of its length that tell the edge
+_PIECES = 10
+# Fewest points in a piece
+_FEWEST = 8
+# m from a face within which a point is on it
+_ON = 0.006
+# Quantile of a piece's points that is its end
+_OUTER = 0.98
+# m to both sides of the edge that the strip along it is wide
+_STRIP = 0.03
+# m beside the edge at which nothing must be before it; the nearest must be in the picture
+_BESIDE = (0.02, 0.04, 0.06)
+# Share of those points that must have nothing before them
+_SHOWN = 0.9
+# Observations of a face that tell a mean as well as all do
+_MANY = 4000
+# Observations of a frame's edge that do
+_SEVERAL = 100
 
 InPart = Iterable[tuple[int, Array, Array]]
 # Of a frame, points (n, 3) of the part and a normal (3,): which points are in the picture, which have

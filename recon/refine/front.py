@@ -18,10 +18,11 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Joint, Prismatic
 
-# How far the axis that a slide starts from may be from the normal of its front: as told by depth alone, which
-# is up to 20 deg off in the plain fronts of eight open recordings, and by tracks, that know a front which is
-# slanted on purpose. Chosen by us
-LEAN_OF_DEPTH, LEAN_OF_TRACKS = np.radians(25.0), np.radians(5.0)
+# rad that the axis a slide starts from may be from the normal of its front, told by depth alone, which is up
+# to 20 deg off in the plain fronts of eight open recordings. Chosen by us
+LEAN_OF_DEPTH = np.radians(25.0)
+# The same told by tracks, which know a front that is slanted on purpose. Chosen by us
+LEAN_OF_TRACKS = np.radians(5.0)
 
 
 def find_front(

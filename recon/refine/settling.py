@@ -16,9 +16,12 @@ from recon.refine.terms import Terms
 from twin.geometry import Array
 from twin.joint import Joint
 
-# Chosen by us: most rounds; the tilt (rad) and shift (m) of a settled joint; metres that count as a radian.
+# All chosen by us.
 MOST_ROUNDS = 24
-_TILT, _SHIFT = np.radians(0.01), 1e-4
+# rad, tilt of a settled joint
+_TILT = np.radians(0.01)
+# m, shift of a settled joint
+_SHIFT = 1e-4
 _LEVER = 0.3
 # changes between steps that are combined: with more, association's noise is taken for slope
 _MEMORY = 2

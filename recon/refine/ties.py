@@ -12,8 +12,10 @@ from twin.geometry import Array
 from twin.scene import Joint, Revolute
 
 _PARALLEL = np.radians(0.1)  # of a hinge to the faces of its board, one standard deviation; chosen by us
-# A slide's axis to its front's normal, standard deviation and limit: runners have play. Chosen by us
-_SQUARE, ASKEW = np.radians(1.0), np.radians(3.0)
+# rad of a slide's axis to its front's normal, one standard deviation: runners have play. Chosen by us
+_SQUARE = np.radians(1.0)
+# rad, limit of the same. Chosen by us
+ASKEW = np.radians(3.0)
 
 
 @dataclass(frozen=True, eq=False)

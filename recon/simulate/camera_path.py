@@ -20,7 +20,8 @@ from recon.simulate.timeline import minimum_jerk
 from twin.geometry import Array, exp_so3, make_pose, point_line_distance, transform, unit
 
 EYE_HEIGHT = 1.6
-NEAR_PART, NEAR_STATIC = 0.45, 0.22  # metres that the head keeps from the part's way and from furniture
+NEAR_PART = 0.45  # metres that the head keeps from the part's way
+NEAR_STATIC = 0.22  # metres that it keeps from furniture
 STATES = 5
 FOLLOW = 0.4
 

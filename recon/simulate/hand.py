@@ -30,9 +30,11 @@ PHALANGES = {
 FINGER_Z = {"index": 0.031, "middle": 0.010, "ring": -0.011, "little": -0.031}
 FINGER_RADIUS = {"index": 0.0088, "middle": 0.0090, "ring": 0.0085, "little": 0.0075}
 # Directions of the phalanges in the x-y plane, degrees from x (chosen by us to wrap 6 to 10 mm bars).
-CLOSED_DEG, OPEN_DEG = (97.0, 178.0, 248.0), (62.0, 84.0, 100.0)
+CLOSED_DEG = (97.0, 178.0, 248.0)
+OPEN_DEG = (62.0, 84.0, 100.0)
 WRIST = np.array([0.020, -0.108, 0.000])
-KNUCKLE_X, KNUCKLE_Y = 0.020, -0.023
+KNUCKLE_X = 0.020
+KNUCKLE_Y = -0.023
 KEYPOINTS = 21  # wrist, thumb 4, index 4, middle 4, ring 4, little 4
 FOREARM = 0.25  # metres from wrist to elbow
 BLEND = 0.007  # metres of the smooth union between the cones

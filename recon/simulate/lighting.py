@@ -17,8 +17,8 @@ F32 = NDArray[np.float32]
 
 AMBIENT_REACH = 0.6  # metres; chosen by us: corners of cupboards darken, whole rooms do not
 LIFT = 1e-3  # metres that a ray starts off its surface
-# cosine between normals, share of the depth a pixel, within which light is shared
-ALIKE, DEPTH_STEP = 0.9, 0.02
+ALIKE = 0.9  # cosine between normals within which light is shared
+DEPTH_STEP = 0.02  # share of the depth a pixel within which light is shared
 # Steps between the taps of the smoothing passes, in pixels: à-trous wavelets (Dammertz et al. 2010)
 PASSES = (1, 2, 4)
 

@@ -18,7 +18,9 @@ from twin.geometry import Array, exp_so3, invert_pose, make_pose
 VISUAL_GROUPS = 3  # groups 0 to 2 are those that MuJoCo's own viewer shows
 # a tuple of this name behind the joint's lists the bodies of the part's furniture, where no tree tells them
 FURNITURE = "_furniture"
-DEFAULT_HINGE, DEFAULT_SLIDE, OPENING_SHARE = 1.2, 0.3, 0.8  # chosen by us
+DEFAULT_HINGE = 1.2  # rad, chosen by us
+DEFAULT_SLIDE = 0.3  # m, chosen by us
+OPENING_SHARE = 0.8  # of a joint's range, chosen by us
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from recon.simulate.surfaces import Surface, box
 from recon.simulate.textures import Material, make_material
 from twin.geometry import Array, exp_so3, make_pose, transform
 
-SIDE, BEHIND, ABOVE = 0.9, 2.4, 0.8  # metres of room left and right of, in front of and above the furniture
+SIDE = 0.9  # metres of room left and right of the furniture
+BEHIND = 2.4  # metres in front of the furniture
+ABOVE = 0.8  # metres above the furniture
 CEILING = 2.55
 WALL = 0.05
 

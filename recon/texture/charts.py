@@ -28,8 +28,10 @@ TURNED = 0.05  # share of a chart's area that may turn farther from it than its 
 CRUMB = 12  # faces: a chart of fewer joins one beside it where it can
 ROUNDS = 4  # of cutting sheets apart; what still lies on another then gets a chart a face
 PADDING = 8  # texels between two charts, so that each has four of its own around it
-# texels a cell, in which sheets are told apart; a centre so many cells within two faces is on both
-_CELL, _INSIDE = 2.0, 0.1
+# texels a cell, in which sheets are told apart
+_CELL = 2.0
+# cells that a centre lies within two faces, from which on it is on both
+_INSIDE = 0.1
 _ROW = 8192.0  # texels: charts stand in rows of so many before they are packed
 
 I32 = NDArray[np.int32]

@@ -9,11 +9,14 @@ import numpy as np
 from twin.geometry import Array
 
 # Chosen by us and the same for every recording.
-_DARK, _BRIGHT = 20.0, 235.0  # levels of 255 between which a ratio of colours tells of exposure
+_DARK = 20.0  # level of 255 above which a ratio of colours tells of exposure
+_BRIGHT = 235.0  # level below which it does
 # of the logarithm, about 5 %: a colour that is off by as much counts half, as a shadow or a highlight
 _USUAL = 0.05
-# that scale at first, when the gains are not known, and how often it shrinks by 0.6 or stays
-_WIDE, _ROUNDS = 1.0, 16
+# that scale at first, when the gains are not known
+_WIDE = 1.0
+# how often that scale shrinks by 0.6 or stays
+_ROUNDS = 16
 _FEWEST = 40  # places that a frame shares with others, below which its gain stays near 1
 _MOST = 2.0  # largest gain: what differs by more is no exposure
 

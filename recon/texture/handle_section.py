@@ -39,9 +39,11 @@ _REACH = 0.045  # m to both sides of a profile
 _AROUND = 0.025, 0.012
 _ROWS = 40
 _MIDDLE = 0.7  # of the length that is looked at: posts stand at the ends
-_ASIDE, _ALONG = np.radians(55.0), np.radians(65.0)  # from how far aside a photograph still tells
+_ASIDE = np.radians(55.0)  # from how far aside, across the handle, a photograph still tells
+_ALONG = np.radians(65.0)  # from how far aside, along it
 _HAND = 0.03  # of the picture's width around a hand that a photograph doesn't tell in
-_VIEWS, _MOST = 4, 24  # photographs: least and most
+_VIEWS = 4  # photographs, at least
+_MOST = 24  # photographs, at most
 _OTHER = 0.004  # m: widths that differ by more are others
 # by which -2 log likelihood must be less than that of all others, colours normal around each strip's
 _SURE = 100.0

@@ -23,8 +23,8 @@ U8 = NDArray[np.uint8]
 LOW = 4  # px of the photograph a pixel of its low band
 _BLUR = 0.8  # pixels of the low band: its standard deviation is 3 px of the photograph
 _HAND = 0.06  # of the picture's width around a hand that shows its soft edge and the shadow close to it
-# px from a body's outline within which a pixel counts least, and from which it counts fully
-_RIM, _FULL = 1.0, 5.0
+_RIM = 1.0  # px from a body's outline within which a pixel counts least
+_FULL = 5.0  # px from it from which on a pixel counts fully
 _LEAST = 0.03  # what a pixel at the outline counts: used where nothing better shows the place
 
 

@@ -26,8 +26,8 @@ SHARP = 2.0  # power of their weights: near 1 all share alike, far above only th
 # levels of 255 off the median of a point's photographs, at which one counts half: shadows, highlights
 ODD = 12.0
 _GRAZING = 0.1  # cosine at which a surface is seen too flat
-# a reading agrees with the surface within so many deviations, and m of fusion's and decimation's error
-_SIGMAS, _SURFACE = 2.0, 0.006
+_SIGMAS = 2.0  # deviations within which a reading agrees with the surface
+_SURFACE = 0.006  # m, error of fusion and decimation
 _TAPS = 0.6  # of the cubic weights must lie on the body's own pixels
 _AT_ONCE = 1 << 16
 

@@ -20,15 +20,31 @@ from recon.verdict.posed import PosedTwin
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL
 
-# Width (px) of the pictures looked at, and label images of the rest at either end. Chosen by us
-_WIDTH, _FRAMES = 320, 4
-# A profile across the border goes so far (px) to either side; what is nearer than `_BESIDE` may be either
-# side. Least pixels of a border, and of depth of either side of a profile. Chosen by us
-_REACH, _BESIDE, _FEWEST, _FEWEST_KNOWN = 9, 3, 40, 2
-# An edge is what changes by so many grey levels within 3 px, and by three times what the part itself does, at
-# most by so many: with a strong pattern any border has one. m that depth leaves the face. By us
-_LEVELS, _TIMES, _MOST_LEVELS, _OFF_M = 6.0, 3.0, 30.0, 0.02
-_ACROSS, _MOSTLY = 3, 0.8
+# All chosen by us.
+# px, width of the pictures looked at
+_WIDTH = 320
+# Label images of the rest at either end
+_FRAMES = 4
+# px that a profile across the border goes to either side
+_REACH = 9
+# px: what is nearer to the border may be either side
+_BESIDE = 3
+# Fewest pixels of a border
+_FEWEST = 40
+# Fewest pixels with depth on either side of a profile
+_FEWEST_KNOWN = 2
+# Grey levels that an edge changes by within 3 px, at least
+_LEVELS = 6.0
+# Times what the part itself changes by, which an edge exceeds
+_TIMES = 3.0
+# Grey levels that this asks for at most: with a strong pattern any border has an edge
+_MOST_LEVELS = 30.0
+# m that depth leaves the face by
+_OFF_M = 0.02
+# px over which a step of colour is measured
+_ACROSS = 3
+# Share of a profile's pixels that must be of its side
+_MOSTLY = 0.8
 
 Bits = NDArray[np.bool_]
 F32 = NDArray[np.float32]

@@ -16,8 +16,10 @@ from recon.verdict.hands import hand_in_view
 from recon.verdict.posed import PosedTwin, gate, opened, wide
 from twin.scene import STATIC_LABEL
 
-# Share of the recording at each end, and frames of it looked at, labelled ones if any; chosen by us
-SHARE, FRAMES = 1 / 12, 3
+# Share of the recording at each end. Chosen by us
+SHARE = 1 / 12
+# Frames of it looked at, labelled ones if any. Chosen by us
+FRAMES = 3
 THROUGHOUT = 24  # frames of the whole recording; chosen by us
 
 

@@ -19,11 +19,21 @@ from twin import geometry as geo
 from twin.joint import JointSigma
 from twin.scene import Revolute
 
-# Frames of a half and tracks that are looked at, of each at most and at least; a track must be seen in this
-# share of the frames. The start of the noise scale (m), which the fit finds itself, its least, and how many
-# steps it takes at most. All chosen by us
-_MOST_FRAMES, _MOST_TRACKS, _FEWEST_FRAMES, _FEWEST_TRACKS, _SEEN = 40, 150, 4, 6, 1 / 3
-_NOISE_M, _LEAST_M, _STEPS = 0.003, 1e-5, 30
+# All chosen by us.
+# Frames of a half that are looked at, at most and at least
+_MOST_FRAMES = 40
+_FEWEST_FRAMES = 4
+# Tracks that are looked at, at most and at least
+_MOST_TRACKS = 150
+_FEWEST_TRACKS = 6
+# Share of the frames in which a track must be seen
+_SEEN = 1 / 3
+# m, start of the noise scale, which the fit finds itself
+_NOISE_M = 0.003
+# m, least noise scale
+_LEAST_M = 1e-5
+# Steps that the fit takes at most
+_STEPS = 30
 
 
 @dataclass(frozen=True)

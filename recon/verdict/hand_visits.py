@@ -11,9 +11,14 @@ from recon.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin.scene import HAND_LABEL
 
-# Share of the picture that is a hand in view, labelled frames without it that end no visit, s by which a
-# motion may miss a visit, share of a part's range that is more than a shake. Chosen by us.
-_IN_VIEW, _MISSED, _SLACK, _MOVES = 0.004, 1, 0.4, 0.2
+# Share of the picture that is a hand in view. Chosen by us.
+_IN_VIEW = 0.004
+# Labelled frames without a hand that end no visit. Chosen by us.
+_MISSED = 1
+# s by which a motion may miss a visit. Chosen by us.
+_SLACK = 0.4
+# Share of a part's range that is more than a shake. Chosen by us.
+_MOVES = 0.2
 # s that a hand is in view while nothing moves, by how many motions it is beside. Opening something takes .8 s
 # at least, from the first finger in view. Reaching or leaving takes 1.6 s at most in 46 open recordings, 2.2
 # in 90 labelled by earlier code; a missed part 3.1 to 6.7 in ten. All looked at

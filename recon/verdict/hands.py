@@ -21,18 +21,21 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import HAND_LABEL
 
-# s after a labelled frame, before it or both, and how many frames of them are looked at. A hand that reaches
-# for something gets 10 cm or more in that time, three gates. Chosen by us
-SECONDS, FRAMES = 0.5, 3
+# s after a labelled frame, before it or both: a hand that reaches for something gets 10 cm or more in that
+# time, three gates. Chosen by us
+SECONDS = 0.5
+# Frames of them that are looked at. Chosen by us
+FRAMES = 3
 # Share of a piece that keeps its place: where it is less, fingers may rest while the arm comes. 0.2 in the
 # one true hand among open recordings, .46 to .98 in most false ones
 STILL = 0.4
 # m^2 across the view. Two arms with sleeves, hand to elbow, 45 cm by 12 cm each, have half of it
 ARMS_M2 = 0.2
 # An arm's depth where it leaves the picture, over that of its hand: a forearm is 40 cm long, and what it
-# opens seldom farther than 1.3 m. An arm that comes from the side had .74, so what is to be told as no arm
-# must have more than the second. Chosen by us
-REACHES_IN, ACROSS = 0.7, 0.9
+# opens seldom farther than 1.3 m. Chosen by us
+REACHES_IN = 0.7
+# The same above which something is told as no arm: an arm that comes from the side had .74. Chosen by us
+ACROSS = 0.9
 _FEWEST = 30  # px of the thinned picture that have a shape; chosen by us
 
 

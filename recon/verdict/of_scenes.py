@@ -11,8 +11,10 @@ from twin.verdict import Reason, reason
 
 _APART_M = 0.1  # tracks farther from each other are of different things; about a hand's breadth, chosen by us
 _FAR_M = 0.05  # what carries a thing goes farther; tracks that slip along edges mostly don't. Chosen by us
-# tracks of a thing, of all that move, as of a part (MIN_TRACKS and MIN_SHARE of recon.joints.config)
-_FEWEST, _SHARE = 4, 0.05
+# tracks of a thing, as of a part (MIN_TRACKS of recon.joints.config)
+_FEWEST = 4
+# share of all tracks that move, as of a part (MIN_SHARE of recon.joints.config)
+_SHARE = 0.05
 
 
 def nothing_articulated(movers: Movers) -> Reason:

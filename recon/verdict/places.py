@@ -23,10 +23,16 @@ from twin.geometry import Array
 from twin.mesh import sample_surface
 from twin.scene import Mesh
 
-# How many places, evenly by area; frames of the motion, by travel; of each rest beside. Chosen by us
-PLACES, MOVING, RESTING = 600, 10, 4
-# Limits of depth that a place must move by, and least frames that contradict one. Chosen by us
-APART, TWICE = 2.0, 2
+# Places, evenly by area. Chosen by us
+PLACES = 600
+# Frames of the motion, by travel. Chosen by us
+MOVING = 10
+# Frames of each rest beside. Chosen by us
+RESTING = 4
+# Limits of depth that a place must move by. Chosen by us
+APART = 2.0
+# Fewest frames that contradict a place. Chosen by us
+TWICE = 2
 _BESIDE = 5  # px of the thinned picture: what is that near a place's ray may be it
 _UNKNOWN, _HIDDEN, _THERE, _EMPTY = 0, 1, 2, 3  # what a frame says of a point of the room
 

@@ -19,12 +19,16 @@ from twin.geometry import Array
 from twin.scene import STATIC_LABEL, UNKNOWN_LABEL, Mesh, Trajectory
 
 WIDTH = 160  # px to which pictures are thinned out
-# m and multiples: another depth differs by more than both. Six medians of a frame's differences are 4 sigma.
-GATE_M, GATE_MEDIANS = 0.03, 6.0
+# m: another depth differs by more than this and by so many medians of a frame's differences; six are 4 sigma.
+GATE_M = 0.03
+GATE_MEDIANS = 6.0
 # narrower ones are gaps closed by fusion, or an edge it drew on; a joint's gap and twice a voxel; by us
 _GAP_M = 0.025
-# Beside steps in depth (m, and share of the depth) a pixel of the mesh may be one of the other side.
-_STEP_M, _STEP_SHARE, _BESIDE = 0.05, 0.03, 5
+# Beside steps in depth a pixel of the mesh may be one of the other side: m and share of the depth of a step.
+_STEP_M = 0.05
+_STEP_SHARE = 0.03
+# px that count as beside.
+_BESIDE = 5
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,12 @@ from twin.geometry import Array
 from twin.scene import Joint, Mesh, Revolute
 
 _WAYPOINTS = 8
-_START_STEPS, _FOLLOW_STEPS, _POLISH_STEPS = 45, 7, 25
-_REACHED, _NEARLY = 0.006, 0.10  # m of the tool's worst error: good enough for a rough path; worth more steps
+# Steps of the first state, of each that follows, of a path that is nearly reached
+_START_STEPS = 45
+_FOLLOW_STEPS = 7
+_POLISH_STEPS = 25
+_REACHED = 0.006  # m of the tool's worst error that is good enough for a rough path
+_NEARLY = 0.10  # m of it that is worth more steps
 _OVERSAMPLED = 10  # in a furnished room nine of ten places around a handle are taken
 _BLOCKED_KEPT = 20
 _FURNITURE_COST = 1.0  # of the score: standing on a table is possible, on the floor is better

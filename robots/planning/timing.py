@@ -15,7 +15,9 @@ from twin import geometry as geo
 from twin.geometry import Array
 
 STEP = 0.02  # s between samples
-CLOSE, HOLD, OPEN = 1.0, 0.5, 0.8  # s; a finger travels its 40 mm in 0.7 s
+CLOSE = 1.0  # s; a finger travels its 40 mm in 0.7 s
+HOLD = 0.5  # s
+OPEN = 0.8  # s
 SHORTEST = 0.8  # s of a leg
 # Share of the robot's velocity limits; chosen by us
 VELOCITY_SHARE = 0.5

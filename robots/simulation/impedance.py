@@ -18,12 +18,16 @@ from robots.trajectory import RobotTrajectory
 from twin import geometry as geo
 from twin.geometry import Array
 
-TRANSLATION, ROTATION = 500.0, 60.0  # N/m, N m/rad
-FORCE_CAP, TORQUE_CAP = 60.0, 15.0  # N, N m
-# Critical damping of the mass (kg) and inertia (kg m^2) at the hand of a 15 to 25 kg arm (chosen by us).
-_MASS, _INERTIA = 4.0, 0.10
-# N m/rad, N m s/rad of what the tool does not feel: an elbow must not drift
-_SLACK, _SLACK_DAMPING = 10.0, 2.0
+TRANSLATION = 500.0  # N/m
+ROTATION = 60.0  # N m/rad
+FORCE_CAP = 60.0  # N
+TORQUE_CAP = 15.0  # N m
+# Critical damping of the mass and inertia at the hand of a 15 to 25 kg arm. Chosen by us.
+_MASS = 4.0  # kg
+_INERTIA = 0.10  # kg m^2
+# Of what the tool does not feel: an elbow must not drift.
+_SLACK = 10.0  # N m/rad
+_SLACK_DAMPING = 2.0  # N m s/rad
 _REGULAR = 1e-6 * np.eye(6)  # keeps the inverse of J J^T finite at a singularity
 EVERY = 2  # steps between commands: 250 Hz (chosen by us)
 

@@ -22,7 +22,9 @@ from twin.scene import Part
 from twin.verdict import Verdict, verdict_document
 
 BoolArray = NDArray[np.bool_]
-STATIC_LINEAR, STATIC_ANGULAR = 0.1, 1.0  # m/s, rad/s: at rest, as ManiSkill3 defines it
+# At rest, as ManiSkill3 defines it.
+STATIC_LINEAR = 0.1  # m/s
+STATIC_ANGULAR = 1.0  # rad/s
 
 
 @dataclass(frozen=True)

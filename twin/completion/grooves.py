@@ -15,7 +15,10 @@ _CELL = 0.02  # m along it, at least
 _POINTS = 3.0  # of an even surface in a cell of a bin, at least
 _ON = 0.004  # m from a front's face within which surface is that face
 _DEEP = (0.005, 0.06)  # m behind it where a groove has its bottom and walls
-_GROOVE, _BOTTOM = 0.8, 0.5  # shares of a groove's length without a face, and with something seen behind it
+# Share of a groove's length without a face
+_GROOVE = 0.8
+# Share of a groove's length with something seen behind it
+_BOTTOM = 0.5
 _NARROWEST = 0.008  # m, less is noise
 _FRONT = 0.08  # m, the least width of a front beside one
 

@@ -19,7 +19,10 @@ from twin.geometry import Array
 from twin.inferred import Completion
 from twin.scene import Box, Collision, Mesh, Twin
 
-PART_SHAPES, FURNITURE_SHAPES, ROOM_SHAPES = 24, 40, 16  # most of a body
+# Most shapes of a body.
+PART_SHAPES = 24
+FURNITURE_SHAPES = 40
+ROOM_SHAPES = 16
 ROOM = BoardSearch(
     deepest=0.06, thickness=0.02, cell=0.05, fill=0.8, smallest=0.15, noise=0.015, most=ROOM_SHAPES
 )

@@ -21,9 +21,11 @@ _BEYOND = 0.05  # m behind a point at which something was seen, so that the poin
 FREE = 0.1  # share of free points from which nothing is there
 _NARROW = 0.02  # m, less is raggedness
 _WIDEST = 0.6  # m, a cabinet's width
-_LOWEST, _MOSTLY = 0.05, 0.8  # m of a strip that is left beside other boards, and share of a lower one
-# m, of a worktop: how thick at most, how long at least, how far above what it lies on
-_THIN, _LONG, _BELOW = 0.06, 0.2, 0.06
+_LOWEST = 0.05  # m of a strip that must be left beside other boards
+_MOSTLY = 0.8  # share of a lower strip that must be left
+_THIN = 0.06  # m, thickest worktop
+_LONG = 0.2  # m, shortest worktop
+_BELOW = 0.06  # m, farthest that a worktop is above what it lies on
 _OVERHANG = 0.05  # m, the widest overhang of a worktop
 PLINTH = 0.15  # m, the highest plinth, and how far behind the fronts it stands at most
 OVER = 0.01  # m that fronts may overlap: noise

@@ -27,7 +27,8 @@ _THICKEST = 0.03  # m of a side
 _BELOW_RIM = 0.04  # m
 _MIDDLE = 0.25  # share of a floor that lies in the middle half of the width
 _MUCH = 2.0  # times the surface of its inner face from which a side's outer one tells more
-_BORDER, _HANGS = 0.008, 0.12  # m inside a front's edges and behind it that its skirt takes
+_BORDER = 0.008  # m inside a front's edges that its skirt takes
+_HANGS = 0.12  # m behind a front that its skirt takes
 _WIDE = 0.3  # share of the front's width that a floor has at least
 _SHORTEST = 0.03  # m of a drawer's side
 # m that a drawer keeps from the back of its cabinet: boxes come in steps of 5 cm and need 1 cm behind them

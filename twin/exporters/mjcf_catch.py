@@ -18,8 +18,11 @@ from twin.exporters.links import Link, Tree, TreeCatch, TreeJoint, numbers
 from twin.geometry import Array
 from twin.physics.simulation import HOLDING_IMPEDANCE
 
-# m, chosen by us: small, but seen in a viewer; the plate is as wide as the magnet's way and this.
-_RADIUS, _THICK, _MARGIN = 0.002, 0.002, 0.005
+# m. Magnet and plate are small, but seen in a viewer. Chosen by us.
+_RADIUS = 0.002
+_THICK = 0.002
+# m by which the plate is wider than the magnet's way. Chosen by us.
+_MARGIN = 0.005
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,8 +32,10 @@ from twin.verdict import verdict_line
 # URDF demands effort and velocity limits; nothing was measured. Chosen by us, far above a hand's.
 EFFORT_LIMIT = {"revolute": 100.0, "prismatic": 200.0}  # N m, N
 VELOCITY_LIMIT = {"revolute": 6.0, "prismatic": 3.0}  # rad/s, m/s
-# Chosen by us, far above double precision, far below any scene: m or rad of limits, share of trace; kg m^2.
-_ROUNDING, _LEAST = 1e-9, 1e-9
+# m or rad of limits, share of a trace. Far above double precision, far below any scene. Chosen by us.
+_ROUNDING = 1e-9
+# kg m^2, least inertia. Chosen by us.
+_LEAST = 1e-9
 _BOARD = 12.6  # kg/m^2: 18 mm of furniture board, as in assets/materials.toml
 
 

@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.geometry import Array
 
-# Groups below this are those that MuJoCo's own viewer shows, of this many in all (mjNGROUP).
-_SHOWN, _GROUPS = 3, 6
+# Groups below this are those that MuJoCo's own viewer shows.
+_SHOWN = 3
+# Groups in all (mjNGROUP).
+_GROUPS = 6
 # Share of a collider's extent along each axis that the visuals of its body span where it stands in for them.
 # Chosen by us: colliders are cruder than visuals, and a handle that is drawn spans little of its panel.
 _SPANNED = 0.5

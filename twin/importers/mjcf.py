@@ -30,8 +30,10 @@ from twin.importers.source import Source, SourceBody, SourceJoint, SourceMass
 from twin.lint.xml import read_xml
 from twin.scene import Box, Collision, Mesh
 
-# What MuJoCo takes where a file says nothing; a file that says the same can't be told from it.
-_DENSITY, _FRICTION = 1000.0, 1.0
+# kg/m^3 and friction that MuJoCo takes where a file says nothing: a file that says the same can't be told
+# from a silent one.
+_DENSITY = 1000.0
+_FRICTION = 1.0
 _UNNAMED = "MuJoCo Model"
 _KINDS: dict[int, Literal["revolute", "prismatic"]] = {
     int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",

@@ -21,7 +21,8 @@ from twin.units import UNITS
 # luggage scale is good to 2 %, a force or friction measured by hand to 10 %, a number from memory or a data
 # sheet of another model to 20 %.
 _MEASURED = {"mass": 0.02}
-_MEASURED_ELSE, _STATED = 0.10, 0.20
+_MEASURED_ELSE = 0.10
+_STATED = 0.20
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,12 @@ STATES: dict[str, tuple[Literal["rad", "m"], float]] = {
 }
 FORCES: dict[str, Literal["N", "N m"]] = {"force_N": "N", "torque_Nm": "N m", "ftan": "N"}
 _WANTED = "a log has one of angle_rad, angle_deg, opening_m, opening_mm and one of force_N, torque_Nm"
-# Chosen by us: samples of a log, and of its wide open half; a median over so many removes single spikes.
-_SAMPLES, _WIDE, _SMOOTH = 20, 8, 5
+# Fewest samples of a log. Chosen by us.
+_SAMPLES = 20
+# Fewest samples of its wide open half. Chosen by us.
+_WIDE = 8
+# Samples of a median, which removes single spikes. Chosen by us.
+_SMOOTH = 5
 _HALF = 0.5  # of the range: a catch lets go before, and after it the level is taken; chosen by us
 _SPREAD = (5.0, 95.0)  # percentiles of the level that bound it; chosen by us
 

@@ -15,8 +15,10 @@ INTEGRATOR = "implicitfast"
 # differ from their twins were clean, and 60 with these.
 CONE = "elliptic"
 IMPRATIO = 10.0
-# Torsional and rolling friction (m) beside a surface's sliding friction: MuJoCo's own.
-TORSIONAL, ROLLING = 0.005, 0.0001
+# m, torsional friction beside a surface's sliding friction: MuJoCo's own.
+TORSIONAL = 0.005
+# m, rolling friction: MuJoCo's own.
+ROLLING = 0.0001
 # Inertia that simulators add to a joint, as a share of the part's; chosen by us: not felt, never nothing.
 ARMATURE_SHARE = 0.01
 # MuJoCo's dry friction is soft and yields to a steady pull: of 3.7 N m a lid lets go 11 degrees in 10 s, and

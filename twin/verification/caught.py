@@ -10,9 +10,11 @@ from twin.quantities import PartPhysics
 from twin.scene import Twin
 
 CATCHING = ("mjcf",)  # formats that simulate a catch; the others only tell of it
-# Of the catch, and of catch and friction; chosen by us: what a force gauge in a hand tells apart. Friction,
-# which is soft in MuJoCo and creeps, has no share in what holds.
-HOLDS, LETS_GO = 0.95, 1.05
+# Share of the catch that it holds: what a force gauge in a hand tells apart. Friction, which is soft in
+# MuJoCo and creeps, has no share in it. Chosen by us.
+HOLDS = 0.95
+# Share of catch and friction at which it lets go. Chosen by us.
+LETS_GO = 1.05
 _STILL = 1e-3  # m
 _SHORT = 0.01  # share of the width
 

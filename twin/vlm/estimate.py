@@ -28,8 +28,10 @@ from twin.vlm.answer import PhysicalAnswer
 MEAN_LOG_ERROR = 0.77
 SIGMA = MEAN_LOG_ERROR * float(np.sqrt(np.pi / 2))
 _Z95 = 1.96
-# Chosen by us: a picture tells a length to better than a factor of 2, and so moments to a factor of 5.
-_LENGTH, _MOMENT = 2.0, 5.0
+# Factor to which a picture tells a length. Chosen by us.
+_LENGTH = 2.0
+# Factor to which it tells a moment, by that length. Chosen by us.
+_MOMENT = 5.0
 _DENSITY = (5.0, 23_000.0)  # kg/m^3, from foams to osmium
 _FLAT = 1e-5  # m: thinner points have no hull
 _SOLID = 1.1  # a part fills no more than its hull, up to the mesh's own error

@@ -23,7 +23,8 @@ FLOOR = 1e-6  # m and rad: least noise, so that exact poses stay solvable
 # Noise of a marker or pose tracker, of one coordinate: its shape is assumed, its scale follows the data. One
 # millimetre weighs as much as one degree, which on real logged doors leaves neither the shifts nor the turns
 # to explain the other.
-_NOISE, _NOISE_RAD = 0.002, float(np.radians(2.0))
+_NOISE = 0.002
+_NOISE_RAD = float(np.radians(2.0))
 _CAUCHY = 6.0 * CAUCHY_95**2  # as for points, for six coordinates
 
 

@@ -23,10 +23,11 @@ MIN_LINES = 3  # rows and columns that they lie on, chosen by us: fewer hardly t
 MAX_BYTES = 2**28  # of a picture, chosen by us
 MAX_PIXELS = 2**27  # chosen by us: 11585x11585
 STRETCH = (1.0, 99.0)  # percentiles of a 16-bit infrared picture that become black and white, chosen by us
-# Half the side, px, of the window that a checkerboard's corners are refined in, at most, and as a part of the
-# distance between corners; chosen by us: OpenCV's charuco detector goes as far as 10, and nothing of the next
-# corner may lie in it.
-REFINE, REFINE_PART = 10, 0.25
+# Half the side, px, of the window that a checkerboard's corners are refined in, at most: OpenCV's charuco
+# detector goes as far as 10. Chosen by us.
+REFINE = 10
+# The same as a share of the distance between corners: nothing of the next corner may lie in it. Chosen by us.
+REFINE_PART = 0.25
 TRIED = 5  # views by either pattern that decide which one the board has
 _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
 _SB = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY

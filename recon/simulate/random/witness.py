@@ -15,7 +15,8 @@ from twin.geometry import Array, transform
 LEAST_SHARE = 0.01  # of the picture that what moves must cover in half of its moving frames
 REACH = 1.0  # metres from the shoulder to the grip, an adult's arm with the upper body bent forward
 CLEAR = 0.04  # metres that the camera keeps from everything
-NEAREST, FARTHEST = 0.25, 4.5  # metres in which every sensor measures
+NEAREST = 0.25  # metres from which on every sensor measures
+FARTHEST = 4.5  # metres to which every sensor measures
 _WIDTH = 80  # pixels
 _FRAMES = 10  # frames that are looked at
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from twin.geometry import Array
 
 GAMMA = 2.2
-# Variance of the linear value where white is 1: read noise and, for each unit of signal, shot noise; chosen
-# by us: 3 % at mid grey, as of a small sensor in a lit room.
-READ, SHOT = 2e-5, 2.2e-4
+# Variance of the linear value where white is 1, chosen by us: 3 % at mid grey, as of a small sensor in a lit
+# room.
+READ = 2e-5
+SHOT = 2.2e-4  # for each unit of signal
 BINS = 4096  # of the look-up from linear values to levels; so many that few hold more than one step
 
 

@@ -13,7 +13,9 @@ from recon.simulate.render import Camera
 from twin.geometry import Array
 
 COARSE = 3.0  # from this many pixels of correlation on, a field is drawn on a coarser grid and enlarged
-FIXED, DRIFTING = 8, 9  # a recording's streams of random numbers beside those of its frames
+# A recording's streams of random numbers beside those of its frames.
+FIXED = 8
+DRIFTING = 9
 
 
 def smooth_noise(height: int, width: int, sigma: float, rng: np.random.Generator) -> Array:

@@ -15,7 +15,8 @@ from twin.geometry import Array
 # One diffuse bounce between what the camera sees, as the simulators of Fuchs 2010 ("Multipath Interference
 # Compensation in Time-of-Flight Camera Images") and Jimenez et al. 2014 do: patches of the picture light each
 # other by form factors. Occlusion between patches is ignored; what is out of view lights nothing.
-EMITTERS, RECEIVERS = 24, 120  # patches over the picture's width
+EMITTERS = 24  # patches over the picture's width
+RECEIVERS = 120  # patches over the picture's width
 # Radians of phase per metre at 200 MHz, about the Azure Kinect's highest: long detours cancel each other.
 PHASE = 4.0 * np.pi * 200e6 / 299792458.0
 

@@ -11,17 +11,21 @@ from recon.simulate.sensors.frame import Frame
 from twin.geometry import Array
 
 # ARKit's scene depth, made of some 576 measured points (Luetzenburg, Kroon, Bjork 2021)
-WIDTH, HEIGHT = 256, 192
+WIDTH = 256
+HEIGHT = 192
 FARTHEST = 5.0  # metres; Apple's figure. What is farther is given as this: the map has no holes
 # Accuracy +-1 cm on objects of more than 10 cm (Luetzenburg et al. 2021, "Evaluation of the Apple iPhone 12
 # Pro LiDAR for an Application in Geosciences"); under 1 mm from a plane at rest, 1 cm when moved (Teo and
 # Yang 2023, "Evaluating the accuracy and quality of an iPad Pro's built-in lidar for 3D indoor mapping"):
 # nearly all of it is alike over centimetres. How it grows with the distance, and its parts, chosen by us so
 # that the whole is 1 cm at 2 m.
-ERROR, ERROR_GROWTH = 0.004, 0.003  # metres, and of the distance
-FIXED_SHARE, FIXED_SIZE = 0.6, 40.0  # of the error's deviation, and over how many samples it is alike
-# the period in frames: the framework smooths over time
-MOVING_SHARE, MOVING_SIZE, MOVING_PERIOD = 0.8, 8.0, 10.0
+ERROR = 0.004  # metres
+ERROR_GROWTH = 0.003  # of the distance
+FIXED_SHARE = 0.6  # of the error's deviation
+FIXED_SIZE = 40.0  # samples over which it is alike
+MOVING_SHARE = 0.8  # of the error's deviation
+MOVING_SIZE = 8.0  # samples over which it is alike
+MOVING_PERIOD = 10.0  # frames: the framework smooths over time
 FRESH = 0.0005  # metres, white, in each sample
 # samples: a step in depth becomes a ramp some three samples wide; chosen by us after published depth maps
 SMEAR = 1.1

@@ -16,19 +16,27 @@ from twin.geometry import Array
 # within Intel's 0.05 to 0.1 px on good texture: 3.3 mm/m^2 z^2. A D435 that was measured gave 1.5, 15 and 31
 # mm at 0.7, 2.1 and 3.2 m, and 10 % zeros; Ahn et al. 2019 ("Analysis and Noise Modeling of the Intel
 # RealSense D435 for Mobile Robots") find the same growth with the square.
-FOCAL, BASELINE, SUBPIXEL = 424.0, 0.050, 0.07
+FOCAL = 424.0
+BASELINE = 0.050
+SUBPIXEL = 0.07
 STEPS = 32.0  # disparities in a pixel ("Subpixel Linearity Improvement for RealSense D400", Intel)
-NEAREST, FARTHEST = 0.195, 10.0  # metres; D400 data sheet, smallest distance at 848 x 480
+NEAREST = 0.195  # metres; D400 data sheet, smallest distance at 848 x 480
+FARTHEST = 10.0  # metres; the same
 # The error's parts (shares of the deviation, their squares sum to 1) and over how many pixels each is alike;
 # chosen by us: a map that belongs to the calibration, one that belongs to the texture in the window and so
 # moves with the surface, one of each frame.
-CALIBRATION, CALIBRATION_SIZE = 0.35, 60.0
-TEXTURE, WINDOW = 0.55, 3.5
-FRESH, FRESH_SIZE = 0.758, 3.5
+CALIBRATION = 0.35
+CALIBRATION_SIZE = 60.0
+TEXTURE = 0.55
+WINDOW = 3.5
+FRESH = 0.758
+FRESH_SIZE = 3.5
 # Contrast (8-bit steps of the grey picture, smoothed by a pixel, which takes most of its noise away) under
 # which a window finds no match; chosen by us so that a furnished room loses about the tenth that was
-# measured. Blotches vary it by half.
-CONTRAST, BLOTCHES, BLOTCH_SIZE = 2.1, 0.5, 6.0
+# measured.
+CONTRAST = 2.1
+BLOTCHES = 0.5  # share by which blotches vary it
+BLOTCH_SIZE = 6.0  # pixels
 # pixels by which edges waver, as a window that holds two depths decides for either; chosen by us
 WOBBLE = 1.3
 EDGE = 0.03  # metres

@@ -12,8 +12,13 @@ from twin.geometry import Array
 
 # Axial noise: sigma = 1.2 mm + 1.9 mm/m^2 (z - 0.4 m)^2, lateral jitter of about 0.5 pixels at edges
 # (Nguyen, Izadi, Lovell 2012, "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking").
-AXIAL, AXIAL_GROWTH, AXIAL_FROM, LATERAL = 0.0012, 0.0019, 0.4, 0.45
-EDGE, NEAREST, FARTHEST = 0.03, 0.2, 6.0  # metres
+AXIAL = 0.0012  # metres
+AXIAL_GROWTH = 0.0019  # 1/metre
+AXIAL_FROM = 0.4  # metres
+LATERAL = 0.45  # pixels
+EDGE = 0.03  # metres
+NEAREST = 0.2  # metres
+FARTHEST = 6.0  # metres
 
 
 class StructuredLight:

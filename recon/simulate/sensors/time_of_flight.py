@@ -14,13 +14,16 @@ from recon.simulate.sensors.multipath import multipath
 from twin.geometry import Array
 
 FOCAL = 504.0  # pixels, of the Azure Kinect's narrow mode (640 x 576): lengths in pixels are told for it
-NEAREST, FARTHEST = 0.25, 5.46  # metres; Azure Kinect DK hardware specification, over its modes
+NEAREST = 0.25  # metres; Azure Kinect DK hardware specification, over its modes
+FARTHEST = 5.46  # metres; the same
 # The specification: at 15 to 95 % reflectivity a random error of at most 17 mm, a systematic one below 11 mm
 # + 0.1 % of the distance without multipath; confirmed by Tolgyessy et al. 2021 ("Evaluation of the Azure
 # Kinect and Its Comparison to Kinect V1 and V2").
-SYSTEMATIC, SYSTEMATIC_SHARE = 0.011, 0.001
-# reflectivity at the end of the narrow mode's range, which the specification still promises
-DARKEST, DARKEST_AT = 0.15, 3.86
+SYSTEMATIC = 0.011  # metres
+SYSTEMATIC_SHARE = 0.001  # of the distance
+# Reflectivity at the end of the narrow mode's range (metres), which the specification still promises.
+DARKEST = 0.15
+DARKEST_AT = 3.86
 # Shot noise: sigma ~ 1 / sqrt(returning light) ~ distance / sqrt(reflectivity) (Foix, Alenya, Torras 2011,
 # "Lock-in Time-of-Flight Cameras: A Survey"). Chosen by us: 1 mm at 1 m on white, so that the darkest
 # promised surface has 10 of the 17 mm.
@@ -30,14 +33,18 @@ SHOT = 0.001
 # 2013, "Technical Foundation and Calibration Methods for Time-of-Flight Cameras"). What calibration leaves of
 # it, and of the pixels' and the amplitude's offsets: chosen by us to fill the specification's systematic
 # error.
-WIGGLE, WIGGLE_PERIOD = 0.003, 0.19
-OFFSET, OFFSET_SIZE = 0.0035, 90.0  # metres, and over how many pixels it is alike
+WIGGLE = 0.003  # metres
+WIGGLE_PERIOD = 0.19  # metres
+OFFSET = 0.0035  # metres
+OFFSET_SIZE = 90.0  # pixels over which it is alike
 # metres between a black and a white surface (intensity-related error, Lefloch et al. 2013)
 AMPLITUDE_OFFSET = 0.006
 # Flying pixels: a pixel on an edge sees both surfaces and gives a distance between them (Lefloch et al.
 # 2013). The footprint, and which share of them the camera notices and leaves out, chosen by us after pictures
 # in Tolgyessy et al. 2021.
-FOOTPRINT, MIXED, NOTICED = 1.0, 0.02, 0.45
+FOOTPRINT = 1.0
+MIXED = 0.02
+NOTICED = 0.45
 GLOSS = 0.6  # share of the light that a glossy surface sends elsewhere; chosen by us
 
 

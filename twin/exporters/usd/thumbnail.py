@@ -15,7 +15,8 @@ from twin.scene import Mesh
 
 _SIZE = 256  # pixels, as SimReady's requirement SR.002 names the folder
 _AWAY = 2.2  # distance of the eye, in sizes of what moves
-_LEFT, _UP = 0.45, 0.35  # how far beside and above the front the eye stands, per metre before it
+_LEFT = 0.45  # how far beside the front the eye stands, per metre before it
+_UP = 0.35  # how far above the front the eye stands, per metre before it
 
 
 def colored(mesh: Mesh, shown: Visual) -> Mesh:

@@ -14,7 +14,8 @@ _TURN = 2 * np.pi
 _HALF = 3.2
 # How far the axis of a hinge may pass beside the part: concealed furniture hinges turn about a line 2 to 3 cm
 # off the door, small mechanisms about one a few per cent of their size away. Chosen by us.
-_BESIDE, _BESIDE_M = 0.10, 0.05  # share of the part's diagonal, and at most m
+_BESIDE = 0.10  # share of the part's diagonal
+_BESIDE_M = 0.05  # m, at most
 _FRAMES = (1e-3, np.deg2rad(0.5))  # m, rad: what rounding of a float32 pose in a room can't explain
 
 

@@ -11,8 +11,10 @@ import numpy as np
 from twin.geometry import Array
 from twin.lint.model import Body, Fault, LintModel, Severity, Shape
 
-# m. Chosen by us: the largest gate of a house, and less than the smallest button that a finger finds.
-_LARGE, _SMALL = 5.0, 0.005
+# m. The largest gate of a house. Chosen by us.
+_LARGE = 5.0
+# m. Less than the smallest button that a finger finds. Chosen by us.
+_SMALL = 0.005
 # Beyond these sizes times this factor is an error. Chosen by us: millimetres taken for metres are 1000.
 _SURE = 10.0
 # rad, 2 degrees. Chosen by us: a right angle converted twice is 1.6 degrees, a rocker switch turns by 8.
@@ -21,8 +23,10 @@ _TURN = 0.035
 _WAY = 0.001
 # Least share of the largest side that a side counts as: panels collide without handles. Chosen by us.
 _THIN = 0.1
-# Largest ratio of sides that are the same, and smallest of sides that can't be. Chosen by us.
-_SAME, _OTHER = 1.25, 2.5
+# Largest ratio of sides that are the same. Chosen by us.
+_SAME = 1.25
+# Smallest ratio of sides that can't be the same. Chosen by us.
+_OTHER = 2.5
 # A metre in millimetres, centimetres, inches; an inch in millimetres.
 _UNITS = np.array([1000.0, 100.0, 39.37, 25.4])
 # Share of the larger side. Two of one size that have less than this in common along an axis are beside each
