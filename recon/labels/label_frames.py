@@ -66,14 +66,10 @@ _REFERENCES = 6
 # Frames of the whole recording that join as free-space witnesses. Chosen by us.
 _WITNESSES = 8
 # Log scores, chosen by us and the same for every recording.
-# Two references' agreement
-_SUPPORT = 1.5
-# One and a half references that see through
-_VIOLATION = 4.0
-# Of a part without any evidence: such a pixel is static
-_PRIOR_PART = -0.5
-# Of a hand: a moving pixel without more evidence is part or hand alike
-_HAND = -0.7
+_SUPPORT = 1.5  # two references' agreement
+_VIOLATION = 4.0  # one and a half references that see through
+_PRIOR_PART = -0.5  # of a part without any evidence: such a pixel is static
+_HAND = -0.7  # of a hand: a moving pixel without more evidence is part or hand alike
 _BOX_MARGIN_M = 0.1
 _MOVED_SHARE = 0.15
 _HAND_AT_END = 0.003  # share of the picture, as for references
