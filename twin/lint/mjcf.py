@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Iterator, Sequence, Set
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -56,7 +57,7 @@ def read(path: Path) -> LintModel:
     except ValueError as e:
         refused = _one_line(e)
         spec = _spec(path)  # a failed compilation leaves nothing to read
-    references = list(_references(spec, path.parent))
+    references = list(_references(spec, path.parent, set(_files(root, path.parent, set()))))
     files = {r.element: r for r in references}
     weighs = spec.compiler.inertiagrouprange
     bodies = [_body(b, weighs) for b in spec.bodies if b.name != WORLD or b.parent is not None]
@@ -116,8 +117,22 @@ def _names(
             yield from _names(path, child, lines, folder, seen)
 
 
-def _references(spec: Any, folder: Path) -> Iterator[Reference]:
-    """Mesh, height field and texture files, as written behind their meshdir or texturedir."""
+def _files(element: ET.Element, folder: Path, seen: set[Path]) -> Iterator[str]:
+    """What attributes of the tree and of the files that it includes name as files."""
+    for e in element.iter():
+        named = [value for key, value in e.attrib.items() if key.startswith("file")]
+        yield from named
+        target = folder / named[0] if e.tag == "include" and named else None
+        if target is not None and target.is_file() and target.resolve() not in seen:
+            seen.add(target.resolve())
+            yield from _files(read_xml(target)[0], folder, seen)
+
+
+def _references(spec: Any, folder: Path, stated: Set[str]) -> Iterator[Reference]:
+    """Mesh, height field and texture files, as written behind their meshdir or texturedir.
+
+    MuJoCo tells by an absolute path what an included file names beside itself; no file states it (`stated`).
+    """
     for kind, things, base in (
         ("mesh", spec.meshes, spec.meshdir),
         ("hfield", spec.hfields, spec.meshdir),
@@ -126,7 +141,9 @@ def _references(spec: Any, folder: Path) -> Iterator[Reference]:
         for t in things:
             for file in [t.file, *(t.cubefiles if kind == "texture" else ())]:
                 if file:
-                    name = file.replace("\\", "/").rsplit("/", 1)[-1] if spec.strippath else file
+                    beside = Path(file).is_absolute() and file not in stated
+                    found = os.path.relpath(file, folder.resolve()) if beside else file
+                    name = found.replace("\\", "/").rsplit("/", 1)[-1] if spec.strippath else found
                     written = f"{base.rstrip('/')}/{name}" if base and not Path(name).is_absolute() else name
                     yield Reference(_label(kind, t), written, folder / written)
 

@@ -286,3 +286,21 @@ def test_meshes_in_a_ros_package_are_found(tmp_path: Path) -> None:
     alone.parent.mkdir()
     shutil.copy(package, alone)
     assert {f.rule for f in lint([alone], ignore=SIMULATED).findings} == {"path-outside"}
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_a_mesh_beside_an_included_file_is_named_by_no_absolute_path(absolute: bool, tmp_path: Path) -> None:
+    """MuJoCo takes such a path from the included file on, and tells it from the root of the disk on."""
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "meshes").mkdir()
+    mesh = tmp_path / "meshes/wedge.obj"
+    mesh.write_text("v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
+    named = mesh if absolute else "../meshes/wedge.obj"
+    (tmp_path / "assets/meshes.xml").write_text(
+        f'<mujocoinclude><asset><mesh name="wedge" file="{named}"/></asset></mujocoinclude>'
+    )
+    path = tmp_path / "model.xml"
+    path.write_text(
+        '<mujoco><include file="assets/meshes.xml"/><worldbody><geom type="mesh" mesh="wedge"/></worldbody></mujoco>'
+    )
+    assert [f.rule for f in lint(path).findings] == (["path-absolute"] if absolute else [])
