@@ -210,16 +210,16 @@ def swallowed() -> Twin:
     return replace(twin, static=replace(twin.static, collision=(Box(pose, high - low),)), parts=parts)
 
 
-def cooktop(folder: Path, post: float) -> Path:
+def cooktop(folder: Path, post: float, count: int = 1) -> Path:
     """The Franka Kitchen's oven in small: burners rise through its top, which the file never lets them touch,
-    and four knobs turn about level lines; a post, at `post` m from the first burner, touches everything."""
+    and knobs turn about level lines; a post, at `post` m from the first burner, touches everything."""
     silent = 'contype="0" conaffinity="1"'
     made = "".join(
         f"""<body name="burner_{k}" pos="{0.3 * k} 0 .38"><joint name="rise_{k}" type="slide" axis="0 0 1" range="0 .009"/>
         <geom type="cylinder" size=".08 .01" {silent}/></body>
         <body name="knob_{k}" pos="{0.3 * k} -.33 .3"><joint name="turn_{k}" axis="0 -1 0" range="0 1.5"/>
         <geom type="cylinder" size=".02 .02" euler="1.5708 0 0" {silent}/></body>"""
-        for k in range(2)
+        for k in range(count)
     )
     path = folder / "cooktop.xml"
     path.write_text(
@@ -236,10 +236,8 @@ def test_bodies_that_never_touch_are_a_pair_where_the_others_keep_clear(
 ) -> None:
     """What stands is one body in a twin; of it only the post may touch, and stands too far away."""
     path = cooktop(tmp_path, 0.5)
-    burners = {("static", f"burner_{k}") for k in range(2)}
-    assert burners < set(tw.from_mjcf(path).filtered_pairs)
-    nearer = cooktop(tmp_path, -0.03)
-    assert burners - set(tw.from_mjcf(nearer).filtered_pairs) == {("static", "burner_0")}
+    assert ("static", "burner_0") in tw.from_mjcf(path).filtered_pairs
+    assert ("static", "burner_0") not in tw.from_mjcf(cooktop(tmp_path, -0.03)).filtered_pairs
     out = str(tmp_path / "run")
     assert run(["import", str(cooktop(tmp_path, 0.5)), "-o", out]) == 0
     assert run(["export", out]) == 0
@@ -250,4 +248,4 @@ def test_bodies_that_never_touch_are_a_pair_where_the_others_keep_clear(
 
 def test_burners_that_rise_contradict_no_stated_up(tmp_path: Path) -> None:
     """Two slides straight up and level hinges agree on an up that lies; whoever wrote the file knows it."""
-    assert not level_evidence(tw.from_mjcf(cooktop(tmp_path, 0.5))).contradicted
+    assert not level_evidence(tw.from_mjcf(cooktop(tmp_path, 0.5, count=2))).contradicted
