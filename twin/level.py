@@ -1,10 +1,10 @@
 """A test of the twin's up against floors, worktops, walls, the travel of drawers and the lines of hinges.
 
 A witness is a direction. The normal of a large plane and the line of a hinge are plumb or level in
-furniture that stands; the travel of a slide is level, of a file from elsewhere plumb or level: its author
-says which way a button or a burner goes. The up that most witnesses agree with is one of the normals, of
-the cross products of pairs, or the twin's own, refined by least squares over the witnesses that agree.
-Witnesses that only repeat the twin's up say nothing against it.
+furniture that stands; the travel of a slide is level, the short one of a file from elsewhere plumb or
+level: its author says which way a button or a burner goes. The up that most witnesses agree with is one of
+the normals, of the cross products of pairs, or the twin's own, refined by least squares over the witnesses
+that agree. Witnesses that only repeat the twin's up say nothing against it.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ _SAME = 0.05
 _PARALLEL = math.cos(math.radians(3.0))
 # Least sine between two witnesses whose cross product is a direction.
 _ACROSS = math.sin(math.radians(20.0))
+# m, longest travel of a button or a burner: drawers go farther. Chosen by us.
+_BUTTON = 0.06
 # Share of a condition: two conditions within 26 degrees are the same.
 _SHARED = 0.1
 # Up of every twin.
@@ -143,12 +145,12 @@ def doubts_about_up(twin: Twin) -> tuple[str, ...]:
 def witnesses(twin: Twin) -> tuple[Witness, ...]:
     """The large planes of the static mesh, largest first, then every part's joint on it."""
     found = [Witness(_named(p), p.normal) for p in large_planes(twin.static.mesh)]
-    stated = twin.recorded is None
     for part in twin.parts:
         if part.parent is None:  # a carried part is as level as its carrier stands
             slides = part.joint.kind == "prismatic"
             name = f"the {'travel' if slides else 'hinge'} of {part.name}"
-            found.append(Witness(name, part.joint.axis, slides and not stated))
+            button = twin.recorded is None and part.joint.upper - part.joint.lower <= _BUTTON
+            found.append(Witness(name, part.joint.axis, slides and not button))
     return tuple(found)
 
 

@@ -125,9 +125,10 @@ def cube_mapped(
     reach = 1.0 if reach < 1 + 1e-6 else reach
     texels = strip.shape[1]
     if reach > 1:
-        corners = vertices[faces]
-        size = np.ptp(corners if reach > _BEYOND else vertices, axis=-2).max()
-        texels = min(int(np.ceil(texels * min(reach, _BEYOND))), int(np.ceil(_FINE * size)) + 3)
+        texels = min(
+            int(np.ceil(texels * min(reach, _BEYOND))),
+            int(np.ceil(_FINE * np.ptp(vertices, axis=0).max())) + 1,
+        )
     if reach > _BEYOND:
         image, uv = face_cells(directions, lambda d: cube_colors(strip, d), texels)
         return pictured(vertices, faces, uv, image, tint)

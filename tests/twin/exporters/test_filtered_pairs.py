@@ -210,12 +210,12 @@ def swallowed() -> Twin:
     return replace(twin, static=replace(twin.static, collision=(Box(pose, high - low),)), parts=parts)
 
 
-def cooktop(folder: Path, post: float, count: int = 1) -> Path:
+def cooktop(folder: Path, post: float, count: int = 1, rise: float = 0.009) -> Path:
     """The Franka Kitchen's oven in small: burners rise through its top, which the file never lets them touch,
     and knobs turn about level lines; a post, at `post` m from the first burner, touches everything."""
     silent = 'contype="0" conaffinity="1"'
     made = "".join(
-        f"""<body name="burner_{k}" pos="{0.3 * k} 0 .38"><joint name="rise_{k}" type="slide" axis="0 0 1" range="0 .009"/>
+        f"""<body name="burner_{k}" pos="{0.3 * k} 0 .38"><joint name="rise_{k}" type="slide" axis="0 0 1" range="0 {rise}"/>
         <geom type="cylinder" size=".08 .01" {silent}/></body>
         <body name="knob_{k}" pos="{0.3 * k} -.33 .3"><joint name="turn_{k}" axis="0 -1 0" range="0 1.5"/>
         <geom type="cylinder" size=".02 .02" euler="1.5708 0 0" {silent}/></body>"""
@@ -246,6 +246,11 @@ def test_bodies_that_never_touch_are_a_pair_where_the_others_keep_clear(
     assert "nothing says that they may" not in shown.out + shown.err
 
 
-def test_burners_that_rise_contradict_no_stated_up(tmp_path: Path) -> None:
-    """Two slides straight up and level hinges agree on an up that lies; whoever wrote the file knows it."""
-    assert not level_evidence(tw.from_mjcf(cooktop(tmp_path, 0.5, count=2))).contradicted
+@pytest.mark.parametrize(("rise", "lies"), [(0.009, False), (0.05, False), (0.3, True)])
+def test_burners_that_rise_contradict_no_stated_up_and_drawers_do(
+    rise: float, lies: bool, tmp_path: Path
+) -> None:
+    """Two slides straight up and level hinges agree on an up that lies: whoever wrote the file knows where a
+    burner goes, but a chest of drawers lies on its back."""
+    twin = tw.from_mjcf(cooktop(tmp_path, 0.5, count=2, rise=rise))
+    assert level_evidence(twin).contradicted == lies
