@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from twin.completion.eyes import part_eyes
 from twin.completion.frame import viewer
 from twin.completion.part import complete_part, front_of
 from twin.completion.room import split_furniture
@@ -26,7 +27,10 @@ def infer(twin: Twin) -> Twin:
     found = split_furniture(mesh, [f for f in fronts if f is not None])
     opened = openings(twin.parts, fronts, mesh, found)
     rears = {o.part.id: float(o.carcass.low[2]) for o in opened}
-    layers = [complete_part(p, f, rears.get(p.id)) for p, f in zip(twin.parts, fronts, strict=True)]
+    layers = [
+        complete_part(p, f, rears.get(p.id), part_eyes(twin, p))
+        for p, f in zip(twin.parts, fronts, strict=True)
+    ]
     passed = [swept_points(p, layer) for p, layer in zip(twin.parts, layers, strict=True)]
     passed += [held_points(p) for p in twin.parts]
     eyes = None if twin.cameras is None else twin.cameras.T_world_cam[:, :3, 3]

@@ -13,17 +13,18 @@ from twin.completion.board import Board
 from twin.completion.cloud import OUT, Cloud
 from twin.completion.frame import PartFrame, part_frame
 from twin.completion.handle import Handle, find_handles
+from twin.completion.hanging import without_floaters
 from twin.completion.leaf import find_leaf
 from twin.completion.room import Front
 from twin.completion.shown import (
     passing,
     shown_surface,
     up_to,
-    without_floaters,
     without_shreds,
     without_surroundings,
 )
 from twin.completion.tray import Tray, find_tray
+from twin.completion.trimmed import trimmed
 from twin.geometry import Array
 from twin.inferred import PLAIN, Completion, Interior
 from twin.scene import Box, Mesh, Part
@@ -39,7 +40,9 @@ def front_of(part: Part, eye: Array | None) -> Front | None:
     return None if frame is None or leaf is None else Front(frame, leaf)
 
 
-def complete_part(part: Part, found: Front | None, rear_limit: float | None) -> Completion:
+def complete_part(
+    part: Part, found: Front | None, rear_limit: float | None, eyes: Array | None
+) -> Completion:
     """The inferred layer of a part, without collision shapes of what lies in no piece.
 
     Args:
@@ -47,6 +50,7 @@ def complete_part(part: Part, found: Front | None, rear_limit: float | None) -> 
         found: its front; None where it has none, and then nothing is inferred.
         rear_limit: where (m along out, negative) the furniture ends behind the front, None where that was not
             seen.
+        eyes: where the cameras stood (n, 3) as the part saw them at state 0; None without camera poses.
     """
     if found is None:
         return Completion(without_shreds(part.mesh))
@@ -58,7 +62,7 @@ def complete_part(part: Part, found: Front | None, rear_limit: float | None) -> 
         inside = Cloud.of(passing(shown_surface(part.mesh, [front], T, (), front), front, T), T)
         tray = find_tray(inside, leaf, rear_limit)
         boards += [b for b in tray.boards if not b.contradicted(inside)]
-    return _layer(part.mesh, frame, boards, handles_of(part, found), tray)
+    return _layer(part.mesh, frame, boards, handles_of(part, found), tray, eyes)
 
 
 def handles_of(part: Part, found: Front) -> list[Handle]:
@@ -72,7 +76,12 @@ def handles_of(part: Part, found: Front) -> list[Handle]:
 
 
 def _layer(
-    mesh: Mesh, frame: PartFrame, boards: Sequence[Board], handles: Sequence[Handle], tray: Tray | None
+    mesh: Mesh,
+    frame: PartFrame,
+    boards: Sequence[Board],
+    handles: Sequence[Handle],
+    tray: Tray | None,
+    eyes: Array | None,
 ) -> Completion:
     T = frame.T_world_frame
     blurred = [(h.low, h.high) for h in handles]
@@ -87,8 +96,11 @@ def _layer(
         shown = without_surroundings(shown, boards[0], T)
     elif tray.boards:
         shown = up_to(shown, min(float(b.low[OUT]) for b in tray.boards), T)
-    front = boards[0] if tray is not None else None
-    shown = without_floaters(shown, [*boards, *bars], T, front)
+    if eyes is not None:
+        shown = trimmed(shown, [b.box(T) for b in boards], eyes)
+    shown = without_floaters(shown, [*boards, *bars], T)
+    if tray is not None:
+        shown = passing(shown, boards[0], T)
     return Completion(shown, tuple(pieces), (), tuple(interiors), kind=frame.kind)
 
 

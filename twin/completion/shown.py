@@ -18,7 +18,6 @@ ON_FACE = 0.008  # m: seen surface this near a board's face is that face
 _BESIDE = 0.020  # m around a board within which a fused surface's ragged skirt lies
 _SKIRT = 0.030  # m that it hangs behind
 _BESIDE_SHARE = 0.2  # of a piece behind a drawer's front that may lie beside the opening
-_TOUCHES = 0.015  # m from a board within which a piece is not loose
 _HANGS = 0.12  # m that it hangs behind a front that moves
 LOOKS = float(np.cos(np.radians(40.0)))  # of a noisy face, from its board's
 _SHRED = 0.002  # share of the surface, and m^2, below which a loose piece is a shred
@@ -95,24 +94,6 @@ def _flatten(moved: Array, vertices: NDArray[Any], board: Board, axis: int, plan
     for k in range(3):
         if k != axis:
             moved[vertices, k] = np.clip(moved[vertices, k], board.low[k], board.high[k])
-
-
-def without_floaters(
-    mesh: Mesh, boards: Sequence[Board], T_world_frame: Array, opening: Board | None = None
-) -> Mesh:
-    """The mesh without loose pieces that touch no board: the part is made of boards.
-
-    opening: a drawer's front. A piece behind it much of which lies beside the opening can't pass it.
-    """
-    if not len(mesh.faces):
-        return mesh
-    local = geo.transform(geo.invert_pose(T_world_frame), mesh.vertices)
-    near = np.zeros(len(local), bool)
-    for b in boards:
-        near |= geo.every((local > b.low - _TOUCHES) & (local < b.high + _TOUCHES))
-    piece = vertex_pieces(mesh.faces, len(mesh.vertices))
-    kept = mesh.of(np.isin(piece[mesh.faces[:, 0]], np.unique(piece[near])))
-    return kept if opening is None else passing(kept, opening, T_world_frame)
 
 
 def passing(mesh: Mesh, front: Board, T_world_frame: Array) -> Mesh:

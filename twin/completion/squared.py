@@ -25,7 +25,7 @@ _LOWEST = 0.05  # m of a strip that must be left beside other boards
 _MOSTLY = 0.8  # share of a lower strip that must be left
 _THIN = 0.06  # m, thickest worktop
 _LONG = 0.2  # m, shortest worktop
-_BELOW = 0.06  # m, farthest that a worktop is above what it lies on
+BELOW = 0.06  # m, farthest that a worktop is above what it lies on
 _OVERHANG = 0.05  # m, the widest overhang of a worktop
 PLINTH = 0.15  # m, the highest plinth, and how far behind the fronts it stands at most
 OVER = 0.01  # m that fronts may overlap: noise
@@ -43,14 +43,15 @@ class Sight:
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.vertices, np.float32)),
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.faces, np.uint32)),
         )
-        self._eyes = eyes[np.unique(np.linspace(0, len(eyes) - 1, min(_EYES, len(eyes))).astype(int))]
+        self.eyes = eyes
+        self._asked = eyes[np.unique(np.linspace(0, len(eyes) - 1, min(_EYES, len(eyes))).astype(int))]
 
     def free(self, points: Array) -> float:
         """Share of points (n, 3) that some camera saw through."""
         import open3d as o3d
 
         through = np.zeros(len(points), bool)
-        for eye in self._eyes:
+        for eye in self._asked:
             way = points - eye
             far = np.linalg.norm(way, axis=1)
             rays = np.concatenate([np.broadcast_to(eye, way.shape), way / far[:, None]], axis=1)
@@ -152,7 +153,7 @@ def _is_worktop(board: Board) -> bool:
 
 def _lies_on(top: Board, solid: Board) -> bool:
     shared = min(top.high[SIDE], solid.high[SIDE]) - max(top.low[SIDE], solid.low[SIDE])
-    return bool(-_BELOW < top.low[UP] - solid.high[UP] < _BELOW and shared > 0.0)
+    return bool(-BELOW < top.low[UP] - solid.high[UP] < BELOW and shared > 0.0)
 
 
 def _overhang(top: Board, solid: Board) -> float:

@@ -14,8 +14,10 @@ from twin.collision.convex import triangles_of
 from twin.completion.board import Board
 from twin.completion.carcass import Carcass, find_carcass
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
+from twin.completion.eyes import EVERY
 from twin.completion.grooves import split_at_grooves
 from twin.completion.handle import Handle, find_handles
+from twin.completion.hanging import hanging
 from twin.completion.joined import Row, joined, worktop_over
 from twin.completion.leaf import Leaf
 from twin.completion.part import color_near
@@ -24,6 +26,7 @@ from twin.completion.shown import shown_surface, without_shreds
 from twin.completion.sides import continued
 from twin.completion.squared import PLANE, Sight, squared
 from twin.completion.sweep import out_of_the_way
+from twin.completion.trimmed import trimmed
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, Interior
 from twin.scene import Box, Mesh, Part, Prismatic
@@ -110,9 +113,9 @@ def complete_static(
         swept: points (n, 3) that the parts pass.
         sight: what cameras saw; None without camera poses.
     """
-    furniture, room = mesh.of(found.furniture), mesh.of(~found.furniture)
+    furniture = mesh.of(found.furniture)
     if not opened:
-        return Completion(without_shreds(furniture), (), (), (), room)
+        return Completion(without_shreds(furniture), (), (), (), mesh.of(~found.furniture))
     cabinets: list[tuple[Opening, list[Board]]] = []
     shown, left = furniture, triangles_of(furniture)
     for o in opened:
@@ -126,6 +129,7 @@ def complete_static(
     panels = _panels(furniture, left, opened, swept, sight, most)
     T = opened[0].front.frame.T_world_frame
     pieces: list[Inferred] = []
+    fixed, boxes = [_inside_of(o, opened[0]) for o in opened], []
     for o, boards in cabinets:
         own = [
             b for b in boards if not (b.role == "top" and worktop_over(_in_first(b, o, opened[0]), panels))
@@ -134,12 +138,19 @@ def complete_static(
         pieces += [
             _clear_piece(b, o.front.frame.T_world_frame, furniture, o.front.local(swept), wood) for b in own
         ]
+        fixed += [_in_first(b, o, opened[0]) for b in boards]
+        boxes += [b.box(o.front.frame.T_world_frame) for b in own]
     handles = _handles([b for b in panels if _is_front(b)], Cloud.of(furniture, T))
     handles = handles[: max(0, (most - len(panels)) // _PIECES)]
     bars, blurred = [b for h in handles for b in h.boards], [(h.low, h.high) for h in handles]
     shown = shown_surface(shown, panels, T, blurred)
-    pieces += [_clear_piece(b, T, furniture, opened[0].front.local(swept)) for b in (*panels, *bars)]
-    return Completion(without_shreds(shown), tuple(pieces), (), _interiors(opened), room)
+    if sight is not None:
+        shown = trimmed(shown, [*boxes, *(b.box(T) for b in panels)], sight.eyes[::EVERY])
+    held = hanging(without_shreds(shown), [*panels, *bars], fixed, furniture, T)
+    chosen = found.furniture.copy()
+    chosen[chosen] = ~held.loose
+    pieces += [_clear_piece(b, T, furniture, opened[0].front.local(swept)) for b in held.boards]
+    return Completion(held.shown, tuple(pieces), (), _interiors(opened), mesh.of(~chosen))
 
 
 def _interiors(opened: Sequence[Opening]) -> tuple[Interior, ...]:

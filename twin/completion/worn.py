@@ -12,19 +12,18 @@ from numpy.typing import NDArray
 from twin import geometry as geo
 from twin.atlas import BORDER, MOST_TEXELS, shelves
 from twin.completion.board import INSET
+from twin.completion.eyes import part_eyes, static_eyes
 from twin.completion.photographed import FEW, TEXEL, Face, Seen, blank, filled, tile_of
-from twin.completion.trimmed import trimmed, within
+from twin.completion.trimmed import within
 from twin.geometry import Array
 from twin.inferred import Completion, Inferred, box_mesh
-from twin.scene import Box, Mesh, Part, Texture, Twin
+from twin.scene import Box, Mesh, Texture, Twin
 
 # m^2 of a face that must have been seen to tell what its like look like. Chosen by us: a square of 10 cm.
 _TELLS = 0.01
 # m by which a piece with photographs is drawn outside its faces: the seen surface, whose photographs it
 # wears, ends ragged and lies behind it. As far as a plain one is drawn inside.
 _OUTSET = INSET
-# Frames between those whose cameras are asked what they saw. Chosen by us: a quarter of a second.
-_EVERY = 8
 # Distance of two sRGB colours of 0..255 that may stand for each other. Chosen by us: wood in two lights.
 _ALIKE = 60.0
 # Largest distance (m) of two boards' faces in one plane. Chosen by us: less than a board is thick.
@@ -59,36 +58,21 @@ def worn(twin: Twin) -> Twin:
     A texel that no photograph shows is marked in the texture's mask, and a piece of which none shows anything
     says in its reason whose picture it wears. Handles keep a plain colour, being slimmer than seen.
     """
-    if twin.cameras is None:
-        return twin
-    still = twin.cameras.T_world_cam[::_EVERY, :3, 3]
-    bodies = [(twin.static.mesh, twin.static.completion, still)]
-    bodies += [(p.mesh, p.completion, _eyes(twin, p)) for p in twin.parts]
+    bodies = [(twin.static.mesh, twin.static.completion, static_eyes(twin))]
+    bodies += [(p.mesh, p.completion, part_eyes(twin, p)) for p in twin.parts]
     dressed = [_textured_pieces(*body) for body in bodies]
     fronts = [d for body in dressed[1:] for d in body if d.piece.role in ("front", "panel")]
     layers = [
-        layer if layer is None or not body else _with_looks(layer, body, fronts, eyes)
-        for (_, layer, eyes), body in zip(bodies, dressed, strict=True)
+        layer if layer is None or not body else _with_looks(layer, body, fronts)
+        for (_, layer, _), body in zip(bodies, dressed, strict=True)
     ]
     parts = tuple(replace(p, completion=k) for p, k in zip(twin.parts, layers[1:], strict=True))
     return replace(twin, static=replace(twin.static, completion=layers[0]), parts=parts)
 
 
-def _eyes(twin: Twin, part: Part) -> Array:
-    """Where cameras stood (n, 3) as a part that moved saw them, at state 0."""
-    assert twin.cameras is not None
-    poses = twin.cameras
-    states = dict(zip(part.motion.frames.tolist(), part.motion.state.tolist(), strict=True))
-    eyes = []
-    for frame, pose in zip(poses.frames[::_EVERY].tolist(), poses.T_world_cam[::_EVERY], strict=True):
-        moved = twin.part_pose(part.id, {part.id: states.get(frame, 0.0)})
-        eyes.append(geo.transform(geo.invert_pose(moved), pose[None, :3, 3])[0])
-    return np.array(eyes)
-
-
-def _textured_pieces(mesh: Mesh, layer: Completion | None, eyes: Array) -> list[_Textured]:
+def _textured_pieces(mesh: Mesh, layer: Completion | None, eyes: Array | None) -> list[_Textured]:
     """The pieces of a body with what was seen of them; none where the body has no photographs."""
-    if layer is None or mesh.texture is None or not len(mesh.faces) or not layer.pieces:
+    if layer is None or eyes is None or mesh.texture is None or not len(mesh.faces) or not layer.pieces:
         return []
     texel, seen = _texel(layer.pieces), Seen(mesh, eyes)
     boards = [board_of(p) for p in layer.pieces if p.role != "handle"]
@@ -204,10 +188,8 @@ def _color(textured: _Textured, face: int, body: Sequence[_Textured]) -> Array |
     return next((c for c in options if c is not None), None)
 
 
-def _with_looks(
-    layer: Completion, body: Sequence[_Textured], fronts: Sequence[_Textured], eyes: Array
-) -> Completion:
-    """The layer whose pieces wear their pictures, and whose seen surface is cut back to them."""
+def _with_looks(layer: Completion, body: Sequence[_Textured], fronts: Sequence[_Textured]) -> Completion:
+    """The layer whose pieces wear their pictures."""
     likes = [None if d.piece.role == "handle" else _like(d, body, fronts) for d in body]
     pictures = [_pictures(d, like, body) for d, like in zip(body, likes, strict=True)]
     image, seen, places = _packed(
@@ -223,8 +205,7 @@ def _with_looks(
         pieces.append(
             replace(piece, mesh=_covered(piece, textured.before, places[6 * k : 6 * k + 6], image, seen))
         )
-    shown = trimmed(layer.shown, [board_of(d.piece) for d in body if d.piece.role != "handle"], eyes)
-    return replace(layer, pieces=tuple(pieces), shown=shown)
+    return replace(layer, pieces=tuple(pieces))
 
 
 def _pictures(
