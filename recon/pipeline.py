@@ -42,10 +42,10 @@ from twin.storage import require_place
 
 T = TypeVar("T")
 
-# Seconds of stages on two cores, for the time left (benchmarks/speed.md, texture a third). Only ratios count.
+# Seconds of stages on two cores, for the time left: medians of benchmarks/speed.md. Only ratios count.
 _SECONDS = {
-    "inspect": 2.0, "tracks": 5.0, "cameras": 1.7, "gravity": 0.2, "motion": 6.0, "noise": 0.2, "refine": 4.0, "labels": 3.5, "polish": 1.6,
-    "fusion": 1.8, "up": 0.5, "contact": 0.6, "texture": 13.0, "verdict": 2.0, "handle": 0.3,
+    "inspect": 4.6, "tracks": 5.7, "cameras": 2.6, "gravity": 0.2, "motion": 7.3, "noise": 0.2, "refine": 5.9, "labels": 5.2, "polish": 2.1,
+    "fusion": 2.4, "up": 0.5, "contact": 0.8, "texture": 19.8, "verdict": 1.5, "handle": 0.1,
 }  # fmt: skip
 
 
