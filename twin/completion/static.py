@@ -15,16 +15,15 @@ from twin.completion.board import Board
 from twin.completion.carcass import Carcass, find_carcass
 from twin.completion.cloud import OUT, SIDE, UP, Cloud
 from twin.completion.eyes import EVERY
+from twin.completion.furniture_handles import furniture_handles
 from twin.completion.grooves import split_at_grooves
-from twin.completion.handle import Handle, find_handles
 from twin.completion.hanging import hanging
 from twin.completion.joined import Row, joined, worktop_over
-from twin.completion.leaf import Leaf
 from twin.completion.part import color_near
 from twin.completion.room import Bound, Front, FurnitureSplit
 from twin.completion.shown import shown_surface, without_shreds
 from twin.completion.sides import continued
-from twin.completion.squared import PLANE, Sight, squared
+from twin.completion.squared import Sight, squared
 from twin.completion.sweep import out_of_the_way
 from twin.completion.trimmed import trimmed
 from twin.geometry import Array
@@ -52,8 +51,6 @@ _CLEAR = 0.0025
 _PIECES = 3
 # Pieces kept for handles.
 _RESERVED = 12
-# m, noise of a face of the static scene, as in SEARCH.
-NOISE = 0.004
 # m. A neighbour of less depth stays a board.
 _SOLID = 0.05
 
@@ -140,7 +137,7 @@ def complete_static(
         ]
         fixed += [_in_first(b, o, opened[0]) for b in boards]
         boxes += [b.box(o.front.frame.T_world_frame) for b in own]
-    handles = _handles([b for b in panels if _is_front(b)], Cloud.of(furniture, T))
+    handles = furniture_handles([b for b in panels if _is_front(b)], Cloud.of(furniture, T))
     handles = handles[: max(0, (most - len(panels)) // _PIECES)]
     bars, blurred = [b for h in handles for b in h.boards], [(h.low, h.high) for h in handles]
     shown = shown_surface(shown, panels, T, blurred)
@@ -272,34 +269,3 @@ def _in_first(board: Board, o: Opening, first: Opening) -> Board:
     to_first = geo.invert_pose(first.front.frame.T_world_frame) @ o.front.frame.T_world_frame
     corners = geo.transform(to_first, np.array([board.low, board.high]))
     return replace(board, low=corners.min(axis=0), high=corners.max(axis=0))
-
-
-def _handles(fronts: Sequence[Board], cloud: Cloud) -> list[Handle]:
-    """Handles before fronts that stand still, sought on one plane at once: a front may be many boards."""
-    found: list[Handle] = []
-    left = sorted(fronts, key=lambda b: -float(b.high[OUT]))
-    while left:
-        plane = float(left[0].high[OUT])
-        same = [b for b in left if plane - b.high[OUT] < PLANE]
-        left = left[len(same) :]
-        corners = np.stack(
-            [np.min([b.low[:2] for b in same], axis=0), np.max([b.high[:2] for b in same], axis=0)]
-        )
-        up = np.array([0.0, 0.0, float(np.median([b.high[OUT] for b in same]))])
-        lifted = Cloud(cloud.points - up, cloud.normals, cloud.area)
-        whole = Leaf(corners, 0.0, "evidence", "")
-        for h in find_handles(lifted, whole, NOISE, None, f"handle_{len(found) + 1}"):
-            if any(_before(h, b) for b in same):
-                boards = tuple(replace(b, low=b.low + up, high=b.high + up) for b in h.boards)
-                found.append(Handle(boards, h.low + up, h.high + up))
-    named = []
-    for k, h in enumerate(found):  # names count over all planes
-        first = h.boards[0].name
-        boards = tuple(replace(b, name=b.name.replace(first, f"handle_{k + 1}", 1)) for b in h.boards)
-        named.append(replace(h, boards=boards))
-    return named
-
-
-def _before(handle: Handle, board: Board) -> bool:
-    middle = (handle.low + handle.high)[:2] / 2
-    return bool(np.all((middle > board.low[:2]) & (middle < board.high[:2])))
