@@ -38,7 +38,7 @@ _BLUR = 0.020
 class _Textured:
     """A piece with its six faces, in the order of `_faces`, the tile of its most seen one, None where none
     was seen enough, and its colour (3,), None where too little was. before: which faces stand before what was
-    seen, and not in another's."""
+    seen, and not in another's; no face that is assumed and was not seen."""
 
     piece: Inferred
     faces: tuple[Face, ...]
@@ -90,7 +90,8 @@ def _textured_pieces(mesh: Mesh, layer: Completion | None, eyes: Array | None) -
         own = [replace(f, seen=f.seen & ~m) for f, m in zip(faces, flush, strict=True)]
         most = max(own, key=lambda f: f.area)
         tile = tile_of(most) if most.area > _TELLS else None
-        before = tuple(bool(m.mean() < _MOSTLY) for m in flush)
+        unseen = [piece.basis == "assumed" and f.area < _TELLS for f in faces]
+        before = tuple(bool(m.mean() < _MOSTLY) and not u for m, u in zip(flush, unseen, strict=True))
         out.append(_Textured(piece, tuple(faces), tile, _color_of(most), before))
     return out
 

@@ -108,6 +108,18 @@ def test_pieces_with_photographs_stand_before_the_scan_and_plain_ones_behind(com
     ]
 
 
+def test_an_assumed_face_that_nobody_saw_is_drawn_inside_its_board(complete: Twin) -> None:
+    """No scan lies there that the face would have to hide."""
+    inferred = complete.static.completion
+    assert inferred is not None
+    (back,) = (p for p in inferred.pieces if p.role == "back")
+    assert back.basis == "assumed"
+    (shape,) = back.shapes
+    assert isinstance(shape, Box)
+    local = geo.transform(geo.invert_pose(shape.T_world_box), back.mesh.vertices)
+    assert np.all(np.abs(local).max(axis=0) < shape.size / 2)
+
+
 def test_looks_come_back_from_the_disk(complete: Twin, tmp_path: Path) -> None:
     bare = scan()
     twin.save(bare, tmp_path / "bare")
