@@ -80,6 +80,7 @@ def test_a_run_tells_what_it_was_made_with(tmp_path: Path, capsys: pytest.Captur
         (["nowhere"], "nowhere does not exist"),
         (["."], ". tells no settings"),
         ([".", "--set", "labels.every=2"], ". has its own settings"),
+        ([".", "--config", "other.toml"], ". has its own settings"),
         (
             ["--set", "motion.max_parts=0"],
             "--set: motion.max_parts = 0 must be at least 1 part; the default is 8",

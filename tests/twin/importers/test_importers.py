@@ -322,15 +322,17 @@ def test_the_command_line_imports_a_scene_and_never_over_a_twin(
     assert cli.run(["import", str(path), "-o", str(run)]) == 1
     assert "holds a twin already" in capsys.readouterr().err
     assert (run / "twin" / "twin.json").read_bytes() == before
-    for wrong in (
-        "--closed door",
-        "--limit slide=1",
-        "--limit slide=a,b",
-        "--limit =0,1",
-        "--closed x=upper",
+    for wrong, words in (
+        ("--closed door", "names no joint and value"),
+        ("--limit slide=1", "slide"),
+        ("--limit slide=a,b", "slide"),
+        ("--limit =0,1", "names no joint and value"),
+        ("--closed x=upper", "x"),
     ):
         assert cli.run(["import", str(path), "-o", str(tmp_path / "other"), *wrong.split()]) == 1
-        assert capsys.readouterr().err.count("\n") == 1
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1
+        assert words in err
 
 
 @pytest.mark.slow
