@@ -76,6 +76,8 @@ def hanging(
     ours, drawn = held[len(anchors) : len(low)], held[len(low) :][piece[shown.faces[:, 0]]]
     kept = [b for b, h in zip(boards, ours, strict=True) if h]
     loose = [b for b, h in zip(boards, ours, strict=True) if not h]
+    if not loose and drawn.all():
+        return Hanging(kept, shown, np.zeros(len(seen.faces), bool))
     ours_seen = _beside(seen, [*anchors, *kept], T_world_frame) | _among(seen, shown.of(drawn))
     loose_seen = (_beside(seen, loose, T_world_frame) & ~ours_seen) | _among(seen, shown.of(~drawn))
     return Hanging(kept, shown.of(drawn), _nearer(seen, loose_seen, ours_seen))

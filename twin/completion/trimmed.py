@@ -1,4 +1,4 @@
-"""What is drawn of a scan beside textured boards: no skirts, nothing that hangs over their gaps."""
+"""What is drawn of a scan beside boards: no skirts, nothing that hangs over their gaps."""
 
 from __future__ import annotations
 
