@@ -47,12 +47,21 @@ def relative_pose_error(T_true_cam: Array, T_recon_cam: Array) -> tuple[float, f
     """RMSE in metres and radians of the motion between consecutive poses (n, 4, 4); (0, 0) for one pose."""
     if len(T_true_cam) < 2:
         return 0.0, 0.0
-    true = geo.invert_pose(T_true_cam[:-1]) @ T_true_cam[1:]
-    recon = geo.invert_pose(T_recon_cam[:-1]) @ T_recon_cam[1:]
+    frames = np.arange(len(T_true_cam))
+    translation, rotation = relative_errors(T_true_cam, T_recon_cam, frames[:-1], frames[1:])
+    return float(np.sqrt(np.mean(translation**2))), float(np.sqrt(np.mean(rotation**2)))
+
+
+def relative_errors(
+    T_true_cam: Array, T_recon_cam: Array, first: NDArray[np.int64], second: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Errors (m,) in metres and (m,) in radians of the motions from the poses `first` (m,) to `second` (m,)."""
+    true = geo.invert_pose(T_true_cam[first]) @ T_true_cam[second]
+    recon = geo.invert_pose(T_recon_cam[first]) @ T_recon_cam[second]
     # length of the error's translation before turning to camera axes, which rounds: equal motions give 0
     translation = np.linalg.norm(recon[:, :3, 3] - true[:, :3, 3], axis=1)
     rotation = geo.rotation_angle(np.swapaxes(true[:, :3, :3], 1, 2) @ recon[:, :3, :3])
-    return float(np.sqrt(np.mean(translation**2))), float(np.sqrt(np.mean(rotation**2)))
+    return translation, np.asarray(rotation, dtype=np.float64)
 
 
 def moving_span(states: Array, offset: int = 0) -> Span | None:
@@ -84,6 +93,19 @@ def span_hull(spans: Sequence[Span]) -> Span | None:
     return (min(a for a, _ in spans), max(b for _, b in spans)) if spans else None
 
 
+def span_frames(spans: Sequence[Span]) -> NDArray[np.int64]:
+    """Frames (n,) of all intervals, ends included, each once and in order."""
+    frames = [np.arange(a, b + 1) for a, b in spans]
+    return np.unique(np.concatenate(frames)) if frames else np.zeros(0, dtype=np.int64)
+
+
+def spans_iou(a: Sequence[Span], b: Sequence[Span]) -> float:
+    """Temporal intersection over union of all frames of some intervals with those of others; 0 without any."""
+    of_a, of_b = span_frames(a), span_frames(b)
+    common = len(np.intersect1d(of_a, of_b))
+    return common / max(len(of_a) + len(of_b) - common, 1)
+
+
 def span_detection(true: Sequence[Span], found: Sequence[Span], least: float = 0.5) -> tuple[float, float]:
     """Precision and recall of intervals, matched one to one at a temporal IoU of at least `least`.
 
@@ -92,12 +114,19 @@ def span_detection(true: Sequence[Span], found: Sequence[Span], least: float = 0
     if not true or not found:
         right = float(not true and not found)
         return right, 1.0 if not true else 0.0
+    hits = span_hits(true, found, least)
+    return hits / len(found), hits / len(true)
+
+
+def span_hits(true: Sequence[Span], found: Sequence[Span], least: float = 0.5) -> int:
+    """How many pairs of intervals match one to one at a temporal IoU of at least `least`."""
+    if not true or not found:
+        return 0
     from scipy.optimize import linear_sum_assignment
 
     iou = np.array([[span_iou(t, f) for f in found] for t in true])
     rows, cols = linear_sum_assignment(-np.where(iou >= least, iou, 0.0))
-    hits = int(np.sum(iou[rows, cols] >= least))
-    return hits / len(found), hits / len(true)
+    return int(np.sum(iou[rows, cols] >= least))
 
 
 def state_error(true: Array, found: Array) -> tuple[float, int]:

@@ -262,7 +262,8 @@ def match_parts(found: Sequence[tuple[Joint, Motion]], T_truth_recon: Array, tru
     """Index of the true part -> the found one, by the best sum of overlap less axis error (per 90 deg).
 
     Only parts whose motions overlap in time can match; a motion that lists no interval may match any. Where
-    the truth tells no cameras, axes can't be compared, and the overlap alone counts.
+    the truth tells no cameras, axes can't be compared, and the overlap alone counts. Of a part that truly
+    moves more than once, each motion counts; of one that moves once, the hull of what was found.
     """
     if not found or not truth.parts:
         return {}
@@ -270,10 +271,17 @@ def match_parts(found: Sequence[tuple[Joint, Motion]], T_truth_recon: Array, tru
     possible = np.zeros(cost.shape, dtype=bool)
     for i, true in enumerate(truth.parts):
         for j, (joint, motion) in enumerate(found):
-            overlap = metrics.span_iou(true.span, metrics.span_hull(motion.intervals))
+            overlap = _overlap(true.spans, motion.intervals)
             axis = geo.rotate(T_truth_recon, joint.axis)
             angle = geo.line_angle(axis, true.joint.axis) if truth.cameras is not None else 0.0
             possible[i, j] = overlap > 0 or not motion.intervals
             cost[i, j] = angle / (np.pi / 2) - overlap
     rows, cols = linear_sum_assignment(np.where(possible, cost, 10.0))  # 10: worse than any possible pair
     return {int(i): int(j) for i, j in zip(rows, cols, strict=True) if possible[i, j]}
+
+
+def _overlap(true: Sequence[metrics.Span], found: Sequence[metrics.Span]) -> float:
+    """Temporal IoU of motions; of a single true one with the hull, since it may be found in pieces."""
+    if len(true) > 1:
+        return metrics.spans_iou(true, found)
+    return metrics.span_iou(metrics.span_hull(true), metrics.span_hull(found))

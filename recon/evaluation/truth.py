@@ -80,8 +80,8 @@ class TruthPart:
 
     @property
     def moving_frames(self) -> NDArray[np.int64]:
-        """Frames inside `span`."""
-        return np.arange(self.span[0], self.span[1] + 1) if self.span else np.zeros(0, dtype=np.int64)
+        """Frames (n,) inside one of `spans`; those between two motions are none."""
+        return metrics.span_frames(self.spans)
 
     @property
     def T_world_closed(self) -> Array:

@@ -46,6 +46,16 @@ def test_interval_detection_counts_each_interval_once() -> None:
     assert metrics.span_detection([], [(0, 3)]) == (0.0, 1.0)
 
 
+def test_overlap_of_several_intervals_counts_frames_and_of_one_is_that_of_intervals() -> None:
+    twice = [(0, 9), (90, 99)]
+    assert metrics.spans_iou(twice, twice[::-1]) == 1.0
+    assert metrics.spans_iou(twice, [(0, 9)]) == 0.5
+    assert metrics.spans_iou(twice, [(40, 60)]) == 0.0
+    assert metrics.spans_iou([(0, 9)], [(5, 14)]) == metrics.span_iou((0, 9), (5, 14))
+    assert metrics.spans_iou([], twice) == metrics.spans_iou([], []) == 0.0
+    np.testing.assert_array_equal(metrics.span_frames([(7, 8), (1, 3), (2, 4)]), [1, 2, 3, 4, 7, 8])
+
+
 @given(st.lists(st.floats(-2, 2), min_size=3, max_size=20), st.sampled_from([1, -1]), st.floats(-5, 5))
 def test_state_error_forgives_sign_and_zero_alone(states: list[float], sign: int, zero: float) -> None:
     true = np.array(states)
