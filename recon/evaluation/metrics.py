@@ -55,7 +55,7 @@ def relative_pose_error(T_true_cam: Array, T_recon_cam: Array) -> tuple[float, f
 def relative_errors(
     T_true_cam: Array, T_recon_cam: Array, first: NDArray[np.int64], second: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Errors (m,) in metres and (m,) in radians of the motions from the poses `first` (m,) to `second` (m,)."""
+    """Errors (m,) in metres and (m,) in radians of the motions from poses `first` (m,) to `second` (m,)."""
     true = geo.invert_pose(T_true_cam[first]) @ T_true_cam[second]
     recon = geo.invert_pose(T_recon_cam[first]) @ T_recon_cam[second]
     # length of the error's translation before turning to camera axes, which rounds: equal motions give 0
@@ -100,7 +100,7 @@ def span_frames(spans: Sequence[Span]) -> NDArray[np.int64]:
 
 
 def spans_iou(a: Sequence[Span], b: Sequence[Span]) -> float:
-    """Temporal intersection over union of all frames of some intervals with those of others; 0 without any."""
+    """Temporal intersection over union of the frames of all intervals on either side; 0 without any."""
     of_a, of_b = span_frames(a), span_frames(b)
     common = len(np.intersect1d(of_a, of_b))
     return common / max(len(of_a) + len(of_b) - common, 1)

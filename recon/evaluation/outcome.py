@@ -20,6 +20,7 @@ from twin.geometry import Array, line_angle, rotate
 from twin.scene import Part, Twin
 
 Cause = Literal["cameras", "missed", "type", "axis", "path", "labels"]
+JointCause = Literal["type", "axis", "path"]
 # What takes a path aside: closed and open end exchanged, the cameras, the hinge's place, or else the states
 Aside = Literal["closed end", "cameras", "hinge", "states"]
 
@@ -98,17 +99,18 @@ def is_trusted(part: Part) -> bool:
 
 def success(joint: JointErrors | None, miou: float | None) -> bool:
     """success@5 deg/2 cm of a part with a mask of this mean IoU."""
-    return joint is not None and _joint_cause(joint) is None and miou is not None and miou >= PART_MIOU
+    return joint is not None and joint_cause(joint) is None and miou is not None and miou >= PART_MIOU
 
 
 def _cause(found: Part | None, true: TruthPart, truth: Truth, twin: Twin, T: Array) -> Cause | None:
     if found is None:
         return "missed"
-    cause = _joint_cause(joint_errors(found.joint, found.motion, T, truth, true))
+    cause = joint_cause(joint_errors(found.joint, found.motion, T, truth, true))
     return cause or ("labels" if _miou(found, true, truth, twin) < PART_MIOU else None)
 
 
-def _joint_cause(errors: JointErrors) -> Cause | None:
+def joint_cause(errors: JointErrors) -> JointCause | None:
+    """Why a joint and its motion fail success@5 deg/2 cm, None if they don't."""
     if not errors.type_right:
         return "type"
     if errors.axis_deg is None or errors.axis_deg > AXIS_DEG:

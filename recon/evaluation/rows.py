@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from recon.evaluation.columns import aligned
 from recon.evaluation.goals import Goal
+from recon.evaluation.walk_rows import summary, walk_table
+from recon.evaluation.walk_scores import WalkScores
 
 
 @dataclass(frozen=True)
@@ -44,12 +47,14 @@ class Evaluation:
     """All rows of one twin against one truth, with the data set's name.
 
     unknown: measures that this truth does not allow. notes: what was left out of the truth, for people.
+    walk: of a recording with several parts or interactions; the goals don't concern it.
     """
 
     name: str
     rows: tuple[Row, ...]
     unknown: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    walk: WalkScores | None = None
 
     @property
     def remarks(self) -> list[str]:
@@ -73,12 +78,14 @@ class Evaluation:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON types only."""
+        walk = {} if self.walk is None else {"walk": summary(self.walk)}
         return {
             "recording": self.name,
             "ok": self.ok,
             "rows": [r.as_dict() for r in self.rows],
             "unknown": list(self.unknown),
             "notes": list(self.notes),
+            **walk,
         }
 
     def table(self) -> str:
@@ -97,15 +104,8 @@ class Evaluation:
             )
             for r in self.rows
         ]
-        widths = [max(len(line[k]) for line in (head, *body)) for k in range(len(head))]
-        lines = [
-            "  ".join(
-                w.rjust(n) if k in (2, 3) else w.ljust(n)
-                for k, (w, n) in enumerate(zip(line, widths, strict=True))
-            )
-            for line in (head, *body)
-        ]
         missed = sum(r.ok is False for r in self.rows)
         goals = sum(r.ok is not None for r in self.rows)
         end = f"{self.name}: {goals - missed} of {goals} goals met"
-        return "\n".join([*(line.rstrip() for line in lines), *self.remarks, end])
+        walk = [] if self.walk is None else ["", walk_table(self.walk), ""]
+        return "\n".join([*aligned([head, *body], right=(2, 3)), *walk, *self.remarks, end])

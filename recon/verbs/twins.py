@@ -163,10 +163,28 @@ def evaluate_step(progress: Progress, run: Path, truth: Path) -> Step:
     ]
     columns = ["measure", "of", "value", "matched only", "goal", ""]
     summary = f"{met} of {len(goals)} goals met"
+    walk, said = _walk_tables(evaluation)
     outcome = Outcome(
         evaluation.as_dict(),
-        [Table(evaluation.name, columns, rows)],
-        [*evaluation.remarks, summary],
+        [Table(evaluation.name, columns, rows), *walk],
+        [*said, *evaluation.remarks, summary],
         ok=evaluation.ok,
     )
     return Step("evaluate", outcome, summary, started).recorded(run_folder(run))
+
+
+def _walk_tables(evaluation: Any) -> tuple[list[Table], list[str]]:
+    """The tables of a walk's measures and parts, and lines about parts that are none; nothing of a clip.
+
+    evaluation: a `recon.evaluation.rows.Evaluation`.
+    """
+    if evaluation.walk is None:
+        return [], []
+    from recon.evaluation import walk_rows
+
+    rows = [r.cells for r in walk_rows.walk_rows(evaluation.walk)]
+    parts = [walk_rows.part_cells(p) for p in evaluation.walk.parts]
+    return [
+        Table(f"{evaluation.name}, the walk", walk_rows.COLUMNS, rows),
+        Table(f"{evaluation.name}, its parts", walk_rows.PART_COLUMNS, parts),
+    ], walk_rows.remarks(evaluation.walk)
