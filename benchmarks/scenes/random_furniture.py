@@ -7,7 +7,8 @@ import numpy as np
 from benchmarks.scenes.boards import Board, boards_inertial
 from benchmarks.scenes.furniture import contact_at, floor, mesh_of
 from recon.simulate.random.boards import box
-from recon.simulate.random.furniture import HANDLES, KINDS
+from recon.simulate.random.fronts import HANDLES
+from recon.simulate.random.furniture import KINDS
 from twin.physics import with_physics
 from twin.scene import Box, Motion, Part, StaticPart, Twin
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
@@ -14,27 +12,13 @@ from recon.simulate.acts import Act
 from recon.simulate.config import Staging
 from recon.simulate.grip import Grasp
 from recon.simulate.mjcf import Articulation
-from recon.simulate.ray_caster import Caster
+from recon.simulate.sight import Surroundings, sight, surroundings
 from recon.simulate.surfaces import Surface, merged_mesh
 from recon.simulate.timeline import minimum_jerk
 from twin.geometry import Array, exp_so3, make_pose, point_line_distance, transform, unit
 
 EYE_HEIGHT = 1.6
-NEAR_PART = 0.45  # metres that the head keeps from the part's way
-NEAR_STATIC = 0.22  # metres that it keeps from furniture
-STATES = 5
 FOLLOW = 0.4
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What a viewpoint is judged by: distances to what stands still, and the part at a few states."""
-
-    static: Caster
-    at_state: tuple[Caster, ...]
-    states: Array
-    low: Array
-    high: Array
 
 
 def camera_path(
@@ -47,17 +31,17 @@ def camera_path(
     """Poses T_world_camera (frames, 4, 4), OpenCV axes, with free sight of each act's grip while it lasts."""
     places = []
     for act in acts:
-        around = _surroundings(act, still, bounds)
+        around = surroundings(act.scene, act.states, still, bounds)
         places.append((_viewpoint(act.scene, around, act.grasp, config, rng), around))
     centres = _walk(acts, places, config, rng)
     target = _targets(acts, config)
-    wobble = np.radians(config.sway) * _sway(len(centres), config.fps, 0.8, 0.07, rng)
+    wobble = np.radians(config.sway) * sway(len(centres), config.fps, 0.8, 0.07, rng)
     n = len(centres)
     first_look = np.radians(rng.uniform(4.0, 9.0)) * rng.choice([-1.0, 1.0])
     ease = 1.0 - minimum_jerk(np.arange(n) / max(1, acts[0].line.grasp))
     out = np.empty((n, 4, 4))
     for i in range(n):
-        look = _look_at(centres[i], target[i])
+        look = look_at(centres[i], target[i])
         turn = wobble[i] + [0.3 * first_look * ease[i], first_look * ease[i], 0.0]
         out[i] = make_pose(look @ exp_so3(turn), centres[i])
     return out
@@ -79,23 +63,6 @@ def _targets(acts: Sequence[Act], config: Staging) -> Array:
         target = np.concatenate([target[:turned], place[turned:]])
     smoothed: Array = gaussian_filter1d(target, 0.35 * config.fps, axis=0, mode="nearest")
     return smoothed
-
-
-def _surroundings(act: Act, still: tuple[Surface, ...], bounds: tuple[Array, Array]) -> Surroundings:
-    static = _caster([(s.vertices, s.faces) for s in still])
-    states = np.linspace(float(act.states.min()), float(act.states.max()), STATES)
-    moving = []
-    for s in states:
-        pose = act.scene.pose(s)
-        moving.append(_caster([(transform(pose, p.vertices), p.faces) for p in act.scene.part]))
-    return Surroundings(static, tuple(moving), states, *bounds)
-
-
-def _caster(meshes: list[tuple[Array, NDArray[np.int64]]]) -> Caster:
-    out = Caster()
-    for vertices, faces in meshes:
-        out.add(vertices, faces)
-    return out
 
 
 def _viewpoint(
@@ -120,7 +87,7 @@ def _viewpoint(
             away = np.cos(angle) * facing + np.sin(angle) * right
             eye = base + scale * distance * away + np.array([0.0, 0.0, rise + lift])
             score = (
-                _sight(scene, around, grasp, eye)
+                sight(scene, around, grasp, eye)
                 - 0.006 * abs(turn)
                 - 0.15 * abs(lift)
                 - 0.3 * abs(scale - 1.0)
@@ -141,29 +108,6 @@ def _facing(scene: Articulation, around: Surroundings) -> Array:
     space = np.concatenate([middle[:2] - around.low[:2], around.high[:2] - middle[:2]])
     directions = np.array([[-1.0, 0, 0], [0, -1.0, 0], [1.0, 0, 0], [0, 1.0, 0]])
     return directions[int(space.argmax())]
-
-
-def _sight(scene: Articulation, around: Surroundings, grasp: Grasp, eye: Array) -> float:
-    """Share of the states in which the grip is, and of the part's points that are seen; less if bad."""
-    if np.any(eye < around.low + 0.2) or np.any(eye > around.high - 0.15):
-        return -2.0
-    penalty = 2.0 if around.static.distance(eye) < NEAR_STATIC else 0.0
-    seen = 0.0
-    part = np.concatenate([s.vertices[s.faces].mean(axis=1) for s in scene.part])
-    front = part[part @ grasp.outward > np.quantile(part @ grasp.outward, 0.3)][:200]
-    for k, state in enumerate(around.states):
-        moving = around.at_state[k]
-        if moving.distance(eye) < NEAR_PART:
-            penalty += 1.0
-        pose = scene.pose(float(state))
-        grip = transform(pose, (grasp.point + 0.03 * grasp.outward)[None])
-        points = np.concatenate([grip, transform(pose, front + 0.004 * grasp.outward)])
-        rays = np.concatenate([np.broadcast_to(eye, points.shape), points - eye], axis=1).astype(np.float32)
-        free = np.ones(len(points), dtype=bool)
-        for caster in (around.static, moving):
-            free &= ~caster.blocked(rays, 0.999)
-        seen += (0.6 * float(free[0]) + 0.4 * float(free[1:].mean())) / len(around.states)
-    return seen - penalty
 
 
 def _walk(
@@ -205,14 +149,14 @@ def _walk(
     around = places[0][1]
     low, high = around.low + 0.15, around.high - 0.12
     path = CubicSpline(marks, np.clip(np.stack(points), low, high), bc_type="clamped")(np.arange(frames))
-    path = path + 0.01 * config.sway * _sway(frames, config.fps, 1.3, 0.06, rng)
+    path = path + 0.01 * config.sway * sway(frames, config.fps, 1.3, 0.06, rng)
     if config.sidestep:
         there = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(frames) / frames)
         path = np.clip(path + config.sidestep * there[:, None] * side, low, high)
     return np.asarray(path)
 
 
-def _sway(frames: int, fps: float, slow: float, tremor: float, rng: np.random.Generator) -> Array:
+def sway(frames: int, fps: float, slow: float, tremor: float, rng: np.random.Generator) -> Array:
     """Smooth noise (frames, 3): slow sway below 1 Hz of amplitude `slow`, tremor at 2 to 5 Hz of `tremor`."""
     t = np.arange(frames)[:, None] / fps
     out = np.zeros((frames, 3))
@@ -227,7 +171,7 @@ def _sway(frames: int, fps: float, slow: float, tremor: float, rng: np.random.Ge
     return out
 
 
-def _look_at(eye: Array, target: Array) -> Array:
+def look_at(eye: Array, target: Array) -> Array:
     """Rotation (3, 3) of a level camera (OpenCV axes) at `eye` that looks at `target`."""
     forward = unit(target - eye)
     right = unit(np.cross(forward, [0.0, 0.0, 1.0]))

@@ -60,12 +60,10 @@ def write_frame(
 
 def late_depth(out: Path, lag: int) -> None:
     """Give each frame the depth of the one `lag` before (after: negative), else the first or last."""
-    if lag == 0:
-        return
     files = sorted((out / "depth").iterdir())
-    taken = [f.read_bytes() for f in files]
-    for k, file in enumerate(files):
-        file.write_bytes(taken[min(max(k - lag, 0), len(taken) - 1)])
+    order = range(len(files) - 1, -1, -1) if lag > 0 else range(len(files) if lag else 0)
+    for k in order:  # each is read before it is written
+        files[k].write_bytes(files[min(max(k - lag, 0), len(files) - 1)].read_bytes())
 
 
 def _image(path: Path, image: NDArray[Any], options: list[int]) -> None:

@@ -82,6 +82,11 @@ class View:
     tone: F32
     body: NDArray[np.int32]
 
+    def dark(self) -> View:
+        """The same with something on the lens: nothing is seen."""
+        seen = {k: np.zeros_like(v) for k, v in vars(self).items()}
+        return View(**seen | {"body": np.full_like(self.body, -1)})
+
 
 class Renderer:
     """Renders bodies at poses. Textures and corner normals are prepared once per body.

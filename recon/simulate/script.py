@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -77,16 +77,18 @@ def acts_of(
     out = []
     for episode, line in zip(script.episodes, lines, strict=True):
         part = parts[index[episode.joint]]
-        others = [
-            posed(s, other.pose(float(states[other.name][line.start])))
-            for other in parts
-            if other is not part
-            for s in other.part
-        ]
-        scene = replace(part, static=(*part.static, *others)) if others else part
+        scene = among(part, parts, {name: float(s[line.start]) for name, s in states.items()})
         grasp = find_grasp(scene, config.handle, rng)
         out.append(Act(scene, grasp, line, states[episode.joint], episode.reaches))
     return tuple(out)
+
+
+def among(part: Articulation, parts: Sequence[Articulation], states: Mapping[str, float]) -> Articulation:
+    """A part for which the others stand still at their `states`, by name, rad or m."""
+    others = [
+        posed(s, other.pose(states[other.name])) for other in parts if other is not part for s in other.part
+    ]
+    return replace(part, static=(*part.static, *others)) if others else part
 
 
 def posed(surface: Surface, pose: Array) -> Surface:

@@ -49,7 +49,7 @@ class Flow:
         return Flow(*pixel_motion.led(first, second, far, nearest, EDGE, STILL))
 
 
-def poses_around(poses: Array, index: int, present: Sequence[bool] | None = None) -> Array:
+def poses_around(poses: Array, index: int, present: NDArray[np.bool_] | None = None) -> Array:
     """Poses (3, 4, 4) in the frames before, at and after `index`, of a body's poses (frames, 4, 4).
 
     At the ends, and next to frames without the body, the motion goes on as on the other side.

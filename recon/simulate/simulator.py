@@ -20,6 +20,7 @@ from recon.simulate.sensors.colour import colour_image, exposure
 from recon.simulate.sensors.depth_camera import DepthCamera
 from recon.simulate.sensors.frame import Frame
 from recon.simulate.stage import Stage
+from recon.simulate.staged import Staged
 from recon.simulate.timeline import REST_AFTER, opening_episode
 from recon.simulate.truth import write_truth
 from twin.errors import ConfigError, InputError
@@ -68,7 +69,7 @@ def opening(scene: Path, joint: str, config: SimulateConfig) -> Stage:
     return Stage(Script(model, str(scene), (episode,), REST_AFTER), Staging.of(config))
 
 
-def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_lag: DepthLag = 0) -> Path:
+def record(stage: Staged, folder: Path, progress: Progress | None = None, depth_lag: DepthLag = 0) -> Path:
     """Render and write all frames of a stage with their truth, in threads; each frame is made by itself, so
     that their number changes no byte. Raises InputError when the folder can't be used.
     """
@@ -82,7 +83,8 @@ def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_l
     sensor = DepthCamera(config.sensor, stage.camera, config.depth_noise, config.seed)
     with new_recording(folder) as staged:
         first = stage.render(0)
-        gain = exposure(first.colour)
+        others = [stage.render(i).colour for i in stage.metered if i > 0]
+        gain = exposure(np.stack([first.colour, *others]))
 
         def shots() -> Iterator[tuple[int, Callable[[], View]]]:
             yield 0, lambda: first
@@ -94,10 +96,14 @@ def record(stage: Stage, folder: Path, progress: Progress | None = None, depth_l
             view = rendered()
             rng = np.random.default_rng([config.seed, 7, i])
             drift = 1.0 + 0.015 * np.sin(0.11 * i) * config.colour_noise
+            if stage.covered(i):
+                view = view.dark()
             linear = picture.exposed(view.colour, stage.flow(i, view)) if picture.moves else view.colour
             gains = gain * drift * picture.brightness(i)
             colour = colour_image(linear, gains, config.colour_noise, rng, faults.light)
             depth = sensor.image(Frame(view, stage.view_directions(i), colour, i, rng))
+            if stage.covered(i):
+                depth = np.zeros_like(depth)
             write_frame(staged, i, colour, depth, view.labels, faults.jpeg_quality)
 
         for i, _ in enumerate(each(take, shots())):

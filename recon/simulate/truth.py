@@ -37,7 +37,8 @@ class TruthPart:
 
 @dataclass(frozen=True)
 class Truth:
-    """All that is exactly known about a recording; arrays over all frames. still: what never moves."""
+    """All that is exactly known about a recording; arrays over all frames. still: what never moves; others:
+    whether something moves that is no part."""
 
     parts: tuple[TruthPart, ...]
     still: tuple[Surface, ...]
@@ -46,6 +47,7 @@ class Truth:
     hand: HandMotion
     keypoints: Array
     side: str
+    others: bool = False
 
 
 def write_truth(out: Path, truth: Truth, camera: Camera, depth_lag: int = 0) -> None:
@@ -102,7 +104,7 @@ def describe(scene: Articulation) -> str:
 def truth_json(truth: Truth) -> dict[str, Any]:
     """The dictionary of truth.json: joint, states, intervals and physics of the parts; the hand's contact."""
     labels = {"0": "none", str(STATIC_LABEL): "static", str(HAND_LABEL): "hand"}
-    if not truth.parts:
+    if not truth.parts or truth.others:
         labels[str(OTHER_LABEL)] = "what moves and is no part"
     labels |= {str(p.id): p.part.name for p in truth.parts}
     return {

@@ -7,69 +7,34 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from recon.simulate.random.boards import BOARD, OUT, RIGHT, UP, bar, box, knob, shell
+from recon.simulate.random.boards import BOARD, OUT, RIGHT, UP, box, knob, shell
+from recon.simulate.random.fronts import GAP, Front, Grip, door, drawer, flap, handle_of, overhang
 from twin.geometry import Array
-from twin.scene import Box, Joint, Prismatic, Revolute
+from twin.scene import Box, Prismatic, Revolute
 
-HANDLES = ("bar", "knob", "edge")
-# m by which a front without handle stands over the middle of its cabinet's outer board; 46 mm to pinch
-_OVERHANG = 0.055
-_TRAY = 0.03  # m, with its floor, that a drawer's sides are high at least
-_GAP = 0.003
 Rng = np.random.Generator
 
 
 @dataclass(frozen=True)
-class Grip:
-    """The handle's boxes, none for a bare edge, and how it is held: point (3,), direction along (3,), out of
-    the part (3,), and the thickness of what is held, metres.
-    """
+class Furniture(Front):
+    """A moving part with its carcass and what stands around that: both stand still. The part's middle lies
+    near x = 0."""
 
-    boxes: list[Box]
-    point: Array
-    along: Array
-    out: Array
-    thickness: float
-
-
-@dataclass(frozen=True)
-class Furniture:
-    """A moving part of boards with its handle and joint, its carcass and what stands around that: both stand
-    still. Fronts look towards -y, the floor is z = 0, the part's middle lies near x = 0."""
-
-    panels: list[Box]
-    grip: Grip
-    joint: Joint
-    carcass: list[Box]
+    carcass: list[Box] = field(default_factory=list)
     around: list[Box] = field(default_factory=list)
+
+    @staticmethod
+    def of(front: Front, carcass: list[Box], around: list[Box] | None = None) -> Furniture:
+        """A front with its carcass and what stands around that."""
+        return Furniture(front.panels, front.grip, front.joint, carcass, around or [])
 
     @property
     def static(self) -> list[Box]:
         """All boxes that stand still."""
         return [*self.carcass, *self.around]
 
-    @property
-    def part(self) -> list[Box]:
-        """All boxes that move."""
-        return [*self.panels, *self.grip.boxes]
-
 
 Maker = Callable[[Rng, str], Furniture]
-
-
-def _handle(rng: Rng, handle: str, face: Array, rim: tuple[Array, Array], vertical: bool) -> Grip:
-    """rim: outermost point and direction of a bare board."""
-    along = UP if vertical else RIGHT
-    if handle == "bar":
-        boxes, grip = bar(
-            face, rng.uniform(0.10, 0.22), vertical, rng.uniform(0.010, 0.020), rng.uniform(0.03, 0.045)
-        )
-        return Grip(boxes, grip, along, OUT, 0.016)
-    if handle == "knob":
-        boxes, grip = knob(face)
-        return Grip(boxes, grip, along, OUT, 0.03)
-    point, out = rim
-    return Grip([], point - 0.012 * out, along, out, BOARD)
 
 
 def _neighbours(rng: Rng, low: float, high: float, width: float, free: float) -> list[Box]:
@@ -90,18 +55,11 @@ def _door(side: float) -> Maker:
         width, tall = rng.uniform(0.3, 0.6), rng.uniform(0.35, 1.0)
         z = rng.uniform(max(0.06 + tall / 2, 0.45), 1.45)
         z = min(z, 1.95 - tall / 2)
-        over = _OVERHANG if handle == "edge" else 0.0
+        over = overhang(handle)
         cabinet = shell(width - over, 0.45, tall, [side * over / 2, 0.25, z])
-        front = box([0, 0.012, z], [width - _GAP, BOARD, tall - _GAP])
-        at = z + rng.uniform(-0.3, 0.3) * (tall - 0.25)
-        free = -side * (width / 2 - _GAP / 2)
-        face = np.array([free + side * rng.uniform(0.03, 0.06), 0.003, at])
-        rim = np.array([free, 0.012, at]), np.array([-side, 0.0, 0.0])
-        grip = _handle(rng, handle, face, rim, vertical=True)
-        turn = np.deg2rad(rng.uniform(60, 110))
-        joint = Revolute(np.array([0, 0, side]), 0.0, turn, pivot=np.array([side * width / 2, 0.012, z]))
+        front = door(rng, handle, side, (width, tall), z)
         around = _neighbours(rng, z - tall / 2, z + tall / 2, width, -side if handle == "edge" else 0.0)
-        return Furniture([front], grip, joint, cabinet, around)
+        return Furniture.of(front, cabinet, around)
 
     return make
 
@@ -112,18 +70,10 @@ def _flap(up: bool) -> Maker:
     def make(rng: Rng, handle: str) -> Furniture:
         width, tall = rng.uniform(0.4, 0.8), rng.uniform(0.3, 0.5)
         z = rng.uniform(1.0, 1.45) if up else rng.uniform(0.45, 0.8)
-        s = 1.0 if up else -1.0
-        over = _OVERHANG if handle == "edge" else 0.0
+        over, s = overhang(handle), 1.0 if up else -1.0
         cabinet = shell(width, 0.45, tall - over, [0, 0.25, z + s * over / 2])
-        front = box([0, 0.012, z], [width - _GAP, BOARD, tall - _GAP])
-        at, free = rng.uniform(-0.15, 0.15) * width, z - s * (tall / 2 - _GAP / 2)
-        face = np.array([at, 0.003, free + s * rng.uniform(0.03, 0.06)])
-        rim = np.array([at, 0.012, free]), np.array([0.0, 0.0, -s])
-        grip = _handle(rng, handle, face, rim, vertical=False)
-        turn = np.deg2rad(rng.uniform(55, 85))
-        joint = Revolute(np.array([-s, 0, 0]), 0.0, turn, pivot=np.array([0, 0.012, z + s * tall / 2]))
-        around = _neighbours(rng, z - tall / 2, z + tall / 2, width, 0.0)
-        return Furniture([front], grip, joint, cabinet, around)
+        front = flap(rng, handle, up, (width, tall), z)
+        return Furniture.of(front, cabinet, _neighbours(rng, z - tall / 2, z + tall / 2, width, 0.0))
 
     return make
 
@@ -133,19 +83,10 @@ def _drawer(low: float, high: float) -> Maker:
         width, tall, z = rng.uniform(0.3, 0.8), rng.uniform(0.12, 0.28), rng.uniform(low, high)
         z = max(z, tall / 2 + 0.03)
         z = min(z, 1.1 - tall / 2) if handle == "edge" else z  # taken from above
-        over = _OVERHANG if handle == "edge" else 0.0
+        over = overhang(handle)
         cabinet = shell(width, 0.5, tall - over, [0, 0.275, z - over / 2])
-        front = box([0, 0.012, z], [width - _GAP, BOARD, tall - _GAP])
-        inner = max(tall - over - 0.05, _TRAY)
-        tray = [box([0, 0.25, z - over / 2 - inner / 2 + 0.005], [width - 0.06, 0.44, 0.01])]
-        sides = [s * (width / 2 - 0.035) for s in (-1, 1)]
-        tray += [box([x, 0.25, z - over / 2 - 0.01], [0.012, 0.44, inner - 0.02]) for x in sides]
-        at, top = rng.uniform(-0.1, 0.1) * width, z + tall / 2 - _GAP / 2
-        rim = np.array([at, 0.012, top]), UP
-        grip = _handle(rng, handle, np.array([at, 0.003, z]), rim, vertical=False)
-        joint = Prismatic(OUT, 0.0, rng.uniform(0.2, 0.42))
-        around = _neighbours(rng, z - tall / 2, z + tall / 2, width, 0.0)
-        return Furniture([front, *tray], grip, joint, cabinet, around)
+        front = drawer(rng, handle, (width, tall), z)
+        return Furniture.of(front, cabinet, _neighbours(rng, z - tall / 2, z + tall / 2, width, 0.0))
 
     return make
 
@@ -156,24 +97,24 @@ def _sliding(rng: Rng, handle: str) -> Furniture:
     z = min(z, 1.2 - tall / 2) if handle == "edge" else z  # taken from above
     side = rng.choice([-1.0, 1.0])
     travel = rng.uniform(0.6, 0.85) * width
-    over = _OVERHANG if handle == "edge" else 0.0
+    over = overhang(handle)
     # the cabinet is two doors wide; a door without handle stands over its top
     cabinet = shell(2 * width, 0.4, tall + 0.04 - 2 * over, [side * width / 2, 0.24, z - over / 2])
     front = box([0, 0.012, z], [width, BOARD, tall])
     at, across = z + rng.uniform(-0.2, 0.2) * tall, rng.uniform(-0.3, 0.3) * width
     face, rim = np.array([-side * (width / 2 - 0.06), 0.003, at]), np.array([across, 0.012, z + tall / 2])
-    grip = _handle(rng, handle, face, (rim, UP), vertical=handle != "edge")
+    grip = handle_of(rng, handle, face, (rim, UP), vertical=handle != "edge")
     return Furniture([front], grip, Prismatic(np.array([side, 0.0, 0.0]), 0.0, travel), cabinet)
 
 
 def _lid(rng: Rng, handle: str) -> Furniture:
     width, depth, tall = rng.uniform(0.4, 0.8), rng.uniform(0.3, 0.45), rng.uniform(0.4, 0.8)
-    over = _OVERHANG if handle == "edge" else 0.01
+    over = overhang(handle) or 0.01
     # an open box, top at z = tall; the lid's front rim stands over it
     walls = [box([s * (width / 2 - BOARD / 2), depth / 2, tall / 2], [BOARD, depth, tall]) for s in (-1, 1)]
     walls += [box([0, y, tall / 2], [width, BOARD, tall]) for y in (BOARD / 2, depth - BOARD / 2)]
     walls.append(box([0, depth / 2, 0.03], [width, depth, BOARD]))
-    top = tall + _GAP + BOARD / 2
+    top = tall + GAP + BOARD / 2
     board = box([0, (depth - over) / 2, top], [width, depth + over, BOARD])
     at = rng.uniform(-0.15, 0.15) * width
     if handle == "edge":

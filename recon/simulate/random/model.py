@@ -10,6 +10,7 @@ import numpy as np
 
 from recon.simulate.mjcf import FURNITURE
 from recon.simulate.random.boards import BOARD, box
+from recon.simulate.random.fronts import Front
 from recon.simulate.random.furniture import Furniture
 from twin import geometry as geo
 from twin.geometry import Array
@@ -19,9 +20,9 @@ _DENSITY = 650.0  # kg/m^3, chipboard
 Rng = np.random.Generator
 
 # How fronts and carcasses look, how often; chosen by us. `recon.simulate.textures` knows the names.
-_FRONTS = {"wood": 0.27, "laminate": 0.2, "plain": 0.27, "glossy": 0.14, "stripe": 0.12}
-_CARCASSES = {"wood": 0.35, "laminate": 0.35, "plain": 0.3}
-_HANDLES = {"metal": 0.6, "wood": 0.2, "glass_black": 0.2}
+FRONTS = {"wood": 0.27, "laminate": 0.2, "plain": 0.27, "glossy": 0.14, "stripe": 0.12}
+CARCASSES = {"wood": 0.35, "laminate": 0.35, "plain": 0.3}
+HANDLE_LOOKS = {"metal": 0.6, "wood": 0.2, "glass_black": 0.2}
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,11 @@ def furniture_model(pieces: Sequence[Placed], rng: Rng, weak_fronts: bool) -> mu
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     names = {
-        "front": _draw(rng, {"plain": 0.6, "glossy": 0.25, "stripe": 0.15} if weak_fronts else _FRONTS),
-        "carcass": _draw(rng, _CARCASSES),
-        "neighbour": _draw(rng, _FRONTS),
-        "handle": _draw(rng, _HANDLES),
-        "top": _draw(rng, {"stone": 0.5, "wood": 0.5}),
+        "front": draw_look(rng, {"plain": 0.6, "glossy": 0.25, "stripe": 0.15} if weak_fronts else FRONTS),
+        "carcass": draw_look(rng, CARCASSES),
+        "neighbour": draw_look(rng, FRONTS),
+        "handle": draw_look(rng, HANDLE_LOOKS),
+        "top": draw_look(rng, {"stone": 0.5, "wood": 0.5}),
     }
     look = {role: f"{kind}_{role}" for role, kind in names.items()}
     for name in look.values():
@@ -57,10 +58,10 @@ def furniture_model(pieces: Sequence[Placed], rng: Rng, weak_fronts: bool) -> mu
     carcass = spec.worldbody.add_body(name="carcass")
     for piece in pieces:
         _add_carcass(spec, carcass, piece, look["carcass"])
-        _add_part(spec, piece, look, round_handles)
+        add_part(spec.worldbody, piece.joint, piece.made, piece.shift, look, round_handles)
     beside = spec.worldbody.add_body(name="beside")
     for role, b in _around(pieces, rng):
-        _add(beside, b, np.zeros(3), look[role])
+        add_box(beside, b, np.zeros(3), look[role])
     return spec.compile()
 
 
@@ -69,7 +70,7 @@ def _add_carcass(spec: mujoco.MjSpec, carcass: mujoco.MjsBody, piece: Placed, lo
     for role, boxes in (("carcass", piece.made.carcass), ("around", piece.made.around)):
         body = carcass.add_body(name=f"{piece.joint}_{role}")
         for b in boxes:
-            _add(body, b, piece.shift, look)
+            add_box(body, b, piece.shift, look)
     spec.add_tuple(
         name=f"{piece.joint}{FURNITURE}",
         objtype=[mujoco.mjtObj.mjOBJ_BODY],
@@ -78,26 +79,33 @@ def _add_carcass(spec: mujoco.MjSpec, carcass: mujoco.MjsBody, piece: Placed, lo
     )
 
 
-def _add_part(spec: mujoco.MjSpec, piece: Placed, look: dict[str, str], round_handles: bool) -> None:
-    body = spec.worldbody.add_body(name=f"{piece.joint}_part")
-    joint, kinds = piece.made.joint, mujoco.mjtJoint
+def add_part(
+    parent: mujoco.MjsBody, name: str, front: Front, shift: Array, look: dict[str, str], round_handles: bool
+) -> mujoco.MjsBody:
+    """A body with the joint `name` and the boxes of a front, `shift` (3,) m from where it was made.
+
+    look: materials of the roles front, carcass and handle.
+    """
+    body = parent.add_body(name=f"{name}_part")
+    joint, kinds = front.joint, mujoco.mjtJoint
     turns = isinstance(joint, Revolute)
-    pivot = joint.pivot + piece.shift if isinstance(joint, Revolute) else np.zeros(3)
+    pivot = joint.pivot + shift if isinstance(joint, Revolute) else np.zeros(3)
     body.add_joint(
-        name=piece.joint,
+        name=name,
         type=kinds.mjJNT_HINGE if turns else kinds.mjJNT_SLIDE,
         axis=joint.axis,
         pos=pivot,
         range=[joint.lower, joint.upper],
         limited=True,
     )
-    for k, b in enumerate(piece.made.panels):
-        _add(body, b, piece.shift, look["front" if k == 0 else "carcass"])
-    for b in piece.made.grip.boxes:
-        _add(body, b, piece.shift, look["handle"], round_handles)
+    for k, b in enumerate(front.panels):
+        add_box(body, b, shift, look["front" if k == 0 else "carcass"])
+    for b in front.grip.boxes:
+        add_box(body, b, shift, look["handle"], round_handles)
+    return body
 
 
-def _add(body: mujoco.MjsBody, b: Box, shift: Array, material: str, rounded: bool = False) -> None:
+def add_box(body: mujoco.MjsBody, b: Box, shift: Array, material: str, rounded: bool = False) -> None:
     """A box, or the capsule or ball as long and as thick as it."""
     centre, half = b.T_world_box[:3, 3] + shift, 0.5 * b.size
     kinds = mujoco.mjtGeom
@@ -184,6 +192,7 @@ def _meets(b: Box, swept: Array) -> bool:
     return bool(np.any(np.all(inside > 1e-4, axis=1)))
 
 
-def _draw(rng: Rng, shares: dict[str, float]) -> str:
+def draw_look(rng: Rng, shares: dict[str, float]) -> str:
+    """One of the looks, drawn by their shares."""
     weights = np.array(list(shares.values()))
     return str(rng.choice(list(shares), p=weights / weights.sum()))

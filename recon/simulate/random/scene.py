@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from recon.simulate.config import Staging
-from recon.simulate.random.furniture import HANDLES, KINDS, Furniture
+from recon.simulate.random.fronts import HANDLES
+from recon.simulate.random.furniture import KINDS, Furniture
 from recon.simulate.random.happenings import Carried, Curtain, Gestures, Screen, SecondPerson
 from recon.simulate.random.looks import camera_settings, hand_settings, picture_settings
 from recon.simulate.random.model import Placed, furniture_model

@@ -18,7 +18,8 @@ from recon.simulate.hand import hand_shape, mirrored
 from recon.simulate.mjcf import articulations
 from recon.simulate.random import scene as random_scene
 from recon.simulate.random.boards import box
-from recon.simulate.random.furniture import HANDLES, KINDS
+from recon.simulate.random.fronts import HANDLES
+from recon.simulate.random.furniture import KINDS
 from recon.simulate.random.model import Placed, furniture_model
 from recon.simulate.random.scene import Drawn, random_recording
 from recon.simulate.random.strata import NEGATIVES, SENSORS, VIEWS, Stratum, sealed_set

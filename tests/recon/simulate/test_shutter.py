@@ -174,9 +174,9 @@ def test_motion_goes_on_at_the_ends_and_where_a_body_comes_in() -> None:
         np.testing.assert_allclose(invert_pose(before) @ now, twist, atol=1e-12)
         np.testing.assert_allclose(invert_pose(now) @ after, twist, atol=1e-12)
     poses[1, :3, 3] = 9.0  # where it is not there, its pose means nothing
-    present = (False, False, True, True, True, True)
+    present = np.array([False, False, True, True, True, True])
     np.testing.assert_allclose(invert_pose(poses_around(poses, 2, present)[0]) @ poses[2], twist, atol=1e-12)
-    alone = poses_around(poses, 2, (False, False, True, False, False, False))
+    alone = poses_around(poses, 2, np.array([False, False, True, False, False, False]))
     np.testing.assert_array_equal(alone, np.stack([poses[2]] * 3))
 
 
