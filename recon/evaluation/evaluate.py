@@ -29,8 +29,7 @@ from recon.evaluation.scores import (
 )
 from recon.evaluation.surface_scores import SAMPLES, SurfaceErrors, sampled, seen_points, surface_errors
 from recon.evaluation.truth import Truth, TruthPart
-from recon.evaluation.walk_scores import WalkScores
-from recon.evaluation.walks import allows_walk, is_walk, walk_scores
+from recon.evaluation.walks import is_walk, lacking, walk_scores
 from recon.readers import open_recording
 from recon.recording import Recording
 from twin import geometry as geo
@@ -94,16 +93,10 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
     if len(per_part) > 1:
         rows += _mean_rows(per_part)
     name = true.name or (recording.name if recording else true.folder.resolve().name)
-    unknown = unknown_measures(true.known)
-    if is_walk(true) and not allows_walk(true):
-        unknown = (*unknown, "measures of a walk")
-    walk = _walk(twin, true, {(k, p.id): labels[k] for k, p in matched.items() if k in labels})
-    return Evaluation(name, tuple(rows), unknown, true.notes, walk)
-
-
-def _walk(twin: Twin, true: Truth, labels: dict[tuple[int, int], LabelScore]) -> WalkScores | None:
-    """Scores of a walk, None of a clip; labels: scores of masks by ids of the true and of the found part."""
-    return walk_scores(twin, true, labels=labels) if is_walk(true) and allows_walk(true) else None
+    known = {(k, p.id): labels[k] for k, p in matched.items() if k in labels}
+    lacks = lacking(true) if is_walk(true) else ()
+    walk = walk_scores(twin, true, labels=known) if is_walk(true) and not lacks else None
+    return Evaluation(name, tuple(rows), unknown_measures(true.known), true.notes, walk, lacks)
 
 
 def _allowed(rows: Iterable[Row], true: Truth) -> list[Row]:

@@ -47,7 +47,8 @@ class Evaluation:
     """All rows of one twin against one truth, with the data set's name.
 
     unknown: measures that this truth does not allow. notes: what was left out of the truth, for people.
-    walk: of a recording with several parts or interactions; the goals don't concern it.
+    walk: of a recording with several parts or interactions; the goals don't concern it. walk_lacks: the facts
+    that this truth doesn't tell and such a walk's measures need.
     """
 
     name: str
@@ -55,11 +56,14 @@ class Evaluation:
     unknown: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     walk: WalkScores | None = None
+    walk_lacks: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> list[str]:
         """Lines that say what these rows don't: what is not known, and why."""
+        lacks = ", ".join(self.walk_lacks)
         return [
+            *([f"no measures of a walk: the truth doesn't tell {lacks}"] if lacks else []),
             *([f"not known from this truth: {', '.join(self.unknown)}"] if self.unknown else []),
             *self.notes,
         ]

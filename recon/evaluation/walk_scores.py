@@ -24,7 +24,7 @@ def share(good: int, of: int, of_nothing: float = 1.0) -> float:
 
 @dataclass(frozen=True)
 class IntervalCounts:
-    """Interactions: true and found ones, and `hits`, their pairs of one part at a temporal IoU of .5 or more."""
+    """Interactions: true and found ones; `hits` are pairs of one part at a temporal IoU of .5 or more."""
 
     hits: int = 0
     true: int = 0

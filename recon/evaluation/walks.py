@@ -49,9 +49,9 @@ def is_walk(truth: Truth) -> bool:
     return len(truth.parts) > 1 or sum(len(p.spans) for p in truth.parts) > 1
 
 
-def allows_walk(truth: Truth) -> bool:
-    """Whether a truth knows all that `walk_scores` needs."""
-    return truth.knows(*NEEDS)
+def lacking(truth: Truth) -> tuple[str, ...]:
+    """What `walk_scores` needs of a truth and this one doesn't know, by the names of `FACTS`."""
+    return tuple(n for n in NEEDS if not truth.knows(n))
 
 
 def walk_scores(
@@ -73,9 +73,8 @@ def walk_scores(
         InputError: the truth lacks what a walk's measures need, the twin has no cameras, pieces or gaps don't
             fit them, or labels have another size than the truth's.
     """
-    if not allows_walk(truth):
-        lacking = ", ".join(n for n in NEEDS if not truth.knows(n))
-        raise InputError(f"{truth.folder} doesn't tell {lacking}", "judge it by `evaluate`")
+    if unknown := lacking(truth):
+        raise InputError(f"{truth.folder} doesn't tell {', '.join(unknown)}", "judge it by `evaluate`")
     if twin.cameras is None:
         raise InputError(f"twin {twin.name} has no cameras to align the worlds by", "reconstruct it again")
     cameras = in_truth(twin.cameras, truth)
@@ -175,6 +174,8 @@ def _matched(
     errors = joint_errors(found.joint, found.motion, T, truth, true)
     miou = None if mask is None else mask.miou
     cause: WalkCause | None = joint_cause(errors)
+    if cause is None and not _shows_all(found, true):
+        cause = "path"
     if cause is None and (miou is None or miou < PART_MIOU):
         cause = "labels"
     hits = metrics.span_hits(true.spans, found.motion.intervals)
@@ -189,6 +190,11 @@ def _matched(
         intervals=IntervalCounts(hits, len(true.spans), len(found.motion.intervals)),
         states=state_counts(found, true, cameras.frames),
     )
+
+
+def _shows_all(found: Part, true: TruthPart) -> bool:
+    """Whether a part has a state in some frame of each true interaction: the path is judged over all."""
+    return all(np.isin(metrics.span_frames([s]), found.motion.frames).any() for s in true.spans)
 
 
 def _unmatched(true: TruthPart, cause: WalkCause, cameras: Trajectory) -> TruePartScore:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -260,3 +261,15 @@ def twin_of(truth: Truth) -> Twin:
         parts.append(Part(p.id, p.name, p.closed_mesh, joint, motion, contact=contact))
     static = StaticPart("static", truth.static)
     return Twin("scene", static, tuple(parts), cameras=truth.cameras, labels=truth.labels)
+
+
+def in_world(twin: Twin, T: Array) -> Twin:
+    """The same twin in another world frame."""
+    parts = []
+    for p in twin.parts:
+        contact = p.contact and replace(p.contact, point=geo.transform(T, p.contact.point[None])[0])
+        joint = replace(p.joint.transformed(T), lower=p.joint.lower, upper=p.joint.upper)
+        parts.append(replace(p, mesh=p.mesh.transformed(T), joint=joint, contact=contact))
+    static = replace(twin.static, mesh=twin.static.mesh.transformed(T))
+    assert twin.cameras is not None
+    return replace(twin, static=static, parts=tuple(parts), cameras=twin.cameras.transformed(T))

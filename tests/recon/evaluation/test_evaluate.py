@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +15,10 @@ from benchmarks.variants import KINDS, write_frames, write_variant
 from recon.evaluation.evaluate import Evaluation, camera_errors, evaluate, joint_errors, label_scores
 from recon.evaluation.read_truth import load_truth
 from recon.evaluation.truth import Truth
+from recon.evaluation.walks import walk_scores
 from recon.readers import open_recording
-from tests.makers.recon.tiny import JOINTS, TRAVEL, merged, twin_of, write_recording
+from recon.verbs.twins import evaluate_step
+from tests.makers.recon.tiny import JOINTS, TRAVEL, in_world, merged, twin_of, write_recording
 from twin import geometry as geo
 from twin.errors import InputError
 from twin.scene import HAND_LABEL, Mesh, Part, Prismatic, Revolute, Trajectory, Twin
@@ -52,18 +53,6 @@ def assert_exact(evaluation: Evaluation, gap: float = 1.0) -> None:
 
 def with_part(twin: Twin, name: str, change: Callable[[Part], Part]) -> Twin:
     return replace(twin, parts=tuple(change(p) if p.name == name else p for p in twin.parts))
-
-
-def in_world(twin: Twin, T: Any) -> Twin:
-    """The same twin in another world frame."""
-    parts = []
-    for p in twin.parts:
-        contact = p.contact and replace(p.contact, point=geo.transform(T, p.contact.point[None])[0])
-        joint = replace(p.joint.transformed(T), lower=p.joint.lower, upper=p.joint.upper)
-        parts.append(replace(p, mesh=p.mesh.transformed(T), joint=joint, contact=contact))
-    static = replace(twin.static, mesh=twin.static.mesh.transformed(T))
-    assert twin.cameras is not None
-    return replace(twin, static=static, parts=tuple(parts), cameras=twin.cameras.transformed(T))
 
 
 def test_exact_twin_scores_zero_or_one_everywhere(truth: Truth, exact: Twin) -> None:
@@ -319,6 +308,22 @@ def test_table_tells_goals_and_misses(truth: Truth, exact: Twin) -> None:
         line.startswith("axis") and "door" in line and "90" in line and "MISSED" in line for line in lines
     )
     assert lines[-1] == "both: 20 of 33 goals met"
+
+
+def test_a_clip_of_two_parts_has_the_table_of_a_walk_too(truth: Truth, exact: Twin, tmp_path: Path) -> None:
+    evaluation = evaluate(exact, truth)
+    assert evaluation.walk is not None
+    assert evaluation.walk == walk_scores(exact, truth)  # which scores the masks itself
+    assert evaluation.walk.room_right
+    lines = evaluation.table().splitlines()
+    assert [line.split() for line in lines if line.startswith("parts found")] == [
+        ["parts", "found", "1", "-", "share", "2", "of", "2"]
+    ]
+    assert evaluation.as_dict()["walk"]["rows"][0]["metric"] == "parts found"
+    save(replace(exact, parts=exact.parts[1:]), tmp_path / "run" / "twin")
+    outcome = evaluate_step(lambda *_: None, tmp_path / "run", truth.folder).outcome
+    assert [t.title for t in outcome.tables] == ["both", "both, the walk", "both, its parts"]
+    assert list(outcome.tables[2].rows[0][:3]) == ["door", "-", "missed"]
 
 
 def test_wrong_inputs_are_named(truth: Truth, exact: Twin, tmp_path: Path) -> None:
