@@ -17,6 +17,9 @@ from twin.scene import STATIC_LABEL, Mesh
 
 SAMPLES = 10_000  # points on a mesh
 SEEN_STRIDE = 4  # every fourth pixel of every fourth row stands for the depth image
+# Frames that are read at most, evenly over the recording: a minute at 15 frames a second. All depth of ten
+# minutes would be 4 GB of points, of which `MAX_SEEN` are kept.
+MOST_FRAMES = 900
 MAX_SEEN = 200_000  # points; their share is then known to 0.1 %
 SEEN_TOLERANCE = 0.008  # m, further from the true surface a depth pixel is sensor noise
 COMPLETE_WITHIN = 0.010  # m
@@ -60,7 +63,8 @@ def sampled(mesh: Mesh) -> Array:
 def seen_points(recording: Recording, truth: Truth) -> dict[int, Array]:
     """Points (n, 3) of the true surfaces that the recording's depth shows, by label: 1 static, part ids.
 
-    They lie in the world at the most closed state shown, within `SEEN_TOLERANCE` of the true surface.
+    They lie in the world at the most closed state shown, within `SEEN_TOLERANCE` of the true surface. At most
+    `MOST_FRAMES` frames are read.
     """
     k, step = truth.intrinsics or recording.intrinsics, SEEN_STRIDE
     y, x = np.mgrid[step // 2 : k.height : step, step // 2 : k.width : step]
@@ -68,7 +72,8 @@ def seen_points(recording: Recording, truth: Truth) -> dict[int, Array]:
     if truth.cameras is None:
         raise InputError(f"{truth.folder} tells no cameras", "compare what needs none")
     clouds: dict[int, list[Array]] = {STATIC_LABEL: [], **{p.id: [] for p in truth.parts}}
-    for frame in sorted(truth.labels):
+    labelled = sorted(truth.labels)
+    for frame in labelled[:: -(-len(labelled) // MOST_FRAMES) or 1]:
         label = truth.labels[frame]
         if label.shape != (k.height, k.width):
             raise InputError(

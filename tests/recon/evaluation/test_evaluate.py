@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.variants import KINDS, write_frames, write_variant
+from recon.evaluation import surface_scores
 from recon.evaluation.evaluate import Evaluation, camera_errors, evaluate, joint_errors, label_scores
 from recon.evaluation.read_truth import load_truth
 from recon.evaluation.truth import Truth
@@ -299,6 +300,18 @@ def test_surface_errors_see_an_offset_and_a_hole(truth: Truth, exact: Twin) -> N
     evaluation = evaluate(replace(exact, static=doubled), truth)
     assert evaluation.row("static mesh accuracy").ok is False
     assert evaluation.row("static mesh completeness").value == 1.0
+
+
+def test_of_a_long_recording_some_frames_stand_for_all(
+    truth: Truth, exact: Twin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = open_recording(truth.folder.parent)
+    every = surface_scores.seen_points(recording, truth)
+    monkeypatch.setattr(surface_scores, "MOST_FRAMES", 20)
+    some = surface_scores.seen_points(recording, truth)
+    for key, points in every.items():
+        assert len(some[key]) == pytest.approx(len(points) / 2, rel=0.05)
+    assert_exact(evaluate(exact, truth))
 
 
 def test_table_tells_goals_and_misses(truth: Truth, exact: Twin) -> None:
