@@ -10,14 +10,16 @@ if TYPE_CHECKING:
     from recon.simulate.kitchen import kitchen_scene
     from recon.simulate.random.scene import simulate_random
     from recon.simulate.simulator import simulate
+    from recon.simulate.walk.scene import simulate_walk
 
-__all__ = ["SimulateConfig", "kitchen_scene", "simulate", "simulate_random"]
+__all__ = ["SimulateConfig", "kitchen_scene", "simulate", "simulate_random", "simulate_walk"]
 
 _LAZY = {
     "SimulateConfig": "recon.simulate.config",
     "kitchen_scene": "recon.simulate.kitchen",
     "simulate": "recon.simulate.simulator",
     "simulate_random": "recon.simulate.random.scene",
+    "simulate_walk": "recon.simulate.walk.scene",
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,22 +48,24 @@ def build_room(
     floor = max(planes) if planes else float(scene.lower[2])
     low[2] = floor
     high[2] = max(floor + CEILING, float(scene.upper[2]) + ABOVE)
-    surfaces = _shell(low, high, scene.has_floor, contrast, rng)
+    surfaces = shell(low, high, scene.has_floor, contrast, rng)
     surfaces += _pictures(scene, low, high, axis, sign, contrast, rng)
     ways = [way for part in (scene, *others) for way in _way(part)]
     surfaces += _clutter(scene, surfaces, ways, low, high, axis, sign, clutter, contrast, rng)
     return tuple(surfaces), low, high
 
 
-def _block(name: str, low: Array, high: Array, material: Material, rng: np.random.Generator) -> Surface:
+def block(name: str, low: Array, high: Array, material: Material, rng: np.random.Generator) -> Surface:
+    """A box between two corners (3,), metres."""
     vertices, faces = box((float(high[0] - low[0]), float(high[1] - low[1]), float(high[2] - low[2])))
     offset = make_pose(None, rng.uniform(-1.0, 1.0, 3))
     return Surface(name, vertices + 0.5 * (low + high), faces, material, offset)
 
 
-def _shell(
+def shell(
     low: Array, high: Array, has_floor: bool, contrast: float, rng: np.random.Generator
 ) -> list[Surface]:
+    """Walls and ceiling about the inner corners (3,), and a floor unless the scene has one."""
     wall = make_material(str(rng.choice(["plaster", "plaster", "tiles"])), contrast, rng)
     walls = [wall, make_material("plaster", contrast, rng)]
     out = []
@@ -73,15 +76,15 @@ def _shell(
                 b[axis] = low[axis]
             else:
                 a[axis] = high[axis]
-            out.append(_block("wall", a, b, walls[axis if rng.random() < 0.7 else 0], rng))
+            out.append(block("wall", a, b, walls[axis if rng.random() < 0.7 else 0], rng))
     a, b = low - WALL, high + WALL
     a[2] = high[2]
-    out.append(_block("ceiling", a, b, make_material("plaster", contrast, rng), rng))
+    out.append(block("ceiling", a, b, make_material("plaster", contrast, rng), rng))
     if not has_floor:
         a, b = low - WALL, high + WALL
         b[2] = low[2]
         floor = make_material(str(rng.choice(["tiles", "wood", "speckle"])), contrast, rng)
-        out.append(_block("floor", a, b, floor, rng))
+        out.append(block("floor", a, b, floor, rng))
     return out
 
 
@@ -110,7 +113,7 @@ def _pictures(
         a[axis], b[axis] = back - 0.012, back + 0.012
         a[2] = base + rng.uniform(0.0, 0.1)
         b[2] = a[2] + size[1]
-        out.append(_block("picture", a, b, make_material("poster", contrast, rng), rng))
+        out.append(block("picture", a, b, make_material("poster", contrast, rng), rng))
     for side in (low[other], high[other]):
         for _ in range(2):
             size = rng.uniform(0.3, 0.6, 2)
@@ -120,13 +123,13 @@ def _pictures(
             a[other], b[other] = side - 0.012, side + 0.012
             a[2] = low[2] + rng.uniform(0.6, 1.5)
             b[2] = a[2] + size[1]
-            out.append(_block("picture", a, b, make_material("poster", contrast, rng), rng))
+            out.append(block("picture", a, b, make_material("poster", contrast, rng), rng))
     return out
 
 
 def _clutter(
     scene: Articulation,
-    shell: list[Surface],
+    walls: list[Surface],
     ways: list[Array],
     low: Array,
     high: Array,
@@ -141,7 +144,7 @@ def _clutter(
     other = 1 - axis
     front = scene.upper[axis] if sign > 0 else scene.lower[axis]
     tops = _free_tops(scene)
-    occupied = [*(s.vertices for s in [*scene.static, *shell]), *ways]
+    occupied = [*(s.vertices for s in [*scene.static, *walls]), *ways]
     for k in range(count):
         material = make_material("poster" if k % 3 else str(rng.choice(["speckle", "wood"])), contrast, rng)
         on_top = k % 2 == 0 and len(tops) > 0
@@ -155,14 +158,26 @@ def _clutter(
             position[other] = edge + rng.uniform(-0.05, 0.05)
             position[axis] = front + sign * rng.uniform(-0.3, 1.2)
             position[2] = low[2]
-        turn = exp_so3(np.array([0.0, 0.0, rng.uniform(-0.6, 0.6)]))
-        vertices, faces = box((float(size[0]), float(size[1]), float(size[2])))
-        vertices = vertices @ turn.T + position + [0.0, 0.0, 0.5 * size[2]]
-        if any(_overlap(vertices, taken) for taken in [*occupied, *(s.vertices for s in out)]):
+        thing = upright_box("clutter", size, position, float(rng.uniform(-0.6, 0.6)), material)
+        if any(_overlap(thing.vertices, taken) for taken in [*occupied, *(s.vertices for s in out)]):
             continue
-        texture = make_pose(turn.T, -turn.T @ position + rng.uniform(-1.0, 1.0, 3))
-        out.append(Surface("clutter", vertices, faces, material, texture))
+        out.append(with_grain(thing, rng))
     return out
+
+
+def upright_box(name: str, size: Array, position: Array, angle: float, material: Material) -> Surface:
+    """A box of full `size` (3,) m, turned by `angle` rad about z, whose lower side is at `position` (3,)."""
+    turn = exp_so3(np.array([0.0, 0.0, angle]))
+    vertices, faces = box((float(size[0]), float(size[1]), float(size[2])))
+    placed = vertices @ turn.T + position + [0.0, 0.0, 0.5 * size[2]]
+    return Surface(name, placed, faces, material, make_pose(turn.T, -turn.T @ position))
+
+
+def with_grain(surface: Surface, rng: np.random.Generator) -> Surface:
+    """The same with its texture shifted at random."""
+    texture = surface.T_texture_object.copy()
+    texture[:3, 3] += rng.uniform(-1.0, 1.0, 3)
+    return replace(surface, T_texture_object=texture)
 
 
 def _way(part: Articulation) -> list[Array]:

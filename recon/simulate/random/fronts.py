@@ -21,6 +21,8 @@ TRAY = 0.03
 TRAY_DEPTH = 0.44
 # Degrees that a door's hinge turns at most
 DOOR_TURN = (60.0, 110.0)
+# Where a door's handle is, see `door`
+HANDLE_AT = (-0.3, 0.3)
 Rng = np.random.Generator
 
 
@@ -78,15 +80,17 @@ def door(
     size: tuple[float, float],
     z: float,
     turn: tuple[float, float] = DOOR_TURN,
+    at: tuple[float, float] = HANDLE_AT,
 ) -> Front:
     """Hinged on its left (-1) or right (1), seen from the room. size: width and height, m; z: of its middle;
-    turn: between which angles its largest one lies, degrees."""
+    turn: between which angles its largest one lies, degrees; at: between which heights its handle is, over
+    the middle, as shares of the height that a handle leaves free."""
     width, tall = size
     front = box([0, 0.012, z], [width - GAP, BOARD, tall - GAP])
-    at = z + rng.uniform(-0.3, 0.3) * (tall - 0.25)
+    high = z + rng.uniform(*at) * (tall - 0.25)
     free = -side * (width / 2 - GAP / 2)
-    face = np.array([free + side * rng.uniform(0.03, 0.06), 0.003, at])
-    rim = np.array([free, 0.012, at]), np.array([-side, 0.0, 0.0])
+    face = np.array([free + side * rng.uniform(0.03, 0.06), 0.003, high])
+    rim = np.array([free, 0.012, high]), np.array([-side, 0.0, 0.0])
     grip = handle_of(rng, handle, face, rim, vertical=True)
     most = np.deg2rad(rng.uniform(*turn))
     joint = Revolute(np.array([0, 0, side]), 0.0, most, pivot=np.array([side * width / 2, 0.012, z]))

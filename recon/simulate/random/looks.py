@@ -10,7 +10,7 @@ import numpy as np
 
 from recon.simulate.config import Faults, Staging
 from recon.simulate.random.model import Placed
-from recon.simulate.random.strata import Stratum
+from recon.simulate.random.strata import Stratum, WalkStratum
 
 Rng = np.random.Generator
 _ARM = 0.88  # metres to the grip with the upper body bent forward; less than what a draw is refused for
@@ -70,7 +70,7 @@ def _reachable(rise: float) -> float:
     return float(np.sqrt(max(_ARM**2 - (rise - 0.5) ** 2, 0.45**2)))
 
 
-def picture_settings(rng: Rng, wanted: Stratum, config: Staging) -> Staging:
+def picture_settings(rng: Rng, wanted: Stratum | WalkStratum, config: Staging) -> Staging:
     """Clean pictures, or three to five faults at once."""
     if not wanted.hard_picture:
         return replace(config, picture=Faults(jpeg_quality=int(rng.integers(85, 96))))

@@ -124,7 +124,7 @@ def _draw(rng: Rng, wanted: Stratum, seed: int, settings: Mapping[str, Any]) -> 
         **camera_settings(rng, wanted, pieces),
     )
     config = picture_settings(rng, wanted, config)
-    config = from_dict(Staging, _merged(as_dict(config), settings), "settings")
+    config = from_dict(Staging, merged(as_dict(config), settings), "settings")
     rest_after = float(rng.uniform(0.7, 1.3))
     script = Script(
         model, f"random furniture {seed}", episodes, rest_after, moves_parts=wanted.negative is None
@@ -133,11 +133,12 @@ def _draw(rng: Rng, wanted: Stratum, seed: int, settings: Mapping[str, Any]) -> 
     return Stage(script, config)
 
 
-def _merged(drawn: Mapping[str, Any], wished: Mapping[str, Any]) -> dict[str, Any]:
+def merged(drawn: Mapping[str, Any], wished: Mapping[str, Any]) -> dict[str, Any]:
+    """What was drawn, with what is wished in its place."""
     out = dict(drawn)
     for key, value in wished.items():
         both = isinstance(value, Mapping) and isinstance(out.get(key), Mapping)
-        out[key] = _merged(out[key], value) if both else value
+        out[key] = merged(out[key], value) if both else value
     return out
 
 

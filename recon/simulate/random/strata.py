@@ -17,6 +17,8 @@ Negative = Literal["nothing", "carried", "curtain", "person", "screen", "camera"
 NEGATIVES: tuple[Negative, ...] = (
     "nothing", "carried", "curtain", "person", "screen", "camera", "gestures", "rattle",
 )  # fmt: skip
+# s that a walk takes where nobody says
+WALK_SECONDS = (45.0, 180.0)
 
 
 @dataclass(frozen=True)
@@ -69,3 +71,37 @@ def _hard(k: int) -> Stratum:
     sensor, view = k % 5, (k // 5) % 4
     hard_picture = (sensor + view + k // 20) % 2 == 0
     return Stratum(SENSORS[sensor], hard_picture, VIEWS[view], short=(k + k // 5) % 5 == 0, group="hard")
+
+
+@dataclass(frozen=True)
+class WalkStratum:
+    """What is wanted of a random walk: how many `parts` are handled in `interactions`, within `seconds`. order:
+    each thing in turn round the room, or mixed. loops: whether the path returns to earlier places.
+    hard_picture, size, fps: as in `Stratum`.
+    """
+
+    sensor: Sensor
+    parts: int = 4
+    interactions: int = 6
+    seconds: float = 75.0
+    order: Literal["in_turn", "mixed"] = "mixed"
+    loops: bool = True
+    hard_picture: bool = False
+    size: tuple[int, int] = (640, 480)
+    fps: float = 15.0
+
+    @staticmethod
+    def drawn(rng: np.random.Generator, seconds: float | None = None) -> WalkStratum:
+        """Any; seconds: how long it takes, None: drawn from 45 to 180."""
+        long = float(np.round(rng.uniform(*WALK_SECONDS))) if seconds is None else seconds
+        parts = int(rng.integers(3, 7))
+        interactions = max(3, round(long / float(rng.uniform(10.0, 15.0))))
+        return WalkStratum(
+            SENSORS[int(rng.integers(len(SENSORS)))],
+            min(parts, max(2, round(0.75 * interactions))),
+            interactions,
+            long,
+            "mixed" if rng.random() < 0.5 else "in_turn",
+            bool(rng.random() < 0.7),
+            bool(rng.random() < 0.5),
+        )

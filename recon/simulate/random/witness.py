@@ -10,6 +10,7 @@ from recon.simulate.ray_caster import Caster
 from recon.simulate.record import OTHER_LABEL, PART_ID
 from recon.simulate.shading import primary_rays
 from recon.simulate.stage import Stage
+from recon.simulate.staged import Staged
 from twin.geometry import Array, transform
 
 LEAST_SHARE = 0.01  # of the picture that what moves must cover in half of its moving frames
@@ -35,7 +36,7 @@ class Seen:
 def unfit(stage: Stage) -> str | None:
     """Why nobody could record this; None when it is fit."""
     frames = _moving_frames(stage)
-    seen = [_look(stage, int(i)) for i in frames]
+    seen = [look(stage, int(i)) for i in frames]
     if min(s.clear for s in seen) < CLEAR:
         return "the camera meets a surface"
     if stage.script.moves_parts or stage.shows_others:
@@ -55,7 +56,8 @@ def _moving_frames(stage: Stage) -> Array:
     return every[np.linspace(0, len(every) - 1, _FRAMES).round().astype(int)]
 
 
-def _look(stage: Stage, k: int) -> Seen:
+def look(stage: Staged, k: int, labels_seen: tuple[int, int] = (PART_ID, OTHER_LABEL)) -> Seen:
+    """What frame `k` of the whole script shows of labels from the first to the last of `labels_seen`."""
     camera, caster = stage.camera, Caster()
     labels = []
     for actor in stage.actors:
@@ -75,7 +77,7 @@ def _look(stage: Stage, k: int) -> Seen:
     label = np.where(
         found, np.array([*labels, 0])[np.where(found, hits.mesh, len(labels)).astype(np.int64)], 0
     )
-    moves = (label >= PART_ID) & (label <= OTHER_LABEL)
+    moves = (label >= labels_seen[0]) & (label <= labels_seen[1])
     measured = moves & (hits.t > NEAREST) & (hits.t < FARTHEST)
     return Seen(float(moves.mean()), float(measured.mean()), caster.distance(stage.cameras[k][:3, 3]))
 
