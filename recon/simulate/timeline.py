@@ -89,6 +89,14 @@ class Timeline:
         """The first frame in which the part is at rest again."""
         return self.turns[-1]
 
+    def begun_at(self, first: int) -> Timeline:
+        """The same for who counts frames from `first` on, to the first one without the hand."""
+        turns = tuple(t - first for t in self.turns)
+        frames = self.gone - first + 1
+        return Timeline(
+            self.enter - first, self.grasp - first, turns, self.release - first, self.gone - first, frames
+        )
+
     def states(self, levels: Sequence[float]) -> Array:
         """State (frames,) of the part through `levels`, one for each of `turns`, in minimum jerks."""
         out = np.full(self.frames, float(levels[0]))

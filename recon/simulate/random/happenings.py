@@ -65,7 +65,7 @@ class Carried(Happening):
         """The thing stands where the furniture has room for it; it is looked at in place of the part."""
         rng = rng_of(self.seed)
         place, facing = self._place(act, rng)
-        surfaces, handle = self._thing(rng, facing)
+        surfaces, handle = carried_thing(rng, facing)
         at_place = tuple(replace(s, vertices=s.vertices + place) for s in surfaces)
         scene = act.scene
         thing = Articulation(
@@ -85,27 +85,6 @@ class Carried(Happening):
         spot = act.grasp.point * [1.0, 1.0, 0.0] + side
         spot = spot + (reach + rng.uniform(0.18, 0.28) - spot @ facing) * facing
         return np.array([spot[0], spot[1], level]), facing
-
-    def _thing(self, rng: Rng, facing: Array) -> tuple[list[Surface], Array]:
-        """Surfaces about the point on which the thing stands, and the middle of its handle (3,)."""
-        material = make_material(str(rng.choice(["poster", "laminate", "speckle", "glossy"])), 1.0, rng)
-        side = np.cross(UP, facing)
-        if rng.random() < 0.5:  # a mug
-            radius, tall = rng.uniform(0.035, 0.045), rng.uniform(0.09, 0.12)
-            body = trimesh.creation.cylinder(radius=radius, height=tall, sections=32)
-        else:  # a carton with a strap
-            tall = float(rng.uniform(0.12, 0.22))
-            radius = float(rng.uniform(0.05, 0.09))
-            body = trimesh.creation.box(extents=[2 * radius, 1.4 * radius, tall])
-        body.apply_translation([0.0, 0.0, tall / 2])
-        middle = 0.5 * tall * UP + (radius + 0.035) * side
-        bars = []
-        for centre, half in (
-            (middle, 0.035 * UP),
-            *(((middle - 0.017 * side + s * 0.035 * UP), 0.02 * side) for s in (-1, 1)),
-        ):
-            bars.append(_rod(centre - half, centre + half, 0.007))
-        return [_surface("carried", m, material, rng) for m in (body, *bars)], middle
 
     def poses(self, act: Act) -> Array:
         """T_world_thing (frames, 4, 4) relative to where it stood first."""
@@ -151,6 +130,28 @@ class Carried(Happening):
         table = [Surface("table", board, faces, wood), *(_surface("leg", m, wood, rng) for m in legs)]
         still = Actor.still(Body(tuple(table), 1), act.line.frames)
         return [still, Actor.moving(Body(act.scene.part, OTHER_LABEL), self.poses(act))]
+
+
+def carried_thing(rng: Rng, facing: Array) -> tuple[list[Surface], Array]:
+    """Surfaces about the point on which the thing stands, and the middle of its handle (3,)."""
+    material = make_material(str(rng.choice(["poster", "laminate", "speckle", "glossy"])), 1.0, rng)
+    side = np.cross(UP, facing)
+    if rng.random() < 0.5:  # a mug
+        radius, tall = rng.uniform(0.035, 0.045), rng.uniform(0.09, 0.12)
+        body = trimesh.creation.cylinder(radius=radius, height=tall, sections=32)
+    else:  # a carton with a strap
+        tall = float(rng.uniform(0.12, 0.22))
+        radius = float(rng.uniform(0.05, 0.09))
+        body = trimesh.creation.box(extents=[2 * radius, 1.4 * radius, tall])
+    body.apply_translation([0.0, 0.0, tall / 2])
+    middle = 0.5 * tall * UP + (radius + 0.035) * side
+    bars = []
+    for centre, half in (
+        (middle, 0.035 * UP),
+        *(((middle - 0.017 * side + s * 0.035 * UP), 0.02 * side) for s in (-1, 1)),
+    ):
+        bars.append(_rod(centre - half, centre + half, 0.007))
+    return [_surface("carried", m, material, rng) for m in (body, *bars)], middle
 
 
 @dataclass(frozen=True)

@@ -2,37 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from recon.simulate.acts import Act
 from recon.simulate.config import Staging
 from recon.simulate.grip import Grasp
-from recon.simulate.hand_path import Arm
 from recon.simulate.mjcf import Articulation
 from recon.simulate.script import among
-from recon.simulate.sight import surroundings
-from recon.simulate.surfaces import Surface, merged_mesh
+from recon.simulate.surfaces import Surface
 from recon.simulate.timeline import Episode, Timeline
 from recon.simulate.walk.floor import BODY, Floor, path_length
 from recon.simulate.walk.layout import Layout
-from recon.simulate.walk.plan import Plan, others_of
+from recon.simulate.walk.plan import Plan
 from recon.simulate.walk.solids import Solids
-from recon.simulate.walk.stations import Station, Task, find_station, grip_at
+from recon.simulate.walk.stations import Station
 from recon.simulate.walk.walker import Gait, Walker, fixed
-from twin.geometry import Array, transform
+from twin.geometry import Array
 
 Rng = np.random.Generator
-# rad within which a look has reached what is handled next, and s that it may take
-_ARRIVED, _PATIENCE = np.radians(6.0), 5.0
-# s of rest after the last interaction at least, and s over what is needed from which the person lingers
-_REST, _SPARE = 0.8, 2.5
+# s of rest after the last interaction at least
+REST = 0.8
+# s that the way to an interaction takes, and the walk of it, as they are reckoned beforehand
+_LEG, _WALK = 4.5, 3.0
+# s to spare from which the person lingers, and takes a turn about the room
+_SPARE, _STROLL = 2.5, 7.0
+# Degrees/s of a fast turn of the head, and degrees that it turns by
+_FAST_DEG, _OVER_SHOULDER_DEG = (98.0, 120.0), (95.0, 150.0)
 # m over the floor that a walking person looks at, m ahead of the feet
 _FLOOR_LOOK = 0.95
-# States between the ends of a leg at which there must be room
-_BETWEEN = 4
 
 
 class Unfit(Exception):
@@ -58,9 +59,19 @@ class Room:
         return next(p for p in self.parts if p.name == joint)
 
 
+@dataclass(frozen=True)
+class Touch:
+    """A hand that comes to a part of `joint` at `state` and takes hold of nothing before it."""
+
+    joint: str
+    state: float
+    line: Timeline
+
+
 @dataclass
 class Journey:
-    """What has been done so far. acts: episodes with their lines; events: what happened besides."""
+    """What has been done so far. acts: episodes with their lines; touches: of a hand that takes hold of
+    nothing; events: what happened besides."""
 
     room: Room
     plan: Plan
@@ -70,7 +81,8 @@ class Journey:
     rng: Rng
     walker: Walker
     acts: list[tuple[Episode, Timeline, Station]] = field(default_factory=list)
-    events: list[dict[str, object]] = field(default_factory=list)
+    touches: list[Touch] = field(default_factory=list)
+    events: list[dict[str, Any]] = field(default_factory=list)
 
     @staticmethod
     def begun(room: Room, plan: Plan, config: Staging, seconds: float, loops: bool, rng: Rng) -> Journey:
@@ -80,7 +92,7 @@ class Journey:
             float(np.radians(rng.uniform(40.0, 48.0))),
             float(rng.uniform(1.5, 1.7)),
         )
-        spots = _floor(room, plan.states(0)).spots(0.4)
+        spots = floor_of(room, plan.states(0)).spots(0.4)
         if not len(spots):
             raise Unfit("there is no room to stand")
         far = np.min([np.linalg.norm(spots - s.middle[:2], axis=1) for s in room.layout.stands], axis=0)
@@ -114,45 +126,25 @@ class Journey:
         for k in order[1:]:
             self.glance(middles[int(k)], np.radians(14.0), 0.1)
 
-    def glance(self, target: Array, within: float, seconds: float) -> None:
-        """Turn to a point (3,) until it is seen within so many rad, and stay so long."""
+    def glance(self, target: Array, within: float, seconds: float, most: float | None = None) -> None:
+        """Turn to a point (3,) until it is seen within so many rad, and stay so long. most: rad/s, None: as
+        usual."""
         for _ in range(round(5.0 * self.config.fps)):
             if self.walker.off(target) < within:
                 break
-            self.walker.stand(1.0 / self.config.fps, fixed(target))
-        self.walker.stand(seconds, fixed(target))
+            self.walker.stand(1.0 / self.config.fps, fixed(target), most=most)
+        self.walker.stand(seconds, fixed(target), most=most)
 
-    def handle(self, index: int) -> None:
-        """Interaction `index` of the plan: go there, look, take hold, lead, let go."""
-        episode = self.plan.episodes[index]
-        states = self.plan.states(index)
-        scene = among(self.room.part(episode.joint), self.room.parts, states)
-        grasp = self.room.grasps[episode.joint]
-        station, floor = self._station(episode, scene, grasp, states)
-        way = floor.way(self.walker.place, station.eye[:2])
-        if way is None:
-            raise Unfit("there is no way to the furniture")
-        self._linger(index, path_length(way), floor, station)
-        way = floor.way(self.walker.place, station.eye[:2])
-        if way is None:
-            raise Unfit("there is no way to the furniture")
-        middle = _middle(scene)
-        target = _looked_at(scene, grasp, middle, np.array([episode.start]))[0]
-        self.go(way, target, station.eye[2])
-        if not self.walker.settle(fixed(target), float(station.eye[2]), _ARRIVED, _PATIENCE):
-            raise Unfit("the head does not come to rest")
-        self.walker.stand(episode.wait_s, fixed(target), float(station.eye[2]))
-        line = _line(episode, self.walker.frame, self.config.fps)
-        levels = replace(line, frames=line.gone).states(episode.levels)[line.enter :]
-        grips = grip_at(scene, grasp, levels)
-        offset = self.walker.eye - station.eye
-        self.walker.lead(station.eyes(grips - grips[0]) + offset, _looked_at(scene, grasp, middle, levels))
-        self.acts.append((episode, line, station))
-        if self.left < _REST:
-            raise Unfit("there is no time for all that is to be done")
-
-    def go(self, way: Array, target: Array, height: float) -> None:
-        """Walk along points (n, 2), looking ahead and in time at what is next (3,); height: of the eyes there."""
+    def go(self, way: Array, target: Array, height: float, pause_s: float = 0.0) -> None:
+        """Walk along points (n, 2), looking ahead and in time at what is next (3,); height: of the eyes there;
+        pause_s: for which the person stops half-way."""
+        if pause_s > 0.0:
+            half = len(way) // 2
+            self.go(way[: half + 1], target, self.walker.gait.stature)
+            first = self.walker.frame
+            self.walker.stand(pause_s, fixed(self.walker.eye + 2.0 * self.walker.ahead))
+            self.events.append({"kind": "pause", "frames": [first, self.walker.frame - 1]})
+            way = way[half:]
         walker, turned = self.walker, [False]
 
         def gaze(eye: Array, ahead: Array, left: float) -> Array:
@@ -163,45 +155,33 @@ class Journey:
 
         walker.walk(way, gaze, height)
 
-    def _station(
-        self, episode: Episode, scene: Articulation, grasp: Grasp, states: Mapping[str, float]
-    ) -> tuple[Station, Floor]:
-        """Where to stand for an episode, and the floor before it."""
-        room = self.room
-        stand, cell = room.layout.cells[episode.joint]
-        ends = list(episode.levels)
-        levels = np.concatenate(
-            [
-                ends[:1],
-                *(np.linspace(a, b, _BETWEEN)[1:] for a, b in zip(ends, ends[1:], strict=False) if a != b),
-            ]
-        )
-        others = others_of(room.layout, episode.joint, states)
-        floors = [Floor.of(*room.bounds, Solids.joined([others, stand.part(cell, float(s))])) for s in levels]
-        task = Task(scene, grasp, stand.outward, levels, floors)
-        around = surroundings(scene, levels, [*scene.static, *self.room.still], room.bounds)
-        found = find_station(task, around, self.walker.gait.stature, Arm.of(self._hanging), self.rng)
-        if found is None:
-            raise Unfit("there is no place to stand at a part")
-        return found, floors[0]
+    def turn_fast(self) -> None:
+        """Look over one shoulder and back, faster than usual."""
+        first = self.walker.frame
+        most = float(np.radians(self.rng.uniform(*_FAST_DEG)))
+        angle = float(np.radians(self.rng.uniform(*_OVER_SHOULDER_DEG)) * self.rng.choice([-1.0, 1.0]))
+        yaw = self.walker.yaw
+        for turned in (yaw + angle, yaw):
+            ahead = np.array([np.cos(turned), np.sin(turned), -0.25])
+            self.glance(self.walker.eye + 2.0 * ahead, np.radians(12.0), 0.25, most)
+        self.events.append({"kind": "fast_turn", "frames": [first, self.walker.frame - 1]})
 
-    @property
-    def _hanging(self) -> Staging:
-        """The arm on its own side, wherever the hand comes from."""
-        return replace(self.config, hand_from_deg=None)
-
-    def _linger(self, index: int, metres: float, floor: Floor, station: Station) -> None:
-        """Spend what time there is to spare before an interaction: look at things, walk round."""
+    def spare(self, index: int) -> float:
+        """Seconds that nothing needs of those that are left before interaction `index`, walks reckoned."""
         todo = self.plan.episodes[index:]
-        busy = sum(sum(e.lengths) for e in todo) + 4.5 * len(todo) + _REST
-        spare = (self.left - busy) / len(todo)
-        need = metres / self.walker.gait.speed - 3.0
-        spare = float(self.rng.uniform(0.4, 1.0)) * (spare - max(0.0, need))
+        return self.left - sum(sum(e.lengths) + _LEG for e in todo) - REST
+
+    def linger(self, index: int, metres: float, floor: Floor) -> None:
+        """Spend time there is to spare before an interaction so many metres away: look at things, walk round."""
+        spare = self.spare(index) / len(self.plan.episodes[index:])
+        spare = float(self.rng.uniform(0.4, 1.0)) * (
+            spare - max(0.0, metres / self.walker.gait.speed - _WALK)
+        )
         if spare < _SPARE:
             return
         until = self.walker.frame + round(spare * self.config.fps)
-        if self.loops and spare > 7.0:
-            self.stroll(floor, until, np.asarray(station.eye[:2]))
+        if self.loops and spare > _STROLL:
+            self.stroll(floor, until)
         while self.walker.frame < until - round(1.5 * self.config.fps):
             self.look_about()
 
@@ -214,24 +194,20 @@ class Journey:
         target = seen[int(self.rng.integers(len(seen)))] + self.rng.uniform(-0.3, 0.3, 3)
         self.glance(target, np.radians(10.0), float(self.rng.uniform(0.5, 1.4)))
 
-    def stroll(self, floor: Floor, until: int, goal: Array | None = None) -> None:
-        """To some free place and a look from there, again until about that frame. goal: (2,) to which there must
-        be a way afterwards in time."""
+    def stroll(self, floor: Floor, until: int) -> None:
+        """To some free place that can be reached until about that frame, and a look from there."""
         spots = floor.spots(BODY + 0.05)
-        while len(spots) and self.walker.frame < until:
-            place = spots[int(self.rng.integers(len(spots)))]
-            way = floor.way(self.walker.place, place)
-            seconds = (until - self.walker.frame) / self.config.fps
+        seconds = (until - self.walker.frame) / self.config.fps
+        if len(spots):
+            way = floor.way(self.walker.place, spots[int(self.rng.integers(len(spots)))])
             if way is not None and 0.5 < path_length(way) < self.walker.gait.speed * seconds:
                 stands = self.room.layout.stands
                 self.go(way, stands[int(self.rng.integers(len(stands)))].middle, self.walker.gait.stature)
-            self.look_about()
-            if goal is not None:
-                return
+        self.look_about()
 
     def finish(self) -> None:
         """Fill what is left after the last interaction."""
-        floor = _floor(self.room, self.plan.states(len(self.plan.episodes)))
+        floor = floor_of(self.room, self.plan.states(len(self.plan.episodes)))
         self.walker.stand(0.5, fixed(self.room.layout.stands[0].middle))
         if self.loops and self.walker.eyes and self.left > 2.0:
             back = floor.way(self.walker.place, self.walker.eyes[0][:2])
@@ -243,32 +219,11 @@ class Journey:
             self.look_about()
 
 
-def _floor(room: Room, states: Mapping[str, float]) -> Floor:
+def floor_of(room: Room, states: Mapping[str, float]) -> Floor:
     """The floor with all parts at their states."""
     solids = [s.still for s in room.layout.stands]
     solids += [stand.part(cell, states.get(n, 0.0)) for n, (stand, cell) in room.layout.cells.items()]
     return Floor.of(*room.bounds, Solids.joined([*solids, *room.layout.others]))
-
-
-def _line(episode: Episode, frame: int, fps: float) -> Timeline:
-    """The phases of an episode whose hand comes into view in `frame`; its length is that of the episode."""
-    seconds = np.cumsum(episode.lengths[1:])
-    marks = np.round(seconds * fps).astype(int)
-    marks = frame + np.maximum(marks, np.arange(1, len(marks) + 1))
-    m = [frame, *(int(v) for v in marks)]
-    return Timeline(m[0], m[1], tuple(m[2:-2]), m[-2], m[-1], m[-1])
-
-
-def _middle(scene: Articulation) -> Array:
-    bounds = merged_mesh(list(scene.part)).bounds
-    return 0.5 * np.asarray(bounds[0] + bounds[1])
-
-
-def _looked_at(scene: Articulation, grasp: Grasp, middle: Array, levels: Sequence[float] | Array) -> Array:
-    """What is looked at (n, 3) while a part is handled: between the grip and the middle of the part."""
-    ends = np.stack([grasp.point, middle])
-    held = np.stack([transform(scene.pose(float(s)), ends) for s in levels])
-    return np.asarray(0.6 * held[:, 0] + 0.4 * held[:, 1])
 
 
 def acts_of(journey: Journey, states: Mapping[str, Array], frames: int) -> tuple[Act, ...]:

@@ -9,24 +9,31 @@ from typing import Any
 
 import numpy as np
 
+from recon.simulate.actors import Actor
 from recon.simulate.config import Staging
 from recon.simulate.grip import find_grasp
+from recon.simulate.hand_path import Arm
 from recon.simulate.random.looks import hand_settings, picture_settings
 from recon.simulate.random.scene import merged
 from recon.simulate.random.strata import WalkStratum
 from recon.simulate.record import require_new
-from recon.simulate.script import among
+from recon.simulate.render import Camera
+from recon.simulate.script import among, posed
 from recon.simulate.simulator import DepthLag, record
 from recon.simulate.walk.cameras import cameras_of
+from recon.simulate.walk.carrying import Carried, carry
+from recon.simulate.walk.errands import handle, touch
+from recon.simulate.walk.events import Wishes, cover_lens, draw_wishes, move_chair
 from recon.simulate.walk.journey import Journey, Room, Unfit
 from recon.simulate.walk.layout import Layout, draw_layout
-from recon.simulate.walk.model import room_parts
+from recon.simulate.walk.model import loose_surfaces, room_parts
 from recon.simulate.walk.plan import Plan, draw_plan
-from recon.simulate.walk.stage import WalkStage
+from recon.simulate.walk.stage import WalkStage, touching
 from recon.simulate.walk.surroundings import room_surfaces
 from recon.simulate.walk.witness import unfit_walk
 from twin.errors import ConfigError, InputError
 from twin.files.text import write_json
+from twin.geometry import Array
 from twin.runs.settings import as_dict, from_dict
 
 Rng = np.random.Generator
@@ -36,6 +43,8 @@ MOST_ROOMS, MOST_WALKS = 8, 6
 SHORTEST, LONGEST = 10.0, 600.0
 # Seconds from which on a walk returns to earlier places, whatever is drawn: a room has no more new ones
 _RETURNS = 180.0
+# s that a fast turn of the head takes
+_TURN_S = 4.0
 
 
 @dataclass(frozen=True)
@@ -182,20 +191,53 @@ def _room(layout: Layout, plan: Plan, config: Staging) -> Room:
 def _walked(room: Room, plan: Plan, config: Staging, wanted: WalkStratum, rng: Rng) -> WalkStage:
     """The walk through a room. Raises Unfit where nobody could walk so."""
     journey = Journey.begun(room, plan, config, wanted.seconds, wanted.loops, rng)
-    journey.look_round()
-    for k in range(len(plan.episodes)):
-        journey.handle(k)
-    journey.finish()
-    frames = journey.frames
-    walker = journey.walker
-    eyes, looks = np.stack(walker.eyes)[:frames], np.array(walker.looks)[:frames]
-    cameras = cameras_of(eyes, looks, config, np.random.default_rng([config.seed, 2]))
+    wishes = draw_wishes(rng, len(plan.episodes))
+    carried = _done(journey, wishes, rng)
+    frames, walker = journey.frames, journey.walker
     recorded = frames if config.frames is None else config.frames
     if recorded > frames:
         raise ConfigError(
             f"simulate.frames = {recorded} is more than the walk's {frames}", "ask for more --seconds"
         )
-    covered = np.zeros(frames, dtype=bool)
-    return WalkStage(
-        journey, cameras, config, (), covered, (), recorded, np.random.default_rng([config.seed, 4])
-    )
+    eyes, looks = np.stack(walker.eyes)[:frames], np.array(walker.looks)[:frames]
+    cameras = cameras_of(eyes, looks, config, np.random.default_rng([config.seed, 2]))
+    hands = touching(journey, cameras, config)
+    others = []
+    if carried is not None:
+        hands.append(carried.hand(cameras, Arm.of(config)))
+        others.append(carried.actor(cameras, Arm.of(config).sign))
+    covered = cover_lens(journey, hands, frames, rng) if wishes.cover else np.zeros(frames, dtype=bool)
+    others += _chair(journey, wishes, cameras, config, rng)
+    journey.events.sort(key=lambda e: e["frames"])
+    look = np.random.default_rng([config.seed, 4])
+    return WalkStage(journey, cameras, config, tuple(others), covered, hands, recorded, look)
+
+
+def _done(journey: Journey, wishes: Wishes, rng: Rng) -> Carried | None:
+    """The person does what was planned, and what happens on the way. Raises Unfit."""
+    carried = None
+    journey.look_round()
+    for k in range(len(journey.plan.episodes)):
+        if k in wishes.turns and journey.spare(k) > _TURN_S:
+            journey.turn_fast()
+        if k in wishes.touches:
+            touch(journey, k)
+        if k == wishes.carry:
+            carried = carry(journey, k, rng)
+        handle(journey, k, wishes.pauses.get(k, 0.0))
+    journey.finish()
+    return carried
+
+
+def _chair(journey: Journey, wishes: Wishes, cameras: Array, config: Staging, rng: Rng) -> list[Actor]:
+    """The chair that may be moved; where nobody moves it, it stands still for good."""
+    loose = journey.room.layout.loose
+    if loose is None:
+        return []
+    surfaces = loose_surfaces(loose, config.textures, np.random.default_rng([config.seed, 5]))
+    camera = Camera.of(config.width, config.height, config.hfov_deg)
+    moved = move_chair(journey, surfaces, cameras, camera, rng) if wishes.chair else None
+    if moved is None:
+        standing = tuple(posed(s, loose.pose) for s in surfaces)
+        journey.room = replace(journey.room, still=(*journey.room.still, *standing))
+    return [moved] if moved else []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,16 +18,28 @@ from recon.simulate.timeline import Timeline
 from recon.simulate.truth import TruthPart
 from recon.simulate.walk.journey import Journey, Room, acts_of
 from recon.simulate.walk.surroundings import room_lamps
-from twin.geometry import Array
+from twin.geometry import Array, make_pose
 
 Rng = np.random.Generator
 # Frames, evenly over the walk, by which the recording is exposed
 _METERED = 5
+# m before a grip at which a hand takes hold of nothing
+_BEFORE = 0.09
 
 
 class WalkStage(Staged):
-    """A journey through a room as actors, cameras and truth. others: what else moves; covered: whether something
-    lies on the lens (n,); frames: recorded from the first on."""
+    """A journey through a room as actors, cameras and truth.
+
+    Args of the constructor:
+        journey: what was done.
+        cameras: T_world_camera (n, 4, 4).
+        config: what it is staged by.
+        others: what else moves.
+        covered: whether something lies on the lens (n,).
+        hands: what the hand does besides: frames in which it comes, and its motions.
+        frames: recorded from the first on.
+        rng: of what the person wears.
+    """
 
     def __init__(
         self,
@@ -34,7 +48,7 @@ class WalkStage(Staged):
         config: Staging,
         others: tuple[Actor, ...],
         covered: NDArray[np.bool_],
-        hands: tuple[tuple[int, HandMotion], ...],
+        hands: Sequence[tuple[int, HandMotion]],
         frames: int,
         rng: Rng,
     ):
@@ -89,21 +103,26 @@ def _over(line: Timeline, frames: int) -> Timeline:
 
 
 def _motion(act: Act, cameras: Array, config: Staging) -> HandMotion:
-    """The hand from frame `enter` to the one after `gone`."""
+    """The hand from frame `enter` to `gone`."""
     line, arm_of = act.line, Arm.of(config)
-    first = line.enter
-    local = Timeline(
-        0,
-        line.grasp - first,
-        tuple(t - first for t in line.turns),
-        line.release - first,
-        line.gone - first,
-        line.gone - first + 1,
-    )
-    window = slice(first, line.gone + 1)
+    window = slice(line.enter, line.gone + 1)
     T_start = grip_pose(act.grasp, cameras[line.grasp, :3, 3], arm_of.sign)
     held = holding(act.scene, act.grasp, T_start, act.states[window], config.wrist_turn)
-    return hand_motion(held, local, cameras[window], arm_of, act.reaches)
+    return hand_motion(held, line.begun_at(line.enter), cameras[window], arm_of, act.reaches)
+
+
+def touching(journey: Journey, cameras: Array, config: Staging) -> list[tuple[int, HandMotion]]:
+    """Hands that take hold of nothing, some cm before a grip: the frames in which they come, and their ways."""
+    out = []
+    for touch in journey.touches:
+        line, arm_of = touch.line, Arm.of(config)
+        part, grasp = journey.room.part(touch.joint), journey.room.grasps[touch.joint]
+        window = slice(line.enter, line.gone + 1)
+        T_start = grip_pose(grasp, cameras[line.grasp, :3, 3], arm_of.sign)
+        still = np.full(line.gone + 1 - line.enter, touch.state)
+        held = holding(part, grasp, T_start, still, config.wrist_turn) @ make_pose(None, [0.0, -_BEFORE, 0.0])
+        out.append((line.enter, hand_motion(held, line.begun_at(line.enter), cameras[window], arm_of)))
+    return out
 
 
 def joined(motions: list[tuple[int, HandMotion]], frames: int) -> HandMotion:

@@ -62,6 +62,12 @@ class Walker:
         """Where the person stands (2,)."""
         return self.eye[:2].copy()
 
+    @property
+    def ahead(self) -> Array:
+        """Unit direction (3,) of the look."""
+        level = np.cos(self.pitch)
+        return np.array([level * np.cos(self.yaw), level * np.sin(self.yaw), np.sin(self.pitch)])
+
     def off(self, target: Array) -> float:
         """Angle (rad) by which a look misses a point (3,)."""
         yaw, pitch = self._towards(target)
