@@ -34,38 +34,67 @@ def simulate(
     config: Path | None,
     set: Sequence[str],
     depth_lag: int | Literal["drawn"] = 0,
+    walk: int | None = None,
+    seconds: float | None = None,
 ) -> Outcome:
     """Render a recording with truth: of one part of a scene, or all of it drawn from a seed."""
     require_writable(out)
-    from recon.simulate.config import SimulateConfig
-
+    drawn = "--random" if random is not None else "--walk"
+    if random is not None and walk is not None:
+        raise InputError("--random and --walk draw different recordings", "give one of both")
+    if (random is not None or walk is not None) and (scene is not None or joint is not None):
+        raise InputError(f"{drawn} draws a scene of its own", "leave the scene and --joint out")
+    if seconds is not None and walk is None:
+        raise InputError(
+            f"--seconds {seconds:g} is the length of a walk", "give --walk SEED, or leave it out"
+        )
     with console.progress() as progress:
 
         def tell(done: int, total: int) -> None:
             progress("simulate", done / total, f"{done} of {total} frames")
 
-        if random is not None:
-            if scene is not None or joint is not None:
-                raise InputError("--random draws a scene of its own", "leave the scene and --joint out")
-            from recon.simulate import simulate_random
-
-            given.settings(SimulateConfig, config, set)  # refuses what is none
-            told = given.given_settings(config, set)[0]
-            folder = simulate_random(random, out, settings=told, progress=tell, depth_lag=depth_lag)
+        told: dict[str, Any] = {"progress": tell, "depth_lag": depth_lag}
+        seed = walk if random is None else random
+        if seed is not None:
+            folder = _drawn(out, seed, seconds, random is None, (config, set), told)
         elif scene is None or joint is None:
             raise InputError(
-                "twin simulate needs a scene and --joint, or --random",
+                "twin simulate needs a scene and --joint, --random or --walk",
                 "for example: twin simulate scene.xml --joint door -o OUT, or twin simulate --random 7 -o OUT",
             )
         else:
+            from recon.simulate.config import SimulateConfig
+
             settings = given.settings(SimulateConfig, config, set)
             from recon.simulate.joints import require_joint
 
             require_joint(scene, joint)
             from recon.simulate import simulate as render
 
-            folder = render(scene, joint, out, settings, progress=tell, depth_lag=depth_lag)
+            folder = render(scene, joint, out, settings, **told)
     return Outcome({"recording": str(folder)}, notes=[f"recording: {folder}", f"truth: {folder / 'truth'}"])
+
+
+def _drawn(
+    out: Path,
+    seed: int,
+    seconds: float | None,
+    walks: bool,
+    chosen: tuple[Path | None, Sequence[str]],
+    told: dict[str, Any],
+) -> Path:
+    """A clip or a walk from a seed. chosen: the user's --config and --set; told: progress and depth_lag."""
+    from recon.simulate.config import SimulateConfig
+
+    given.settings(SimulateConfig, *chosen)  # refuses what is none
+    settings = given.given_settings(*chosen)[0]
+    if walks:
+        from recon.simulate import simulate_walk
+
+        return simulate_walk(seed, out, seconds=seconds, settings=settings, **told)
+    from recon.simulate import simulate_random
+
+    return simulate_random(seed, out, settings=settings, **told)
 
 
 def reconstruct(

@@ -63,6 +63,8 @@ def _simulate(parser: ArgumentParser) -> None:
     add("scene", metavar="SCENE.xml", type=Path, nargs="?", help="MJCF file with a hinge or slide joint")
     add("--joint", help="name of the joint that the hand moves")
     add("--random", metavar="SEED", type=_seed, help="no scene: all of it is drawn from a seed")
+    add("--walk", metavar="SEED", type=_seed, help="a walk through a furnished room, drawn from a seed")
+    add("--seconds", metavar="S", type=float, help="length of the walk, 10 to 600 [drawn, 45 to 180]")
     add(
         "--depth-lag",
         metavar="N|drawn",

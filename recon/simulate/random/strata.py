@@ -19,6 +19,10 @@ NEGATIVES: tuple[Negative, ...] = (
 )  # fmt: skip
 # s that a walk takes where nobody says
 WALK_SECONDS = (45.0, 180.0)
+# s of a sealed walk for each interaction, and how many of these are with a part that was not handled before
+_EVERY, _NEW = 12.6, 0.63
+# Share of a drawn walk's interactions that are with new parts at most, so that a third comes again
+_MOST_NEW = 0.66
 
 
 @dataclass(frozen=True)
@@ -75,9 +79,15 @@ def _hard(k: int) -> Stratum:
 
 @dataclass(frozen=True)
 class WalkStratum:
-    """What is wanted of a random walk: how many `parts` are handled in `interactions`, within `seconds`. order:
-    each thing in turn round the room, or mixed. loops: whether the path returns to earlier places.
-    hard_picture, size, fps: as in `Stratum`.
+    """What is wanted of a random walk: how many `parts` are handled in `interactions`, within `seconds`.
+
+    Attributes:
+        sensor: as in `Stratum`, as are hard_picture, size and fps.
+        parts: fronts that are opened or closed, 2 to 6.
+        interactions: how often one is, as often as there are parts or more.
+        seconds: length of the walk.
+        order: each thing in turn round the room, or mixed.
+        loops: whether the path returns to earlier places.
     """
 
     sensor: Sensor
@@ -98,10 +108,27 @@ class WalkStratum:
         interactions = max(3, round(long / float(rng.uniform(10.0, 15.0))))
         return WalkStratum(
             SENSORS[int(rng.integers(len(SENSORS)))],
-            min(parts, max(2, round(0.75 * interactions))),
+            min(parts, max(2, round(_MOST_NEW * interactions))),
             interactions,
             long,
             "mixed" if rng.random() < 0.5 else "in_turn",
             bool(rng.random() < 0.7),
             bool(rng.random() < 0.5),
         )
+
+
+def sealed_walks() -> tuple[WalkStratum, ...]:
+    """The 16 walks that rates are measured on, from 45 to 120 s: 68 parts, 106 interactions.
+
+    A third of the parts or more is handled again. Of all orders, loops and pictures there are eight, of each
+    combination two; each sensor has three walks, the phone's four.
+    """
+    out = []
+    for k in range(16):
+        seconds = 45.0 + 5.0 * k
+        interactions = round(seconds / _EVERY)
+        parts = min(6, max(3, round(_NEW * interactions)))
+        order: Literal["in_turn", "mixed"] = "mixed" if k % 2 else "in_turn"
+        loops, hard = (k // 2) % 2 == 1, (k // 4) % 2 == 1
+        out.append(WalkStratum(SENSORS[(k + k // 5) % 5], parts, interactions, seconds, order, loops, hard))
+    return tuple(out)

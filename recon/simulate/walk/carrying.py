@@ -19,8 +19,8 @@ from recon.simulate.walk.errands import arrive, looked_at, station_for
 from recon.simulate.walk.floor import Floor, path_length
 from recon.simulate.walk.journey import Journey, floor_of
 from recon.simulate.walk.layout import Stand
+from recon.simulate.walk.person import fixed
 from recon.simulate.walk.stations import Station, Task
-from recon.simulate.walk.walker import fixed
 from twin.geometry import Array, exp_so3, make_pose, transform
 
 Rng = np.random.Generator
@@ -39,8 +39,16 @@ _TRIES = 6
 
 @dataclass(frozen=True)
 class Carried:
-    """A thing's surfaces about the point it stands on, its `handle` (3,), the two places (3,), where the person
-    stood to take it (facing, 3), and the frames in which it is lifted and put down: each first and last."""
+    """A thing that is carried.
+
+    Attributes:
+        surfaces: about the point that it stands on.
+        grasp: where the hand holds it, at the first place.
+        places: where it stands before and after (3,), m.
+        line: the hand's phases.
+        lifted: first and last frame in which it is lifted.
+        put: first and last frame in which it is put down.
+    """
 
     surfaces: tuple[Surface, ...]
     grasp: Grasp
@@ -83,7 +91,7 @@ class Carried:
 
 
 def carry(journey: Journey, index: int, rng: Rng) -> Carried | None:
-    """Before interaction `index`, a thing is taken from one top to another, where there are time and place."""
+    """Before interaction `index`, a thing is taken from one top to another, if there is time."""
     tops = [s for s in journey.room.layout.stands if s.piece.tops]
     floor = floor_of(journey.room, journey.plan.states(index))
     if len(tops) < 2 or journey.spare(index) < _TAKES:
@@ -93,16 +101,16 @@ def carry(journey: Journey, index: int, rng: Rng) -> Carried | None:
     if taken is None:
         return None
     first, start, surfaces = taken
-    walker = journey.walker
-    at = walker.place
-    walker.eye[:2] = start.eye[:2]  # the way from there
+    person = journey.person
+    at = person.place
+    person.eye[:2] = start.eye[:2]  # the way from there
     given = _end(journey, other, floor, rng, (_LIFTED, 0.0), first)
-    walker.eye[:2] = at
+    person.eye[:2] = at
     if given is None:
         return None
     last, goal, _ = given
     way = floor.way(start.eye[:2], goal.eye[:2])
-    if way is None or path_length(way) / walker.gait.speed + _TAKES > journey.spare(index) + 3.0:
+    if way is None or path_length(way) / person.gait.speed + _TAKES > journey.spare(index) + 3.0:
         return None
     return _carried(journey, (first, start), (last, goal), surfaces)
 
@@ -111,26 +119,26 @@ def _carried(
     journey: Journey, start: tuple[Task, Station], goal: tuple[Task, Station], surfaces: tuple[Surface, ...]
 ) -> Carried:
     """Do it."""
-    walker = journey.walker
+    person = journey.person
     place, end = (t.scene.pivot for t, _ in (start, goal))
     arrive(journey, *start)
     target = looked_at(start[0].scene, start[0].grasp, [0.0])[0]
-    enter = walker.frame
-    walker.stand(_REACH, fixed(target), float(start[1].eye[2]))
-    grasp = walker.frame
-    walker.stand(_HOLD, fixed(target), float(start[1].eye[2]))
-    lift = walker.frame
-    walker.stand(_LIFT, fixed(target), float(start[1].eye[2]))
-    lifted = walker.frame
+    enter = person.frame
+    person.stand(_REACH, fixed(target), float(start[1].eye[2]))
+    grasp = person.frame
+    person.stand(_HOLD, fixed(target), float(start[1].eye[2]))
+    lift = person.frame
+    person.stand(_LIFT, fixed(target), float(start[1].eye[2]))
+    lifted = person.frame
     arrive(journey, *goal)
     target = looked_at(goal[0].scene, goal[0].grasp, [0.0])[0]
-    down = walker.frame
-    walker.stand(_PUT, fixed(target), float(goal[1].eye[2]))
-    stands = walker.frame
-    walker.stand(_HOLD, fixed(target), float(goal[1].eye[2]))
-    release = walker.frame
-    walker.stand(_LEAVE, fixed(target), float(goal[1].eye[2]))
-    line = Timeline(enter, grasp, (lift, stands), release, walker.frame, walker.frame)
+    down = person.frame
+    person.stand(_PUT, fixed(target), float(goal[1].eye[2]))
+    stands = person.frame
+    person.stand(_HOLD, fixed(target), float(goal[1].eye[2]))
+    release = person.frame
+    person.stand(_LEAVE, fixed(target), float(goal[1].eye[2]))
+    line = Timeline(enter, grasp, (lift, stands), release, person.frame, person.frame)
     local = tuple(replace(s, vertices=s.vertices - place) for s in surfaces)
     journey.events.append(
         {"kind": "carried", "frames": [lift, stands], "from": place.tolist(), "to": end.tolist()}
@@ -191,6 +199,6 @@ def _task(
 
 
 def _meets(low: Array, high: Array, surface: Surface) -> bool:
-    """Whether a thing would stand in what stands there already; the board that it stands on is none of that."""
+    """Whether a thing would stand in what stands there already, the board below it not counted."""
     a, b = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     return bool(np.all(np.minimum(high, b) - np.maximum(low, a) > 2e-3))

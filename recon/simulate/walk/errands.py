@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,10 +17,10 @@ from recon.simulate.surfaces import merged_mesh
 from recon.simulate.timeline import Episode, Leg, Timeline
 from recon.simulate.walk.floor import Floor, path_length
 from recon.simulate.walk.journey import REST, Journey, Touch, Unfit
+from recon.simulate.walk.person import fixed
 from recon.simulate.walk.plan import others_of
 from recon.simulate.walk.solids import Solids
 from recon.simulate.walk.stations import Station, Task, find_station, grip_at
-from recon.simulate.walk.walker import fixed
 from twin.geometry import Array, transform
 
 # rad within which a look has reached what is handled next, and s that it may take
@@ -38,8 +39,8 @@ def handle(journey: Journey, index: int, pause_s: float = 0.0) -> None:
     journey.linger(index, path_length(_way(journey, task, station)), task.floors[0])
     arrive(journey, task, station, pause_s if journey.spare(index) > pause_s else 0.0)
     target = looked_at(task.scene, task.grasp, [episode.start])[0]
-    journey.walker.stand(episode.wait_s, fixed(target), float(station.eye[2]))
-    line = _line(episode, journey.walker.frame, journey.config.fps)
+    journey.person.stand(episode.wait_s, fixed(target), float(station.eye[2]))
+    line = _line(episode, journey.person.frame, journey.config.fps)
     _lead(journey, task, station, line, episode.levels)
     journey.acts.append((episode, line, station))
     if journey.left < REST:
@@ -65,7 +66,7 @@ def touch(journey: Journey, index: int) -> None:
         0.15,
         float(times[2]),
     )
-    line = _line(episode, journey.walker.frame, journey.config.fps)
+    line = _line(episode, journey.person.frame, journey.config.fps)
     _lead(journey, task, found, line, episode.levels)
     journey.touches.append(Touch(joint, states[joint], line))
     journey.events.append({"kind": "empty_hand", "frames": [line.enter, line.gone - 1], "before": joint})
@@ -73,10 +74,10 @@ def touch(journey: Journey, index: int) -> None:
 
 def arrive(journey: Journey, task: Task, station: Station, pause_s: float = 0.0) -> None:
     """Go to a station and come to rest with the eyes on the task. Raises Unfit."""
-    walker, height = journey.walker, float(station.eye[2])
+    person, height = journey.person, float(station.eye[2])
     target = looked_at(task.scene, task.grasp, task.levels[:1])[0]
     journey.go(_way(journey, task, station), target, height, pause_s)
-    if not walker.settle(fixed(target), height, _ARRIVED, _PATIENCE):
+    if not person.settle(fixed(target), height, _ARRIVED, _PATIENCE):
         raise Unfit("the head does not come to rest")
 
 
@@ -84,7 +85,7 @@ def _task(journey: Journey, joint: str, ends: Sequence[float], states: Mapping[s
     """A part that goes through `ends` while the others are at `states`."""
     room = journey.room
     stand, cell = room.layout.cells[joint]
-    between = [np.linspace(a, b, _BETWEEN)[1:] for a, b in zip(ends, ends[1:], strict=False) if a != b]
+    between = [np.linspace(a, b, _BETWEEN)[1:] for a, b in pairwise(ends) if a != b]
     levels = np.concatenate([np.array(ends[:1]), *between])
     others = others_of(room.layout, joint, states)
     floors = [Floor.of(*room.bounds, Solids.joined([others, stand.part(cell, float(s))])) for s in levels]
@@ -105,13 +106,13 @@ def station_for(journey: Journey, task: Task) -> Station | None:
     room = journey.room
     around = surroundings(task.scene, task.levels, [*task.scene.static, *room.still], room.bounds)
     arm = Arm.of(replace(journey.config, hand_from_deg=None))  # hangs on its own side, wherever it comes from
-    found = find_station(task, around, journey.walker.gait.stature, arm, journey.rng)
-    there = found is not None and task.floors[0].way(journey.walker.place, found.eye[:2]) is not None
+    found = find_station(task, around, journey.person.gait.stature, arm, journey.rng)
+    there = found is not None and task.floors[0].way(journey.person.place, found.eye[:2]) is not None
     return found if there else None
 
 
 def _way(journey: Journey, task: Task, station: Station) -> Array:
-    way = task.floors[0].way(journey.walker.place, station.eye[:2])
+    way = task.floors[0].way(journey.person.place, station.eye[:2])
     if way is None:
         raise Unfit("there is no way to the furniture")
     return way
@@ -121,8 +122,8 @@ def _lead(journey: Journey, task: Task, station: Station, line: Timeline, ends: 
     """The eyes from the hand's first frame to its last one."""
     levels = replace(line, frames=line.gone).states(ends)[line.enter :]
     grips = grip_at(task.scene, task.grasp, levels)
-    offset = journey.walker.eye - station.eye
-    journey.walker.lead(station.eyes(grips - grips[0]) + offset, looked_at(task.scene, task.grasp, levels))
+    offset = journey.person.eye - station.eye
+    journey.person.lead(station.eyes(grips - grips[0]) + offset, looked_at(task.scene, task.grasp, levels))
 
 
 def _line(episode: Episode, frame: int, fps: float) -> Timeline:

@@ -57,7 +57,7 @@ def draw_wishes(rng: Rng, interactions: int) -> Wishes:
 def cover_lens(
     journey: Journey, hands: list[tuple[int, HandMotion]], frames: int, rng: Rng
 ) -> NDArray[np.bool_]:
-    """Whether something lies on the lens (frames,): once, while nothing is handled; never where no time is."""
+    """Whether something lies on the lens (frames,): once, while nothing is handled, if there is time."""
     fps = journey.config.fps
     free = np.ones(frames, dtype=bool)
     edge = round(_FREE * fps)
@@ -80,7 +80,7 @@ def cover_lens(
 def move_chair(
     journey: Journey, surfaces: tuple[Surface, ...], cameras: Array, camera: Camera, rng: Rng
 ) -> Actor | None:
-    """The loose chair, moved at a moment when all of its way is in view, or none of it; None: at no moment."""
+    """The loose chair, moved when all of its way is in view, or none of it; None: at no moment."""
     layout = journey.room.layout
     if layout.loose is None or layout.put is None:
         return None

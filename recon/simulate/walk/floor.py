@@ -52,7 +52,7 @@ class Floor:
         return np.asarray(map_coordinates(self.clear, at, order=1, mode="constant", cval=0.0))
 
     def way(self, start: Array, goal: Array) -> Array | None:
-        """Points (n, 2) from start to goal (2,), a few cm apart, where there is a way. It keeps to the wide."""
+        """Points (n, 2) from start to goal (2,), a few cm apart, if there is a way; it keeps to the wide."""
         a, b = self._cell(start), self._cell(goal)
         room = np.clip((self.clear - SQUEEZE) / (_WIDE - SQUEEZE), 0.0, 1.0)
         cost = 1.0 + 6.0 * (1.0 - room) ** 2 + np.where(self.clear < BODY, 12.0, 0.0)

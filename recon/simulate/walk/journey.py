@@ -17,10 +17,10 @@ from recon.simulate.surfaces import Surface
 from recon.simulate.timeline import Episode, Timeline
 from recon.simulate.walk.floor import BODY, Floor, path_length
 from recon.simulate.walk.layout import Layout
+from recon.simulate.walk.person import Gait, Person, fixed
 from recon.simulate.walk.plan import Plan
 from recon.simulate.walk.solids import Solids
 from recon.simulate.walk.stations import Station
-from recon.simulate.walk.walker import Gait, Walker, fixed
 from twin.geometry import Array
 
 Rng = np.random.Generator
@@ -79,7 +79,7 @@ class Journey:
     seconds: float
     loops: bool
     rng: Rng
-    walker: Walker
+    person: Person
     acts: list[tuple[Episode, Timeline, Station]] = field(default_factory=list)
     touches: list[Touch] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -98,8 +98,8 @@ class Journey:
         far = np.min([np.linalg.norm(spots - s.middle[:2], axis=1) for s in room.layout.stands], axis=0)
         best = spots[far >= np.quantile(far, 0.6)]
         place = best[int(rng.integers(len(best)))]
-        walker = Walker(gait, config.fps, np.append(place, gait.stature), 0.0)
-        return Journey(room, plan, config, seconds, loops, rng, walker)
+        person = Person(gait, config.fps, np.append(place, gait.stature), 0.0)
+        return Journey(room, plan, config, seconds, loops, rng, person)
 
     @property
     def frames(self) -> int:
@@ -109,20 +109,20 @@ class Journey:
     @property
     def left(self) -> float:
         """Seconds that are left."""
-        return (self.frames - self.walker.frame) / self.config.fps
+        return (self.frames - self.person.frame) / self.config.fps
 
     def look_round(self) -> None:
         """At the start: over all furniture from one side to the other."""
         middles = [s.middle for s in self.room.layout.stands if s.piece.cells]
-        angles = np.array([np.arctan2(*(m - self.walker.eye)[1::-1]) for m in middles])
+        angles = np.array([np.arctan2(*(m - self.person.eye)[1::-1]) for m in middles])
         order = np.argsort(angles, kind="stable")
         gaps = np.diff(np.append(angles[order], angles[order][0] + 2.0 * np.pi))
         order = np.roll(order, -int(np.argmax(gaps)) - 1)
         if self.rng.random() < 0.5:
             order = order[::-1]
-        ahead = middles[int(order[0])] - self.walker.eye
-        self.walker.yaw = float(np.arctan2(ahead[1], ahead[0]))
-        self.walker.stand(0.6, fixed(middles[int(order[0])]))
+        ahead = middles[int(order[0])] - self.person.eye
+        self.person.yaw = float(np.arctan2(ahead[1], ahead[0]))
+        self.person.stand(0.6, fixed(middles[int(order[0])]))
         for k in order[1:]:
             self.glance(middles[int(k)], np.radians(14.0), 0.1)
 
@@ -130,41 +130,47 @@ class Journey:
         """Turn to a point (3,) until it is seen within so many rad, and stay so long. most: rad/s, None: as
         usual."""
         for _ in range(round(5.0 * self.config.fps)):
-            if self.walker.off(target) < within:
+            if self.person.off(target) < within:
                 break
-            self.walker.stand(1.0 / self.config.fps, fixed(target), most=most)
-        self.walker.stand(seconds, fixed(target), most=most)
+            self.person.stand(1.0 / self.config.fps, fixed(target), most=most)
+        self.person.stand(seconds, fixed(target), most=most)
 
     def go(self, way: Array, target: Array, height: float, pause_s: float = 0.0) -> None:
-        """Walk along points (n, 2), looking ahead and in time at what is next (3,); height: of the eyes there;
-        pause_s: for which the person stops half-way."""
+        """Walk along points (n, 2), looking ahead and in time at what is next (3,).
+
+        Args:
+            way: points (n, 2), m.
+            target: what is next (3,), m.
+            height: of the eyes at the end, m.
+            pause_s: for which the person stops half-way.
+        """
         if pause_s > 0.0:
             half = len(way) // 2
-            self.go(way[: half + 1], target, self.walker.gait.stature)
-            first = self.walker.frame
-            self.walker.stand(pause_s, fixed(self.walker.eye + 2.0 * self.walker.ahead))
-            self.events.append({"kind": "pause", "frames": [first, self.walker.frame - 1]})
+            self.go(way[: half + 1], target, self.person.gait.stature)
+            first = self.person.frame
+            self.person.stand(pause_s, fixed(self.person.eye + 2.0 * self.person.ahead))
+            self.events.append({"kind": "pause", "frames": [first, self.person.frame - 1]})
             way = way[half:]
-        walker, turned = self.walker, [False]
+        person, turned = self.person, [False]
 
         def gaze(eye: Array, ahead: Array, left: float) -> Array:
-            needed = walker.off(target) / walker.gait.turning + 0.5
-            turned[0] |= left < walker.gait.speed * needed
+            needed = person.off(target) / person.gait.turning + 0.5
+            turned[0] |= left < person.gait.speed * needed
             far = ahead + 0.6 * (ahead - eye[:2])
             return target if turned[0] else np.append(far, _FLOOR_LOOK)
 
-        walker.walk(way, gaze, height)
+        person.walk(way, gaze, height)
 
     def turn_fast(self) -> None:
         """Look over one shoulder and back, faster than usual."""
-        first = self.walker.frame
+        first = self.person.frame
         most = float(np.radians(self.rng.uniform(*_FAST_DEG)))
         angle = float(np.radians(self.rng.uniform(*_OVER_SHOULDER_DEG)) * self.rng.choice([-1.0, 1.0]))
-        yaw = self.walker.yaw
+        yaw = self.person.yaw
         for turned in (yaw + angle, yaw):
             ahead = np.array([np.cos(turned), np.sin(turned), -0.25])
-            self.glance(self.walker.eye + 2.0 * ahead, np.radians(12.0), 0.25, most)
-        self.events.append({"kind": "fast_turn", "frames": [first, self.walker.frame - 1]})
+            self.glance(self.person.eye + 2.0 * ahead, np.radians(12.0), 0.25, most)
+        self.events.append({"kind": "fast_turn", "frames": [first, self.person.frame - 1]})
 
     def spare(self, index: int) -> float:
         """Seconds that nothing needs of those that are left before interaction `index`, walks reckoned."""
@@ -172,23 +178,23 @@ class Journey:
         return self.left - sum(sum(e.lengths) + _LEG for e in todo) - REST
 
     def linger(self, index: int, metres: float, floor: Floor) -> None:
-        """Spend time there is to spare before an interaction so many metres away: look at things, walk round."""
+        """Spend time that is to spare before an interaction so many metres away: look about, walk round."""
         spare = self.spare(index) / len(self.plan.episodes[index:])
         spare = float(self.rng.uniform(0.4, 1.0)) * (
-            spare - max(0.0, metres / self.walker.gait.speed - _WALK)
+            spare - max(0.0, metres / self.person.gait.speed - _WALK)
         )
         if spare < _SPARE:
             return
-        until = self.walker.frame + round(spare * self.config.fps)
+        until = self.person.frame + round(spare * self.config.fps)
         if self.loops and spare > _STROLL:
             self.stroll(floor, until)
-        while self.walker.frame < until - round(1.5 * self.config.fps):
+        while self.person.frame < until - round(1.5 * self.config.fps):
             self.look_about()
 
     def look_about(self) -> None:
         """A look at one of the pieces, not the one behind."""
         stands = self.room.layout.stands
-        seen = [s.middle for s in stands if self.walker.off(s.middle) < np.radians(100.0)] or [
+        seen = [s.middle for s in stands if self.person.off(s.middle) < np.radians(100.0)] or [
             stands[0].middle
         ]
         target = seen[int(self.rng.integers(len(seen)))] + self.rng.uniform(-0.3, 0.3, 3)
@@ -197,23 +203,23 @@ class Journey:
     def stroll(self, floor: Floor, until: int) -> None:
         """To some free place that can be reached until about that frame, and a look from there."""
         spots = floor.spots(BODY + 0.05)
-        seconds = (until - self.walker.frame) / self.config.fps
+        seconds = (until - self.person.frame) / self.config.fps
         if len(spots):
-            way = floor.way(self.walker.place, spots[int(self.rng.integers(len(spots)))])
-            if way is not None and 0.5 < path_length(way) < self.walker.gait.speed * seconds:
+            way = floor.way(self.person.place, spots[int(self.rng.integers(len(spots)))])
+            if way is not None and 0.5 < path_length(way) < self.person.gait.speed * seconds:
                 stands = self.room.layout.stands
-                self.go(way, stands[int(self.rng.integers(len(stands)))].middle, self.walker.gait.stature)
+                self.go(way, stands[int(self.rng.integers(len(stands)))].middle, self.person.gait.stature)
         self.look_about()
 
     def finish(self) -> None:
         """Fill what is left after the last interaction."""
         floor = floor_of(self.room, self.plan.states(len(self.plan.episodes)))
-        self.walker.stand(0.5, fixed(self.room.layout.stands[0].middle))
-        if self.loops and self.walker.eyes and self.left > 2.0:
-            back = floor.way(self.walker.place, self.walker.eyes[0][:2])
+        self.person.stand(0.5, fixed(self.room.layout.stands[0].middle))
+        if self.loops and self.person.eyes and self.left > 2.0:
+            back = floor.way(self.person.place, self.person.eyes[0][:2])
             if back is not None and len(back) > 3:
-                self.go(back, self.room.layout.stands[0].middle, self.walker.gait.stature)
-        while self.walker.frame < self.frames:
+                self.go(back, self.room.layout.stands[0].middle, self.person.gait.stature)
+        while self.person.frame < self.frames:
             if self.loops:
                 self.stroll(floor, self.frames)
             self.look_about()

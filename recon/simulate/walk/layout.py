@@ -25,6 +25,8 @@ _CEILING = 2.55
 # Quarter turns of a piece at each wall, and which wall that is: axis, and whether it is the upper one
 _WALLS = ((0, 1, True), (1, 0, False), (2, 1, False), (3, 0, True))
 _COS, _SIN = (1.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, -1.0)
+# Pieces of a room at most, and m by which a chair is moved at most along each wall
+_MOST, _PUT = 8, 1.1
 # Wall pieces of a room, and how likely each number is
 _COUNTS, _SHARES = (3, 4, 5), (0.3, 0.4, 0.3)
 
@@ -69,8 +71,8 @@ class Stand:
 
 @dataclass(frozen=True)
 class Layout:
-    """The room's inner corners `low` and `high` (3,), what stands in it, and the chair that somebody may move:
-    where it stands first, and T_world_chair (4, 4) of where it is put."""
+    """The room's inner corners `low` and `high` (3,) and what stands in it. loose: the chair that somebody
+    may move, where it stands first; put: T_world_chair (4, 4) of where it is moved to."""
 
     low: Array
     high: Array
@@ -98,36 +100,42 @@ def joint_pose(front: Front, state: float) -> Array:
 
 
 def draw_layout(rng: Rng) -> Layout:
-    """A room and its furniture, drawn."""
-    size = np.array([rng.uniform(3.7, 5.2), rng.uniform(3.3, 4.4)])
-    low = np.array([-size[0] / 2, -size[1] / 2, 0.0])
-    high = np.array([size[0] / 2, size[1] / 2, _CEILING])
-    walls = [_WALLS[k] for k in rng.permutation(4)[: int(rng.integers(2, 5))]]
-    kinds = _kinds(rng)
-    stands: list[Stand] = []
-    for k, kind in enumerate(kinds):
-        name = f"{kind}_{k + 1}"
-        found = _against_wall(
-            rng, Stand(name, PIECES[kind][0](rng, name), np.eye(4)), walls, (low, high), stands
-        )
-        stands += [found] if found else []
-    fronts = list(stands)
-    loose = put = None
+    """A room and its furniture, drawn: three to eight pieces, along two walls or more."""
+    while True:
+        size = np.array([rng.uniform(3.7, 5.2), rng.uniform(3.3, 4.4)])
+        low, high = np.array([*(-size / 2), 0.0]), np.array([*(size / 2), _CEILING])
+        fronts = _fronts(rng, low, high)
+        if len({tuple(s.outward.round().tolist()) for s in fronts}) > 1:
+            break
+    stands = list(fronts)
     if rng.random() < 0.8:
         desk = _anywhere(rng, "table", table(rng), (low + 0.75, high - 0.75), fronts, stands)
         stands += [desk] if desk else []
-        for k in range(int(rng.integers(1, 4))):
+        chairs = min(int(rng.integers(1, 4)), _MOST - 1 - len(stands))
+        for k in range(chairs):
             around = (low + 0.3, high - 0.3) if desk is None else _about(desk)
             seat = _anywhere(rng, f"chair_{k + 1}", chair(rng), around, fronts, stands)
             stands += [seat] if seat else []
     made = chair(rng)
-    first = _anywhere(rng, "loose_chair", made, (low + 0.3, high - 0.3), fronts, stands)
-    if first is not None:
-        away = (first.pose[:3, 3] - 1.1, first.pose[:3, 3] + 1.1)
-        second = _anywhere(rng, "", made, away, fronts, [*stands, first])
-        if second is not None and _inside(second, low, high):
-            loose, put = first, second.pose
-    return Layout(low, high, tuple(stands), loose, put)
+    loose = _anywhere(rng, "loose_chair", made, (low + 0.3, high - 0.3), fronts, stands)
+    if loose is not None:
+        away = (loose.pose[:3, 3] - _PUT, loose.pose[:3, 3] + _PUT)
+        put = _anywhere(rng, "", made, away, fronts, [*stands, loose])
+        if put is not None and _inside(put, low, high):
+            return Layout(low, high, tuple(stands), loose, put.pose)
+    return Layout(low, high, tuple(stands), None, None)
+
+
+def _fronts(rng: Rng, low: Array, high: Array) -> list[Stand]:
+    """The pieces that stand against the walls of a room between two corners (3,)."""
+    walls = [_WALLS[k] for k in rng.permutation(4)[: int(rng.integers(2, 5))]]
+    stands: list[Stand] = []
+    for k, kind in enumerate(_kinds(rng)):
+        name = f"{kind}_{k + 1}"
+        made = Stand(name, PIECES[kind][0](rng, name), np.eye(4))
+        found = _against_wall(rng, made, walls, (low, high), stands)
+        stands += [found] if found else []
+    return stands
 
 
 def _kinds(rng: Rng) -> list[str]:

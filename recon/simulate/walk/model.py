@@ -18,12 +18,12 @@ from twin.geometry import Array, invert_pose, make_pose, transform
 Rng = np.random.Generator
 _TOPS = {"stone": 0.5, "wood": 0.5}
 _SITTING = {"wood": 0.6, "plain": 0.4}
-# Share of the rows whose fronts are alike to the last grain; the grain of the others goes on from front to front
+# Share of the rows whose fronts are alike to the last grain; in the others each has a grain of its own
 _ALIKE = 0.7
 
 
 def room_model(layout: Layout, rng: Rng) -> mujoco.MjModel:
-    """All pieces, each a tree of bodies on the world with a joint a front; the chair that is moved is left out."""
+    """All pieces, each a tree of bodies with a joint for each front; the chair that is moved is left out."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     for stand in layout.stands:

@@ -33,8 +33,8 @@ _HIDDEN = 0.35
 
 @dataclass(frozen=True)
 class Cell:
-    """A front of a piece and where it stands, `shift` (3,) m. row: fronts of one row look the same; behind: the
-    door that must be open first."""
+    """A front of a piece and where it stands, `shift` (3,) m. row: fronts of one row look the same; behind:
+    the door that must be open first."""
 
     name: str
     front: Front

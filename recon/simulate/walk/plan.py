@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,8 +61,8 @@ def draw_plan(rng: Rng, layout: Layout, wanted: WalkStratum) -> Plan | None:
 
 
 def _parts(rng: Rng, layout: Layout, count: int) -> list[str]:
-    """Fronts to be handled: several of one row where there is one, now and then one behind another, and others
-    from at least one other piece."""
+    """Fronts to be handled: several of one row where there is one, now and then one behind another, and some
+    from other pieces."""
     cells = {name: c for name, (_, c) in layout.cells.items()}
     found: list[str] = []
     hidden = [n for n, c in cells.items() if c.behind]
@@ -156,12 +157,8 @@ def _add(rng: Rng, layout: Layout, plan: Plan, joint: str) -> bool:
         return False
     for _ in range(4):
         legs = _legs(rng, layout, joint, states[joint])
-        way = np.concatenate(
-            [
-                np.linspace(a, b, _WAY)
-                for a, b in zip([states[joint], *(leg.to for leg in legs)], [leg.to for leg in legs])
-            ]
-        )
+        ends = [states[joint], *(leg.to for leg in legs)]
+        way = np.concatenate([np.linspace(a, b, _WAY) for a, b in pairwise(ends)])
         if _clear(layout, joint, [float(s) for s in way], states):
             times = rng.uniform([0.2, 0.6, 0.15, 0.5], [0.6, 1.0, 0.35, 0.8])
             wait, reach, hold, leave = (float(t) for t in times)
@@ -171,9 +168,9 @@ def _add(rng: Rng, layout: Layout, plan: Plan, joint: str) -> bool:
 
 
 def _legs(rng: Rng, layout: Layout, joint: str, start: float) -> tuple[Leg, ...]:
-    """An opening where it is nearly shut, else a closing, or now and then further open; paused or back at once."""
+    """An opening where it is nearly shut, else a closing, or now and then further open; some with a pause."""
     _, cell = layout.cells[joint]
-    upper = cell.front.joint.upper
+    upper = float(cell.front.joint.upper)
     kind = "prismatic" if isinstance(cell.front.joint, Prismatic) else "revolute"
     hides = any(c.behind == joint for _, c in layout.cells.values())
     if start < _LEAST * upper:
@@ -203,7 +200,7 @@ def _clear(layout: Layout, joint: str, way: Sequence[float], states: Mapping[str
 
 
 def others_of(layout: Layout, joint: str, states: Mapping[str, float]) -> Solids:
-    """All in the room that a part could meet. Shut fronts beside it keep clear by their hinges, not by boxes."""
+    """All that a part could meet. Shut fronts beside it are left out: they keep clear by their hinges."""
     stand, _ = layout.cells[joint]
     found = [s.still for s in layout.stands]
     for name, (other, cell) in layout.cells.items():

@@ -193,13 +193,13 @@ def _walked(room: Room, plan: Plan, config: Staging, wanted: WalkStratum, rng: R
     journey = Journey.begun(room, plan, config, wanted.seconds, wanted.loops, rng)
     wishes = draw_wishes(rng, len(plan.episodes))
     carried = _done(journey, wishes, rng)
-    frames, walker = journey.frames, journey.walker
+    frames, person = journey.frames, journey.person
     recorded = frames if config.frames is None else config.frames
     if recorded > frames:
         raise ConfigError(
             f"simulate.frames = {recorded} is more than the walk's {frames}", "ask for more --seconds"
         )
-    eyes, looks = np.stack(walker.eyes)[:frames], np.array(walker.looks)[:frames]
+    eyes, looks = np.stack(person.eyes)[:frames], np.array(person.looks)[:frames]
     cameras = cameras_of(eyes, looks, config, np.random.default_rng([config.seed, 2]))
     hands = touching(journey, cameras, config)
     others = []

@@ -112,7 +112,7 @@ def _motion(act: Act, cameras: Array, config: Staging) -> HandMotion:
 
 
 def touching(journey: Journey, cameras: Array, config: Staging) -> list[tuple[int, HandMotion]]:
-    """Hands that take hold of nothing, some cm before a grip: the frames in which they come, and their ways."""
+    """Hands that take hold of nothing, some cm before a grip: the frames in which they come, their ways."""
     out = []
     for touch in journey.touches:
         line, arm_of = touch.line, Arm.of(config)
@@ -126,7 +126,7 @@ def touching(journey: Journey, cameras: Array, config: Staging) -> list[tuple[in
 
 
 def joined(motions: list[tuple[int, HandMotion]], frames: int) -> HandMotion:
-    """One hand over all frames, from motions and the frames at which they begin; between two of them it is as
+    """The hand in all frames, from motions and the frames at which they begin; between two of them it is as
     the one before left it."""
     hands = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
     arms, closure, present = hands.copy(), np.zeros(frames), np.zeros(frames, dtype=bool)

@@ -14,7 +14,7 @@ from twin.geometry import Array
 Rng = np.random.Generator
 # Pictures that are tried on each wall
 _PICTURES = 5
-# m of two lamps under the ceiling, and their light; a room is larger than a corner of it, so they are brighter
+# m of two lamps under the ceiling, and their light, more than in a clip: a room is larger than its corner
 _LAMPS = (0.34, 0.28)
 _POWERS = ((6.0, 5.7, 5.1), (4.4, 4.5, 4.8))
 _SKY = (0.55, 0.56, 0.58)

@@ -39,7 +39,7 @@ def fixed(target: Array) -> Gaze:
 
 
 @dataclass
-class Walker:
+class Person:
     """A person at `eye` (3,) who looks along `yaw` and `pitch` (rad, up is positive) and logs each frame."""
 
     gait: Gait
@@ -97,8 +97,8 @@ class Walker:
             self._log()
 
     def walk(self, way: Array, gaze: Callable[[Array, Array, float], Array], height: float) -> None:
-        """Along points (n, 2). gaze: of the eyes, the point some way ahead (2,) and the metres left; height: of
-        the eyes at the end."""
+        """Along points (n, 2). gaze: of the eyes, the point some way ahead (2,) and the metres left; height:
+        of the eyes at the end."""
         steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
         along = np.concatenate([[0.0], np.cumsum(steps)])
         done, speed, total = 0.0, 0.0, float(along[-1])
