@@ -19,6 +19,8 @@ NEGATIVES: tuple[Negative, ...] = (
 )  # fmt: skip
 # s that a walk takes where nobody says
 WALK_SECONDS = (45.0, 180.0)
+# s below which a walk may have less than three interactions
+_BRIEF = 45.0
 # s of a sealed walk for each interaction, and how many of these are with a part that was not handled before
 _EVERY, _NEW = 12.6, 0.63
 # Share of a drawn walk's interactions that are with new parts at most, so that a third comes again
@@ -83,7 +85,7 @@ class WalkStratum:
 
     Attributes:
         sensor: as in `Stratum`, as are hard_picture, size and fps.
-        parts: fronts that are opened or closed, 2 to 6.
+        parts: fronts that are opened or closed, 1 to 6.
         interactions: how often one is, as often as there are parts or more.
         seconds: length of the walk.
         order: each thing in turn round the room, or mixed.
@@ -105,10 +107,10 @@ class WalkStratum:
         """Any; seconds: how long it takes, None: drawn from 45 to 180."""
         long = float(np.round(rng.uniform(*WALK_SECONDS))) if seconds is None else seconds
         parts = int(rng.integers(3, 7))
-        interactions = max(3, round(long / float(rng.uniform(10.0, 15.0))))
+        interactions = max(1 if long < _BRIEF else 3, round(long / float(rng.uniform(10.0, 15.0))))
         return WalkStratum(
             SENSORS[int(rng.integers(len(SENSORS)))],
-            min(parts, max(2, round(_MOST_NEW * interactions))),
+            min(parts, max(1, round(_MOST_NEW * interactions))),
             interactions,
             long,
             "mixed" if rng.random() < 0.5 else "in_turn",

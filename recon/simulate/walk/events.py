@@ -24,8 +24,8 @@ _PAUSE, _TURN, _EMPTY, _CARRY, _COVER, _CHAIR = 0.45, 0.4, 0.35, 0.35, 0.4, 0.6
 _PAUSE_S, _COVER_S, _CHAIR_S = (2.0, 6.0), (0.3, 2.0), (1.0, 2.2)
 # s around what is handled in which no lens is covered, and from the ends of the walk
 _FREE = 0.4
-# Moments that are tried for a chair
-_MOMENTS = 60
+# Moments that are tried for a chair, times of each at which it is looked at, share of it that is then in view
+_MOMENTS, _LOOKS, _SEEN = 60, 5, 0.6
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,8 @@ def move_chair(
 ) -> Actor | None:
     """The loose chair, moved when all of its way is in view, or none of it; None: at no moment."""
     layout = journey.room.layout
-    if layout.loose is None or layout.put is None:
+    loose = layout.loose
+    if loose is None or layout.put is None:
         return None
     frames = len(cameras)
     seen_wanted = bool(rng.random() < 0.5)
@@ -90,22 +91,15 @@ def move_chair(
         for _ in range(_MOMENTS):
             length = max(2, round(float(rng.uniform(*_CHAIR_S)) * journey.config.fps))
             first = int(rng.integers(1, frames - length - 1))
-            looked = [cameras[k] for k in np.linspace(first, first + length, 5).astype(int)]
-            share = [
-                _share_in_view(layout.loose, pose, T, camera)
-                for T in looked
-                for pose in (layout.loose.pose, layout.put)
-            ]
-            if (wanted and min(share) >= 0.5) or (not wanted and max(share) == 0.0):
+            times = np.linspace(first, first + length, _LOOKS).astype(int)
+            some = _slid(loose.pose, layout.put, minimum_jerk((times - first) / length))
+            share = [_share_in_view(loose, T, cameras[k], camera) for k, T in zip(times, some, strict=True)]
+            if (wanted and min(share) >= _SEEN) or (not wanted and max(share) == 0.0):
                 kind = "chair_moved_in_view" if wanted else "chair_moved_out_of_view"
-                ends = [layout.loose.pose[:3, 3].tolist(), layout.put[:3, 3].tolist()]
-                journey.events.append(
-                    {"kind": kind, "frames": [first, first + length], "from": ends[0], "to": ends[1]}
-                )
-                poses = _slid(
-                    layout.loose.pose, layout.put, minimum_jerk((np.arange(frames) - first) / length)
-                )
-                return Actor.moving(Body(surfaces, OTHER_LABEL), poses)
+                ends = {"from": loose.pose[:3, 3].tolist(), "to": layout.put[:3, 3].tolist()}
+                journey.events.append({"kind": kind, "frames": [first, first + length], **ends})
+                way = _slid(loose.pose, layout.put, minimum_jerk((np.arange(frames) - first) / length))
+                return Actor.moving(Body(surfaces, OTHER_LABEL), way)
     return None
 
 
@@ -117,12 +111,12 @@ def _share_in_view(stand: Stand, pose: Array, T_world_camera: Array, camera: Cam
     return float(np.mean(np.all((pixels > 0.0) & (pixels < size - 1.0), axis=1)))
 
 
-def _slid(start: Array, end: Array, share: Array) -> Array:
+def _slid(start: Array, end: Array, shares: Array) -> Array:
     """Poses (n, 4, 4) between two on the floor, at shares (n,)."""
     angles = [float(np.arctan2(T[1, 0], T[0, 0])) for T in (start, end)]
     turn = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi
     out = []
-    for s in share:
+    for s in shares:
         a = angles[0] + s * turn
         rotation = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
         out.append(make_pose(rotation, (1.0 - s) * start[:3, 3] + s * end[:3, 3]))

@@ -112,7 +112,7 @@ class Journey:
         return (self.frames - self.person.frame) / self.config.fps
 
     def look_round(self) -> None:
-        """At the start: over all furniture from one side to the other."""
+        """At the start: over all furniture from one side to the other, if there is time."""
         middles = [s.middle for s in self.room.layout.stands if s.piece.cells]
         angles = np.array([np.arctan2(*(m - self.person.eye)[1::-1]) for m in middles])
         order = np.argsort(angles, kind="stable")
@@ -124,6 +124,8 @@ class Journey:
         self.person.yaw = float(np.arctan2(ahead[1], ahead[0]))
         self.person.stand(0.6, fixed(middles[int(order[0])]))
         for k in order[1:]:
+            if self.spare(0) < 0.0:
+                return
             self.glance(middles[int(k)], np.radians(14.0), 0.1)
 
     def glance(self, target: Array, within: float, seconds: float, most: float | None = None) -> None:
