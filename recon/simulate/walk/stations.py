@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class Task:
     levels: Array
     floors: Sequence[Floor]
 
-    @property
+    @cached_property
     def grips(self) -> Array:
         """Where the grip is (n, 3) at each state."""
         return grip_at(self.scene, self.grasp, self.levels)

@@ -248,7 +248,7 @@ def test_what_happens_besides_is_told_and_takes_its_time() -> None:
 @pytest.mark.usefixtures("rendering")
 def test_equal_seeds_give_equal_bytes(tmp_path: Path) -> None:
     few, settings = replace(PLAIN, parts=2, interactions=3), SMALL | {"frames": 12}
-    folders = [simulate_walk(5, tmp_path / n, few, 25.0, settings) for n in ("a", "b")]
+    folders = [simulate_walk(7, tmp_path / n, few, 25.0, settings) for n in ("a", "b")]
     files = [sorted(p.relative_to(f) for p in f.rglob("*") if p.is_file()) for f in folders]
     assert files[0] == files[1]
     assert all((folders[0] / p).read_bytes() == (folders[1] / p).read_bytes() for p in files[0])
