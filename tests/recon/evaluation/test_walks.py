@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from benchmarks.walks import lines, pooled
@@ -92,7 +93,7 @@ def and_part(twin: Twin, part: Part) -> Twin:
     return replace(twin, parts=(*twin.parts, part))
 
 
-def only(part: Part, keep: Array) -> Part:
+def only(part: Part, keep: NDArray[np.bool_]) -> Part:
     """A part whose state is known in some frames only (n,) bool."""
     m = part.motion
     return replace(part, motion=replace(m, frames=m.frames[keep], times=m.times[keep], state=m.state[keep]))

@@ -38,7 +38,7 @@ def test_a_share_is_a_number_without_a_unit(tmp_path: Path, monkeypatch: pytest.
         Row("frames with camera", "scene", 1.0, 1.0, "share", None),
         Row("ATE", "scene", 2.0, 2.0, "mm", None),
     )
-    found: Any = SimpleNamespace(rows=rows, ok=True, name="made", remarks=(), as_dict=dict)
+    found: Any = SimpleNamespace(rows=rows, ok=True, name="made", remarks=(), as_dict=dict, walk=None)
     monkeypatch.setattr(read_truth, "load_truth", lambda _: None)
     monkeypatch.setattr(evaluate, "evaluate", lambda *_: found)
     (table,) = evaluate_step(silent, tmp_path, tmp_path).outcome.tables
