@@ -21,11 +21,11 @@ from twin.runs.settings import nested
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("twin", "recon", "robots")
 # Packages that hold the paper's motion clustering and part-pose graph.
-PAPER = ("recon.joints.clustering", "recon.joints.pose_graph")
+PAPER = ("recon.interaction.joints.clustering", "recon.interaction.joints.pose_graph")
 
 
 def room(module: str) -> str:
-    """The folder of a module, at most two levels deep: "recon/parts"."""
+    """The folder of a module, at most two levels deep: "recon/interaction/parts"."""
     path = ROOT.joinpath(*module.split("."))
     folders = module.split(".") if path.is_dir() else module.split(".")[:-1]
     return "/".join(folders[:2])

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.scenes.tracks import TrackScene, track_scene
-from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
+from recon.interaction.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
 from twin import geometry as geo
 from twin.errors import FuntwinError
 from twin.geometry import Array

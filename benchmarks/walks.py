@@ -1,122 +1,149 @@
-"""Rates over several walks, from the counts of each: what becomes of parts, rooms, interactions and cameras.
+"""Rates on random walks through furnished rooms: `walks.md`.
 
-Brackets hold Wilson 95 % intervals where the things counted are parts, rooms or interactions. Frames of one
-walk are alike, so shares of frames have none. Definitions: docs/metrics.md.
+    python -m benchmarks.walks open FIRST LAST OUT [--seconds S]   # open seeds, kept, a table for each
+    python -m benchmarks.walks sealed                              # 16 walks of this commit; sums are kept
+
+A sealed walk's seed follows from the commit, so nobody can have seen it. Its recording, run and logs are
+deleted before the next one. A stopped run goes on with the next walk; every finished run is a section of the
+page.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from benchmarks.unseen_page import rate
-from recon.evaluation.walk_scores import (
-    IntervalCounts,
-    LocalErrors,
-    PoseCounts,
-    StateCounts,
-    WalkScores,
-    total_intervals,
-    total_states,
-)
+from benchmarks import sealing
+from benchmarks.sealing import ROOT
+from benchmarks.walk_rates import lines, pooled
+from recon.evaluation.evaluate import evaluate
+from recon.evaluation.walk_scores import WalkScores
+from recon.simulate.random.strata import WalkStratum, sealed_walks
+from recon.simulate.walk.scene import simulate_walk
+from twin.errors import FuntwinError, InputError
+from twin.files.text import read_json, write_json
+from twin.storage import load
 
+STATE = ROOT / "out" / "walks"
+PAGE = ROOT / "benchmarks" / "walks.md"
+# s of measuring that a second of a walk may take: rendering is two thirds of it
+LIMIT = 40.0
+HEAD = """# Walks
 
-@dataclass(frozen=True)
-class WalkRates:
-    """Sums over walks.
-
-    trusted: parts of the twins that these call trusted, whatever their role; trusted_right: of these the
-    right ones. ate_mm: RMSE of the camera centres over all pieces; torn: walks whose path is in pieces.
-    """
-
-    walks: int
-    parts: int
-    found: int
-    right: int
-    doubles: int
-    mis_solved: int
-    invented_trusted: int
-    invented_untrusted: int
-    trusted: int
-    trusted_right: int
-    rooms_right: int
-    intervals: IntervalCounts
-    intervals_matched: IntervalCounts
-    states: StateCounts
-    states_matched: StateCounts
-    local: LocalErrors
-    ate_mm: float
-    torn: int
-    poses: PoseCounts
+Random walks of 45 to 120 s through furnished rooms (`twin simulate --walk`), VGA, 15 frames a second, that nobody has
+looked at: seeds follow from the commit, recordings are deleted, sums are kept. Definitions: [metrics](../docs/metrics.md#walks).
+Made by `python -m benchmarks.walks sealed`; a walk that ends with an error or beyond its time counts with all its parts missed.
+"""
 
 
-def pooled(walks: Sequence[WalkScores]) -> WalkRates:
-    """Sums over walks; no walk gives zeros."""
-    pieces = [p for w in walks for p in w.pieces]
-    posed = sum(p.frames for p in pieces)
-    return WalkRates(
-        walks=len(walks),
-        parts=sum(len(w.parts) for w in walks),
-        found=sum(len(w.matched) for w in walks),
-        right=sum(w.right for w in walks),
-        doubles=sum(w.count("double") for w in walks),
-        mis_solved=sum(w.count("mis-solved") for w in walks),
-        invented_trusted=sum(w.count("invented", True) for w in walks),
-        invented_untrusted=sum(w.count("invented", False) for w in walks),
-        trusted=sum(f.trusted for w in walks for f in w.found),
-        trusted_right=sum(p.right and p.trusted for w in walks for p in w.parts),
-        rooms_right=sum(w.room_right for w in walks),
-        intervals=total_intervals(w.intervals for w in walks),
-        intervals_matched=total_intervals(w.intervals_matched for w in walks),
-        states=total_states(w.states for w in walks),
-        states_matched=total_states(w.states_matched for w in walks),
-        local=sum((w.local for w in walks), LocalErrors()),
-        ate_mm=float((sum(p.frames * p.ate_mm**2 for p in pieces) / max(posed, 1)) ** 0.5),
-        torn=sum(len(w.pieces) > 1 for w in walks),
-        poses=sum((w.poses for w in walks), PoseCounts()),
+def walk(seed: int, stratum: WalkStratum | None, place: Path, seconds: float | None = None) -> dict[str, Any]:
+    """Render, reconstruct, score; the scores as plain data."""
+    recording, run = place / "recording", place / "run"
+    simulate_walk(seed, recording, stratum, seconds)
+    sealing.twin_verb(ROOT, place, "reconstruct", str(recording), "-o", str(run))
+    if not (run / "twin" / "twin.json").is_file():
+        return {"failed": len(read_json(recording / "truth" / "truth.json")["parts"])}
+    scores = evaluate(load(run), recording / "truth").walk
+    assert scores is not None
+    return scores.as_dict()
+
+
+def open_walks(first: int, last: int, out: Path, seconds: float | None) -> int:
+    """Seeds first to last, whose recordings and runs stay in `out`; the rates of each, then of all."""
+    if not 0 <= first <= last < sealing.OPEN_SEEDS:
+        raise InputError(
+            f"seeds {first} to {last} are not open", f"take some from 0 to {sealing.OPEN_SEEDS - 1}"
+        )
+    found = []
+    for seed in range(first, last + 1):
+        place = out / str(seed)
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        found.append(walk(seed, None, place, seconds))
+        print(f"seed {seed}", *_told(found[-1:]), sep="\n", flush=True)
+    print("all", *_told(found), sep="\n")
+    return 0
+
+
+def sealed() -> int:
+    """Measure all walks of this commit that are not counted yet, and add the section when all are."""
+    commit, strata = sealing.commit(), sealed_walks()
+    path = STATE / f"{commit}.json"
+    state = read_json(path) or {"done": [], "walks": []}
+    for i, stratum in enumerate(strata):
+        if i in state["done"]:
+            continue
+        state["walks"].append(_alone(sealing.sealed_seed(commit, i), i, stratum))
+        state["done"].append(i)
+        write_json(path, state)
+        print(f"{len(state['done'])} of {len(strata)}", flush=True)
+    text = PAGE.read_text(encoding="utf-8") if PAGE.is_file() else HEAD
+    rows = [f"## {commit}", "", "| rate | |", "|---|---|", *_told(state["walks"])]
+    PAGE.write_text(text.rstrip() + "\n\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return 0
+
+
+def _told(found: Sequence[dict[str, Any]]) -> list[str]:
+    """Rows of a table: the rates, and parts of walks without a twin."""
+    walks = [WalkScores.from_dict(f) for f in found if "failed" not in f]
+    lost = [int(f["failed"]) for f in found if "failed" in f]
+    rows = [f"| {name} | {text} |" for name, text in lines(pooled(walks))]
+    return [*rows, f"| walks without a twin, their parts | {len(lost)}, {sum(lost)} |"]
+
+
+def _alone(seed: int, index: int, stratum: WalkStratum) -> dict[str, Any]:
+    """The scores of one walk, made in a process of its own, of which nothing else is left."""
+    with tempfile.TemporaryDirectory(prefix="walk") as place:
+        command = [sys.executable, "-m", "benchmarks.walks", "one", str(seed), str(index), place]
+        try:
+            done = subprocess.run(
+                command,
+                cwd=ROOT,
+                capture_output=True,
+                timeout=LIMIT * stratum.seconds,
+                env=sealing.environment(ROOT),
+            )
+            found: dict[str, Any] = json.loads(done.stdout.decode().strip().splitlines()[-1])
+        except (subprocess.TimeoutExpired, ValueError, IndexError):
+            return {"failed": stratum.parts}
+    return {**found, "name": ""} if "failed" not in found else found
+
+
+def main() -> int:
+    """Parse the command line; 0 when done."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    verbs.add_parser("sealed")
+    some = verbs.add_parser("open")
+    some.add_argument("first", type=int)
+    some.add_argument("last", type=int)
+    some.add_argument("out", type=Path)
+    some.add_argument("--seconds", type=float)
+    one = verbs.add_parser("one")
+    one.add_argument("seed", type=int)
+    one.add_argument("index", type=int)
+    one.add_argument("place", type=Path)
+    args = parser.parse_args()
+    try:
+        if args.verb == "one":
+            print(json.dumps(walk(args.seed, sealed_walks()[args.index], args.place)))
+            return 0
+        if args.verb == "sealed":
+            return sealed()
+        return open_walks(args.first, args.last, args.out, args.seconds)
+    except FuntwinError as error:
+        print(error, file=sys.stderr)
+        return 1
 
 
-def lines(rates: WalkRates) -> list[tuple[str, str]]:
-    """Names and texts of all rates, in the order of docs/metrics.md."""
-    r = rates
-    return [
-        ("walks", str(r.walks)),
-        ("parts found", rate(r.found, r.parts)),
-        ("parts right", rate(r.right, r.parts)),
-        ("rooms right", rate(r.rooms_right, r.walks)),
-        ("doubled, mis-solved", f"{r.doubles}, {r.mis_solved}"),
-        ("invented trusted, not trusted", f"{r.invented_trusted}, {r.invented_untrusted}"),
-        ("trusted that are right", rate(r.trusted_right, r.trusted)),
-        ("right that are trusted", rate(r.trusted_right, r.right)),
-        *_of_intervals("all", r.intervals),
-        *_of_intervals("of found parts", r.intervals_matched),
-        ("states right, of found parts", _share(r.states_matched.right, r.states_matched.frames)),
-        ("the same, not closed", _share(r.states_matched.opened_right, r.states_matched.opened)),
-        ("states unknown, of found parts", _share(r.states_matched.unknown, r.states_matched.frames)),
-        ("states right, missed parts charged", _share(r.states.right, r.states.frames)),
-        ("local camera error, median", _local(r.local, 0.5)),
-        ("local camera error, p90", _local(r.local, 0.9)),
-        ("ATE", f"{r.ate_mm:.1f} mm, {r.torn} paths in pieces" if r.walks else "-"),
-        ("frames with a pose", _share(r.poses.posed, r.poses.frames)),
-        ("frames in a named gap", _share(r.poses.named, r.poses.frames)),
-        ("frames with neither", _share(r.poses.neither, r.poses.frames)),
-    ]
-
-
-def _of_intervals(which: str, counts: IntervalCounts) -> list[tuple[str, str]]:
-    f1 = f"{counts.f1:.3f}" if counts.true + counts.found else "-"
-    return [
-        (f"interaction F1, {which}", f1),
-        (f"interaction precision, {which}", rate(counts.hits, counts.found)),
-        (f"interaction recall, {which}", rate(counts.hits, counts.true)),
-    ]
-
-
-def _share(good: int, of: int) -> str:
-    return f"{good}/{of} = {100 * good / of:.1f} %" if of else "-"
-
-
-def _local(errors: LocalErrors, q: float) -> str:
-    found = errors.quantile(q)
-    return "-" if found is None else f"{found[0]:.2f} mm, {found[1]:.3f} deg ({len(errors.mm)} pairs)"
+if __name__ == "__main__":
+    sys.exit(main())

@@ -9,13 +9,13 @@ if TYPE_CHECKING:
     from recon.config import ReconConfig
     from recon.inspection.finding import Inspection
     from recon.inspection.inspect import inspect
-    from recon.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
-    from recon.labels.label_frames import label_frames
+    from recon.interaction.joints.fit_tracks import MotionFit, fit_motion, fit_motion_poses
+    from recon.interaction.labels.label_frames import label_frames
     from recon.pipeline import read_stage, reconstruct
     from recon.readers import open_recording
     from recon.recording import Frame, Intrinsics, Recording
     from recon.recording.said import Said
-    from recon.tracking.tracks import Tracks, track_points
+    from recon.tracking.tracks import SparseTracks, Tracks, track_points
 
 __all__ = [
     "Frame",
@@ -25,6 +25,7 @@ __all__ = [
     "ReconConfig",
     "Recording",
     "Said",
+    "SparseTracks",
     "Tracks",
     "fit_motion",
     "fit_motion_poses",
@@ -40,15 +41,16 @@ _LAZY = {
     "Frame": "recon.recording",
     "Inspection": "recon.inspection.finding",
     "Intrinsics": "recon.recording",
-    "MotionFit": "recon.joints.fit_tracks",
+    "MotionFit": "recon.interaction.joints.fit_tracks",
     "ReconConfig": "recon.config",
     "Recording": "recon.recording",
     "Said": "recon.recording.said",
+    "SparseTracks": "recon.tracking.tracks",
     "Tracks": "recon.tracking.tracks",
-    "fit_motion": "recon.joints.fit_tracks",
-    "fit_motion_poses": "recon.joints.fit_tracks",
+    "fit_motion": "recon.interaction.joints.fit_tracks",
+    "fit_motion_poses": "recon.interaction.joints.fit_tracks",
     "inspect": "recon.inspection.inspect",
-    "label_frames": "recon.labels.label_frames",
+    "label_frames": "recon.interaction.labels.label_frames",
     "open_recording": "recon.readers",
     "read_stage": "recon.pipeline",
     "reconstruct": "recon.pipeline",

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from recon.cameras.poses import CameraConfig
 from recon.contact.find_contact import ContactConfig
 from recon.fusion.fuse import FusionConfig
-from recon.joints.config import JointConfig
-from recon.labels.label_frames import LabelConfig
-from recon.parts.config import MotionConfig
+from recon.interaction.joints.config import JointConfig
+from recon.interaction.labels.label_frames import LabelConfig
+from recon.interaction.parts.config import MotionConfig
 from recon.recording.said import Said
 from recon.texture.photo_textures import TextureConfig
 from recon.tracking.tracks import TrackConfig

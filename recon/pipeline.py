@@ -15,8 +15,9 @@ from recon.config import ReconConfig
 from recon.contact.finish_parts import CONTACT, finish_parts
 from recon.inspection.findings import as_reason, doubts
 from recon.inspection.inspect import INSPECTION, quick_findings
-from recon.joints.clustering.clusters import require_hdbscan
-from recon.joints.type_selection import TypeHint
+from recon.interaction.interaction import Interaction
+from recon.interaction.joints.clustering.clusters import require_hdbscan
+from recon.interaction.joints.type_selection import TypeHint
 from recon.models.joint_hint import JointHint
 from recon.readers import open_recording
 from recon.recording import Recording
@@ -44,8 +45,8 @@ T = TypeVar("T")
 
 # Seconds of stages on two cores, for the time left: medians of benchmarks/speed.md. Only ratios count.
 _SECONDS = {
-    "inspect": 4.6, "tracks": 5.7, "cameras": 2.6, "gravity": 0.2, "motion": 7.3, "noise": 0.2, "refine": 5.9, "labels": 5.2, "polish": 2.1,
-    "fusion": 2.4, "up": 0.5, "contact": 0.8, "texture": 19.8, "verdict": 1.5, "handle": 0.1,
+    "inspect": 4.6, "tracks": 5.7, "cameras": 2.6, "gravity": 0.2, "noise": 0.2, "windows": 0.1, "path": 0.1, "motion": 7.3, "refine": 5.9, "labels": 5.2, "polish": 2.1,
+    "merge": 0.1, "fusion": 2.4, "up": 0.5, "contact": 0.8, "texture": 19.8, "verdict": 1.5, "handle": 0.1,
 }  # fmt: skip
 
 
@@ -132,7 +133,7 @@ def _run(
     wrong = stage(INSPECTION, [], lambda: quick_findings(recording))
     surveyed = survey(stage, recording, hints)
     made = _provenance(c, hints, surveyed.doubts)
-    given = given_names(earlier, recording, surveyed.labels.value) if earlier is not None else {}
+    given = given_names(earlier, recording, surveyed.labels) if earlier is not None else {}
     twin = _judged_twin(stage, recording, surveyed, wrong.value, made, given)
     return with_physics(twin, table=materials)
 
@@ -146,26 +147,21 @@ def _judged_twin(
     given: Mapping[int, str],
 ) -> Twin:
     """The last stages, and the twin of what they leave."""
-    c, loop, world, noise, labels = (
-        stage.config,
-        stage.run.loop,
-        surveyed.world,
-        surveyed.noise,
-        surveyed.labels,
-    )
-    cameras, found, parts, scene, images = world.cameras, world.found, world.parts, world.fused, labels.value
+    c, loop, world, images = stage.config, stage.run.loop, surveyed.world, surveyed.labels
+    noise, cameras, interactions = surveyed.noise, world.cameras, world.interactions
+    parts, scene = world.parts, world.fused
     static, sigma = scene.static, noise.value
     faults = tuple(as_reason(f) for f in wrong if doubts(f))  # they join the key only if there are some
     # Joint limits from the closed end, and where the hand held the part.
     finished = stage(
         CONTACT,
-        [*surveyed.reads, labels],
-        lambda: finish_parts(recording, cameras, images, found, parts, scene, c.contact),
+        surveyed.reads,
+        lambda: finish_parts(recording, cameras, images, _sources(interactions), parts, scene, c.contact),
     )
     # Photographs on the meshes.
     dressed = stage(
         TEXTURE,
-        [*surveyed.reads, labels, noise, finished],
+        [*surveyed.reads, noise, finished],
         lambda: photo_textures(
             recording, cameras, images, static, finished.value, c.texture, sigma, progress=loop("texture")
         ),
@@ -173,8 +169,8 @@ def _judged_twin(
     # What each part is worth, by numbers that need no truth.
     judged = stage(
         VERDICT,
-        [*surveyed.reads, labels, finished],
-        lambda: judge(recording, cameras, images, found, parts, scene, finished.value, faults),
+        [*surveyed.reads, finished],
+        lambda: judge(recording, cameras, images, interactions, parts, scene, finished.value, faults),
         *([faults] if faults else []),
     )
     doubt = surveyed.upright.doubt
@@ -183,9 +179,15 @@ def _judged_twin(
         recording, cameras, static, finished.value, images, made, verdict, parts, dressed.value, given
     )
     # How thick handles are, by their outline in photographs.
-    reads = [*surveyed.reads, labels, finished, judged]
+    reads = [*surveyed.reads, finished, judged]
     sections = stage(HANDLE, reads, lambda: handle_sections(twin, recording))
     return with_handles(twin, sections.value)
+
+
+def _sources(interactions: Sequence[Interaction]) -> dict[int, str]:
+    """Why the joint of each part, by id, has its type: by the first interaction that found it."""
+    told = [(t.part.id, t.type_source) for i in interactions for t in i.found.parts]
+    return dict(reversed(told))
 
 
 def _provenance(config: ReconConfig, hints: Sequence[TypeHint], up_doubted: Sequence[str]) -> dict[str, Any]:

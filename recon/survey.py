@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -10,24 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.cameras.gravity import GRAVITY, upright
+from recon.cameras.path import PATH, close_loops
 from recon.cameras.poses import CAMERAS, camera_poses
 from recon.contact.up.decide import UP, Upright, World, find_up, turned
 from recon.dense.noise import NOISE, DepthNoise, measure_noise
 from recon.fusion.fuse import FUSION, fuse
-from recon.joints.type_selection import TypeHint
-from recon.labels.label_frames import LABELS, label_frames
-from recon.parts.find_parts import MOTION, FoundParts, find_parts
-from recon.parts.moving_part import MovingPart
+from recon.interaction.interaction import Interaction, Observed, interact
+from recon.interaction.joints.type_selection import TypeHint
+from recon.merge.merge import MERGE, as_merged, merge
+from recon.merge.relabel import all_labels
 from recon.recording import Recording
-from recon.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.tracking.tracks import TRACKS, track_points
+from recon.windows.said_windows import said_windows
+from recon.windows.windows import WINDOWS, apart, find_windows
 from twin.runs.chain import Chain
 from twin.runs.stages import StageResult
-from twin.scene import Trajectory
 
 T = TypeVar("T")
-
-# Seconds of stages on two cores, for the time left (benchmarks/speed.md, texture a third). Only ratios count.
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ class Surveyed:
     world: World
     upright: Upright
     noise: StageResult[DepthNoise]
-    labels: StageResult[dict[int, NDArray[np.uint8]]]
+    labels: Mapping[int, NDArray[np.uint8]]
     reads: tuple[StageResult[Any], ...]
     doubts: tuple[str, ...]
 
@@ -54,75 +53,70 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
     cameras = stage(
         CAMERAS, [tracks], lambda: camera_poses(recording, tracks.value, c.cameras, loop("cameras"))
     )
-    said, of_parts = c.said, c.said.of_parts  # they join the keys only where something is said
+    said = c.said  # it joins the keys only where something is said
     guessed = stage(
         GRAVITY,
         [cameras],
         lambda: upright(recording, cameras.value, said.up),
         *([said.up] if said.up is not None else []),
     )
-    # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
-    found = stage(
-        MOTION,
-        [tracks, guessed],
-        lambda: find_parts(recording, tracks.value, guessed.value, c.motion, c.joints, hints, said),
-        *([hints] if hints else []),
-        *([of_parts] if of_parts is not None else []),
-    )
-    # How far depth scatters in this recording: refinement, labels and fusion assume no sensor.
+    # How far depth scatters in this recording: windows, refinement, labels and fusion assume no sensor.
     noise = stage(NOISE, [cameras], lambda: measure_noise(recording, cameras.value))
-    sigma = noise.value
-    refined = stage(
-        REFINE,
-        [guessed, found, noise],
-        lambda: refine_found(recording, guessed.value, found.value, c.labels, sigma, loop("refine")),
+    # Where something is handled: each time in a window of its own.
+    found_windows = stage(
+        WINDOWS,
+        [guessed, noise],
+        lambda: find_windows(recording, guessed.value, noise.value, loop("windows")),
     )
-    # Pixel-aligned part segmentation (supplement 1.3).
-    labels = stage(
-        LABELS,
-        [guessed, refined, noise],
-        lambda: label_frames(
-            recording, guessed.value, refined.value, c.labels, sigma, progress=loop("labels")
-        ),
-    )
-    polished = stage(
-        POLISH,
-        [guessed, found, refined, labels, noise],
-        lambda: polish_parts(recording, guessed.value, labels.value, found.value, refined.value, sigma),
-    )
-    return _upright(stage, recording, guessed, found, noise, labels, polished)
+    windows = found_windows.value
+    rigid = apart(windows)
+    path = stage(PATH, [guessed, found_windows], lambda: close_loops(recording, guessed.value, rigid))
+    seen, solved = Observed(recording, tracks, path, noise), []
+    only = len(windows) == 1 and windows[0].is_whole(recording)
+    times = np.asarray(recording.times)
+    for window, word in [(windows[0], said)] if only else said_windows(windows, said, times):
+        solved.append(interact(stage, seen, window, hints, word, only=only))
+    results = [r for _, of_window in solved for r in of_window]
+    return _upright(stage, seen, [i for i, _ in solved], results, guessed.warnings)
 
 
 def _upright(
     stage: Chain,
-    recording: Recording,
-    guessed: StageResult[Trajectory],
-    found: StageResult[FoundParts],
-    noise: StageResult[DepthNoise],
-    labels: StageResult[dict[int, NDArray[np.uint8]]],
-    polished: StageResult[tuple[MovingPart, ...]],
+    seen: Observed,
+    interactions: Sequence[Interaction],
+    results: Sequence[StageResult[Any]],
+    doubts: Sequence[str],
 ) -> Surveyed:
-    """The surfaces, and up by all that is known of the world."""
-    c, loop, cameras, images, parts = (
+    """One scene of all interactions, its surfaces, and up by all that is known of the world.
+
+    results: of the stages that the interactions come from. doubts: about the first guess of up.
+    """
+    c, loop, recording, guessed, noise = (
         stage.config,
         stage.run.loop,
-        guessed.value,
-        labels.value,
-        polished.value,
+        seen.recording,
+        seen.cameras,
+        seen.noise,
     )
+    cameras = guessed.value
+    # One part of several interactions, its states over the whole recording.
+    merged = stage(MERGE, [guessed, *results], lambda: merge(recording, cameras, interactions))
+    parts = merged.value.parts
+    of_parts = tuple(as_merged(i, k, merged.value) for k, i in enumerate(interactions))
+    images = all_labels(recording, cameras, of_parts, merged.value)
     # Truncated signed distances of the static scene and of each part.
     fused = stage(
         FUSION,
-        [guessed, polished, labels, noise],
+        [guessed, *results, merged, noise],
         lambda: fuse(recording, cameras, images, parts, c.fusion, noise.value, progress=loop("fusion")),
     )
-    world = World(cameras, found.value, parts, fused.value)
+    world = World(cameras, of_parts, parts, fused.value)
     up = stage(
         UP,
-        [guessed, found, labels, polished, fused],
+        [guessed, *results, merged, fused],
         lambda: find_up(recording, world, images, c.said),
     )
     doubt = up.value.doubt
-    doubts = guessed.warnings if doubt is None else (f"{doubt.text}; {doubt.help}",)
-    reads = (guessed, found, polished, fused, up)
-    return Surveyed(turned(world, up.value.up), up.value, noise, labels, reads, doubts)
+    told = tuple(doubts) if doubt is None else (f"{doubt.text}; {doubt.help}",)
+    reads = (guessed, *results, merged, fused, up)
+    return Surveyed(turned(world, up.value.up), up.value, noise, images, reads, told)

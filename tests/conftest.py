@@ -27,8 +27,8 @@ ORDER = (
     "tests/twin/",
     "tests/test_chain_again.py",
     "tests/test_documents.py",
-    "tests/recon/motion/",
-    "tests/recon/joints/",
+    "tests/recon/interaction/motion/",
+    "tests/recon/interaction/joints/",
 )
 
 

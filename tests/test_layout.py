@@ -38,8 +38,8 @@ def module_of(file: Path) -> ModuleType:
 
 
 def stages_of_the_pipeline() -> list[str]:
-    """Names of the stages of a reconstruction, in order: those before `survey`, those of it, and those after
-    it."""
+    """Names of the stages of a reconstruction, in order: those before `survey`, those of it and of an
+    interaction, and those after it."""
 
     def calls(module: str, function: str) -> list[str]:
         tree = ast.parse((ROOT / module.replace(".", "/")).with_suffix(".py").read_text(encoding="utf-8"))
@@ -51,6 +51,7 @@ def stages_of_the_pipeline() -> list[str]:
     places = (
         ("pipeline", "_run"),
         ("survey", "survey"),
+        ("interaction.interaction", "interact"),
         ("survey", "_upright"),
         ("pipeline", "_judged_twin"),
     )
@@ -155,9 +156,9 @@ def test_the_files_in_the_table_of_stages_are_imported_by_the_pipeline() -> None
 
 
 def test_a_file_without_a_folder_lies_beside_the_one_before_it() -> None:
-    assert files_named("`recon/labels/` `crf.py` and `twin/scene.py`, `joint.py`") == [
-        "recon/labels/",
-        "recon/labels/crf.py",
+    assert files_named("`recon/interaction/labels/` `crf.py` and `twin/scene.py`, `joint.py`") == [
+        "recon/interaction/labels/",
+        "recon/interaction/labels/crf.py",
         "twin/scene.py",
         "twin/joint.py",
     ]

@@ -20,8 +20,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recon.config import ReconConfig
-from recon.joints.pose_graph.solver import PoseGraphConfig
+from recon.interaction.joints.pose_graph.solver import PoseGraphConfig
 from recon.readers import open_recording
+from recon.windows.windows import Window
 from robots.config import PlanConfig
 from tests.laws import assert_for_all
 from tests.makers.recon import tiny
@@ -332,13 +333,16 @@ def test_the_config_of_a_run_repeats_it(tmp_path: Path, monkeypatch: pytest.Monk
         """Keys of the stages, none of which is computed."""
         keys: dict[str, str] = {}
 
-        def stage(self: Run, name: str, version: int, config: Any, upstream: Any, compute: Any) -> Any:
+        def stage(
+            self: Run, name: str, version: int, config: Any, upstream: Any, compute: Any, item: str = ""
+        ) -> Any:
             parts = {"version": version, "config": as_dict(config), "upstream": [u.key for u in upstream]}
             keys[name] = stage_key(name, parts)
-            found: Any = types.SimpleNamespace(static=None, doubt=None, up=(0.0, 0.0, 1.0))
-            return types.SimpleNamespace(
-                key=keys[name], value=() if name == "inspect" else found, warnings=()
+            found: Any = types.SimpleNamespace(
+                static=None, doubt=None, up=(0.0, 0.0, 1.0), parts=(), shares=()
             )
+            value = {"inspect": (), "windows": (Window(0, 39),)}.get(name, found)
+            return types.SimpleNamespace(key=keys[name], value=value, warnings=())
 
         def stop(*_: Any) -> None:
             raise Done

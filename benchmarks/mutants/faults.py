@@ -24,9 +24,10 @@ class Gone(LookupError):
 
 
 def room_of(file: str) -> str:
-    """The folder of a file without subfolders, recon/joints; the package for a file beside the folders."""
+    """The folder of a file without subfolders, robots/planning; of the steps of an interaction their own, and
+    the package for a file beside the folders."""
     folders = file.split("/")[:-1]
-    return "/".join(folders[:2])
+    return "/".join(folders[: 3 if folders[:2] == ["recon", "interaction"] else 2])
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,14 @@ from twin.geometry import Array
 from twin.runs.loop import Loop, untold
 from twin.runs.threads import each
 
-_WIDTH = 160  # px to which depth is thinned out
-_REACH = 2  # px around a pixel in which it is a plane
-_FLAT = 0.01  # share of the depth that the plane may leave
+WIDTH = 160  # px to which depth is thinned out
+REACH = 2  # px around a pixel in which it is a plane
+FLAT = 0.01  # share of the depth that the plane may leave
 # every so many pixels of a frame are laid onto others: enough for half a millimetre
 _EVERY = 5
 # tracks of a frame that are laid onto others, at most
 _MOST_TRACKS = 250
-_FARTHEST = 6.0  # m; noise beyond
+FARTHEST = 6.0  # m; noise beyond
 _GAPS = (1, 3, 6, 10, 15, 21, 28, 36)  # frames back: most of them farther than a part is slow
 _AHEAD = (1, 3, 6)  # the frame is looked for where the motion since so many frames leads
 _GATES = (6.0, 3.0, 2.0)  # sigmas
@@ -65,13 +65,13 @@ def poses_by_depth(
     """Poses of a recording's frames, the first with depth at its place in `others`, poses (T, 4, 4) that are
     tried and judged as well, identity where unknown. lateral: standard deviation of tracks across the view,
     rad."""
-    step = max(1, recording.intrinsics.width // _WIDTH)
+    step = max(1, recording.intrinsics.width // WIDTH)
     camera = recording.intrinsics.binned(step)
 
     def prepared(i: int) -> tuple[F32, Array, Array]:
         inverse = block_means(recording.depth(i), step, 2 if step > 2 else 1)
-        plane = planes(inverse, camera.vector, _REACH, _FLAT)
-        return plane, *_surface(plane, camera)
+        plane = planes(inverse, camera.vector, REACH, FLAT)
+        return plane, *surface_of(plane, camera)
 
     count = len(recording)
     path = _Path(camera, tracks, others, lateral)
@@ -81,7 +81,7 @@ def poses_by_depth(
     return path.poses
 
 
-def _surface(plane: F32, camera: Intrinsics) -> tuple[Array, Array]:
+def surface_of(plane: F32, camera: Intrinsics) -> tuple[Array, Array]:
     """Points and normals (n, 3) of some of a frame's pixels."""
     some = plane[_EVERY // 2 :: _EVERY, _EVERY // 2 :: _EVERY].astype(np.float64)
     v, u = np.mgrid[_EVERY // 2 : camera.height : _EVERY, _EVERY // 2 : camera.width : _EVERY]
@@ -90,7 +90,7 @@ def _surface(plane: F32, camera: Intrinsics) -> tuple[Array, Array]:
     normals, rays = some[known][:, :3], rays[known]
     facing = (normals * rays).sum(axis=1)
     z = some[known][:, 3] / facing
-    good = (z > 0.1) & (z < _FARTHEST) & (facing < -0.15)
+    good = (z > 0.1) & (z < FARTHEST) & (facing < -0.15)
     return rays[good] * z[good, None], normals[good]
 
 

@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.cameras.depth_poses import poses_by_depth
+from recon.cameras.join import joined
 from recon.cameras.kernels import chi_squares, landmarks_of, pose_systems
 from recon.cameras.rigid import point_sigmas, ransac_pose
 from recon.cameras.rival import followed_part
+from recon.cameras.submaps import Piece, solve_pieces
 from recon.recording import Recording
-from recon.tracking.tracks import PIXEL_SIGMA, Tracks
+from recon.tracking.tracks import PIXEL_SIGMA, SparseTracks, Tracks
 from twin import geometry as geo
 from twin.errors import InputError, ReconstructionError
 from twin.geometry import Array
@@ -69,13 +71,14 @@ INLIER_SIGMA = 4.0
 
 def camera_poses(
     recording: Recording,
-    tracks: Tracks,
+    tracks: SparseTracks,
     config: CameraConfig = _DEFAULT,
     progress: Loop = untold,
 ) -> Trajectory:
-    """The recording's own poses where the settings say so, else those that `estimate_cameras` finds.
+    """The recording's own poses where the settings say so, else those by tracks and depth.
 
-    Raises InputError when the recording holds none, ReconstructionError when too few frames can be posed.
+    The world is the first posed frame's camera. Raises InputError when the recording holds none,
+    ReconstructionError when too few frames can be posed.
     """
     if config.use_known_poses:
         if recording.poses is None:
@@ -84,15 +87,35 @@ def camera_poses(
                 "leave cameras.use_known_poses off to estimate them",
             )
         return recording.poses
-    found = _checked(recording, tracks, progress)
+    found = _solved(recording, tracks, progress)
     lost = len(recording) - len(found.frames)
     if lost:
         warnings.warn(f"{lost} of {len(recording)} frames have no camera pose", stacklevel=2)
     return found
 
 
-def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> Trajectory:
-    """The poses by which the room keeps its place: by all other tracks if they follow a part."""
+def _solved(recording: Recording, tracks: SparseTracks, progress: Loop) -> Trajectory:
+    """The largest piece of the path, with those that are joined to it."""
+
+    def solve(first: int, last: int) -> tuple[Array, NDArray[np.bool_]]:
+        whole = first == 0 and last == len(recording) - 1
+        part = recording if whole else recording[first : last + 1]
+        return _checked(part, tracks.dense(first, last), progress if whole else untold)
+
+    pieces = joined(recording, solve_pieces(len(recording), solve))
+    largest = pieces[0] if pieces else Piece(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    posed = np.zeros(len(recording), dtype=bool)
+    posed[largest.frames] = True
+    _enough(posed)
+    start = geo.invert_pose(largest.poses[0])
+    return Trajectory(largest.frames, recording.times[largest.frames], start @ largest.poses)
+
+
+def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array, NDArray[np.bool_]]:
+    """The poses by which the room keeps its place: by all other tracks if they follow a part.
+
+    Poses (T, 4, 4) and which of them are known (T,).
+    """
     lateral, rng = PIXEL_SIGMA / recording.intrinsics.fx, np.random.default_rng(0)
     poses, posed = _of_two(recording, tracks, progress)
     sigma = np.hypot(*point_sigmas(tracks.points_cam, lateral))
@@ -102,8 +125,7 @@ def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> Trajectory
         room, known = _of_two(recording, others, progress)
         if known.sum() >= _AS_MANY * posed.sum() and not followed_part(others, room, known, sigma, rng).any():
             poses, posed = room, known
-    _enough(posed)
-    return _from_first(poses, posed, recording.times)
+    return poses, posed
 
 
 def _of_two(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array, NDArray[np.bool_]]:
@@ -226,6 +248,8 @@ def _bundle(
     visible = tracks.visible & posed[:, None]
     frame_index, track_index = np.nonzero(visible)
     points = tracks.points_cam[frame_index, track_index]
+    if not len(points):
+        return start.copy()
     lateral, axial = point_sigmas(points, PIXEL_SIGMA / focal)
     info = np.stack([1 / lateral**2, 1 / axial**2], axis=-1)
     poses = start.copy()

@@ -17,8 +17,8 @@ from recon.contact.faces import sample
 from recon.contact.front import ALONG, Front, front_of
 from recon.contact.surroundings import flush_shares, inward, nearer_ahead
 from recon.dense.depth import look_up
-from recon.joints.sign_and_limits import smoothed
-from recon.parts.moving_part import MovingPart
+from recon.interaction.joints.sign_and_limits import smoothed
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.geometry import Array
@@ -104,7 +104,7 @@ def find_closed_end(
     space. (6) The first rest pose. A slide in its own plane may be flush all along: its edge ahead decides
     first, which stops at a wall of the furniture, then the cavity.
     """
-    ends = travel_ends(part.motion.state)
+    ends = travel_ends(part.handled_states)
     surface = sample(part_mesh)
     starts = _starts_at(part, ends)
     if not len(surface.points):
@@ -172,7 +172,7 @@ def _every(
 
 def _starts_at(part: MovingPart, ends: tuple[float, float]) -> int:
     """The end that is nearer to the first states."""
-    first = float(np.median(part.motion.state[:5]))
+    first = float(np.median(part.handled_states[:5]))
     return int(abs(first - ends[1]) < abs(first - ends[0]))
 
 
@@ -250,7 +250,7 @@ def rebase(part: MovingPart, closed: ClosedEnd) -> MovingPart:
     The axis is reversed if states fell on opening. The part's frame becomes its closed pose (`rebase_mesh`).
     """
     state = closed.opening_sign * (part.motion.state - closed.state)
-    upper = max(0.0, travel_ends(state)[1])
+    upper = max(0.0, travel_ends(closed.opening_sign * (part.handled_states - closed.state))[1])
     joint = part.joint if closed.opening_sign > 0 else part.joint.reversed()
     joint = replace(joint, lower=0.0, upper=upper)
     return replace(part, joint=joint, motion=replace(part.motion, state=state))

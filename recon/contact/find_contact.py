@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from recon.contact.faces import SurfaceSamples, sample
 from recon.contact.handles import Handle, around_edge, find_edge, find_handle, unseen_handle
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin import geometry as geo
 from twin.geometry import Array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from recon.contact.closed_end import find_closed_end, rebase, rebase_mesh
 from recon.contact.find_contact import ContactConfig, find_contact
 from recon.fusion.fuse import FusedScene
-from recon.parts.find_parts import FoundParts
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from twin.runs.keys import Stage
 from twin.scene import ContactPath, Mesh, Trajectory
@@ -41,17 +40,17 @@ def finish_parts(
     recording: Recording,
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
-    found: FoundParts,
+    sources: Mapping[int, str],
     parts: Sequence[MovingPart],
     fused: FusedScene,
     config: ContactConfig,
 ) -> tuple[FinishedPart, ...]:
     """Count each part from its closed end and find where a hand held it; a part without surface is left out.
 
-    parts: those of `found`, refined.
+    sources: why the joint of each part, by id, has its type. parts: refined.
     """
     finished = []
-    for tracks, part in zip(found.of(parts), parts, strict=True):
+    for part in parts:
         mesh = fused.parts.get(part.id)
         if mesh is None:
             warnings.warn(
@@ -60,10 +59,38 @@ def finish_parts(
             continue
         closed = find_closed_end(part, mesh, fused.static, recording, cameras, labels)
         based, based_mesh = rebase(part, closed), rebase_mesh(mesh, part, closed)
-        path = find_contact(recording, cameras, labels, based, based_mesh, config)
+        path = _contact(recording, cameras, labels, based, based_mesh, config)
         finished.append(
             FinishedPart(
-                based, based_mesh, path, tracks.type_source, closed.source, closed.margin, closed.probability
+                based, based_mesh, path, sources[part.id], closed.source, closed.margin, closed.probability
             )
         )
     return tuple(finished)
+
+
+def _contact(
+    recording: Recording,
+    cameras: Trajectory,
+    labels: Mapping[int, NDArray[np.uint8]],
+    part: MovingPart,
+    mesh: Mesh,
+    config: ContactConfig,
+) -> ContactPath | None:
+    """Where the hand held the part, of several interactions in the first that shows it."""
+    if len(part.windows) < 2:
+        return find_contact(recording, cameras, labels, part, mesh, config)
+    told: list[str] = []
+    for first, last in part.windows:
+        spans = tuple(s for s in part.motion.intervals if first <= s[0] <= last)
+        if not spans:
+            continue
+        visit = replace(part, motion=replace(part.motion, intervals=spans))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            path = find_contact(recording, cameras, labels, visit, mesh, config)
+        if path is not None:
+            return path
+        told = [str(w.message) for w in caught]
+    for text in told:
+        warnings.warn(text, stacklevel=3)
+    return None

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from recon.contact.faces import SurfaceSamples, outer_faces
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import Prismatic

@@ -16,7 +16,7 @@ from recon.dense.depth import F32, look_up
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.fusion.mesh_cleaning import keep_large_pieces, reduce_faces, smooth
 from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_cosine, surface
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from twin import geometry as geo
 from twin.errors import ReconstructionError

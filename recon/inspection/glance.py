@@ -54,7 +54,7 @@ class Stretch:
     @cached_property
     def tracks(self) -> Tracks:
         """Corners followed through the small pictures."""
-        return track_points(self.small, seeding=Seeding(cell=16, every=6))
+        return track_points(self.small, seeding=Seeding(cell=16, every=6)).dense()
 
     @cached_property
     def cameras(self) -> Trajectory | None:

@@ -11,7 +11,7 @@ from recon.inspection.focal import fit_focal
 from recon.inspection.glance import Stretch
 from recon.inspection.lag import fit_lag
 from recon.inspection.registration import REACH, EdgeTable, edge_table, offset
-from recon.motion.intervals import REST_SECONDS
+from recon.interaction.motion.intervals import REST_SECONDS
 from recon.recording import Recording
 from twin.cause import Cause
 

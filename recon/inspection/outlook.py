@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recon.cameras.poses import MIN_CORRESPONDENCES
 from recon.cameras.rigid import point_sigmas, ransac_pose
 from recon.inspection.changes import Depths, moving_shares
-from recon.motion.intervals import REST_SECONDS
+from recon.interaction.motion.intervals import REST_SECONDS
 from recon.recording import Frame, Intrinsics, Recording
 from recon.tracking.tracks import PIXEL_SIGMA, followed
 from twin import geometry as geo

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from recon.joints.type_selection import TypeHint
+from recon.interaction.joints.type_selection import TypeHint
 from recon.recording import Recording
 from twin.errors import InputError, ServiceError
 from twin.vlm.answer import Fields, json_object

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recon.joints.type_selection import TypeHint
+from recon.interaction.joints.type_selection import TypeHint
 from recon.models.joint_hint import read_hints
 from recon.recording import Recording
 from twin.vlm.cache import ask_once

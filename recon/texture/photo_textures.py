@@ -40,6 +40,7 @@ _NEARER = 0.1  # share of the depths that are nearer than what the texel is made
 _PLACES = 3000  # points of a body, spread evenly over its vertices, in which photographs are compared
 _GROW = 1.12  # of the texel, each time that the charts don't fit
 FACINGS = 6  # ways that a side of a body may face
+_AT_ONCE = 1 << 20  # texels whose colours are found together: more take memory and no less time
 _STATES = 5  # of a part, that the static scene near it is found by
 
 
@@ -63,6 +64,8 @@ _FINEST = 0.0005
 _NEAR_M = 0.5
 # Most frames that are used, spread evenly. Chosen by us.
 _MOST_FRAMES = 48
+# Frames that show a part, beside these, in a recording of minutes. Chosen by us.
+_OF_PART = 12
 
 
 def photo_textures(
@@ -85,7 +88,7 @@ def photo_textures(
         noise: of depth.
     """
     camera = recording.intrinsics
-    frames = chosen([f for f in sorted(labels) if cameras.pose(f) is not None], config)
+    frames = photographed([f for f in sorted(labels) if cameras.pose(f) is not None], labels, parts, config)
     shots = take(recording, cameras, labels, frames, MAX_DEPTH)
     bodies: dict[int, tuple[Mesh, FinishedPart | None]] = {STATIC_LABEL: (static, None)}
     bodies |= {p.moving.id: (p.mesh, p) for p in parts}
@@ -97,6 +100,19 @@ def photo_textures(
         texel = _texels(mesh, part, parts, photos[key], config)
         out[key] = _texture(mesh, part, texel, photos[key], equal[key], config, noise)
     return out
+
+
+def photographed(
+    frames: Sequence[int],
+    labels: Mapping[int, NDArray[np.uint8]],
+    parts: Sequence[FinishedPart],
+    config: TextureConfig,
+) -> list[int]:
+    """The frames that are used; in a recording of several windows also some that show each part."""
+    out = set(chosen(frames, config))
+    for part in (p.moving for p in parts if p.moving.windows):
+        out |= set(evenly([f for f in frames if np.any(labels[f] == part.id)], _OF_PART))
+    return sorted(out)
 
 
 def chosen(frames: Sequence[int], config: TextureConfig) -> list[int]:
@@ -216,21 +232,23 @@ def _texture(
     height, width = layout.size
     normals = vertex_normals(mesh.vertices, mesh.faces)
     owner = faces_at(layout.uv, height, width)
-    y, x = np.nonzero(owner >= 0)
-    face = owner[y, x]
-    weights = weights_at(layout.uv, face, y, x)
-    corners = mesh.faces[face]
-    points = np.einsum("nk,nkd->nd", weights, mesh.vertices[corners])
-    inside = np.clip(weights, 0.0, 1.0)
-    inside /= inside.sum(axis=1, keepdims=True)
-    ahead = np.einsum("nk,nkd->nd", inside, normals[corners])
-    shown = shade(points, ahead, photos, equal, facing(ahead, mesh, part), noise)
     at_vertices = shade(mesh.vertices, normals, photos, equal, facing(normals, mesh, part), noise)
     plain = over_surface(at_vertices.color, at_vertices.views > 0, mesh.faces)
-    seen = shown.views > 0
-    colors = np.where(seen[:, None], shown.color, np.einsum("nk,nkc->nc", inside, plain[corners]))
     image, mask = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
-    image[y, x], mask[y, x] = np.round(colors), seen
+    rows, columns = np.nonzero(owner >= 0)
+    for start in range(0, len(rows), _AT_ONCE):
+        y, x = rows[start : start + _AT_ONCE], columns[start : start + _AT_ONCE]
+        face = owner[y, x]
+        weights = weights_at(layout.uv, face, y, x)
+        corners = mesh.faces[face]
+        points = np.einsum("nk,nkd->nd", weights, mesh.vertices[corners])
+        inside = np.clip(weights, 0.0, 1.0)
+        inside /= inside.sum(axis=1, keepdims=True)
+        ahead = np.einsum("nk,nkd->nd", inside, normals[corners])
+        shown = shade(points, ahead, photos, equal, facing(ahead, mesh, part), noise)
+        seen = shown.views > 0
+        colors = np.where(seen[:, None], shown.color, np.einsum("nk,nkc->nc", inside, plain[corners]))
+        image[y, x], mask[y, x] = np.round(colors), seen
     image = around(image, owner >= 0)
     return Texture((layout.uv / [width, height]).astype(np.float32), image[::-1], mask[::-1])
 

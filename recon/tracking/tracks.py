@@ -55,6 +55,60 @@ class Tracks:
         return Tracks(points, pixels, seen)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class SparseTracks:
+    """Tracks of a whole recording, one row an observation, in the order of the frames.
+
+    Frame f has the rows starts[f]:starts[f + 1]. starts: (T + 1,). track (n,): 0 to count - 1. xy (n, 2) px
+    of the tracking image, whose intrinsics are `camera`; to_full: pixels of the recording in one of its.
+    depth: (n,) m. A track has three rows or more: fewer constrain nothing.
+    """
+
+    starts: NDArray[np.int64]
+    track: NDArray[np.int32]
+    xy: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    count: int
+    camera: Intrinsics
+    to_full: float
+
+    def __post_init__(self) -> None:
+        rows = len(self.track)
+        if self.starts[0] != 0 or self.starts[-1] != rows or np.any(np.diff(self.starts) < 0):
+            raise SceneError(f"tracks: starts must rise from 0 to the number of rows, {rows}")
+        if self.xy.shape != (rows, 2) or self.depth.shape != (rows,):
+            raise SceneError(f"tracks: {rows} rows need xy ({rows}, 2) and depth ({rows},)")
+
+    def __repr__(self) -> str:
+        return f"<SparseTracks: {self.count} in {self.frames} frames, {len(self.track)} observations>"
+
+    def __len__(self) -> int:
+        return self.count
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, T."""
+        return len(self.starts) - 1
+
+    def dense(self, first: int = 0, last: int | None = None) -> Tracks:
+        """The tracks of the frames first..last, counted from 0, as arrays; those with three observations or
+        more there. Default: the whole recording."""
+        last = self.frames - 1 if last is None else last
+        rows = slice(self.starts[first], self.starts[last + 1])
+        kept = np.bincount(self.track[rows], minlength=self.count) >= _FEWEST
+        column = np.cumsum(kept) - 1
+        chosen = np.flatnonzero(kept[self.track[rows]]) + rows.start
+        frame = np.searchsorted(self.starts, chosen, side="right") - 1 - first
+        at = frame, column[self.track[chosen]]
+        shape = (last - first + 1, int(kept.sum()))
+        pixels, depth = np.full((*shape, 2), np.nan), np.zeros(shape)
+        pixels[at], depth[at] = self.xy[chosen], self.depth[chosen]
+        visible = depth > 0
+        points = self.camera.backproject(pixels, depth)
+        points[~visible] = np.nan
+        return Tracks(points, (pixels + 0.5) * self.to_full - 0.5, visible)
+
+
 @dataclass(frozen=True)
 class TrackConfig(Settings):
     """Corner tracking; pixels are those of the tracking image."""
@@ -83,6 +137,8 @@ class Seeding:
     every: int = 10
 
 
+# Observations of a track, at least: fewer constrain nothing.
+_FEWEST = 3
 # px of the recording; lateral noise of a track: about what the forward-backward test leaves. Measured.
 PIXEL_SIGMA = 0.6
 # px; side of the window that is compared. Chosen by us.
@@ -100,7 +156,7 @@ _USUAL, _SEEDING = TrackConfig(), Seeding()
 
 def track_points(
     recording: Recording, config: TrackConfig = _USUAL, progress: Loop = untold, seeding: Seeding = _SEEDING
-) -> Tracks:
+) -> SparseTracks:
     """Track corners through every frame and lift them by depth.
 
     Corners are seeded one per grid cell, followed by pyramidal Lucas-Kanade with a forward-backward test
@@ -122,7 +178,7 @@ def track_points(
     frames = each(prepared, range(len(recording)))
     for i in progress(range(len(recording)), "tracks"):
         tracker.step(i, *next(frames))
-    return tracker.tracks(camera, len(recording), 1.0 / scale)
+    return tracker.tracks(camera, 1.0 / scale)
 
 
 def followed(
@@ -151,6 +207,7 @@ class _Tracker:
         self._live_id = np.zeros(0, dtype=np.int64)
         self._live_xy = np.zeros((0, 2), dtype=np.float32)
         self._next_id = 0
+        # of each frame: observations, their tracks, pixels and depth
         self._log: list[tuple[int, NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]] = []
 
     def step(
@@ -164,7 +221,8 @@ class _Tracker:
         xy = np.rint(self._live_xy).astype(int)
         z = smooth[xy[:, 1], xy[:, 0]]
         z = np.where(edge[xy[:, 1], xy[:, 0]] | (z > self._config.max_depth), 0.0, z).astype(np.float32)
-        self._log.append((index, self._live_id, self._live_xy, z))
+        seen = z > 0
+        self._log.append((int(seen.sum()), self._live_id[seen], self._live_xy[seen], z[seen]))
         self._previous = grey
 
     def _follow(self, grey: NDArray[np.uint8]) -> None:
@@ -205,22 +263,24 @@ class _Tracker:
         self._live_xy = np.concatenate([self._live_xy, xy])
         self._next_id += len(xy)
 
-    def tracks(self, camera: Intrinsics, frames: int, to_full: float) -> Tracks:
-        """Gather the log; pixels are given at the recording's resolution, points in metres."""
-        shape = (frames, self._next_id)
-        pixels = np.full((*shape, 2), np.nan)
-        depth = np.zeros(shape)
-        for index, ids, xy, z in self._log:
-            pixels[index, ids] = xy
-            depth[index, ids] = z
-        visible = depth > 0
-        long_enough = visible.sum(axis=0) >= 3  # a track seen less often constrains nothing
-        pixels, depth, visible = pixels[:, long_enough], depth[:, long_enough], visible[:, long_enough]
-        points = camera.backproject(pixels, depth)
-        points[~visible] = np.nan
-        pixels[~visible] = np.nan
-        full = (pixels + 0.5) * to_full - 0.5
-        return Tracks(points, full, visible)
+    def tracks(self, camera: Intrinsics, to_full: float) -> SparseTracks:
+        """Gather the log."""
+        lengths, ids, xy, depth = zip(*self._log, strict=True)
+        track = np.concatenate(ids)
+        frame = np.repeat(np.arange(len(lengths)), lengths)
+        count = np.bincount(track, minlength=self._next_id)
+        kept = count[track] >= _FEWEST
+        number = np.cumsum(count >= _FEWEST) - 1
+        starts = np.searchsorted(frame[kept], np.arange(len(lengths) + 1))
+        return SparseTracks(
+            starts.astype(np.int64),
+            number[track[kept]].astype(np.int32),
+            np.concatenate(xy)[kept],
+            np.concatenate(depth)[kept],
+            int((count >= _FEWEST).sum()),
+            camera,
+            to_full,
+        )
 
 
 def _smooth_depth(

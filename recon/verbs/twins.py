@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from twin.cli import given
 from twin.cli.console import Console, Outcome
 from twin.cli.step import Step, joint_row, joint_text, judged, page, page_note, require_run, run_folder
@@ -18,6 +20,7 @@ from twin.runs.manifest import MANIFEST, opened_with
 from twin.runs.settings import from_dict
 from twin.runs.stages import Progress
 from twin.runs.threads import import_ahead
+from twin.scene import Part
 from twin.storage import load
 from twin.verdict import verdict_line
 
@@ -141,6 +144,9 @@ def reconstruct_step(
     ]
     rows = [[p.name, *joint_row(p)] for p in twin.parts]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
+    if any(len(p.motion.intervals) > 1 for p in twin.parts):
+        columns.append("handled")
+        rows = [[*row, handled_text(p)] for row, p in zip(rows, twin.parts, strict=True)]
     stages = {s["name"]: s["seconds"] for s in manifest.get("stages", [])}
     summary = "; ".join(f"{p.name}: {joint_text(p)}" for p in twin.parts) or "no part"
     data = {"run": str(out), "parts": [p.name for p in twin.parts], "seconds": stages}
@@ -154,6 +160,18 @@ def reconstruct_step(
         doubt="" if trusted else verdict_line(twin),
     )
     return Step("reconstruct", judged(outcome, twin), summary, started)
+
+
+def handled_text(part: Part) -> str:
+    """When a part moves: "0:12-0:15 1:07-1:09", minutes and seconds from the recording's first frame."""
+    motion = part.motion
+    start = float(motion.times[0]) if len(motion.times) else 0.0
+
+    def clock(frame: int) -> str:
+        seconds = round(float(np.interp(frame, motion.frames, motion.times)) - start)
+        return f"{seconds // 60}:{seconds % 60:02d}"
+
+    return " ".join(f"{clock(a)}-{clock(b)}" for a, b in motion.intervals)
 
 
 def evaluate(console: Console, run: Path, truth: Path) -> Outcome:

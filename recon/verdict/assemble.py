@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.contact.finish_parts import FinishedPart
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.judge import Judged
 from twin.completion.frame import kind_by_joint, viewer

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.verdict.lost_labels import middle
 from recon.verdict.posed import PosedTwin
 from twin.geometry import Array

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.parts.find_parts import FoundParts, PartTracks
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.find_parts import FoundParts, PartTracks
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.bare_borders import bare_border
 from recon.verdict.camera_drift import camera_drift

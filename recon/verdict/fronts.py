@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.refine.ties import ASKEW
+from recon.interaction.refine.ties import ASKEW
 from twin import geometry as geo
 from twin.scene import Joint, Mesh
 

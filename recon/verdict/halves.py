@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.joints.bundle import ROUGHLY, Bundle, refine
-from recon.joints.hypotheses import Hypothesis
-from recon.joints.initial_states import states_of
-from recon.joints.observations import Model, Observations, noise_sigma, residuals
-from recon.motion.movers import Movers
-from recon.parts.find_parts import PartTracks
-from recon.parts.moving_part import MovingPart
+from recon.interaction.joints.bundle import ROUGHLY, Bundle, refine
+from recon.interaction.joints.hypotheses import Hypothesis
+from recon.interaction.joints.initial_states import states_of
+from recon.interaction.joints.observations import Model, Observations, noise_sigma, residuals
+from recon.interaction.motion.movers import Movers
+from recon.interaction.parts.find_parts import PartTracks
+from recon.interaction.parts.moving_part import MovingPart
 from recon.verdict.in_motion import moving_rows, travel_at
 from twin import geometry as geo
 from twin.joint import JointSigma

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.verdict.posed import PosedTwin, gate, opened, wide
 
 FRAMES = 8  # of those in which the part moves, evenly over its travel; chosen by us

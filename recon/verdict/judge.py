@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
-from recon.parts.find_parts import FoundParts
-from recon.parts.moving_part import MovingPart
+from recon.interaction.interaction import Interaction, cameras_of, during, frames_of
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.evidence import PartEvidence, SceneEvidence
 from recon.verdict.in_motion import moving_rows
 from recon.verdict.of_parts import OF_PARTS
 from recon.verdict.of_scenes import nothing_articulated
 from twin.runs.keys import Stage
-from twin.scene import Trajectory
-from twin.verdict import Reason, Verdict, reason
+from twin.scene import Mesh, Trajectory
+from twin.verdict import LEVELS, Reason, Verdict, reason
 
 VERDICT = Stage("verdict", 30, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
@@ -35,6 +35,8 @@ MOST_DOUBTS = 2
 CLOSED_SURE = 0.98
 # Of the frames in which either of two parts moves, those in which both do: a hand opens one part. By us
 TOGETHER = 0.5
+# Numbers of reasons that are frames.
+_FRAMES = {"frame", "other", "first", "last"}
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def judge(
     recording: Recording,
     cameras: Trajectory,
     labels: Mapping[int, NDArray[np.uint8]],
-    found: FoundParts,
+    interactions: Sequence[Interaction],
     parts: Sequence[MovingPart],
     fused: FusedScene,
     finished: Sequence[FinishedPart],
@@ -57,23 +59,61 @@ def judge(
 ) -> Judged:
     """Judge each part as it would be written, and the scene.
 
-    parts: those of `found`, refined. finished: those of them that have a surface, counted from their closed
-    end. faults: what the recording's inspection says against everything that is made of it.
+    interactions: in which the parts, by their ids, were found. parts: merged and refined. finished: those of
+    them that have a surface, counted from their closed end. faults: what the recording's inspection says
+    against everything that is made of it.
+
+    A part is worth what its best interaction shows: another look at it adds no doubt.
     """
-    written = {f.moving.id: (f.moving, f.mesh) for f in finished}
-    closed = {f.moving.id: (f.closed_margin, f.closed_probability) for f in finished}
-    told = [written.get(p.id, (p, None)) for p in parts]
-    scene = SceneEvidence(recording, cameras, labels, found, fused.static, told)
-    alone = {
-        part.id: verdict_on(PartEvidence(scene, part, mesh, tracks, *closed.get(part.id, ())))
-        for (part, mesh), tracks in zip(told, found.of(parts), strict=True)
-    }
+    told = _Told(recording, cameras, labels, parts, fused, finished)
+    best: dict[int, Verdict] = {}
+    for interaction in interactions:
+        for k, verdict in told.verdicts(interaction).items():
+            if k not in best or _worth(verdict) > _worth(best[k]):
+                best[k] = verdict
     # What is wrong with the recording comes first: it may be the cause of all else.
-    verdicts = {k: Verdict((*faults, *v.reasons)) for k, v in _beside_doubted(parts, alone).items()}
+    verdicts = {k: Verdict((*faults, *best[k].reasons)) for k in sorted(best)}
     if any(v.level != "refused" for v in verdicts.values()):
         return Judged(verdicts, tuple(faults))
     refusing = (replace(f, level="refused") for f in faults)
-    return Judged(verdicts, (*refusing, nothing_articulated(found.movers)))
+    return Judged(verdicts, (*refusing, nothing_articulated([i.found.movers for i in interactions])))
+
+
+def _worth(verdict: Verdict) -> tuple[int, int]:
+    return -LEVELS.index(verdict.level), -len(verdict.reasons)
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """All parts as they would be written, to be judged interaction by interaction."""
+
+    recording: Recording
+    cameras: Trajectory
+    labels: Mapping[int, NDArray[np.uint8]]
+    parts: Sequence[MovingPart]
+    fused: FusedScene
+    finished: Sequence[FinishedPart]
+
+    def verdicts(self, interaction: Interaction) -> Mapping[int, Verdict]:
+        """The verdict on each part that an interaction handles, by id."""
+        window, found = interaction.window, interaction.found
+        written = {f.moving.id: (f.moving, f.mesh) for f in self.finished}
+        closed = {f.moving.id: (f.closed_margin, f.closed_probability) for f in self.finished}
+        told: list[tuple[MovingPart, Mesh | None]] = [
+            (during(part, window), mesh) for part, mesh in (written.get(p.id, (p, None)) for p in self.parts)
+        ]
+        recording, cameras = frames_of(self.recording, window), cameras_of(self.cameras, window)
+        labels = {f - window.first: i for f, i in self.labels.items() if window.first <= f <= window.last}
+        scene = SceneEvidence(recording, cameras, labels, found, self.fused.static, told)
+        handled = {p.id for p in interaction.parts}
+        mine = [(part, mesh) for part, mesh in told if part.id in handled]
+        alone = {
+            part.id: verdict_on(
+                PartEvidence(scene, part, mesh, tracks, *closed.get(part.id, ())), window.first
+            )
+            for (part, mesh), tracks in zip(mine, found.of([part for part, _ in mine]), strict=True)
+        }
+        return _beside_doubted([part for part, _ in mine], alone)
 
 
 def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]) -> Mapping[int, Verdict]:
@@ -93,13 +133,13 @@ def _beside_doubted(parts: Sequence[MovingPart], verdicts: Mapping[int, Verdict]
     return out
 
 
-def verdict_on(evidence: PartEvidence) -> Verdict:
-    """All reasons against one part.
+def verdict_on(evidence: PartEvidence, first: int = 0) -> Verdict:
+    """All reasons against one part. first: of the evidence's frames, as the recording counts.
 
     A closed end that one cue leaves unsure is no reason where all cues together are sure of it and nothing
     else speaks against the part: of what was missed or labelled wrong they tell another surface's closed end.
     """
-    reasons = tuple(r for ask in OF_PARTS if (r := ask(evidence)) is not None)
+    reasons = tuple(_later(r, first) for ask in OF_PARTS if (r := ask(evidence)) is not None)
     if evidence.closed_probability >= CLOSED_SURE and all(r.type == "ClosedEndUnsure" for r in reasons):
         return Verdict()
     return _added_up(reasons)
@@ -113,3 +153,11 @@ def _added_up(reasons: tuple[Reason, ...]) -> Verdict:
         first, told = doubts[0], (len(doubts), MOST_DOUBTS)
         return Verdict((reason("ManyDoubts", "refused", *told, first.text, first.help), *reasons))
     return Verdict(reasons)
+
+
+def _later(told: Reason, first: int) -> Reason:
+    """A reason whose frames count from `first`, in the recording's frames."""
+    if not first or not _FRAMES & told.numbers.keys():
+        return told
+    numbers = {k: v + first if k in _FRAMES else v for k, v in told.numbers.items()}
+    return reason(told.type, told.level, *numbers.values())

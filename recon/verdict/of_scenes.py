@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from recon.motion.movers import Movers
+from recon.interaction.motion.movers import Movers
 from twin.verdict import Reason, reason
 
 _APART_M = 0.1  # tracks farther from each other are of different things; about a hand's breadth, chosen by us
 _FAR_M = 0.05  # what carries a thing goes farther; tracks that slip along edges mostly don't. Chosen by us
-# tracks of a thing, as of a part (MIN_TRACKS of recon.joints.config)
+# tracks of a thing, as of a part (MIN_TRACKS of recon.interaction.joints.config)
 _FEWEST = 4
-# share of all tracks that move, as of a part (MIN_SHARE of recon.joints.config)
+# share of all tracks that move, as of a part (MIN_SHARE of recon.interaction.joints.config)
 _SHARE = 0.05
 
 
-def nothing_articulated(movers: Movers) -> Reason:
-    """The reason against a scene without a part: how many things moved all the same."""
-    return reason("NothingArticulated", "refused", free_things(movers))
+def nothing_articulated(movers: Sequence[Movers]) -> Reason:
+    """The reason against a scene without a part: how many things moved all the same, in each window."""
+    return reason("NothingArticulated", "refused", sum(free_things(m) for m in movers))
 
 
 def free_things(movers: Movers) -> int:

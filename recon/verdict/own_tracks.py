@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import look_up
-from recon.motion.movers import Movers
-from recon.parts.found import PartTracks
+from recon.interaction.motion.movers import Movers
+from recon.interaction.parts.found import PartTracks
 from recon.recording import Intrinsics
 from twin import geometry as geo
 from twin.scene import HAND_LABEL, Trajectory

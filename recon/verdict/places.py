@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import F32, look_up
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.verdict.in_motion import frames_by_travel
 from recon.verdict.posed import PosedTwin, gate
 from twin import geometry as geo

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recon.motion.movers import Movers
-from recon.parts.static_spans import REST_MARGIN
+from recon.interaction.motion.movers import Movers
+from recon.interaction.parts.static_spans import REST_MARGIN
 from twin.geometry import Array
 from twin.scene import Motion
 

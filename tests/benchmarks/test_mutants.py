@@ -124,7 +124,7 @@ def program(lines: Sequence[str]) -> str:
 
 @pytest.mark.parametrize(
     "room",
-    ["recon/motion", "recon/parts", "recon/joints", "recon/refine", "recon/labels", "recon/contact", "robots/planning"],
+    ["recon/interaction/motion", "recon/interaction/parts", "recon/interaction/joints", "recon/interaction/refine", "recon/interaction/labels", "recon/contact", "robots/planning"],
 )  # fmt: skip
 def test_every_candidate_of_the_sources_is_another_valid_program(room: str) -> None:
     for path in modules(ROOT, room):

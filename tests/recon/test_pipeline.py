@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
+import types
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
 from recon import pipeline
 from recon.config import ReconConfig
-from recon.joints.type_selection import TypeHint
-from recon.parts.config import MotionConfig
+from recon.interaction.joints.type_selection import TypeHint
+from recon.interaction.parts.config import MotionConfig
 from recon.pipeline import _provenance, _run, reconstruct
 from recon.readers import open_recording
+from recon.recording import Intrinsics, Recording
+from recon.windows.windows import Window
 from tests.makers.recon import tiny
 from twin.errors import InputError, MissingDependencyError
 from twin.files.text import read_json
@@ -36,13 +40,17 @@ def test_a_run_without_hints_has_the_keys_it_had(hints: tuple[TypeHint, ...]) ->
     class Recorder:
         def loop(self, _: str) -> None: ...
 
-        def stage(self, name: str, _: int, settings: object, *_more: object) -> None:
+        def stage(self, name: str, _: int, settings: object, *_more: object, **_items: object) -> object:
             seen[name] = settings
             if name == "motion":
                 raise Stop
+            return types.SimpleNamespace(value=(Window(0, 9),) if name == "windows" else None)
 
+    recording = Recording.from_arrays(
+        np.zeros((10, 4, 6, 3), np.uint8), np.ones((10, 4, 6)), Intrinsics(6, 4, 5.0, 5.0, 2.5, 1.5), fps=10
+    )
     with pytest.raises(Stop):
-        _run(Recorder(), None, config, hints, None)  # type: ignore[arg-type]
+        _run(Recorder(), recording, config, hints, None)  # type: ignore[arg-type]
     assert seen["motion"] == (
         ((config.motion, config.joints), hints) if hints else (config.motion, config.joints)
     )

@@ -16,16 +16,20 @@ T = TypeVar("T")
 class Chain:
     """Computes the declared stages of one run with its settings, a dataclass with a section for each stage.
 
-    also: what a result depends on besides.
+    also: what a result depends on besides. item: see `Run.stage`.
     """
 
     run: Run
     config: Any
 
     def __call__(
-        self, what: Stage, reads: Sequence[StageResult[Any]], compute: Callable[[], T], *also: object
+        self,
+        what: Stage,
+        reads: Sequence[StageResult[Any]],
+        compute: Callable[[], T],
+        *also: object,
+        item: str = "",
     ) -> StageResult[T]:
         settings = what.settings_of(self.config)
-        return self.run.stage(
-            what.name, what.version, (settings, *also) if also else settings, reads, compute
-        )
+        told = (settings, *also) if also else settings
+        return self.run.stage(what.name, what.version, told, reads, compute, item=item)

@@ -86,7 +86,7 @@ class Run:
                 raise
 
     def _prepare(self, folder: Path, config: Any) -> None:
-        for left in (folder / "stages").glob(".*.tmp"):  # what a killed process was writing
+        for left in list((folder / "stages").glob("**/.*.tmp")):  # what a killed process was writing
             shutil.rmtree(left)
         if not (folder / MANIFEST).exists():  # before all else: it tells that the folder is a run's
             update_manifest(folder, fingerprint=self.fingerprint)
@@ -101,29 +101,31 @@ class Run:
         upstream: Sequence[StageResult[Any]],
         compute: Callable[[], T],
         codec: Codec[T] | None = None,
+        item: str = "",
     ) -> StageResult[T]:
         """The result of `compute`, from the cache if its key is there.
 
         Args:
-            name: identifier, unique in the run.
+            name: identifier, unique in the run with its item.
             version: to be raised by whoever changes what `compute` returns.
             config: dataclass or mapping of all settings that `compute` uses, or None.
             upstream: the results that `compute` reads.
             codec: how to store the value; TreeCodec when None.
+            item: what of several the stage is run on, the name of a folder; empty where there is one.
         """
+        name = f"{name}/{item}" if item else name
         if any(r.name == name for r in self.results):
             raise ValueError(f"stage {name!r} was run already; names are unique in a run")
-        codec = codec or TreeCodec()
         parts = {
             "version": version,
             "config": as_dict(config),
             "upstream": {u.name: u.key for u in upstream},
             "input": self.fingerprint,
         }
-        found, reason = self._look_up(name, parts, codec)
+        found, reason = self._look_up(name, parts, codec or TreeCodec())
         if found is None:
             self.report(name, 0.0, reason)
-            found = self._compute(name, parts, compute, codec, reason)
+            found = self._compute(name, parts, compute, codec or TreeCodec(), reason)
             self.report(name, 1.0, f"{found.seconds:.1f} s")
         else:
             self.report(name, 1.0, "from the cache")
@@ -191,6 +193,7 @@ class Run:
         except (FuntwinError, OSError, ValueError, KeyError, TypeError) as e:
             return None, f"its stored result is damaged ({plain(e)})"
         if stored != place:
+            place.parent.mkdir(exist_ok=True)
             stored.rename(place)
         return StageResult(name, key, value, *meta, cached=True, reason=""), ""
 
@@ -218,7 +221,7 @@ class Run:
     def _store(self, name: str, value: T, record: Mapping[str, Any], codec: Codec[T]) -> None:
         place = self._place(name)
         temporary = place.with_name(f".{place.name}.tmp")
-        temporary.mkdir()
+        temporary.mkdir(parents=True)
         try:
             codec.save(value, temporary)
             write_json(temporary / RECORD, record)
@@ -233,15 +236,19 @@ class Run:
                 shutil.rmtree(left, ignore_errors=True)
 
     def _place(self, name: str) -> Path:
+        """stages/NN_name, for one of several items stages/NN_name/item; NN counts stages, not items."""
         assert self.folder is not None
-        return self.folder / "stages" / f"{len(self.results) + 1:02d}_{name}"
+        stage, _, item = name.partition("/")
+        stages = list(dict.fromkeys([*(r.name.partition("/")[0] for r in self.results), stage]))
+        return self.folder / "stages" / f"{stages.index(stage) + 1:02d}_{stage}" / item
 
     def _stored(self, name: str) -> Path | None:
         """The folder that holds this stage, whatever its number was when it was written."""
         assert self.folder is not None
-        pattern = re.compile(r"\d\d_" + re.escape(name))
-        found = [p for p in (self.folder / "stages").iterdir() if pattern.fullmatch(p.name)]
-        return min(found) if found else None
+        stage, _, item = name.partition("/")
+        pattern = re.compile(r"\d\d_" + re.escape(stage))
+        found = [p / item for p in (self.folder / "stages").iterdir() if pattern.fullmatch(p.name)]
+        return min((p for p in found if not item or (p / RECORD).exists()), default=None)
 
     def _write_manifest(self) -> None:
         if self.folder is None:

@@ -17,8 +17,8 @@ from recon.cameras.gravity import shown_axes, surface_normals
 from recon.contact.up.evidence import up_evidence
 from recon.contact.up.terms import log_likelihood
 from recon.fusion.fuse import FusedScene
-from recon.parts.found import FoundParts
-from recon.parts.moving_part import MovingPart
+from recon.interaction.interaction import Interaction
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.recording.said import Said
 from twin import geometry as geo
@@ -34,10 +34,13 @@ ODDS = 20.0
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What stands in the world: the cameras, what was found and refined there, and the surfaces."""
+    """What stands in the world: the cameras, what was found and refined there, and the surfaces.
+
+    interactions: with the ids of `parts`; their parts have joints and states of their own.
+    """
 
     cameras: Trajectory
-    found: FoundParts
+    interactions: tuple[Interaction, ...]
     parts: tuple[MovingPart, ...]
     fused: FusedScene
 
@@ -88,15 +91,21 @@ def turned(world: World, up: Array) -> World:
     if np.array_equal(R, np.eye(3)):
         return world
     T = geo.make_pose(R)
-    movers = replace(world.found.movers, points_world=geo.transform(T, world.found.movers.points_world))
-    tracks = tuple(replace(t, part=_turned(t.part, T)) for t in world.found.parts)
     meshes = {k: mesh.transformed(T) for k, mesh in world.fused.parts.items()}
     return World(
         world.cameras.transformed(T),
-        replace(world.found, movers=movers, parts=tracks),
+        tuple(_turned_interaction(i, T) for i in world.interactions),
         tuple(_turned(part, T) for part in world.parts),
         FusedScene(world.fused.static.transformed(T), meshes),
     )
+
+
+def _turned_interaction(interaction: Interaction, T: Array) -> Interaction:
+    found = interaction.found
+    movers = replace(found.movers, points_world=geo.transform(T, found.movers.points_world))
+    tracks = tuple(replace(t, part=_turned(t.part, T)) for t in found.parts)
+    parts = tuple(_turned(p, T) for p in interaction.parts)
+    return replace(interaction, found=replace(found, movers=movers, parts=tracks), parts=parts)
 
 
 def _turned(part: MovingPart, T: Array) -> MovingPart:

@@ -12,7 +12,7 @@ from recon.contact.closed_end import travel_ends
 from recon.contact.faces import sample
 from recon.contact.front import front_of
 from recon.fusion.fuse import FusedScene
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.level import Plane, large_planes
@@ -77,8 +77,8 @@ def _facing(plane: Plane, eye: Array) -> Plane:
 
 
 def _shown(part: MovingPart, mesh: Mesh, eyes: Array) -> PartShown:
-    low, high = travel_ends(part.motion.state)
-    starts = float(np.median(part.motion.state[:5]))
+    low, high = travel_ends(part.handled_states)
+    starts = float(np.median(part.handled_states[:5]))
     ends = (low, high) if abs(starts - low) <= abs(starts - high) else (high, low)
     normal = front_of(sample(mesh), part, eyes).normal
     joint = part.joint

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from recon.parts.find_parts import FoundParts
+from recon.interaction.parts.find_parts import FoundParts
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.in_motion import InMotion
 from recon.verdict.places import Places

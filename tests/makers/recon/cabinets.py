@@ -11,7 +11,7 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from tests.makers.recon.tiny import box, merged
 from twin import geometry as geo

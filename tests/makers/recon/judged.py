@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from recon.motion.movers import Movers
-from recon.parts.find_parts import FoundParts, PartTracks
-from recon.parts.moving_part import MovingPart
+from recon.interaction.interaction import Interaction
+from recon.interaction.motion.movers import Movers
+from recon.interaction.parts.find_parts import FoundParts, PartTracks
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from recon.verdict.evidence import PartEvidence, SceneEvidence
+from recon.windows.windows import Window
 from tests.makers.recon.cabinets import Clip
 from twin.geometry import Array
 from twin.scene import JointSigma
@@ -40,6 +42,12 @@ def movers_of(clip: Clip, background: float = 0.0) -> tuple[Movers, Any]:
     points = np.concatenate([moving, room], axis=1)
     mask = np.arange(2 * count) < count
     return Movers(points, np.ones(points.shape[:2], bool), mask, mask), mask
+
+
+def as_one(recording: Recording, found: FoundParts, labels: Any = None) -> tuple[Interaction, ...]:
+    """What was found as the only interaction of a recording."""
+    window = Window(0, len(recording) - 1)
+    return (Interaction(window, found, tuple(t.part for t in found.parts), labels or {}),)
 
 
 def perfect(clip: Clip, labels: Any = None) -> PartEvidence:

@@ -10,11 +10,12 @@ import numpy as np
 from recon.cameras.gravity import find_gravity
 from recon.contact.up.decide import World
 from recon.fusion.fuse import FusedScene
-from recon.motion.movers import Movers
-from recon.parts.found import FoundParts, PartTracks
-from recon.parts.moving_part import MovingPart
+from recon.interaction.motion.movers import Movers
+from recon.interaction.parts.found import FoundParts, PartTracks
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Recording
 from tests.makers.recon.cabinets import CAMERA, cast, furniture
+from tests.makers.recon.judged import as_one
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.scene import STATIC_LABEL, Motion, Trajectory
@@ -64,4 +65,6 @@ def steep(pitch_deg: float, with_part: bool = True) -> Steep:
         movers, np.zeros(1, bool), tuple(PartTracks(p, np.ones(1, bool), "motion") for p in parts)
     )
     fused = FusedScene(static.transformed(T), {2: mesh.transformed(T)} if with_part else {})
-    return Steep(recording, World(start.transformed(guessed), found, parts, fused), T[:3, 2])
+    return Steep(
+        recording, World(start.transformed(guessed), as_one(recording, found), parts, fused), T[:3, 2]
+    )

@@ -13,6 +13,7 @@ from recon.cameras.poses import camera_poses, estimate_cameras
 from recon.recording import Intrinsics, Recording
 from recon.tracking.tracks import Tracks
 from tests.makers.recon import tiny
+from tests.makers.recon.sparse import sparse
 from twin import geometry as geo
 from twin.errors import ReconstructionError
 from twin.geometry import Array
@@ -132,16 +133,16 @@ def test_a_board_that_fills_most_of_the_view_and_moves_is_not_the_camera() -> No
     recording = _recording(truth, board, noise=0.001)
     by_tracks = estimate_cameras(tracks, recording.times, CAMERA.fx)
     assert _worst(by_tracks.T_world_cam, truth) > 0.1  # the tracks' own majority follows the board
-    found = camera_poses(recording, tracks)
+    found = camera_poses(recording, sparse(tracks, CAMERA))
     assert len(found.frames) == FRAMES
     assert _worst(found.T_world_cam, truth) < 8e-3
 
 
 def test_where_both_agree_the_poses_are_those_of_the_tracks() -> None:
     truth, board = _path(), _board(moves=False)
-    tracks = _tracks(truth, board, 14)
+    tracks = sparse(_tracks(truth, board, 14), CAMERA)
     recording = _recording(truth, board, noise=0.001)
-    alone = estimate_cameras(tracks, recording.times, CAMERA.fx)
+    alone = estimate_cameras(tracks.dense(), recording.times, CAMERA.fx)
     found = camera_poses(recording, tracks)
     np.testing.assert_array_equal(found.T_world_cam, alone.T_world_cam)
 
@@ -149,7 +150,7 @@ def test_where_both_agree_the_poses_are_those_of_the_tracks() -> None:
 def test_depth_carries_the_path_on_where_all_tracks_end() -> None:
     truth = _path()
     recording, tracks = _recording(truth, None, noise=0.001), _tracks(truth, None, 14, break_at=20)
-    found = camera_poses(recording, tracks)
+    found = camera_poses(recording, sparse(tracks, CAMERA))
     assert len(found.frames) == FRAMES
     assert _worst(found.T_world_cam, truth) < 5e-3
 
@@ -160,4 +161,4 @@ def test_a_bare_wall_without_tracks_tells_no_path() -> None:
     flat = np.full((CAMERA.height, CAMERA.width), 1.5, np.float32)
     wall = Recording("wall", "wall", recording.times, CAMERA, recording.color, lambda _: flat, "0")
     with pytest.raises(ReconstructionError, match="texture"):
-        camera_poses(wall, _tracks(poses, None, 14, break_at=1))
+        camera_poses(wall, sparse(_tracks(poses, None, 14, break_at=1), CAMERA))

@@ -12,6 +12,7 @@ from recon.cameras.rival import followed_part
 from recon.recording import Intrinsics, Recording
 from recon.tracking.tracks import Tracks
 from tests.makers.recon import tiny
+from tests.makers.recon.sparse import sparse
 from twin import geometry as geo
 from twin.geometry import Array
 
@@ -81,7 +82,7 @@ def test_cameras_leave_a_panel_that_has_most_of_the_tracks(slide: Array) -> None
     tracks, recording = _tracks(truth, slide, 300, 90), _recording(truth, slide)
     by_tracks = estimate_cameras(tracks, recording.times, CAMERA.fx)
     assert _worst(by_tracks.T_world_cam, truth) > 0.15  # the majority follows the panel
-    found = camera_poses(recording, tracks)
+    found = camera_poses(recording, sparse(tracks, CAMERA))
     assert len(found.frames) == FRAMES
     assert _worst(found.T_world_cam, truth) < 3e-3
 

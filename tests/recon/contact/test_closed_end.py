@@ -20,7 +20,7 @@ from recon.contact.closed_end import (
 from recon.contact.faces import sample
 from recon.contact.front import front_of
 from recon.evaluation.read_truth import load_truth
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from tests.makers.recon.cabinets import TRAVEL, Clip, Kind, make_clip
 from tests.makers.recon.tiny import box, merged

@@ -16,7 +16,7 @@ from recon.verdict.evidence import PartEvidence
 from recon.verdict.judge import CLOSED_SURE, judge, verdict_on
 from tests.makers.recon.altered import with_sigma
 from tests.makers.recon.cabinets import Clip
-from tests.makers.recon.judged import perfect
+from tests.makers.recon.judged import as_one, perfect
 from tests.makers.recon.tiny import merged
 from twin.scene import Mesh
 from twin.verdict import Verdict
@@ -41,10 +41,14 @@ def judged(clip: Clip, e: PartEvidence) -> Verdict:
     """The verdict on the clip's door, finished and judged as the chain does, in a room with that wall."""
     s, static = e.scene, walled(clip)
     fused = FusedScene(static, {e.part.id: clip.mesh})
-    done = finish_parts(s.recording, s.cameras, s.labels, s.found, (e.part,), fused, ContactConfig())
+    done = finish_parts(
+        s.recording, s.cameras, s.labels, {e.part.id: "motion"}, (e.part,), fused, ContactConfig()
+    )
     assert done[0].closed_margin == 0.0
     fused = FusedScene(clip.static, fused.parts)  # which the pictures show
-    return judge(s.recording, s.cameras, s.labels, s.found, (e.part,), fused, done).parts[e.part.id]
+    return judge(
+        s.recording, s.cameras, s.labels, as_one(s.recording, s.found), (e.part,), fused, done
+    ).parts[e.part.id]
 
 
 def test_a_door_that_is_flush_where_it_starts_is_not_doubted_for_a_wall_beyond_its_open_end(

@@ -14,7 +14,7 @@ from recon.contact.faces import sample
 from recon.contact.find_contact import ContactConfig, HandPoints, _close, find_contact
 from recon.contact.handles import find_edge, find_handle
 from recon.evaluation.read_truth import load_truth
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.readers import open_recording
 from tests.makers.recon.cabinets import BAR, FRAMES, Clip, Grip, Kind, make_clip
 from tests.makers.recon.tiny import box, merged

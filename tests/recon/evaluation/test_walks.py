@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from benchmarks.walks import lines, pooled
+from benchmarks.walk_rates import lines, pooled
 from recon.evaluation.evaluate import evaluate, match_parts
 from recon.evaluation.metrics import Span
 from recon.evaluation.truth import Truth, TruthPart

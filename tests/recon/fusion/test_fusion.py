@@ -16,7 +16,7 @@ from recon.fusion.tsdf import Observation, allocate, integrate, own_points, ray_
 from recon.readers import open_recording
 from recon.recording import Intrinsics, Recording
 from tests.makers.recon.tiny import box, write_recording
-from tests.recon.labels.test_labels import true_parts
+from tests.recon.interaction.labels.test_labels import true_parts
 from twin.errors import ConfigError, ReconstructionError
 from twin.geometry import Array
 from twin.scene import Trajectory

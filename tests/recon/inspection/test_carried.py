@@ -12,7 +12,7 @@ from recon.fusion.fuse import FusedScene
 from recon.inspection.findings import as_reason, doubts, finding
 from recon.verdict.judge import Judged, judge
 from tests.makers.recon.cabinets import Clip, make_clip
-from tests.makers.recon.judged import perfect
+from tests.makers.recon.judged import as_one, perfect
 from twin.verdict import Reason, of_twin, verdict_document, verdict_from
 
 LATE = finding("DepthDelayed", 2, 0.133, 0.002)
@@ -30,7 +30,16 @@ def judged(clip: Clip, faults: tuple[Reason, ...], surface: bool = True) -> Judg
     finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),) if surface else ()
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
     found = replace(e.scene.found, parts=(e.tracks,))
-    return judge(clip.recording, clip.cameras, clip.labels, found, (e.part,), fused, finished, faults)
+    return judge(
+        clip.recording,
+        clip.cameras,
+        clip.labels,
+        as_one(clip.recording, found),
+        (e.part,),
+        fused,
+        finished,
+        faults,
+    )
 
 
 def test_late_depth_doubts_every_part_and_is_the_first_reason(clip: Clip) -> None:

@@ -3,18 +3,20 @@ never does."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
 
 from recon.contact.finish_parts import FinishedPart
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from recon.texture.charts import MAX_TURN, lay_out
 from recon.texture.exposure import gains
 from recon.texture.fill import around, over_surface
-from recon.texture.photo_textures import TextureConfig, chosen, evenly, photo_textures
+from recon.texture.photo_textures import TextureConfig, chosen, evenly, photo_textures, photographed
 from recon.texture.raster import faces_at
 from twin import geometry as geo
 from twin.geometry import Array
@@ -279,3 +281,21 @@ def test_frames_left_out_are_left_out() -> None:
     left = chosen(range(0, 50, 4), TextureConfig(skip_every=12))
     assert left == [4, 8, 16, 20, 28, 32, 40, 44]
     assert evenly(left, 4) == [4, 16, 32, 44]
+
+
+def test_a_part_that_few_frames_of_a_walk_show_is_photographed() -> None:
+    """48 of 1,000 frames would miss what is seen for three of them."""
+    image, with_part = np.ones((2, 2), np.uint8), np.full((2, 2), 2, np.uint8)
+    labels = {f: with_part if 503 <= f <= 505 else image for f in range(1000)}
+    moving = MovingPart(
+        2, Prismatic(np.array([0.0, 0.0, 1.0])), Motion(np.zeros(0, int), np.zeros(0), np.zeros(0))
+    )
+    mesh = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+
+    def frames(windows: tuple[tuple[int, int], ...]) -> set[int]:
+        part = FinishedPart(replace(moving, windows=windows), mesh, None, "motion", "rest", 1.0)
+        return set(photographed(sorted(labels), labels, [part], TextureConfig()))
+
+    clip, walk = frames(()), frames(((480, 520),))
+    assert not {503, 504, 505} & clip
+    assert walk == clip | {503, 504, 505}

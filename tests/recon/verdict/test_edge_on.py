@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from recon.verdict.lost_labels import least_labelled
 from recon.verdict.of_video import LABELLED

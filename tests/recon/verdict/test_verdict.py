@@ -11,8 +11,8 @@ import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
-from recon.motion.movers import Movers
-from recon.refine.refine_parts import polish_parts, refine_found
+from recon.interaction.motion.movers import Movers
+from recon.interaction.refine.refine_parts import polish_parts, refine_found
 from recon.verdict import of_parts, of_video
 from recon.verdict.assemble import assemble
 from recon.verdict.evidence import PartEvidence
@@ -33,7 +33,7 @@ from tests.makers.recon.altered import (
     with_sigma,
 )
 from tests.makers.recon.cabinets import Clip
-from tests.makers.recon.judged import SPAN
+from tests.makers.recon.judged import SPAN, as_one
 from twin import geometry as geo
 from twin.scene import STATIC_LABEL, Joint, Mesh, Motion, Prismatic, Revolute
 from twin.verdict import Reason, Verdict
@@ -193,7 +193,9 @@ def judged_twin(clip: Clip, evidence: PartEvidence, sigma: float, cut: bool = Fa
     found, labels = evidence.scene.found, dict(evidence.scene.labels)
     finished = () if cut else (FinishedPart(part, clip.mesh, None, "motion", "rest", 1.0),)
     fused = FusedScene(clip.static, {} if cut else {part.id: clip.mesh})
-    verdict = judge(clip.recording, clip.cameras, labels, found, (part,), fused, finished)
+    verdict = judge(
+        clip.recording, clip.cameras, labels, as_one(clip.recording, found), (part,), fused, finished
+    )
     return assemble(
         clip.recording, clip.cameras, clip.static, finished, labels, {"made": 1}, verdict, (part,), {}, {}
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Intrinsics, Recording
 from recon.verdict.bare_borders import bare_border
 from recon.verdict.posed import PosedTwin

@@ -11,11 +11,11 @@ import pytest
 
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
-from recon.parts.find_parts import PartTracks
+from recon.interaction.parts.find_parts import PartTracks
 from recon.verdict.evidence import PartEvidence
 from recon.verdict.judge import OF_THE_FIT, OF_THE_SCENE, Judged, _beside_doubted, judge, verdict_on
 from tests.makers.recon.cabinets import Clip
-from tests.makers.recon.judged import perfect
+from tests.makers.recon.judged import as_one, perfect
 from twin.verdict import Level, Verdict, reason
 
 
@@ -100,7 +100,15 @@ def judged_beside(clip: Clip, frames: int) -> Judged:
     finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
     fused = FusedScene(clip.static, {e.part.id: clip.mesh})
     found = replace(e.scene.found, parts=tracks)
-    return judge(clip.recording, clip.cameras, clip.labels, found, (e.part, other), fused, finished)
+    return judge(
+        clip.recording,
+        clip.cameras,
+        clip.labels,
+        as_one(clip.recording, found),
+        (e.part, other),
+        fused,
+        finished,
+    )
 
 
 def test_what_moves_together_with_what_was_refused_is_doubtful(clip: Clip) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recon.parts.moving_part import MovingPart
+from recon.interaction.parts.moving_part import MovingPart
 from recon.recording import Intrinsics
 from recon.verdict import of_video
 from recon.verdict.evidence import PartEvidence

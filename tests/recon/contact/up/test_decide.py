@@ -49,10 +49,11 @@ def test_a_world_that_stands_is_not_touched(pitch: float) -> None:
 def in_view(world: World) -> list[np.ndarray]:
     """What doesn't depend on the world: all that stands in it, in the first camera."""
     T = geo.invert_pose(world.cameras.T_world_cam[0])
-    tracks = [t.part for t in world.found.parts]
-    out = [geo.transform(T, world.fused.static.vertices), geo.transform(T, world.found.movers.points_world)]
+    (one,) = world.interactions
+    tracks = [t.part for t in one.found.parts]
+    out = [geo.transform(T, world.fused.static.vertices), geo.transform(T, one.found.movers.points_world)]
     out += [geo.transform(T, m.vertices) for m in world.fused.parts.values()]
-    for part in (*world.parts, *tracks):
+    for part in (*world.parts, *one.parts, *tracks):
         out += [T @ part.joint.pose(0.2) @ geo.invert_pose(T)]
     return out
 
@@ -62,7 +63,8 @@ def test_what_is_seen_stays_where_the_camera_sees_it_when_the_world_is_turned() 
     world = turned(seen.world, decided(seen).up)
     for before, after in zip(in_view(seen.world), in_view(world), strict=True):
         np.testing.assert_allclose(after, before, atol=1e-9)
-    assert np.array_equal(world.found.hand, seen.world.found.hand)
+    (now,), (then,) = world.interactions, seen.world.interactions
+    assert np.array_equal(now.found.hand, then.found.hand)
 
 
 def test_a_direction_that_is_hardly_more_likely_is_doubted_and_both_are_named() -> None:

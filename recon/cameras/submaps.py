@@ -1,0 +1,93 @@
+"""Camera poses over minutes: submaps of some seconds, each solved by itself, laid onto each other.
+
+Neighbouring submaps share frames. Where tracking is lost (a covered lens, a blank wall), what follows starts
+a piece of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import geometry as geo
+from twin.geometry import Array
+
+# Frames of a recording that is solved as one. A clip of one interaction has 120 to 300 frames.
+WHOLE = 360
+# Frames of a submap, 12 s at 15 a second: an interaction lies in one or two. Chosen by us.
+_LENGTH = 180
+# Frames that neighbouring submaps share: more than the largest gap between frames that are compared.
+_SHARED = 45
+# Fewest frames of a piece: fewer are noise between two losses. Chosen by us.
+_FEWEST = 10
+
+Solve = Callable[[int, int], tuple[Array, NDArray[np.bool_]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Poses T_piece_cam (n, 4, 4) of rising frames (n,) that hang together."""
+
+    frames: NDArray[np.int64]
+    poses: Array
+
+
+def solve_pieces(count: int, solve: Solve) -> tuple[Piece, ...]:
+    """Poses of `count` frames, in pieces in the order of the frames.
+
+    solve: poses (n, 4, 4) of the frames first..last, and which of them are known (n,).
+    """
+    if count <= WHOLE:
+        poses, posed = solve(0, count - 1)
+        return (Piece(np.flatnonzero(posed), poses[posed]),) if posed.any() else ()
+    out: list[Piece] = []
+    first = 0
+    while count - first >= _FEWEST:
+        last = count - 1 if count - first < _LENGTH + _SHARED else first + _LENGTH - 1
+        poses, posed = solve(first, last)
+        frames = np.flatnonzero(posed)
+        if len(frames) >= _FEWEST:
+            piece = Piece(frames + first, poses[frames])
+            joined = _joined(out[-1], piece) if out else None
+            out = [*out, piece] if joined is None else [*out[:-1], joined]
+        end = first + (int(frames[-1]) if len(frames) else 0)
+        if last - end >= _FEWEST:  # lost on the way: what follows is solved anew
+            first = end + 1
+        elif last == count - 1:
+            break
+        else:
+            first = last + 1 - _SHARED
+    return tuple(out)
+
+
+def _joined(before: Piece, after: Piece) -> Piece | None:
+    """Both in the first one's frame, None where they share too few frames.
+
+    The shared frames change from one to the other little by little: no pose jumps.
+    """
+    both, mine, its = np.intersect1d(before.frames, after.frames, return_indices=True)
+    if len(both) < _FEWEST:
+        return None
+    lays = before.poses[mine] @ geo.invert_pose(after.poses[its])
+    lay = _middle(lays)
+    share = ((np.arange(len(both)) + 0.5) / len(both))[:, None]
+    moved = lay @ after.poses
+    step = geo.log_se3(geo.invert_pose(before.poses[mine]) @ moved[its])
+    blended = before.poses[mine] @ geo.exp_se3(share * step)
+    new = after.frames > both[-1]
+    kept = before.frames < both[0]
+    return Piece(
+        np.concatenate([before.frames[kept], both, after.frames[new]]),
+        np.concatenate([before.poses[kept], blended, moved[new]]),
+    )
+
+
+def _middle(poses: Sequence[Array] | Array) -> Array:
+    """The pose (4, 4) in the middle of some (n, 4, 4): the median of their logarithms about one of them."""
+    about = np.asarray(poses)[len(poses) // 2]
+    for _ in range(3):
+        about = about @ geo.exp_se3(np.median(geo.log_se3(geo.invert_pose(about) @ poses), axis=0))
+    return np.asarray(about)

@@ -1,0 +1,48 @@
+"""What a depth image says of points in the world: compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+UNKNOWN, SAME, THROUGH, HIDDEN = 0, 1, 2, 3
+
+
+@njit(cache=True, nogil=True)
+def look(points, T_cam_world, depth, fx, fy, cx, cy, least, slope):  # type: ignore[no-untyped-def]
+    """What a depth image (h, w) says of points (n, 3): one of its 3x3 pixels has their depth (SAME), all lie
+    behind (THROUGH: the camera sees through where they were) or in front (HIDDEN), or none (UNKNOWN).
+
+    least, slope: depths that differ by less than least + slope z^2 m are the same.
+    """
+    h, w = depth.shape
+    out = np.zeros(len(points), np.int8)
+    for i in range(len(points)):
+        x, y, z = T_cam_world[0, 3], T_cam_world[1, 3], T_cam_world[2, 3]
+        for k in range(3):
+            x += T_cam_world[0, k] * points[i, k]
+            y += T_cam_world[1, k] * points[i, k]
+            z += T_cam_world[2, k] * points[i, k]
+        if z < 0.1:
+            continue
+        u, v = int(np.rint(x / z * fx + cx)), int(np.rint(y / z * fy + cy))
+        if u < 1 or v < 1 or u >= w - 1 or v >= h - 1:
+            continue
+        gate = least + slope * z * z
+        near, far, known, same = np.inf, 0.0, 0, False
+        for a in range(v - 1, v + 2):
+            for b in range(u - 1, u + 2):
+                d = depth[a, b]
+                if d > 0.0:
+                    known += 1
+                    near, far = min(near, d), max(far, d)
+                    same |= abs(d - z) <= gate
+        if known < 5:
+            continue
+        if same:
+            out[i] = SAME
+        elif near > z + gate:
+            out[i] = THROUGH
+        elif far < z - gate:
+            out[i] = HIDDEN
+    return out

@@ -1,0 +1,1 @@
+"""One window solved: what moves in it, by which joints, and which pixels show it."""

@@ -1,0 +1,299 @@
+"""Labels: which pixels are static scene, which part, which hand, from geometry alone.
+
+Every pixel's point is carried into reference frames as if it belonged to the static scene and as if to each
+part. A surface that is seen through in another frame can't have been there. What neither hypothesis explains
+is the hand with its sleeve. Evidence is then pooled over voxels of the world and of each part, and over
+neighbouring pixels. FunREC, supplement 1.3: geometry in place of votes on regions.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.dense.depth import F32
+from recon.dense.noise import GOOD_SENSOR, DepthNoise
+from recon.interaction.labels.crf import agree, upsample_labels
+from recon.interaction.labels.evidence import ENOUGH
+from recon.interaction.labels.hand_pieces import Rests, drop_crumbs
+from recon.interaction.labels.pooling import SURE, pool_color, world_points
+from recon.interaction.labels.reference_frames import (
+    COLOR_SIGMAS,
+    References,
+    View,
+    as_references,
+    find_references,
+    gather,
+    halved,
+    lab,
+    relative_moves,
+    says_nothing,
+    view,
+)
+from recon.interaction.labels.spreading import follow_surroundings, pool_in_space
+from recon.interaction.parts.moving_part import MovingPart
+from recon.recording import Intrinsics, Recording
+from twin import geometry as geo
+from twin.errors import ReconstructionError
+from twin.geometry import Array
+from twin.runs.keys import Stage
+from twin.runs.loop import Loop, untold
+from twin.runs.setting import Settings, setting
+from twin.runs.threads import each
+from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
+
+LABELS = Stage("labels", 9, ("labels",))
+
+
+@dataclass(frozen=True)
+class LabelConfig(Settings):
+    """How frames are labelled."""
+
+    every: int = setting(4, "every so many frames one is labelled", unit="frames", at_least=1)
+
+
+# px; width to which frames are shrunk for the dense test. Chosen by us.
+WORKING_WIDTH = 320
+# m; error in depth that camera, joint and state may cause together. Chosen by us.
+_POSE_ERROR = 0.003
+# Frames taken from each time of rest. Chosen by us.
+_REFERENCES = 6
+# Frames of the whole recording that join as free-space witnesses. Chosen by us.
+_WITNESSES = 8
+# Log scores, chosen by us and the same for every recording.
+_SUPPORT = 1.5  # two references' agreement
+_VIOLATION = 4.0  # one and a half references that see through
+_PRIOR_PART = -0.5  # of a part without any evidence: such a pixel is static
+_HAND = -0.7  # of a hand: a moving pixel without more evidence is part or hand alike
+_BOX_MARGIN_M = 0.1
+_MOVED_SHARE = 0.15
+_HAND_AT_END = 0.003  # share of the picture, as for references
+
+
+def label_frames(
+    recording: Recording,
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    config: LabelConfig = LabelConfig(),
+    noise: DepthNoise = GOOD_SENSOR,
+    *,
+    frames: Sequence[int] | None = None,
+    width: int = WORKING_WIDTH,
+    progress: Loop | None = None,
+) -> dict[int, NDArray[np.uint8]]:
+    """Label images (H, W) at colour resolution: 0 unknown, 1 static, part ids, 255 hand with forearm.
+
+    Args:
+        noise: of depth.
+        frames: which frames; default every `config.every`-th one that has a camera pose.
+        width: px, to which frames are shrunk for the dense test.
+
+    Warns if no rest before or after the motion is without a hand. ReconstructionError: no camera pose.
+    """
+    known = set(cameras.frames.tolist())
+    wanted = range(0, len(recording), config.every) if frames is None else frames
+    chosen = [int(f) for f in wanted if int(f) in known]
+    if not chosen:
+        raise ReconstructionError("no frame to label has a camera pose", "label frames the cameras cover")
+    factor = max(1, round(recording.intrinsics.width / width))
+    refs = find_references(
+        recording,
+        cameras,
+        parts,
+        factor=factor,
+        slack=_POSE_ERROR,
+        noise=noise,
+        per_phase=_REFERENCES,
+        witnesses=_WITNESSES,
+    )
+    _warn(refs)
+    camera = recording.intrinsics.binned(factor)
+    boxes = [_part_box(refs, cameras, p, camera, _POSE_ERROR, noise) for p in parts]
+
+    def look(frame: int) -> tuple[View, F32, NDArray[np.bool_]]:
+        seen = view(recording, frame, factor)
+        return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, _POSE_ERROR, noise)
+
+    looks = [seen for _, seen in zip((progress or untold)(chosen, "labels"), each(look, chosen), strict=True)]
+    views, scores, stays = (list(column) for column in zip(*looks, strict=True))
+    pool_in_space(views, scores, stays, cameras, parts, camera, COLOR_SIGMAS * refs.color_sigma, noise)
+    _weigh(views, scores, COLOR_SIGMAS * refs.color_sigma)
+    pool_color(views, scores)
+    rests = Rests.of(views, cameras, parts, camera, refs.color_sigma, _POSE_ERROR, noise)
+    ids = np.array([STATIC_LABEL, *(p.id for p in parts), HAND_LABEL], np.uint8)
+
+    def final(k: int) -> NDArray[np.uint8]:
+        return _final(recording, views[k], scores[k], factor, ids, rests)
+
+    out = dict(zip(chosen, each(final, range(len(views))), strict=True))
+    if frames is None:
+        _warn_of_ends(out)
+    return out
+
+
+def _weigh(views: Sequence[View], scores: Sequence[F32], scale: float) -> None:
+    """Add to the scores what is likely beforehand, and where there is no depth what stands around."""
+
+    def weigh(k: int) -> None:
+        scores[k][1:-1] += _PRIOR_PART
+        follow_surroundings(scores[k], views[k], scale)
+
+    deque(each(weigh, range(len(views))), maxlen=0)
+
+
+def _warn(refs: References) -> None:
+    for k, free in enumerate(refs.rest_without_hand):
+        if not free:
+            where = {0: "before the first motion", len(refs.rest_without_hand) - 1: "after the last motion"}
+            warnings.warn(
+                f"no frame {where.get(k, 'between two motions')} is free of the hand: part and hand labels will be "
+                "less exact there; record a second of rest without the hand",
+                stacklevel=3,
+            )
+
+
+def _warn_of_ends(labels: dict[int, NDArray[np.uint8]]) -> None:
+    """Warn when the recording starts or ends with the hand in the picture."""
+    for when, frame in (("starts", min(labels)), ("ends", max(labels))):
+        share = float(np.mean(labels[frame] == HAND_LABEL))
+        if share > _HAND_AT_END:
+            warnings.warn(
+                f"the recording {when} with the hand in the picture (frame {frame}, {share:.1%} of it): what it hides "
+                "there is less sure; record a second of rest without the hand",
+                stacklevel=3,
+            )
+
+
+def _part_box(
+    refs: References,
+    cameras: Trajectory,
+    part: MovingPart,
+    camera: Intrinsics,
+    slack: float,
+    noise: DepthNoise,
+) -> tuple[Array, Array] | None:
+    """Lower and upper corner (3,) that surely hold the part at state 0; None when nothing is known of it.
+
+    What other references see through, in references that show no hand, is the part; `_BOX_MARGIN_M` is added.
+    """
+    views = [halved(View(f, d, c)) for f, d, c in zip(refs.frames, refs.depth, refs.color, strict=True)]
+    small, half = as_references(views, np.zeros(len(views), bool), refs.color_sigma), camera.strided(2)
+
+    def moved_points(k: int) -> Array:
+        seen, pose = views[k], part.pose(refs.frames[k])
+        if pose is None:
+            return np.zeros((0, 3))
+        moves = relative_moves(cameras, (), seen.frame, refs.frames)[0]
+        moves[k] = np.nan
+        violation = gather(seen, small, moves, half, slack, noise)[1]
+        moved = replace(seen, depth=np.where(violation > 1.5, seen.depth, np.float32(0)))
+        return geo.transform(geo.invert_pose(pose), world_points(moved, half, cameras.pose(seen.frame)))
+
+    found = list(each(moved_points, np.flatnonzero(refs.trusted).tolist()))
+    points = np.concatenate(found) if found else np.zeros((0, 3))
+    if len(points) < 50:
+        return None
+    low, high = np.percentile(points, [0.5, 99.5], axis=0)
+    margin = _BOX_MARGIN_M + 0.5 * float((high - low).max())
+    return low - margin, high + margin
+
+
+def _first_scores(
+    seen: View,
+    refs: References,
+    cameras: Trajectory,
+    parts: Sequence[MovingPart],
+    boxes: Sequence[tuple[Array, Array] | None],
+    camera: Intrinsics,
+    slack: float,
+    noise: DepthNoise,
+) -> tuple[F32, NDArray[np.bool_]]:
+    """Log scores (1 + P + 1, h, w) of static, parts, hand from the reference frames alone; the masks
+    (1 + P, h, w) of what surely moved and, for each part, of what surely stays (see `_stays`)."""
+    moves = relative_moves(cameras, parts, seen.frame, refs.frames)
+    moves[:, [f == seen.frame for f in refs.frames]] = np.nan
+    known = seen.depth > 0
+    world = world_points(seen, camera, cameras.pose(seen.frame))
+    within = [_within(p.pose(seen.frame), box, known, world) for p, box in zip(parts, boxes, strict=True)]
+    nowhere = known & ~np.logical_or.reduce(within)
+    planes = [_score(gather(seen, refs, moves[0], camera, slack, noise, nowhere))]
+    stays = []
+    for part, inside, move in zip(parts, within, moves[1:], strict=True):
+        side = _side(part, seen.frame, refs)
+        still = gather(seen, refs, moves[0], camera, slack, noise, inside, side)
+        planes[0][inside] = _score(still)[inside]
+        stays.append(_stays(still, side))
+        score = _score(gather(seen, refs, move, camera, slack, noise, inside, side))
+        score[known & ~inside] = -_VIOLATION
+        planes.append(score)
+    untold = says_nothing(seen, noise) & (np.max(planes, axis=0) < _HAND)
+    planes = [np.where(untold, np.float32(0), p) for p in planes]
+    planes.append(np.full(known.shape, _HAND, np.float32))
+    return np.stack(planes).astype(np.float32), np.array([planes[0] < -SURE, *stays])
+
+
+def _within(
+    pose: Array | None, box: tuple[Array, Array] | None, known: NDArray[np.bool_], world: F32
+) -> NDArray[np.bool_]:
+    """Pixels (h, w) of known depth in a part's box; all of them when its pose or its box is not known."""
+    inside = known.copy()
+    if box is not None and pose is not None:
+        at_rest = geo.transform(geo.invert_pose(pose), world)
+        inside[known] = ((at_rest > box[0]) & (at_rest < box[1])).all(axis=1)
+    return inside
+
+
+def _side(part: MovingPart, frame: int, refs: References) -> NDArray[np.int8]:
+    """-1 for references at rest with the part at a clearly lower state than in this frame, 1 at a higher."""
+    span = float(np.ptp(part.motion.state)) if len(part.motion.state) else 0.0
+    now, then = part.state(frame), [part.state(f) for f in refs.frames]
+    if now is None or span == 0:
+        return np.zeros(len(then), np.int8)
+    share = np.array([0.0 if s is None else (s - now) / span for s in then])
+    return np.asarray(np.sign(share) * (np.abs(share) > _MOVED_SHARE) * refs.trusted, dtype=np.int8)
+
+
+def _stays(evidence: F32, side: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Pixels that are seen at their place both while the part is at lower and while it is at higher states.
+
+    They are static even if so flat that they could have moved along themselves: a table below a door.
+    """
+    counts = [int((side == sign).sum()) for sign in (-1, 1)]
+    sides = [evidence[2 + k] > 0.4 * n for k, n in enumerate(counts) if n]
+    return np.logical_and.reduce(sides) if sides else np.ones(evidence.shape[1:], bool)
+
+
+def _score(evidence: F32) -> F32:
+    support, violation, lower, higher = evidence
+    seen_through = np.clip((0.85 * violation - 0.3 * (lower + higher)) / 1.5, 0.0, 1.0)
+    score: F32 = (_SUPPORT * np.minimum(support, ENOUGH) / ENOUGH - _VIOLATION * seen_through).astype(
+        np.float32
+    )
+    return score
+
+
+def _final(
+    recording: Recording,
+    seen: View,
+    score: F32,
+    factor: int,
+    ids: NDArray[np.uint8],
+    rests: Rests,
+) -> NDArray[np.uint8]:
+    """Neighbours agree, then the full grid follows colour and depth."""
+    scale = COLOR_SIGMAS * rests.color_sigma
+    belief = agree(score, seen.color, seen.depth, scale, 3, 6, 3.0)
+    drop_crumbs(belief)
+    rests.drop_armless(belief, seen)
+    color, depth = recording.frame(seen.frame)
+    labels = upsample_labels(
+        belief, seen.color, seen.depth, lab(color), np.asarray(depth, np.float32), factor, scale, ids
+    )
+    if not (depth > 0).any():
+        labels[:] = UNKNOWN_LABEL
+    return labels

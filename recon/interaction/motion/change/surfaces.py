@@ -1,0 +1,122 @@
+"""Surfaces that left their place, and surfaces that came to it.
+
+A surface that a frame at rest sees and other frames see through was not there at all times. Surfaces of the
+recording's first frame leave later; surfaces of its last frame came before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.dense.looks import SAME, THROUGH
+from recon.interaction.motion.change.arms import is_arm
+from recon.interaction.motion.change.depths import Depths
+from recon.interaction.motion.change.kernels import BARED, FRESH, OLD
+from twin.geometry import Array
+
+# All chosen by us. Least gap in standard deviations of noise.
+SIGMAS = 5.0
+# Least gap, m.
+GAP_M = 0.02
+# A surface that left is gone in at least so many spans of rows: single rows are noise.
+_SPANS = 2
+# Rows of such a span.
+_LONG = 3
+# Least share of the picture that a part's surface has.
+SHARE = 0.004
+# Most surfaces of each end of the recording.
+MOST = 4
+# px of the window about a pixel of unknown depth, most of whose known pixels left.
+_AMONG = 5
+# Least jump of depth (m) per pixel where a surface ends before another one.
+_JUMP_M = 0.04
+# Least ratio of that jump to the slope on the other side.
+_STEEPER = 2.0
+# Most pixels over which coarse sensors smear the jump.
+_SMEARED = 2
+_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """A surface at rest in row `rest` of depths: pixels (h, w), points (n, 3) m, Lab colours (n, 3)."""
+
+    rest: int
+    mask: NDArray[np.bool_]
+    points: Array
+    tint: Array
+
+
+def changed_surfaces(depths: Depths, rest: int) -> list[Changed]:
+    """Pieces of surface that row `rest` sees and several others see through, largest first, without arms."""
+    known = depths.depth[rest] > 0
+    points = depths.points(rest)
+    gone = np.stack(
+        [depths.look(points[known], t, SIGMAS, GAP_M) == THROUGH for t in range(len(depths.frames))]
+    )
+    spans = np.logical_and.reduce([gone[k : len(gone) - _LONG + 1 + k] for k in range(_LONG)]).sum(axis=0)
+    left = np.zeros(known.shape, np.uint8)
+    left[known] = spans >= _SPANS
+    solid = _filled(left, depths.depth[rest]) & ~_torn(depths.depth[rest])
+    opened = cv2.morphologyEx(solid, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    piece = np.where(left > 0, cv2.connectedComponents(opened, connectivity=4)[1], 0)
+    area = np.bincount(piece.ravel())[1:]
+    large = [int(k) + 1 for k in np.argsort(-area, kind="stable")[:MOST] if area[k] >= SHARE * left.size]
+    colour = depths.colour[rest].astype(np.float64)
+    found = [Changed(rest, piece == k, points[piece == k], colour[piece == k]) for k in large]
+    return [c for c in found if not is_arm(c.mask, depths.depth[rest], c.points)]
+
+
+def _filled(left: NDArray[np.uint8], depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Pixels (h, w) that left, with those of unknown depth among them: dark surfaces are seen in spots.
+
+    Beside a jump of depth no pixel is added: there unknown pixels separate two surfaces.
+    """
+    known, window = depth > 0, np.ones((_AMONG, _AMONG), np.uint8)
+    left_here, known_here = (cv2.blur(m.astype(np.float32), window.shape) for m in (left, known))
+    nearest = cv2.erode(np.where(known, depth, np.inf).astype(np.float32), window)
+    level = cv2.dilate(depth, window) - nearest < _AMONG * _JUMP_M
+    return np.asarray((left > 0) | (~known & level & (left_here > 0.5 * known_here)), np.uint8)
+
+
+def _torn(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Pixels (h, w), 1 or 0, at which a depth image jumps: an arm and what it covers are two surfaces."""
+    known = np.where(depth > 0, depth, np.inf).astype(np.float32)
+    torn = np.zeros(depth.shape, bool)
+    for px in range(1, _SMEARED + 1):
+        near = depth - cv2.erode(known, _CROSS, iterations=px)
+        far = cv2.dilate(depth, _CROSS, iterations=px) - depth
+        # a slanted surface has the same slope on both sides
+        torn |= (near > px * _JUMP_M) & (near > _STEEPER * far)
+    return np.asarray(torn & (depth > 0), np.uint8)
+
+
+def informative_rows(first: NDArray[np.uint8], last: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
+    """At most `count` rows with the first and the last: half of them evenly spread, half where much is new.
+
+    first, last: `novelty` (T, h, w) to the first and last row. Moving parts and hands are new to both.
+    """
+    rows = len(first)
+    even = np.unique(np.linspace(0, rows - 1, min(count - count // 2, rows)).round().astype(np.int64))
+    others = np.setdiff1d(np.arange(rows), even)
+    if not len(others):
+        return even
+    under_way = ((first == FRESH) & (last == FRESH)).mean(axis=(1, 2))[others] + 1e-6
+    gone = np.cumsum(under_way) / under_way.sum()
+    busy = np.searchsorted(gone, (np.arange(count // 2) + 0.5) / (count // 2))
+    return np.unique(np.concatenate([even, others[np.minimum(busy, len(others) - 1)]]))
+
+
+def novelty(depths: Depths, rest: int) -> NDArray[np.uint8]:
+    """What each pixel (T, h, w) sees: OLD where row `rest` sees the same there, FRESH where that row sees
+    through, BARED where that row could not see: hidden, out of view or without depth."""
+    known = depths.depth > 0
+    out = np.zeros(depths.depth.shape, np.uint8)
+    for t in range(len(depths.frames)):
+        seen = depths.look(depths.points(t)[known[t]], rest, SIGMAS / 2.0, GAP_M / 2.0)
+        out[t][known[t]] = np.select([seen == SAME, seen == THROUGH], [OLD, FRESH], BARED)
+    return out

@@ -1,0 +1,80 @@
+"""Joints that a surface's shape suggests: a board turns about an edge, or slides along normal or edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import cv2
+import numpy as np
+
+from recon.interaction.joints.observations import Kind
+from twin import geometry as geo
+from twin.geometry import Array
+
+# m from a plane within which points lie on the plane. Chosen by us.
+_ON_PLANE_M = 0.02
+# Tries of three points for a plane. Chosen by us.
+_TRIES = 200
+# How far (m) beyond an edge its hinge may lie: next to its hinge a board hardly leaves its place, so the
+# surface seen to leave ends before it, by that gap over the sine of the opening. Chosen by us.
+_BEYOND_M = (0.0, 0.05, 0.1)
+# Quantile of the points that is an edge, so that single points do not shift the edge. Chosen by us.
+_LENGTH = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class Proposed:
+    """A joint that may carry a surface: unit axis (3,), and for hinges a pivot (3,) m, in the world."""
+
+    kind: Kind
+    axis: Array
+    pivot: Array
+
+    def poses(self, states: Array) -> Array:
+        """World motions (n, 4, 4) of the states (n,), rad or m."""
+        out = np.tile(np.eye(4), (len(states), 1, 1))
+        if self.kind == "prismatic":
+            out[:, :3, 3] = states[:, None] * self.axis
+        else:
+            out[:, :3, :3] = geo.exp_so3(states[:, None] * self.axis)
+            out[:, :3, 3] = self.pivot - out[:, :3, :3] @ self.pivot
+        return out
+
+
+def proposed_joints(points: Array) -> list[Proposed]:
+    """Three slides of the rectangle about a surface's points (n, 3), and hinges at and beyond its edges."""
+    normal, on = plane_of(points)
+    basis = geo.orthogonal_basis(normal)[:, :2]
+    flat = (on - on.mean(axis=0)) @ basis
+    (_, _), (_, _), angle = cv2.minAreaRect(flat.astype(np.float32))
+    turn = np.deg2rad(angle)
+    sides = basis @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    along = (on - on.mean(axis=0)) @ sides
+    low, high = np.quantile(along, [1 - _LENGTH, _LENGTH], axis=0)
+    middle = on.mean(axis=0) + sides @ (0.5 * (low + high))
+    out = [Proposed("prismatic", d, middle) for d in (normal, sides[:, 0], sides[:, 1])]
+    for k in range(2):
+        half = 0.5 * (high[k] - low[k])
+        for beyond, sign in product(_BEYOND_M, (-1.0, 1.0)):
+            edge = middle + sides[:, k] * sign * (half + beyond)
+            out.append(Proposed("revolute", sides[:, 1 - k], edge))
+    return out
+
+
+def plane_of(points: Array) -> tuple[Array, Array]:
+    """Unit normal (3,) of the plane of most points (RANSAC, Fischler and Bolles 1981), and those points."""
+    rng = np.random.default_rng(0)
+    best = np.ones(len(points), dtype=bool)
+    fewest = 0
+    for _ in range(_TRIES):
+        a, b, c = points[rng.choice(len(points), 3, replace=False)]
+        normal = np.cross(b - a, c - a)
+        length = float(np.linalg.norm(normal))
+        if length < 1e-9:
+            continue
+        on = np.abs((points - a) @ normal) < _ON_PLANE_M * length
+        if on.sum() > fewest:
+            best, fewest = on, int(on.sum())
+    on = points[best]
+    return np.asarray(np.linalg.svd(on - on.mean(axis=0), full_matrices=False)[2][2]), on

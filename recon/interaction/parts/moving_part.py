@@ -1,0 +1,50 @@
+"""What the motion stages hand to the labelling and fusion stages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.errors import SceneError
+from twin.geometry import Array
+from twin.scene import FIRST_PART_ID, Joint, Motion
+
+
+@dataclass(frozen=True, eq=False)
+class MovingPart:
+    """A joint and its state over time, before the part's shape is known.
+
+    id: label id, from 2. joint: in the world frame of the cameras; state 0 is the pose at the first frame
+    (which end is closed is decided later). motion: one state for every frame with a known camera, rest frames
+    included. windows: first and last frames of the times in which it was handled; none: all frames.
+    """
+
+    id: int
+    joint: Joint
+    motion: Motion
+    windows: tuple[tuple[int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.id < FIRST_PART_ID:
+            raise SceneError(f"part ids start at {FIRST_PART_ID}, got {self.id}")
+
+    @property
+    def handled_states(self) -> Array:
+        """States (n,) in the frames of its windows: elsewhere it only stands."""
+        if not self.windows:
+            return self.motion.state
+        frames = self.motion.frames
+        inside = np.logical_or.reduce([(frames >= a) & (frames <= b) for a, b in self.windows])
+        return self.motion.state[inside]
+
+    def state(self, frame: int) -> float | None:
+        """State at a recording frame, None when that frame has no estimate."""
+        k = int(np.searchsorted(self.motion.frames, frame))
+        known = k < len(self.motion.frames) and self.motion.frames[k] == frame
+        return float(self.motion.state[k]) if known else None
+
+    def pose(self, frame: int) -> Array | None:
+        """T_world_part (4, 4): from state 0 to the world at a recording frame; None without an estimate."""
+        state = self.state(frame)
+        return None if state is None else self.joint.pose(state)

@@ -1,0 +1,108 @@
+"""Labels of all windows together: a part that stands open in another window is no wall."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.interaction.interaction import Interaction
+from recon.merge.merge import Merged
+from recon.recording import Recording
+from recon.windows.windows import Window
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.runs.threads import each
+from twin.scene import STATIC_LABEL, UNKNOWN_LABEL, Trajectory
+from twin.voxels import NEIGHBOURS, voxel_keys
+
+# m; cell within which a pixel lies on a part's surface: a door's thickness and the drift of the cameras.
+_CELL_M = 0.025
+# Labelled pixels are looked at in blocks of so many on each side.
+_EVERY = 2
+# s between frames outside of all windows that show the static scene.
+_CONTEXT_S = 1.0
+
+
+def all_labels(
+    recording: Recording, cameras: Trajectory, interactions: Sequence[Interaction], merged: Merged
+) -> Mapping[int, NDArray[np.uint8]]:
+    """Label images (H, W) by frame of the recording: of the windows, and of some frames between them.
+
+    One window's labels stay as they are. Else a static pixel on the surface of a part that the window does
+    not handle, in the state that it has there, is that part's.
+    """
+    if len(interactions) == 1 and interactions[0].window.is_whole(recording):
+        return interactions[0].labels
+    told = {
+        f + i.window.first: (image, number)
+        for number, i in enumerate(interactions)
+        for f, image in i.labels.items()
+    }
+    shape = recording.intrinsics.height, recording.intrinsics.width
+    static = np.full(shape, STATIC_LABEL, np.uint8)
+    for frame in _between(recording, cameras, [i.window for i in interactions]):
+        told[frame] = (static, -1)
+    cells = [_cells(points) for points in merged.surfaces]
+    frames = sorted(told)
+
+    def label(frame: int) -> NDArray[np.uint8]:
+        image, number = told[frame]
+        standing = [
+            k for k, shares in enumerate(merged.shares) if all(s.interaction != number for s in shares)
+        ]
+        return _with_standing(image, frame, recording, cameras, merged, {k: cells[k] for k in standing})
+
+    return dict(zip(frames, each(label, frames), strict=True))
+
+
+def _between(recording: Recording, cameras: Trajectory, windows: Sequence[Window]) -> list[int]:
+    """Posed frames outside of all windows, `_CONTEXT_S` apart."""
+    times = np.asarray(recording.times)
+    out: list[int] = []
+    for f in cameras.frames.tolist():
+        if any(w.first <= f <= w.last for w in windows):
+            continue
+        if not out or times[f] - times[out[-1]] >= _CONTEXT_S:
+            out.append(int(f))
+    return out
+
+
+def _cells(points: Array) -> NDArray[np.int64]:
+    """Keys of the cells of points (n, 3) and of their neighbours, sorted."""
+    keys = np.unique(voxel_keys(points.astype(np.float32), _CELL_M))
+    return np.unique(keys[:, None] + NEIGHBOURS) if len(keys) else keys
+
+
+def _with_standing(
+    image: NDArray[np.uint8],
+    frame: int,
+    recording: Recording,
+    cameras: Trajectory,
+    merged: Merged,
+    cells: Mapping[int, NDArray[np.int64]],
+) -> NDArray[np.uint8]:
+    """A label image with the parts that stand around. cells: of their surfaces, by their place."""
+    T_world_cam = cameras.pose(frame)
+    depth = recording.depth(frame)
+    out = np.where(depth > 0, image, image if image.min() != image.max() else UNKNOWN_LABEL).astype(np.uint8)
+    if T_world_cam is None or not cells:
+        return out
+    small = depth[::_EVERY, ::_EVERY]
+    y, x = np.nonzero((small > 0) & (image[::_EVERY, ::_EVERY] == STATIC_LABEL))
+    pixels = _EVERY * np.stack([x, y], axis=-1).astype(float)
+    points = recording.intrinsics.backproject(pixels, small[y, x].astype(float))
+    world = geo.transform(T_world_cam, points)
+    block = np.zeros(small.shape, np.uint8)
+    for k, keys in cells.items():
+        pose = merged.parts[k].pose(frame)
+        if pose is None or not len(keys):
+            continue
+        there = geo.transform(geo.invert_pose(pose), world)
+        low, high = merged.surfaces[k].min(axis=0) - _CELL_M, merged.surfaces[k].max(axis=0) + _CELL_M
+        near = np.flatnonzero(((there > low) & (there < high)).all(axis=1))
+        on = np.isin(voxel_keys(there[near].astype(np.float32), _CELL_M), keys)
+        block[y[near[on]], x[near[on]]] = merged.parts[k].id
+    large = np.repeat(np.repeat(block, _EVERY, axis=0), _EVERY, axis=1)[: out.shape[0], : out.shape[1]]
+    return np.where((large > 0) & (out == STATIC_LABEL), large, out)

@@ -1,0 +1,1 @@
+"""Windows: when something is handled in a recording of minutes."""

@@ -1,0 +1,58 @@
+"""The windows that the user's word on parts is about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from recon.recording.said import Said, Word
+from recon.windows.windows import Window, padded
+from twin.geometry import Array
+
+# s about a frame in which the user points at a part: it moves then, or not long before or after.
+_ABOUT_S = 3.0
+
+
+def said_windows(windows: Sequence[Window], said: Said, times: Array) -> list[tuple[Window, Said]]:
+    """Each window with what the user says of it, frames counted from the window's first.
+
+    Without a word on parts these are all windows. With words it is the windows that they are about; a word on
+    frames in which nothing was seen to be handled gets a window of its own.
+    """
+    if not said.words:
+        return [(w, said) for w in windows]
+    out: dict[Window, list[int]] = {}
+    for k, word in enumerate(said.words):
+        first, last = _frames(word)
+        found = next((w for w in windows if w.first <= first and last <= w.last), None)
+        out.setdefault(found or _about(word, times), []).append(k)
+    return [(w, _of(said, kept, w.first)) for w, kept in sorted(out.items(), key=lambda item: item[0].first)]
+
+
+def _frames(word: Word) -> tuple[int, int]:
+    """First and last frame that a word is about."""
+    told = [*(word.interval or ()), *([word.point[2]] if word.point is not None else [])]
+    return min(told), max(told)
+
+
+def _about(word: Word, times: Array) -> Window:
+    """A window about a word, with rest around."""
+    first, last = _frames(word)
+    if word.interval is None:
+        first = int(np.searchsorted(times, times[first] - _ABOUT_S))
+        last = int(np.searchsorted(times, times[last] + _ABOUT_S, side="right")) - 1
+    return padded([(first, last)], times)[0]
+
+
+def _of(said: Said, kept: Sequence[int], first: int) -> Said:
+    """What is said of some parts, its frames counted from `first`."""
+    return replace(
+        said,
+        at=tuple((x, y, f - first) for x, y, f in (said.at[k] for k in kept)) if said.at else (),
+        intervals=tuple((a - first, b - first) for a, b in (said.intervals[k] for k in kept))
+        if said.intervals
+        else (),
+        types=tuple(said.types[k] for k in kept) if len(said.types) > 1 else said.types,
+    )

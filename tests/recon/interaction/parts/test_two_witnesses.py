@@ -1,0 +1,178 @@
+"""Parts by two witnesses, tracks and depth: which of them is believed where they differ, on cabinets of
+closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from recon.interaction.motion.movers import Movers
+from recon.interaction.parts.changed import compete
+from recon.interaction.parts.changed.compete import Witnessed, witnessed
+from recon.interaction.parts.changed.proposals import Proposed
+from recon.interaction.parts.changed.search import ChangedPart
+from recon.interaction.parts.found import PartTracks
+from recon.interaction.parts.moving_part import MovingPart
+from recon.interaction.parts.two_witnesses import _goes_along, reconciled_parts
+from recon.recording import Recording
+from tests.makers.recon.cabinets import Clip, Kind, make_clip
+from twin import geometry as geo
+from twin.geometry import Array
+from twin.scene import JointSigma, Prismatic, Revolute, Trajectory
+
+
+@pytest.fixture(scope="module", params=["door", "drawer", "slide"])
+def clip(request: pytest.FixtureRequest) -> Clip:
+    kind: Kind = request.param
+    return make_clip(kind)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _searched_once() -> Iterator[None]:
+    """What depth tells of a recording and of the joints that are proposed is searched once for all tests."""
+    search, known = compete.changed_parts, dict[object, tuple[Recording, list[ChangedPart]]]()
+
+    def kept(recording: Recording, cameras: Trajectory, joints: Sequence[Proposed] = ()) -> list[ChangedPart]:
+        key = id(recording), tuple((j.kind, j.axis.tobytes(), j.pivot.tobytes()) for j in joints)
+        if key not in known:
+            known[key] = recording, search(recording, cameras, joints)
+        return known[key][1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compete, "changed_parts", kept)
+        yield
+
+
+def movers(count: int = 0) -> Movers:
+    none = np.zeros(count, bool)
+    return Movers(np.zeros((26, count, 3)), np.zeros((26, count), bool), none, none)
+
+
+def test_a_true_joint_that_tracks_tell_is_known_again_and_a_wrong_one_is_not(clip: Clip) -> None:
+    true = clip.part.joint
+    wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
+    (found,) = witnessed(clip.recording, clip.cameras, movers(), [wrong, clip.part])
+    assert found.by_tracks == 1
+    (alone,) = witnessed(clip.recording, clip.cameras, movers(), [wrong])
+    assert alone.by_tracks is None
+    assert alone.joint.kind == true.kind
+    assert len(alone.state) == len(clip.cameras.frames)
+
+
+def test_tracks_that_follow_a_joint_are_its_and_others_are_not() -> None:
+    clip = make_clip("door")
+    rng = np.random.default_rng(0)
+    on_part = clip.mesh.vertices[rng.integers(0, len(clip.mesh.vertices), 20)]
+    poses = clip.part.joint.poses(clip.part.motion.state)
+    riding = np.einsum("tij,kj->tki", poses[:, :3, :3], on_part) + poses[:, None, :3, 3]
+    drifting = rng.uniform(-0.3, 0.3, (1, 20, 3)) + np.linspace(0, 0.2, 26)[:, None, None]
+    points = np.concatenate([riding, drifting], axis=1)
+    every = np.ones(40, bool)
+    seen = Movers(points, np.ones((26, 40), bool), every, every)
+    (found,) = witnessed(clip.recording, clip.cameras, seen, [])
+    assert found.followers[:20].mean() > 0.8
+    assert not found.followers[20:].any()
+
+
+def test_a_joint_of_tracks_that_depth_does_not_confirm_gives_way_to_depths(clip: Clip) -> None:
+    none = np.zeros(0, bool)
+    wrong = replace(clip.part, joint=Prismatic(geo.unit(np.array([0.3, 0.2, 1.0]))))
+    told = [PartTracks(wrong, none, "motion"), PartTracks(clip.part, none, "motion")]
+    (kept,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
+    assert kept.type_source == "motion"
+    assert kept.part.joint is clip.part.joint
+    (other,) = reconciled_parts(told[:1], clip.recording, clip.cameras, movers(), 8)
+    assert other.type_source == "depth"
+    assert other.part.joint.kind == clip.part.joint.kind
+    assert other.part.motion.inliers == 0.0  # no track follows it
+
+
+def firmly(part: MovingPart, tracks: int, degrees: float) -> PartTracks:
+    """A part of so many tracks that know its axis so well."""
+    joint = replace(part.joint, sigma=JointSigma(np.radians(degrees), 0.002, 0.005))
+    return PartTracks(replace(part, joint=joint), np.ones(tracks, bool), "motion")
+
+
+def test_many_tracks_that_know_their_axis_need_no_other_witness() -> None:
+    """Depth has a door that hardly opens turn about another line; what moves at another time is another
+    part."""
+    clip = make_clip("door")
+    hinge = cast("Revolute", clip.part.joint)
+    elsewhere = replace(clip.part, joint=replace(hinge, pivot=hinge.pivot + [0.4, 0.3, 0.0]))
+
+    def told(part: MovingPart, tracks: int, degrees: float) -> tuple[PartTracks, ...]:
+        firm = [firmly(part, tracks, degrees)]
+        return reconciled_parts(firm, clip.recording, clip.cameras, movers(tracks), 8)
+
+    for tracks, degrees, kept in ((200, 0.2, True), (50, 0.2, False), (200, 2.0, False)):
+        (part,) = told(elsewhere, tracks, degrees)
+        assert (part.type_source == "motion") == kept
+    motion = elsewhere.motion
+    later = replace(elsewhere, motion=replace(motion, state=np.interp(np.arange(26), [23, 25], [0.0, 1.0])))
+    parts = told(later, 200, 0.2)
+    assert [p.type_source for p in parts] == ["depth", "motion"]
+    assert [p.part.id for p in parts] == [2, 3]
+
+
+def with_states(clip: Clip, state: Array) -> MovingPart:
+    return replace(clip.part, motion=replace(clip.part.motion, state=state))
+
+
+def test_states_of_tracks_that_depth_contradicts_give_way_to_depths(clip: Clip) -> None:
+    """Tracks that slip along a part go too short a way, a hand that comes along the part's axis sets out too
+    early. Where a strip of a panel is all that changed, depth only tells how far it goes."""
+    none, true = np.zeros(0, bool), clip.part.motion.state
+    early = np.interp(np.arange(26) + 5, np.arange(26), true)
+    strip = (
+        bool(np.isclose(clip.part.joint.axis @ [0.0, 1.0, 0.0], 0.0)) and clip.part.joint.kind == "prismatic"
+    )
+    other = "motion" if strip else "depth"
+    for state, source in ((0.1 * true, "depth"), (0.4 * true, other), (early, other), (true, "motion")):
+        told = [PartTracks(with_states(clip, state), none, "motion")]
+        (part,) = reconciled_parts(told, clip.recording, clip.cameras, movers(), 8)
+        assert part.type_source == source
+    np.testing.assert_array_equal(part.part.motion.state, true)
+
+
+def test_states_that_run_on_out_of_view_are_none_of_the_part() -> None:
+    """In the first frames no depth is known, so that all other frames agree with whatever the tracks say of
+    them."""
+    clip = make_clip("drawer")
+    read, true = clip.recording.read_depth, clip.part.motion.state
+    blind = replace(clip.recording, read_depth=lambda f: read(f) * np.float32(f >= 4))
+    for run_on, known in ((0.0, True), (0.1, True), (0.2, False)):
+        told = with_states(clip, np.where(np.arange(26) < 4, true - run_on, true))
+        (found,) = witnessed(blind, clip.cameras, movers(), [told])
+        assert (found.as_well > 0.5) == known
+
+
+def test_depth_says_how_well_it_agrees_with_the_states_of_tracks(clip: Clip) -> None:
+    """The farther they are from the truth, the less."""
+    true = clip.part.motion.state
+    told = [
+        witnessed(clip.recording, clip.cameras, movers(), [with_states(clip, share * true)])
+        for share in (1.0, 0.8, 0.4)
+    ]  # fmt: skip
+    right, short, shorter = (w[0].as_well for w in told)
+    assert right > 0.35
+    assert right > short >= shorter
+    assert shorter < 0.4
+
+
+def test_a_hand_that_goes_along_with_a_part_is_none_and_a_second_drawer_is_one(clip: Clip) -> None:
+    """All by the same axis: the drawer agrees with the tracks; the hand goes as far while the drawer does,
+    and farther before; the second drawer moves at another time."""
+    time, axis = np.arange(100), clip.part.joint
+    none = np.zeros(0, bool)
+    drawer = Witnessed(axis, np.interp(time, [40, 60], [0.0, 0.3]), none, 0, 0.9)
+    hand = Witnessed(axis, np.interp(time, [10, 25, 40, 60], [0.0, 0.5, 0.5, 0.8]), none, 0, 0.0)
+    second = Witnessed(axis, np.interp(time, [70, 90], [0.0, 0.3]), none, 0, 0.0)
+    seen = [hand, drawer, second]
+    assert [_goes_along(w, seen) for w in seen] == [True, False, False]
+    backwards = replace(hand, joint=replace(axis, axis=-axis.axis), state=-hand.state)
+    assert _goes_along(backwards, [backwards, drawer])
+    assert not _goes_along(replace(hand, by_tracks=None), seen)

@@ -1,0 +1,40 @@
+"""The user's word picks windows, and its frames are those of the window."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recon.recording.said import Said
+from recon.windows.said_windows import said_windows
+from recon.windows.windows import Window
+
+TIMES = np.arange(600) / 10.0
+WINDOWS = (Window(50, 150, (80, 120)), Window(300, 420, (330, 390)))
+
+
+def test_without_a_word_all_windows_are_solved() -> None:
+    said = Said(up="-y")
+    assert said_windows(WINDOWS, said, TIMES) == [(w, said) for w in WINDOWS]
+
+
+def test_a_word_picks_its_window_and_counts_from_its_first_frame() -> None:
+    ((window, word),) = said_windows(WINDOWS, Said(at=((3, 4, 350),), intervals=((340, 380),)), TIMES)
+    assert window == WINDOWS[1]
+    assert (word.at, word.intervals) == (((3, 4, 50),), ((40, 80),))
+
+
+def test_words_on_several_windows_are_told_apart_with_their_types() -> None:
+    said = Said(intervals=((340, 380), (85, 110)), types=("hinge", "slide"))
+    (first, of_first), (second, of_second) = said_windows(WINDOWS, said, TIMES)
+    assert (first, second) == WINDOWS
+    assert (of_first.intervals, of_first.types) == (((35, 60),), ("slide",))
+    assert (of_second.intervals, of_second.types) == (((40, 80),), ("hinge",))
+
+
+def test_a_word_on_frames_in_which_nothing_was_seen_gets_a_window() -> None:
+    ((window, word),) = said_windows(WINDOWS, Said(intervals=((200, 230),)), TIMES)
+    assert window == Window(170, 260, (200, 230))
+    assert word.intervals == ((30, 60),)
+    ((window, word),) = said_windows(WINDOWS, Said(at=((3, 4, 500),)), TIMES)
+    assert window.first < 500 < window.last
+    assert word.at == ((3, 4, 500 - window.first),)
