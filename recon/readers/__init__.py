@@ -137,7 +137,7 @@ def open_recording(
     if depth_delay is not None:
         recording = recording.without_depth_delay(depth_delay)
     recording = _between(recording, start, end)
-    recording.frame(0)  # decodes once now, so that a wrong type or size is told before anything is computed
+    _require_depth(recording)
     options: dict[str, Any] = {"layout": layout, "calibration": calibration, **topics}
     options |= {"depth_delay": depth_delay, "start": start, "end": end}
     said = {k: os.fspath(v) if isinstance(v, Path) else v for k, v in options.items() if v is not None}
@@ -152,6 +152,18 @@ def _asked(reader: Reader, topics: Mapping[str, str], cameras: Calibration | Non
         names = " and ".join(f"--{t.replace('_', '-')}" for t in topics)
         raise InputError(f"{names}: topics are of ROS bags, and this is none", "leave that out")
     return reader
+
+
+def _require_depth(recording: Recording) -> None:
+    """Decode the first frame, so that a wrong type or size is told before anything is computed. Raises
+    InputError where neither it nor the middle or the last frame has any depth: a lens may be covered once."""
+    if recording.frame(0).depth.any():
+        return
+    if not any(recording.depth(k).any() for k in (len(recording) // 2, len(recording) - 1)):
+        raise InputError(
+            f"{recording.source} holds no depth: all pixels of its first, middle and last frame are 0",
+            "record again with the depth camera on, and uncovered",
+        )
 
 
 def _between(recording: Recording, start: float | None, end: float | None) -> Recording:

@@ -94,7 +94,7 @@ def decode_color(name: str, data: bytes) -> NDArray[np.uint8]:
 def decode_depth(name: str, data: bytes, per_metre: float) -> NDArray[np.float32]:
     """Depth image (H, W) float32 m from a 16-bit PNG that holds depth x `per_metre`, 0 = unknown.
 
-    Raises InputError for other pixel types, damaged files, and images without any depth.
+    All pixels are 0 where the lens was covered. Raises InputError for other pixel types and damaged files.
     """
     import cv2  # here: what is wrong with a recording is told without it
 
@@ -112,11 +112,7 @@ def decode_depth(name: str, data: bytes, per_metre: float) -> NDArray[np.float32
     if image.dtype != np.uint16:
         raise InputError(f"{name} is {8 * image.dtype.itemsize}-bit ({image.dtype}), not 16-bit", _SAVE_MM)
     top = int(image.max())
-    if top == 0:
-        raise InputError(
-            f"{name} holds no depth: all {image.size} pixels are 0", "leave out this frame, or record again"
-        )
-    if top < METRES_NOT_MILLIMETRES:
+    if 0 < top < METRES_NOT_MILLIMETRES:
         raise InputError(f"{name} has no value above {top}, as if in metres", _SAVE_MM)
     return (image.astype(np.float32) / np.float32(per_metre)).astype(np.float32)
 

@@ -242,11 +242,6 @@ def _depth_reader(archive: _Archive, meta: Metadata) -> ReadDepth:
         if f"{name}.conf" in archive.names:
             sure = _payload(archive, meta, f"{name}.conf", np.dtype("u1")) >= MIN_CONFIDENCE
             metres = np.where(sure, metres, np.float32(0.0))
-        if not np.any(metres):
-            raise InputError(
-                f"{archive.shown(name)}.depth holds no depth: all {metres.size} pixels are unknown",
-                "leave out this recording, or record again",
-            )
         return metres
 
     return read

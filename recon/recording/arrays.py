@@ -257,18 +257,16 @@ def _digest(camera: Intrinsics, clock: Array, poses: Trajectory | None, gravity:
 
 
 def _check_all(read: _Frames, count: int, digest: Any) -> str:
-    """SHA-256 of all frames. Raises InputError for a frame without depth, or depth in another unit."""
+    """SHA-256 of all frames. Raises InputError where no frame has depth, or depth is in another unit."""
     middles = []
     for k in range(count):
         color, depth = read.image(k), read.metres(k)
         known = depth[depth > 0]
-        if known.size == 0:
-            raise InputError(
-                f"depth of frame {k} is unknown in all {depth.size} pixels",
-                "leave out this frame, or record again",
-            )
-        middles.append(float(np.median(known)))
+        if known.size:  # none where the lens was covered
+            middles.append(float(np.median(known)))
         digest.update(color.tobytes() + depth.tobytes())
+    if not middles:
+        raise InputError(f"depth is unknown in all {count} frames", "record again, with depth")
     middle = float(np.median(middles))
     if not NEAREST <= middle <= FARTHEST:
         raise InputError(

@@ -62,10 +62,6 @@ def float_depth_named_png(folder: Path) -> None:
         file.rename(file.with_suffix(".png"))
 
 
-def blank_depth(folder: Path) -> None:
-    cv2.imwrite(str(folder / "depth" / "000000.png"), np.zeros((HEIGHT, WIDTH), np.uint16))
-
-
 def remove(*names: str) -> Damage:
     def damage(folder: Path) -> None:
         for n in names:
@@ -137,7 +133,6 @@ CASES: dict[str, tuple[Damage, tuple[str, ...]]] = {
     "float depth": (depth_as(lambda d: (d / 1000).astype(np.float32), ".tiff"), ("depth/000000.tiff", "metres", "multiply by 1000")),
     "float depth named png": (float_depth_named_png, ("depth/000000.png is a float image (float32)", "16-bit PNG")),
     "depth in whole metres": (depth_as(lambda d: d // 1000), ("depth/000000.png", "no value above", "metres")),
-    "all-zero depth": (blank_depth, ("depth/000000.png", "all 6912 pixels are 0", "leave out")),
     "intrinsics of another size": (intrinsics(width=640, height=480), ("000000.jpg is 96x72", "640x480", "intrinsics of the images")),
     "principal point outside": (intrinsics(width=40), ("intrinsic.json", "lies outside the 40x72")),
     "row-major intrinsics": (intrinsics(intrinsic_matrix=[80, 0, 47.5, 0, 80, 35.5, 0, 0, 1]), ("intrinsic.json", "row-major", "column by column")),
@@ -188,11 +183,22 @@ def test_damage_after_opening_is_told_when_the_frame_is_read(original: Path, tmp
     for frame, told in (
         (17, "000017.jpg is truncated"),
         (18, "000018.png is truncated"),
-        (19, "000019.png holds no depth"),
     ):
         with pytest.raises(InputError, match=told.replace(".", r"\.")):
             recording.frame(frame)
     assert recording.frame(16).depth.max() > 0
+    assert recording.frame(19).depth.max() == 0  # a covered lens
+
+
+def test_a_lens_may_be_covered_for_a_while_but_not_throughout(original: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(original, tmp_path / "clip"))
+    dark = np.zeros((HEIGHT, WIDTH), np.uint16)
+    cv2.imwrite(str(folder / "depth" / "000000.png"), dark)
+    assert not open_recording(folder).frame(0).depth.any()
+    for file in (folder / "depth").iterdir():
+        cv2.imwrite(str(file), dark)
+    with pytest.raises(InputError, match="holds no depth: all pixels of its first, middle and last frame"):
+        open_recording(folder)
 
 
 def test_a_missing_pair_with_a_clock_is_fine(original: Path, tmp_path: Path) -> None:
