@@ -21,7 +21,7 @@ from twin.runs.keys import Stage
 from twin.scene import Mesh, Trajectory
 from twin.verdict import LEVELS, Reason, Verdict, reason
 
-VERDICT = Stage("verdict", 30, ())
+VERDICT = Stage("verdict", 31, ())
 # What a missed part makes wrong: beside a right one it is a doubt about the scene, told up to four times
 OF_THE_SCENE = ("HandWhereNobodyIs", "HandMovesNothing", "Unexplained", "StaticSeenThrough")
 # What a short motion leaves unsure: sigmas of one fit, which grow together
@@ -74,9 +74,15 @@ def judge(
     # What is wrong with the recording comes first: it may be the cause of all else.
     verdicts = {k: Verdict((*faults, *best[k].reasons)) for k in sorted(best)}
     if any(v.level != "refused" for v in verdicts.values()):
-        return Judged(verdicts, tuple(faults))
+        return Judged(verdicts, (*faults, *_missed(interactions)))
     refusing = (replace(f, level="refused") for f in faults)
     return Judged(verdicts, (*refusing, nothing_articulated([i.found.movers for i in interactions])))
+
+
+def _missed(interactions: Sequence[Interaction]) -> list[Reason]:
+    """A doubt about the scene for each window in which something is handled and no part was found."""
+    empty = [i.window.handled for i in interactions if not i.parts]
+    return [reason("HandMovesNothing", "doubtful", *handled) for handled in empty if handled is not None]
 
 
 def _worth(verdict: Verdict) -> tuple[int, int]:

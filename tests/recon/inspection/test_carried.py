@@ -10,7 +10,9 @@ import pytest
 from recon.contact.finish_parts import FinishedPart
 from recon.fusion.fuse import FusedScene
 from recon.inspection.findings import as_reason, doubts, finding
+from recon.interaction.interaction import Interaction
 from recon.verdict.judge import Judged, judge
+from recon.windows.windows import Window
 from tests.makers.recon.cabinets import Clip, make_clip
 from tests.makers.recon.judged import as_one, perfect
 from twin.verdict import Reason, of_twin, verdict_document, verdict_from
@@ -75,3 +77,23 @@ def test_what_only_makes_a_recording_worse_doubts_nothing() -> None:
     assert doubts(CUT)
     assert not doubts(finding("DepthDelayed", 0, 0.03, 0.002))
     assert not doubts(finding("Blurred", 0.5, 3, 2.0, "horizontal"))
+
+
+def test_a_window_in_which_no_part_was_found_doubts_the_scene(clip: Clip) -> None:
+    e = perfect(clip)
+    finished = (FinishedPart(e.part, clip.mesh, None, "motion", "rest", 1.0),)
+    fused = FusedScene(clip.static, {e.part.id: clip.mesh})
+    (one,) = as_one(clip.recording, replace(e.scene.found, parts=(e.tracks,)))
+    last = len(clip.recording) - 1
+    empty = Interaction(Window(0, last, (3, 9)), replace(e.scene.found, parts=()), (), {})
+
+    def told(*interactions: Interaction) -> Judged:
+        return judge(clip.recording, clip.cameras, clip.labels, interactions, (e.part,), fused, finished)
+
+    assert told(one).scene == ()
+    (doubt,) = told(one, empty).scene
+    assert (doubt.type, doubt.level) == ("HandMovesNothing", "doubtful")
+    assert (doubt.numbers["first"], doubt.numbers["last"]) == (3, 9)
+    assert (
+        of_twin({"door": told(one, empty).parts[e.part.id]}, own=told(one, empty).scene).level == "doubtful"
+    )
