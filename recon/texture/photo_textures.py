@@ -257,6 +257,7 @@ def _fitting(mesh: Mesh, texel: Array, most: int) -> Layout:
     """Charts with texels as small as fit into an image of `most` px a side."""
     while True:
         layout = lay_out(mesh, texel)
-        if max(layout.size) <= most:
+        side = max(layout.size)
+        if side <= most:
             return layout
-        texel = texel * _GROW
+        texel = texel * max(_GROW, side / most)

@@ -78,54 +78,59 @@ def _bands(photos: Photos) -> _Bands:
     return _Bands(photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _seen(
-    p: Array, n: Array, T: Array, camera: Array, depth: F32, trust: F32, base: float, slope: float
+    points: Array, normals: Array, p: int, bands: _Bands, k: int, base: float, slope: float
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    """Column and row of a point in a photograph, and its quality: (pixels per metre)^2 times trust."""
-    x = T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3]
-    y = T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3]
-    z = T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3]
+    """Column and row of point p in photograph k, and its quality: (pixels per metre)^2 times trust."""
+    depth, trust, _, T, camera = bands
+    px, py, pz = points[p, 0], points[p, 1], points[p, 2]
+    z = T[k, 2, 0] * px + T[k, 2, 1] * py + T[k, 2, 2] * pz + T[k, 2, 3]
     if z < 0.05:
         return 0.0, 0.0, 0.0
+    x = T[k, 0, 0] * px + T[k, 0, 1] * py + T[k, 0, 2] * pz + T[k, 0, 3]
+    y = T[k, 1, 0] * px + T[k, 1, 1] * py + T[k, 1, 2] * pz + T[k, 1, 3]
     u, v = x / z * camera[0] + camera[2], y / z * camera[1] + camera[3]
-    h, w = depth.shape
+    _, h, w = depth.shape
     if u < 0 or v < 0 or u > w - 1 or v > h - 1:
         return 0.0, 0.0, 0.0
     i, j = int(v + 0.5), int(u + 0.5)
-    if trust[i, j] <= 0:
+    if trust[k, i, j] <= 0:
         return 0.0, 0.0, 0.0
-    nx = T[0, 0] * n[0] + T[0, 1] * n[1] + T[0, 2] * n[2]
-    ny = T[1, 0] * n[0] + T[1, 1] * n[1] + T[1, 2] * n[2]
-    nz = T[2, 0] * n[0] + T[2, 1] * n[1] + T[2, 2] * n[2]
+    ax, ay, az = normals[p, 0], normals[p, 1], normals[p, 2]
+    nx = T[k, 0, 0] * ax + T[k, 0, 1] * ay + T[k, 0, 2] * az
+    ny = T[k, 1, 0] * ax + T[k, 1, 1] * ay + T[k, 1, 2] * az
+    nz = T[k, 2, 0] * ax + T[k, 2, 1] * ay + T[k, 2, 2] * az
     cosine = -(x * nx + y * ny + z * nz) / np.sqrt(x * x + y * y + z * z)
     if cosine < _GRAZING:
         return 0.0, 0.0, 0.0
     d = z - 0.4
     sigma = max(0.002 + 0.003 * d * d, base + slope * z * z)
-    if abs(depth[i, j] - z) * cosine > _SURFACE + _SIGMAS * sigma * cosine:
+    if abs(depth[k, i, j] - z) * cosine > _SURFACE + _SIGMAS * sigma * cosine:
         return 0.0, 0.0, 0.0
     # trust between pixels, so that weights change smoothly
     a, b = min(int(v), h - 2), min(int(u), w - 2)
     fv, fu = v - a, u - b
-    t = (trust[a, b] * (1 - fu) + trust[a, b + 1] * fu) * (1 - fv) + (
-        trust[a + 1, b] * (1 - fu) + trust[a + 1, b + 1] * fu
+    t = (trust[k, a, b] * (1 - fu) + trust[k, a, b + 1] * fu) * (1 - fv) + (
+        trust[k, a + 1, b] * (1 - fu) + trust[k, a + 1, b + 1] * fu
     ) * fv
     return u, v, t * cosine * (camera[0] / z) ** 2
 
 
 @numba.njit(cache=True, nogil=True)
-def _low_at(low: F32, u: float, v: float, out: Array) -> None:  # pragma: no cover - compiled
-    """Colour (3,) of the low band at a pixel of the photograph."""
-    h, w, _ = low.shape
+def _low_at(
+    low: F32, k: int, u: float, v: float, out: Array, row: int
+) -> None:  # pragma: no cover - compiled
+    """Colour out[row] (3,) of the low band at a pixel of photograph k."""
+    _, h, w, _ = low.shape
     x = min(max((u + 0.5) / LOW - 0.5, 0.0), w - 1.001)
     y = min(max((v + 0.5) / LOW - 0.5, 0.0), h - 1.001)
     i, j = int(y), int(x)
     fy, fx = y - i, x - j
     for c in range(3):
-        top = low[i, j, c] * (1 - fx) + low[i, j + 1, c] * fx
-        bottom = low[i + 1, j, c] * (1 - fx) + low[i + 1, j + 1, c] * fx
-        out[c] = top * (1 - fy) + bottom * fy
+        top = low[k, i, j, c] * (1 - fx) + low[k, i, j + 1, c] * fx
+        bottom = low[k, i + 1, j, c] * (1 - fx) + low[k, i + 1, j + 1, c] * fx
+        out[row, c] = top * (1 - fy) + bottom * fy
 
 
 @numba.njit(cache=True, nogil=True)
@@ -141,10 +146,10 @@ def _cubic(t: float) -> float:  # pragma: no cover - compiled
 
 @numba.njit(cache=True, nogil=True)
 def _detail_at(
-    color: NDArray[np.uint8], trust: F32, u: float, v: float, out: Array
+    color: NDArray[np.uint8], trust: F32, k: int, u: float, v: float, out: Array
 ) -> bool:  # pragma: no cover - compiled
-    """Colour (3,) between pixels, from those of the body alone; False where too few of them are."""
-    h, w, _ = color.shape
+    """Colour (3,) between pixels of photograph k, of the body alone; False where too few of them are."""
+    _, h, w, _ = color.shape
     i, j = int(np.floor(v)), int(np.floor(u))
     across = (_cubic(u - j + 1), _cubic(u - j), _cubic(u - j - 1), _cubic(u - j - 2))
     total = red = green = blue = 0.0
@@ -155,13 +160,13 @@ def _detail_at(
         down = _cubic(v - y)
         for dx in range(4):
             x = j + dx - 1
-            if x < 0 or x >= w or trust[y, x] <= 0:
+            if x < 0 or x >= w or trust[k, y, x] <= 0:
                 continue
             weight = down * across[dx]
             total += weight
-            red += weight * color[y, x, 0]
-            green += weight * color[y, x, 1]
-            blue += weight * color[y, x, 2]
+            red += weight * color[k, y, x, 0]
+            green += weight * color[k, y, x, 1]
+            blue += weight * color[k, y, x, 2]
     if total < _TAPS:
         return False
     out[0], out[1], out[2] = red / total, green / total, blue / total
@@ -169,29 +174,38 @@ def _detail_at(
 
 
 @numba.njit(cache=True, nogil=True)
-def _weighted_median(values: Array, weights: Array, count: int) -> float:  # pragma: no cover - compiled
-    order = np.argsort(values[:count])
-    half, run = 0.5 * weights[:count].sum(), 0.0
-    for k in order:
-        run += weights[k]
+def _weighted_median(
+    values: Array, weights: Array, order: NDArray[np.int64], count: int
+) -> float:  # pragma: no cover - compiled
+    """Of the first `count` values; `order` is written over. By insertion: a point has few photographs."""
+    half = 0.0
+    for k in range(count):
+        half += 0.5 * weights[k]
+        at = k
+        while at > 0 and values[order[at - 1]] > values[k]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = k
+    run = 0.0
+    for k in range(count):
+        run += weights[order[k]]
         if run >= half:
-            return values[k]
-    return values[order[-1]]
+            return values[order[k]]
+    return values[order[count - 1]]
 
 
 @numba.njit(cache=True, nogil=True)
 def _lows(
     points: Array, normals: Array, bands: _Bands, base: float, slope: float
 ) -> tuple[Array, Array]:  # pragma: no cover - compiled
-    depth, trust, low, T, camera = bands
-    n, count = len(points), len(T)
+    n, count = len(points), len(bands.T)
     colors, weights = np.zeros((n, count, 3)), np.zeros((n, count))
     for p in range(n):
         for k in range(count):
-            u, v, weight = _seen(points[p], normals[p], T[k], camera, depth[k], trust[k], base, slope)
+            u, v, weight = _seen(points, normals, p, bands, k, base, slope)
             if weight > 0:
                 weights[p, k] = weight
-                _low_at(low[k], u, v, colors[p, k])
+                _low_at(bands.low, k, u, v, colors[p], k)
     return colors, weights
 
 
@@ -200,47 +214,52 @@ def _shade(
     points: Array, normals: Array, color: NDArray[np.uint8], bands: _Bands,
     gains: Array, group: NDArray[np.int64], base: float, slope: float,
 ) -> tuple[F32, NDArray[np.uint8]]:  # pragma: no cover - compiled  # fmt: skip
-    depth, trust, low, T, camera = bands
-    n, count = len(points), len(T)
+    n, count = len(points), len(bands.T)
     out, views = np.zeros((n, 3), np.float32), np.zeros(n, np.uint8)
     at, weight, bright = np.empty((count, 2)), np.empty(count), np.empty(count)
-    slow, which = np.empty((count, 3)), np.empty(count, np.int64)
+    slow, which, order = np.empty((count, 3)), np.empty(count, np.int64), np.empty(count, np.int64)
     fine, smooth, sharp = np.empty(3), np.empty(3), np.empty(3)
     for p in range(n):
         seen = 0
         for k in range(count):
-            u, v, good = _seen(points[p], normals[p], T[k], camera, depth[k], trust[k], base, slope)
+            u, v, good = _seen(points, normals, p, bands, k, base, slope)
             if good > 0:
                 at[seen, 0], at[seen, 1], weight[seen], which[seen] = u, v, good, k
-                _low_at(low[k], u, v, slow[seen])
+                _low_at(bands.low, k, u, v, slow, seen)
                 for c in range(3):
                     slow[seen, c] *= gains[group[p], k, c]
-                bright[seen] = slow[seen].mean()
+                bright[seen] = (slow[seen, 0] + slow[seen, 1] + slow[seen, 2]) / 3.0
                 seen += 1
         if seen == 0:
             continue
-        usual = _weighted_median(bright, weight, seen)
+        usual = _weighted_median(bright, weight, order, seen)
         smooth[:] = 0.0
         total = 0.0
         for s in range(seen):
             weight[s] /= 1.0 + ((bright[s] - usual) / ODD) ** 4
             total += weight[s]
-            smooth += weight[s] * slow[s]
-        smooth /= total
+            for c in range(3):
+                smooth[c] += weight[s] * slow[s, c]
+        for c in range(3):
+            smooth[c] /= total
         sharp[:] = 0.0
         total, most = 0.0, 0.0
         for _ in range(min(BEST, seen)):
-            s = int(np.argmax(weight[:seen]))
-            if weight[s] <= 0:
-                break
+            s = 0
+            for k in range(1, seen):
+                if weight[k] > weight[s]:
+                    s = k
             good = weight[s]
+            if good <= 0:
+                break
             weight[s] = 0.0
-            if not _detail_at(color[which[s]], trust[which[s]], at[s, 0], at[s, 1], fine):
+            k = which[s]
+            if not _detail_at(color, bands.trust, k, at[s, 0], at[s, 1], fine):
                 continue
             most = max(most, good)
             share = (good / most) ** SHARP
             for c in range(3):
-                sharp[c] += share * (fine[c] * gains[group[p], which[s], c] - slow[s, c])
+                sharp[c] += share * (fine[c] * gains[group[p], k, c] - slow[s, c])
             total += share
         if total <= 0:
             continue
