@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from recon.contact.finish_parts import FinishedPart
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
@@ -23,8 +22,8 @@ from recon.texture.charts import Layout, lay_out
 from recon.texture.exposure import gains
 from recon.texture.fill import around, over_surface
 from recon.texture.photos import Photos, Shot, of_body, take
-from recon.texture.raster import faces_at, vertex_normals, weights_at
-from recon.texture.shade import lows, shade
+from recon.texture.raster import MARGIN, faces_at, surface_at, vertex_normals
+from recon.texture.shade import framed, lows, shade
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.keys import Stage
@@ -32,23 +31,24 @@ from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
 from twin.scene import STATIC_LABEL, Mesh, Revolute, Texture, Trajectory
 
-TEXTURE = Stage("texture", 2, ("texture",))
+TEXTURE = Stage("texture", 3, ("texture",))
 
 # texels a pixel of the nearer photographs, chosen by us: sampling twice, in and out, blurs less
 _PER_PIXEL = 1.4
-_NEARER = 0.1  # share of the depths that are nearer than what the texel is made for
+_NEARER = 0.1  # share of the surface that is photographed finer than what the texel is made for
 _PLACES = 3000  # points of a body, spread evenly over its vertices, in which photographs are compared
 _GROW = 1.12  # of the texel, each time that the charts don't fit
 FACINGS = 6  # ways that a side of a body may face
 _AT_ONCE = 1 << 20  # texels whose colours are found together: more take memory and no less time
-_STATES = 5  # of a part, that the static scene near it is found by
+_BLOCK = 0.5  # m: the static scene has one size of texel in each cube of so much
+_STEP = float(np.sqrt(2.0))  # between two sizes of texel
 
 
 @dataclass(frozen=True)
 class TextureConfig(Settings):
     """How photo textures are made; chosen by us."""
 
-    texel: float = setting(0.002, "largest texel, where the image has room for it", unit="m", above=0)
+    texel: float = setting(0.004, "largest texel, where the image has room for it", unit="m", above=0)
     most: int = setting(4096, "largest width and height of a texture", unit="px", at_least=64, at_most=16384)
     skip_every: int = setting(
         0,
@@ -60,8 +60,6 @@ class TextureConfig(Settings):
 
 # m; smallest texel. Chosen by us.
 _FINEST = 0.0005
-# m; around what the parts reach, the static scene has texels as fine as theirs. Chosen by us.
-_NEAR_M = 0.5
 # Most frames that are used, spread evenly. Chosen by us.
 _MOST_FRAMES = 48
 # Frames that show a part, beside these, in a recording of minutes. Chosen by us.
@@ -97,7 +95,7 @@ def photo_textures(
     equal = _gains(photos, bodies, noise)
     out = {}
     for key, (mesh, part) in (progress or untold)(list(bodies.items()), "textures"):
-        texel = _texels(mesh, part, parts, photos[key], config)
+        texel = _texels(mesh, part, photos[key], config, noise)
         out[key] = _texture(mesh, part, texel, photos[key], equal[key], config, noise)
     return out
 
@@ -189,33 +187,36 @@ def facing(normals: Array, mesh: Mesh, part: FinishedPart | None) -> NDArray[np.
 
 
 def _texels(
-    mesh: Mesh,
-    part: FinishedPart | None,
-    parts: Sequence[FinishedPart],
-    photos: Photos,
-    config: TextureConfig,
+    mesh: Mesh, part: FinishedPart | None, photos: Photos, config: TextureConfig, noise: DepthNoise
 ) -> Array:
-    """Size (F,) m wanted of the texels of each face."""
+    """Size (F,) m wanted of the texels of each face: by the pixels of the photographs that show it best, one
+    size for a part and one for each `_BLOCK` of the static scene."""
+    corners = mesh.vertices[mesh.faces]
+    middle = corners.mean(axis=1)
+    normals, area = geo.triangle_normals(corners)
+    pixel = _finest_pixel(middle, normals, photos, noise)
+    cells = np.zeros((len(middle), 3)) if part is not None else np.floor(middle / _BLOCK)
+    _, block = geo.unique_rows(cells.astype(np.int64))
+    order = np.lexsort((pixel, block))
+    total, of = np.cumsum(area[order]), block[order]
+    last = np.flatnonzero(np.diff(of, append=-1))
+    before = np.concatenate([[0.0], total[last][:-1]])
+    at = np.searchsorted(total, before + _NEARER * (total[last] - before))
+    size = pixel[order][np.minimum(at, last)][block] / _PER_PIXEL
     finest = min(_FINEST, config.texel)
-    own = photos.depth[(photos.trust > 0) & (photos.depth > 0)]
-    pixel = float(np.quantile(own, _NEARER)) / photos.camera.fx if len(own) else config.texel
-    fine = float(np.clip(pixel / _PER_PIXEL, finest, config.texel))
-    if part is not None or not parts:
-        return np.full(len(mesh.faces), fine)
-    return np.where(_near(mesh, parts, _NEAR_M), fine, config.texel)
+    steps = np.round(np.log(np.clip(size, finest, config.texel) / finest) / np.log(_STEP))
+    return np.asarray(np.minimum(finest * _STEP**steps, config.texel))
 
 
-def _near(mesh: Mesh, parts: Sequence[FinishedPart], reach: float) -> NDArray[np.bool_]:
-    """Faces (F,) of the static scene within `reach` m of anything that a part reaches."""
-    points = [
-        geo.transform(p.moving.joint.pose(float(state)), p.mesh.vertices[::4])
-        for p in parts
-        for state in np.linspace(p.moving.joint.lower, p.moving.joint.upper, _STATES)
-    ]
-    away, _ = cKDTree(np.concatenate(points)).query(
-        mesh.vertices[mesh.faces].mean(axis=1), distance_upper_bound=max(reach, 1e-9)
-    )
-    return np.asarray(np.isfinite(away))
+def _finest_pixel(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> Array:
+    """Size (n,) m on the body of a pixel of the photograph that shows a point best; infinite: none does."""
+    out = np.full(len(points), np.inf)
+    for start in range(0, len(points), _AT_ONCE >> 4):
+        some = slice(start, start + (_AT_ONCE >> 4))
+        _, weight = lows(points[some], normals[some], photos, noise)
+        best = weight.max(axis=1, initial=0.0)
+        out[some] = np.where(best > 0, 1.0 / np.sqrt(np.maximum(best, 1e-12)), np.inf)
+    return out
 
 
 def _texture(
@@ -234,20 +235,18 @@ def _texture(
     owner = faces_at(layout.uv, height, width)
     at_vertices = shade(mesh.vertices, normals, photos, equal, facing(normals, mesh, part), noise)
     plain = over_surface(at_vertices.color, at_vertices.views > 0, mesh.faces)
+    around_face = 2 * MARGIN * float(texel.max())  # a texel beside a chart reads the plane of its face
+    among = framed(mesh.vertices[mesh.faces], photos, around_face)
     image, mask = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
     rows, columns = np.nonzero(owner >= 0)
     for start in range(0, len(rows), _AT_ONCE):
         y, x = rows[start : start + _AT_ONCE], columns[start : start + _AT_ONCE]
         face = owner[y, x]
-        weights = weights_at(layout.uv, face, y, x)
-        corners = mesh.faces[face]
-        points = np.einsum("nk,nkd->nd", weights, mesh.vertices[corners])
-        inside = np.clip(weights, 0.0, 1.0)
-        inside /= inside.sum(axis=1, keepdims=True)
-        ahead = np.einsum("nk,nkd->nd", inside, normals[corners])
-        shown = shade(points, ahead, photos, equal, facing(ahead, mesh, part), noise)
+        points, ahead, inside = surface_at(layout.uv, face, y, x, mesh.vertices, mesh.faces, normals)
+        shown = shade(points, ahead, photos, equal, facing(ahead, mesh, part), noise, (among, face))
         seen = shown.views > 0
-        colors = np.where(seen[:, None], shown.color, np.einsum("nk,nkc->nc", inside, plain[corners]))
+        colors = shown.color
+        colors[~seen] = np.einsum("nk,nkc->nc", inside[~seen], plain[mesh.faces[face[~seen]]])
         image[y, x], mask[y, x] = np.round(colors), seen
     image = around(image, owner >= 0)
     return Texture((layout.uv / [width, height]).astype(np.float32), image[::-1], mask[::-1])

@@ -48,20 +48,42 @@ def faces_at(uv: Array, height: int, width: int) -> I32:  # pragma: no cover - c
     return owner
 
 
-def weights_at(uv: Array, face: NDArray[np.integer], y: NDArray[np.int64], x: NDArray[np.int64]) -> Array:
-    """Weights (n, 3) of the corners of `face` (n,) at the centres of the texels in rows y from below and
-    columns x; outside of the face they run on over its plane."""
-    a, b, c = (uv[face, k] for k in range(3))
-    p = np.stack([x, y], axis=1) + 0.5
-    double = geo_cross(b - a, c - a)
-    double = np.where(np.abs(double) < 1e-9, 1.0, double)
-    v, w = geo_cross(p - a, c - a) / double, geo_cross(b - a, p - a) / double
-    return np.stack([1.0 - v - w, v, w], axis=1)
-
-
-def geo_cross(a: Array, b: Array) -> Array:
-    """z of the cross product of (n, 2) and (n, 2)."""
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+@numba.njit(cache=True, nogil=True)
+def surface_at(
+    uv: Array,
+    face: I32,
+    y: NDArray[np.int64],
+    x: NDArray[np.int64],
+    vertices: Array,
+    faces: I32,
+    normals: Array,
+) -> tuple[Array, Array, Array]:  # pragma: no cover - compiled
+    """Points (n, 3), normals (n, 3) and weights (n, 3) of the corners of `face` (n,) at the centres of the
+    texels in rows y from below and columns x. Outside of the face points run on over its plane, while normals
+    and weights are those within it."""
+    count = len(face)
+    points, ahead, weights = np.zeros((count, 3)), np.zeros((count, 3)), np.empty((count, 3))
+    for n in range(count):
+        f = face[n]
+        ax, ay = uv[f, 0, 0], uv[f, 0, 1]
+        bx, by = uv[f, 1, 0] - ax, uv[f, 1, 1] - ay
+        cx, cy = uv[f, 2, 0] - ax, uv[f, 2, 1] - ay
+        px, py = x[n] + 0.5 - ax, y[n] + 0.5 - ay
+        double = bx * cy - by * cx
+        if abs(double) < 1e-9:
+            double = 1.0
+        v, w = (px * cy - py * cx) / double, (bx * py - by * px) / double
+        at = (1.0 - v - w, v, w)
+        total = 0.0
+        for k in range(3):
+            weights[n, k] = min(max(at[k], 0.0), 1.0)
+            total += weights[n, k]
+        for k in range(3):
+            weights[n, k] /= total
+            for d in range(3):
+                points[n, d] += at[k] * vertices[faces[f, k], d]
+                ahead[n, d] += weights[n, k] * normals[faces[f, k], d]
+    return points, ahead, weights
 
 
 def vertex_normals(vertices: Array, faces: I32) -> Array:

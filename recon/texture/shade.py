@@ -30,6 +30,10 @@ _SIGMAS = 2.0  # deviations within which a reading agrees with the surface
 _SURFACE = 0.006  # m, error of fusion and decimation
 _TAPS = 0.6  # of the cubic weights must lie on the body's own pixels
 _AT_ONCE = 1 << 16
+_ZNEAR = 0.05  # m from the camera, within which nothing is seen
+_ASLANT = (
+    2.0  # a step on a plane seen aslant in the corner of a picture spans less than so many of its pixels
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,17 +45,26 @@ class Shaded:
 
 
 def shade(
-    points: Array, normals: Array, photos: Photos, gains: Array, group: NDArray[np.int64], noise: DepthNoise
+    points: Array,
+    normals: Array,
+    photos: Photos,
+    gains: Array,
+    group: NDArray[np.int64],
+    noise: DepthNoise,
+    near: tuple[NDArray[np.bool_], NDArray[np.int32]] | None = None,
 ) -> Shaded:
     """Colours of points (n, 3) m with unit normals (n, 3) on a body at state 0; gains (G, K, 3) multiply each
-    photograph's colours, each `group` (n,) of points having its own."""
+    photograph's colours, each `group` (n,) of points having its own. near: photographs (F, K) that may show
+    each face (`framed`), and the face (n,) of each point; None: all may show all."""
 
     bands = _bands(photos)
+    among, face = near or (np.ones((1, len(bands.T)), dtype=bool), np.zeros(len(points), np.int32))
 
     def some(start: int) -> tuple[F32, NDArray[np.uint8]]:
         part = slice(start, start + _AT_ONCE)
         own = np.require(points[part], requirements=["C", "W"])  # _shade is compiled for one layout of memory
-        return _shade(own, normals[part], photos.color, bands, gains, group[part], noise.base, noise.slope)
+        sigma = (noise.base, noise.slope)
+        return _shade(own, normals[part], photos.color, bands, gains, group[part], among, face[part], *sigma)
 
     made = list(each(some, range(0, len(points), _AT_ONCE)))
     if not made:
@@ -62,6 +75,23 @@ def shade(
 def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tuple[Array, Array]:
     """What is shown of points (n, 3) m without detail: colours (n, K, 3), weights (n, K), 0 if unseen."""
     return _lows(points, normals, _bands(photos), noise.base, noise.slope)
+
+
+def framed(corners: Array, photos: Photos, reach: float) -> NDArray[np.bool_]:
+    """Photographs (F, K) within whose border something of a face with corners (F, 3, 3) m, or of its plane
+    within `reach` m around, may lie."""
+    camera = photos.camera
+    out = np.zeros((len(corners), len(photos.T_cam_body)), dtype=bool)
+    for k, T in enumerate(photos.T_cam_body):
+        p = corners @ T[:, :3].T + T[:, 3]
+        z = p[..., 2]
+        far, close = z.max(axis=1), z.min(axis=1) - reach
+        uv = p[..., :2] / np.maximum(z, 1e-9)[..., None] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+        beyond = reach * max(camera.fx, camera.fy) / np.maximum(close, 1e-9) * _ASLANT
+        low, high = uv.min(axis=1) - beyond[:, None], uv.max(axis=1) + beyond[:, None]
+        inside = np.all((high >= 0) & (low <= [camera.width - 1, camera.height - 1]), axis=1)
+        out[:, k] = (far + reach > 0) & (inside | (close <= _ZNEAR))
+    return out
 
 
 class _Bands(NamedTuple):
@@ -86,7 +116,7 @@ def _seen(
     depth, trust, _, T, camera = bands
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
     z = T[k, 2, 0] * px + T[k, 2, 1] * py + T[k, 2, 2] * pz + T[k, 2, 3]
-    if z < 0.05:
+    if z < _ZNEAR:
         return 0.0, 0.0, 0.0
     x = T[k, 0, 0] * px + T[k, 0, 1] * py + T[k, 0, 2] * pz + T[k, 0, 3]
     y = T[k, 1, 0] * px + T[k, 1, 1] * py + T[k, 1, 2] * pz + T[k, 1, 3]
@@ -212,7 +242,8 @@ def _lows(
 @numba.njit(cache=True, nogil=True)
 def _shade(
     points: Array, normals: Array, color: NDArray[np.uint8], bands: _Bands,
-    gains: Array, group: NDArray[np.int64], base: float, slope: float,
+    gains: Array, group: NDArray[np.int64], among: NDArray[np.bool_], face: NDArray[np.int32],
+    base: float, slope: float,
 ) -> tuple[F32, NDArray[np.uint8]]:  # pragma: no cover - compiled  # fmt: skip
     n, count = len(points), len(bands.T)
     out, views = np.zeros((n, 3), np.float32), np.zeros(n, np.uint8)
@@ -222,6 +253,8 @@ def _shade(
     for p in range(n):
         seen = 0
         for k in range(count):
+            if not among[face[p], k]:
+                continue
             u, v, good = _seen(points, normals, p, bands, k, base, slope)
             if good > 0:
                 at[seen, 0], at[seen, 1], weight[seen], which[seen] = u, v, good, k
