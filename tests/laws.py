@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -29,6 +30,11 @@ def assert_for_all(law: Callable[..., None], cases: Iterable[Any]) -> None:
             broken.append(f"{names}: {e or type(e).__name__}")
     assert tried, "no case was tried"
     assert not broken, "\n".join([f"{len(broken)} of {len(tried)} cases:", *broken])
+
+
+def has_no_negative_zero(text: str) -> None:
+    """No number that is rounded to zero keeps its sign."""
+    assert re.search(r"-0(\.0*)?(?![\d.])", text) is None, text
 
 
 def random_pose(rng: np.random.Generator, reach: float = 2.0) -> Array:

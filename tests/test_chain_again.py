@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
 import pytest
 
+from recon import pipeline
+from recon.inspection.findings import as_reason, finding
 from tests.makers.recon import tiny
 from tests.makers.runs import STAGES, computed, reconstruct, twin_bytes
 from twin.runs.threads import threads
@@ -71,10 +74,36 @@ def test_an_interrupted_run_ends_with_the_same_bytes(
 
 
 def test_a_changed_setting_recomputes_what_depends_on_it(recording: Path, run: Path) -> None:
+    """A name that the user gave stays."""
     from recon.config import ReconConfig
 
+    rename(run, "wine")
     voxel = ReconConfig().fusion.static_voxel
     assert reconstruct(recording, run, *UP, "--set", f"fusion.static_voxel={voxel * 1.01}") == 0
     reasons = computed(run)
     assert list(reasons) == ["fusion", "up", "contact", "texture", "verdict", "handle"]
     assert f"static_voxel changed from {voxel}" in reasons["fusion"]
+    assert [p.name for p in load(run).parts] == ["wine"]
+
+
+def rename(run: Path, name: str) -> None:
+    """The only part, as a user does it."""
+    file = run / "twin" / "twin.json"
+    document = json.loads(file.read_text())
+    (part,) = document["parts"]
+    part["name"] = name
+    file.write_text(json.dumps(document))
+
+
+def test_a_fault_of_the_recording_makes_the_twin_doubtful(
+    recording: Path, run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only what may have spoilt the twin: small pictures are a fault, too."""
+    cut = finding("Cut", 12, 1)
+    monkeypatch.setattr(pipeline, "quick_findings", lambda _: (cut, finding("Small", 96, 72)))
+    shutil.rmtree(run / "stages" / "01_inspect")
+    assert reconstruct(recording, run, *UP) == 2
+    assert list(computed(run)) == ["inspect", "verdict", "handle"]
+    found = load(run).verdict
+    assert found is not None
+    assert found.of_all.reasons == (as_reason(cut),)

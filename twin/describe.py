@@ -45,7 +45,7 @@ def _motion(motion: Motion) -> str:
     if not len(motion.frames):
         return "<Motion: none measured>"
     spans = f", {len(motion.intervals)} interactions" if motion.intervals else ""
-    moved = f"{motion.state.min():.3g} to {motion.state.max():.3g}"
+    moved = f"{motion.state.min():z.3g} to {motion.state.max():z.3g}"
     return f"<Motion: {len(motion.frames)} frames, state {moved}{spans}, residual {1000 * motion.residual:.2g} mm>"
 
 

@@ -209,7 +209,7 @@ class TrialReport:
 
 
 def _percent(e: Estimate) -> str:
-    return f"{100 * e.value:.0f} % ({100 * e.low:.0f}–{100 * e.high:.0f})"
+    return f"{100 * e.value:z.0f} % ({100 * e.low:z.0f}–{100 * e.high:z.0f})"
 
 
 def _plain(values: Array) -> list[float]:

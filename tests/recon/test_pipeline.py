@@ -21,12 +21,22 @@ from recon.readers import open_recording
 from recon.recording import Intrinsics, Recording
 from recon.windows.windows import Window
 from tests.makers.recon import tiny
+from tests.makers.runs import STAGES
 from twin.errors import InputError, MissingDependencyError
 from twin.files.text import read_json
 from twin.level import DOUBTED
 from twin.physics.edit import given, set_physics
 from twin.runs.manifest import MANIFEST
+from twin.runs.stages import Run
+from twin.scene import Twin
 from twin.storage import load, save
+
+
+def still() -> Recording:
+    """Ten black pictures."""
+    return Recording.from_arrays(
+        np.zeros((10, 4, 6, 3), np.uint8), np.ones((10, 4, 6)), Intrinsics(6, 4, 5.0, 5.0, 2.5, 1.5), fps=10
+    )
 
 
 @pytest.mark.parametrize("hints", [(), (TypeHint("revolute", 5, 35, "seer-1"),)])
@@ -46,11 +56,8 @@ def test_a_run_without_hints_has_the_keys_it_had(hints: tuple[TypeHint, ...]) ->
                 raise Stop
             return types.SimpleNamespace(value=(Window(0, 9),) if name == "windows" else None)
 
-    recording = Recording.from_arrays(
-        np.zeros((10, 4, 6, 3), np.uint8), np.ones((10, 4, 6)), Intrinsics(6, 4, 5.0, 5.0, 2.5, 1.5), fps=10
-    )
     with pytest.raises(Stop):
-        _run(Recorder(), recording, config, hints, None)  # type: ignore[arg-type]
+        _run(Recorder(), still(), config, hints, None)  # type: ignore[arg-type]
     assert seen["motion"] == (
         ((config.motion, config.joints), hints) if hints else (config.motion, config.joints)
     )
@@ -72,6 +79,17 @@ def test_a_missing_extra_is_told_before_the_recording_is_opened(
         reconstruct(tmp_path / "none", config)
     with pytest.raises(InputError, match="none"):
         reconstruct(tmp_path / "none", ReconConfig())
+
+
+def test_progress_on_request_counts_the_stages(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run_of_one_stage(run: Run, *_: object) -> Twin:
+        return run.stage("tracks", 1, None, [], cabinet_twin).value
+
+    monkeypatch.setattr(pipeline, "_run", run_of_one_stage)
+    reconstruct(still(), progress=True)
+    assert f", 2 of {len(STAGES)}" in capsys.readouterr().err
 
 
 def test_a_weighed_mass_outlives_another_reconstruction(

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from recon.inspection.finding import Inspection
 from recon.inspection.outlook import Outlook, cost, outlook
 from recon.readers import open_recording
 from recon.recording import Recording
+from twin.cli import main as cli
 from twin.files.assets import asset
+
+SHIPPED = str(asset("recordings/cabinet_drawer"))
 
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    return open_recording(asset("recordings/cabinet_drawer"))
+    return open_recording(SHIPPED)
 
 
 def repeated(recording: Recording, rests: int, times: int) -> Recording:
@@ -80,3 +85,16 @@ def test_where_nothing_can_be_followed_the_motions_are_not_known() -> None:
     found = outlook(flat)
     assert found.motions is None
     assert "motions not known" in found.text
+
+
+def test_the_verb_tells_it_in_words_and_in_its_document(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen = Outlook(6.0, 2, (0.5, 1.25), 1400)
+    found = Inspection("clip", (), ("clock",), (), 88, 88, seen)
+    monkeypatch.setattr("recon.inspection.inspect.inspect", lambda _: found)
+    assert cli.run(["inspect", SHIPPED]) == 0
+    assert seen.text in capsys.readouterr().out.splitlines()
+    assert cli.run(["inspect", SHIPPED, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["outlook"]
+    assert told == {"seconds": 6.0, "motions": 2, "minutes": [0.5, 1.25], "memory_mb": 1400}
