@@ -21,9 +21,9 @@ from recon.recording import Intrinsics, Recording
 from recon.texture.charts import Layout, lay_out
 from recon.texture.exposure import gains
 from recon.texture.fill import around, over_surface
-from recon.texture.photos import Photos, Shot, of_body, take
+from recon.texture.photos import Photos, Shot, framed, of_body, take
 from recon.texture.raster import MARGIN, faces_at, surface_at, vertex_normals
-from recon.texture.shade import framed, lows, shade
+from recon.texture.shade import lows, shade
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.keys import Stage

@@ -26,6 +26,9 @@ _HAND = 0.06  # of the picture's width around a hand that shows its soft edge an
 _RIM = 1.0  # px from a body's outline within which a pixel counts least
 _FULL = 5.0  # px from it from which on a pixel counts fully
 _LEAST = 0.03  # what a pixel at the outline counts: used where nothing better shows the place
+ZNEAR = 0.05  # m from the camera, within which nothing is seen
+# a step on a plane seen aslant in the corner of a picture spans less than so many of its pixels
+_ASLANT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,3 +144,20 @@ def _low(color: U8, own: NDArray[np.bool_]) -> F32:
     total = cv2.GaussianBlur(cv2.resize(lit, size, interpolation=cv2.INTER_AREA), (0, 0), _BLUR)
     share = cv2.GaussianBlur(cv2.resize(weight, size, interpolation=cv2.INTER_AREA), (0, 0), _BLUR)
     return np.asarray(total / np.maximum(share, 1e-4)[..., None], dtype=np.float32)
+
+
+def framed(corners: Array, photos: Photos, reach: float) -> NDArray[np.bool_]:
+    """Photographs (F, K) within whose border something of a face with corners (F, 3, 3) m, or of its plane
+    within `reach` m around, may lie."""
+    camera = photos.camera
+    out = np.zeros((len(corners), len(photos.T_cam_body)), dtype=bool)
+    for k, T in enumerate(photos.T_cam_body):
+        p = corners @ T[:, :3].T + T[:, 3]
+        z = p[..., 2]
+        far, close = z.max(axis=1), z.min(axis=1) - reach
+        uv = p[..., :2] / np.maximum(z, 1e-9)[..., None] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+        beyond = reach * max(camera.fx, camera.fy) / np.maximum(close, 1e-9) * _ASLANT
+        low, high = uv.min(axis=1) - beyond[:, None], uv.max(axis=1) + beyond[:, None]
+        inside = np.all((high >= 0) & (low <= [camera.width - 1, camera.height - 1]), axis=1)
+        out[:, k] = (far + reach > 0) & (inside | (close <= ZNEAR))
+    return out

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recon.dense.depth import F32
 from recon.dense.noise import DepthNoise
-from recon.texture.photos import LOW, Photos
+from recon.texture.photos import LOW, ZNEAR, Photos
 from twin.geometry import Array
 from twin.runs.threads import each
 
@@ -30,10 +30,6 @@ _SIGMAS = 2.0  # deviations within which a reading agrees with the surface
 _SURFACE = 0.006  # m, error of fusion and decimation
 _TAPS = 0.6  # of the cubic weights must lie on the body's own pixels
 _AT_ONCE = 1 << 16
-_ZNEAR = 0.05  # m from the camera, within which nothing is seen
-_ASLANT = (
-    2.0  # a step on a plane seen aslant in the corner of a picture spans less than so many of its pixels
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +52,14 @@ def shade(
     """Colours of points (n, 3) m with unit normals (n, 3) on a body at state 0; gains (G, K, 3) multiply each
     photograph's colours, each `group` (n,) of points having its own. near: photographs (F, K) that may show
     each face (`framed`), and the face (n,) of each point; None: all may show all."""
-
     bands = _bands(photos)
     among, face = near or (np.ones((1, len(bands.T)), dtype=bool), np.zeros(len(points), np.int32))
 
     def some(start: int) -> tuple[F32, NDArray[np.uint8]]:
         part = slice(start, start + _AT_ONCE)
-        own = np.require(points[part], requirements=["C", "W"])  # _shade is compiled for one layout of memory
-        sigma = (noise.base, noise.slope)
-        return _shade(own, normals[part], photos.color, bands, gains, group[part], among, face[part], *sigma)
+        own = np.require(points[part], requirements=["C", "W"])  # _shade is compiled for one layout
+        rest = (among, face[part], noise.base, noise.slope)
+        return _shade(own, normals[part], photos.color, bands, gains, group[part], *rest)
 
     made = list(each(some, range(0, len(points), _AT_ONCE)))
     if not made:
@@ -75,23 +70,6 @@ def shade(
 def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tuple[Array, Array]:
     """What is shown of points (n, 3) m without detail: colours (n, K, 3), weights (n, K), 0 if unseen."""
     return _lows(points, normals, _bands(photos), noise.base, noise.slope)
-
-
-def framed(corners: Array, photos: Photos, reach: float) -> NDArray[np.bool_]:
-    """Photographs (F, K) within whose border something of a face with corners (F, 3, 3) m, or of its plane
-    within `reach` m around, may lie."""
-    camera = photos.camera
-    out = np.zeros((len(corners), len(photos.T_cam_body)), dtype=bool)
-    for k, T in enumerate(photos.T_cam_body):
-        p = corners @ T[:, :3].T + T[:, 3]
-        z = p[..., 2]
-        far, close = z.max(axis=1), z.min(axis=1) - reach
-        uv = p[..., :2] / np.maximum(z, 1e-9)[..., None] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-        beyond = reach * max(camera.fx, camera.fy) / np.maximum(close, 1e-9) * _ASLANT
-        low, high = uv.min(axis=1) - beyond[:, None], uv.max(axis=1) + beyond[:, None]
-        inside = np.all((high >= 0) & (low <= [camera.width - 1, camera.height - 1]), axis=1)
-        out[:, k] = (far + reach > 0) & (inside | (close <= _ZNEAR))
-    return out
 
 
 class _Bands(NamedTuple):
@@ -116,7 +94,7 @@ def _seen(
     depth, trust, _, T, camera = bands
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
     z = T[k, 2, 0] * px + T[k, 2, 1] * py + T[k, 2, 2] * pz + T[k, 2, 3]
-    if z < _ZNEAR:
+    if z < ZNEAR:
         return 0.0, 0.0, 0.0
     x = T[k, 0, 0] * px + T[k, 0, 1] * py + T[k, 0, 2] * pz + T[k, 0, 3]
     y = T[k, 1, 0] * px + T[k, 1, 1] * py + T[k, 1, 2] * pz + T[k, 1, 3]

@@ -10,8 +10,8 @@ import pytest
 from recon.dense.noise import GOOD_SENSOR
 from recon.recording import Intrinsics
 from recon.texture.photo_textures import TextureConfig, _texels
-from recon.texture.photos import LOW, Photos, of_body, take
-from recon.texture.shade import framed, shade
+from recon.texture.photos import LOW, Photos, framed, of_body, take
+from recon.texture.shade import shade
 from tests.recon.texture.test_texture import CAMERA, Scene, cube
 from twin.scene import STATIC_LABEL, Mesh
 
