@@ -15,6 +15,7 @@ from recon.cameras.poses import CAMERAS, camera_poses
 from recon.contact.up.decide import UP, Upright, World, find_up, turned
 from recon.dense.noise import NOISE, DepthNoise, measure_noise
 from recon.fusion.fuse import FUSION, fuse
+from recon.interaction.ahead import solve_ahead
 from recon.interaction.interaction import Interaction, Observed, interact
 from recon.interaction.joints.type_selection import TypeHint
 from recon.merge.merge import MERGE, as_merged, merge
@@ -74,7 +75,9 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
     seen, solved = Observed(recording, tracks, path, noise), []
     only = len(windows) == 1 and windows[0].is_whole(recording)
     times = np.asarray(recording.times)
-    for window, word in [(windows[0], said)] if only else said_windows(windows, said, times):
+    told = [(windows[0], said)] if only else said_windows(windows, said, times)
+    solve_ahead(stage, seen, told, hints)
+    for window, word in told:
         solved.append(interact(stage, seen, window, hints, word, only=only))
     results = [r for _, of_window in solved for r in of_window]
     return _upright(stage, seen, [i for i, _ in solved], results, guessed.warnings)

@@ -10,9 +10,8 @@ from __future__ import annotations
 import re
 import shutil
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -23,6 +22,7 @@ from twin.runs.keys import stage_key, why_changed
 from twin.runs.loop import Loop
 from twin.runs.manifest import MANIFEST, update_manifest, versions
 from twin.runs.memory import peak_memory_mb, reset_peak_memory
+from twin.runs.notes import recording_warnings
 from twin.runs.run_lock import claim, release
 from twin.runs.settings import as_dict, to_toml
 
@@ -72,6 +72,7 @@ class Run:
         self.folder = folder
         self.fingerprint = fingerprint
         self.results: list[StageResult[Any]] = []
+        self.ahead: dict[str, str] = {}  # what processes of this run computed ahead of it, and why
         self._progress = progress
         self._warnings: list[str] = []
         self._claimed = False
@@ -126,6 +127,9 @@ class Run:
         if found is None:
             self.report(name, 0.0, reason)
             found = self._compute(name, parts, compute, codec or TreeCodec(), reason)
+            self.report(name, 1.0, f"{found.seconds:.1f} s")
+        elif name in self.ahead:
+            found = replace(found, cached=False, reason=self.ahead[name])
             self.report(name, 1.0, f"{found.seconds:.1f} s")
         else:
             self.report(name, 1.0, "from the cache")
@@ -207,7 +211,7 @@ class Run:
     ) -> StageResult[T]:
         start, key = time.perf_counter(), stage_key(name, parts)
         reset_peak_memory()
-        value, notes = _recording_warnings(compute)
+        value, notes = recording_warnings(compute)
         seconds, peak = time.perf_counter() - start, peak_memory_mb()
         if self.folder is None:
             value = codec.settle(value)
@@ -265,20 +269,6 @@ class Run:
             warnings=list(self._warnings),
             stages=stages,
         )
-
-
-def _recording_warnings(compute: Callable[[], T]) -> tuple[T, list[str]]:
-    """Call `compute`; UserWarnings are collected, each text once, and other warnings shown as usual."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        value = compute()
-    notes: list[str] = []
-    for w in caught:
-        if issubclass(w.category, UserWarning):
-            notes += [] if str(w.message) in notes else [str(w.message)]
-        else:
-            warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
-    return value, notes
 
 
 def _make(folder: Path) -> None:
