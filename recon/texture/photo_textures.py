@@ -21,7 +21,7 @@ from recon.recording import Intrinsics, Recording
 from recon.texture.charts import Layout, lay_out
 from recon.texture.exposure import gains
 from recon.texture.fill import around, over_surface
-from recon.texture.photos import Photos, Shot, framed, of_body, take
+from recon.texture.photos import Photos, Shots, framed, of_body, take
 from recon.texture.raster import MARGIN, faces_at, surface_at, vertex_normals
 from recon.texture.shade import lows, shade
 from twin import geometry as geo
@@ -127,8 +127,8 @@ def evenly(frames: Sequence[int], most: int) -> list[int]:
     return [frames[k] for k in np.linspace(0, len(frames) - 1, most).round().astype(int)]
 
 
-def _photos(shots: Sequence[Shot], key: int, part: FinishedPart | None, camera: Intrinsics) -> Photos:
-    poses = [np.eye(4) if part is None else part.moving.pose(s.frame) for s in shots]
+def _photos(shots: Shots, key: int, part: FinishedPart | None, camera: Intrinsics) -> Photos:
+    poses = [np.eye(4) if part is None else part.moving.pose(f) for f in shots.frames]
     return of_body(shots, key, poses, camera)
 
 

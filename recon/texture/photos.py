@@ -32,23 +32,24 @@ _ASLANT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """One frame as it was taken: colour (H, W, 3), depth (H, W) m, labels with hands grown (H, W), pose and
-    sharpness (mean squared gradient of its brightness)."""
+class Shots:
+    """N frames as they were taken: color (N, H, W, 3), depth (N, H, W) m, labels with hands grown (N, H, W),
+    T_world_cam (N, 4, 4) and sharpness (N,), the mean squared gradient of their brightness."""
 
-    frame: int
+    frames: Sequence[int]
     color: U8
     depth: F32
     labels: U8
     T_world_cam: Array
-    sharpness: float
+    sharpness: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Photos:
-    """K frames for one body. which (K,): their places among all shots; color (K, H, W, 3); depth (K, H, W) m;
-    trust (K, H, W) 0..1: 0 off the body; low (K, h, w, 3): the body's colours without detail, its pixel `LOW`
-    of the photograph; T_cam_body (K, 3, 4) from the body at state 0; camera: of the photographs."""
+    """K of N frames for one body. which (K,): their places among these; color (N, H, W, 3) and depth
+    (N, H, W) m: of all; trust (K, H, W) 0..1: 0 off the body; low (K, h, w, 3): the body's colours without
+    detail, its pixel `LOW` of the photograph; T_cam_body (K, 3, 4) from the body at state 0; camera: of the
+    photographs."""
 
     which: NDArray[np.int64]
     color: U8
@@ -65,19 +66,22 @@ def take(
     labels: Mapping[int, U8],
     frames: Sequence[int],
     max_depth: float,
-) -> list[Shot]:
-    """The frames, read and their hands grown."""
+) -> Shots:
+    """The frames, read and their hands grown; each has a pose."""
+    size = (len(frames), recording.intrinsics.height, recording.intrinsics.width)
+    colors, depths = np.empty((*size, 3), np.uint8), np.empty(size, np.float32)
+    held = np.empty(size, np.uint8)
 
-    def shot(frame: int) -> Shot:
-        color, depth = recording.frame(frame)
-        z = np.where(depth <= max_depth, depth, 0).astype(np.float32)
+    def sharpness(k: int) -> float:
+        color, depth = recording.frame(frames[k])
+        colors[k], depths[k] = color, np.where(depth <= max_depth, depth, 0)
+        held[k] = _without_hands(labels[frames[k]])
         grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        sharp = float((cv2.Sobel(grey, -1, 1, 0) ** 2 + cv2.Sobel(grey, -1, 0, 1) ** 2).mean())
-        pose = cameras.pose(frame)
-        assert pose is not None
-        return Shot(frame, color, z, _without_hands(labels[frame]), pose, sharp)
+        return float((cv2.Sobel(grey, -1, 1, 0) ** 2 + cv2.Sobel(grey, -1, 0, 1) ** 2).mean())
 
-    return list(each(shot, frames))
+    sharp = np.array(list(each(sharpness, range(len(frames)))))
+    poses = cameras.T_world_cam[np.searchsorted(cameras.frames, frames)].reshape(-1, 4, 4)
+    return Shots(frames, colors, depths, held, poses, sharp)
 
 
 def _without_hands(labels: U8) -> U8:
@@ -88,20 +92,20 @@ def _without_hands(labels: U8) -> U8:
     return np.where(near > 0, np.uint8(HAND_LABEL), labels).astype(np.uint8)
 
 
-def of_body(shots: Sequence[Shot], key: int, poses: Sequence[Array | None], camera: Intrinsics) -> Photos:
+def of_body(shots: Shots, key: int, poses: Sequence[Array | None], camera: Intrinsics) -> Photos:
     """The shots for the body with label `key` at poses T_world_body (4, 4), shot by shot; None: left out."""
-    used = [k for k, s in enumerate(shots) if poses[k] is not None and np.any(s.labels == key)]
-    typical = float(np.median([s.sharpness for s in shots])) if shots else 1.0
+    known = {k: pose for k, pose in enumerate(poses) if pose is not None}
+    used = [k for k in known if np.any(shots.labels[k] == key)]
+    typical = float(np.median(shots.sharpness)) if len(shots.sharpness) else 1.0
 
     def of_shot(k: int) -> tuple[F32, F32, Array]:
-        s, pose = shots[k], poses[k]
-        assert pose is not None
-        own = (s.labels == key) & (s.depth > 0)
-        blur = min(1.0, s.sharpness / max(typical, 1e-9))  # a blurred frame counts less, a busy one no more
+        own = (shots.labels[k] == key) & (shots.depth[k] > 0)
+        # a blurred frame counts less, a busy one no more
+        blur = min(1.0, float(shots.sharpness[k]) / max(typical, 1e-9))
         return (
-            _trust(own, s.depth) * np.float32(blur),
-            _low(s.color, own),
-            (geo.invert_pose(s.T_world_cam) @ pose)[:3],
+            _trust(own, shots.depth[k]) * np.float32(blur),
+            _low(shots.color[k], own),
+            (geo.invert_pose(shots.T_world_cam[k]) @ known[k])[:3],
         )
 
     made = list(each(of_shot, used))
@@ -109,8 +113,8 @@ def of_body(shots: Sequence[Shot], key: int, poses: Sequence[Array | None], came
     small = (-(-h // LOW), -(-w // LOW))
     return Photos(
         np.array(used, np.int64),
-        _stack([shots[k].color for k in used], (h, w, 3), np.uint8),
-        _stack([shots[k].depth for k in used], (h, w), np.float32),
+        shots.color,
+        shots.depth,
         _stack([m[0] for m in made], (h, w), np.float32),
         _stack([m[1] for m in made], (*small, 3), np.float32),
         _stack([m[2] for m in made], (3, 4), np.float64),

@@ -75,6 +75,7 @@ def lows(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> tu
 class _Bands(NamedTuple):
     """`Photos` without their detail, as the compiled code takes them."""
 
+    which: NDArray[np.int64]
     depth: F32
     trust: F32
     low: F32
@@ -83,7 +84,9 @@ class _Bands(NamedTuple):
 
 
 def _bands(photos: Photos) -> _Bands:
-    return _Bands(photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector)
+    return _Bands(
+        photos.which, photos.depth, photos.trust, photos.low, photos.T_cam_body, photos.camera.vector
+    )
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -91,7 +94,7 @@ def _seen(
     points: Array, normals: Array, p: int, bands: _Bands, k: int, base: float, slope: float
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
     """Column and row of point p in photograph k, and its quality: (pixels per metre)^2 times trust."""
-    depth, trust, _, T, camera = bands
+    which, depth, trust, _, T, camera = bands
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
     z = T[k, 2, 0] * px + T[k, 2, 1] * py + T[k, 2, 2] * pz + T[k, 2, 3]
     if z < ZNEAR:
@@ -114,7 +117,7 @@ def _seen(
         return 0.0, 0.0, 0.0
     d = z - 0.4
     sigma = max(0.002 + 0.003 * d * d, base + slope * z * z)
-    if abs(depth[k, i, j] - z) * cosine > _SURFACE + _SIGMAS * sigma * cosine:
+    if abs(depth[which[k], i, j] - z) * cosine > _SURFACE + _SIGMAS * sigma * cosine:
         return 0.0, 0.0, 0.0
     # trust between pixels, so that weights change smoothly
     a, b = min(int(v), h - 2), min(int(u), w - 2)
@@ -154,9 +157,9 @@ def _cubic(t: float) -> float:  # pragma: no cover - compiled
 
 @numba.njit(cache=True, nogil=True)
 def _detail_at(
-    color: NDArray[np.uint8], trust: F32, k: int, u: float, v: float, out: Array
+    color: NDArray[np.uint8], photo: int, trust: F32, k: int, u: float, v: float, out: Array
 ) -> bool:  # pragma: no cover - compiled
-    """Colour (3,) between pixels of photograph k, of the body alone; False where too few of them are."""
+    """Colour (3,) between pixels of a photo, those of the body alone; False where too few of them are."""
     _, h, w, _ = color.shape
     i, j = int(np.floor(v)), int(np.floor(u))
     across = (_cubic(u - j + 1), _cubic(u - j), _cubic(u - j - 1), _cubic(u - j - 2))
@@ -172,9 +175,9 @@ def _detail_at(
                 continue
             weight = down * across[dx]
             total += weight
-            red += weight * color[k, y, x, 0]
-            green += weight * color[k, y, x, 1]
-            blue += weight * color[k, y, x, 2]
+            red += weight * color[photo, y, x, 0]
+            green += weight * color[photo, y, x, 1]
+            blue += weight * color[photo, y, x, 2]
     if total < _TAPS:
         return False
     out[0], out[1], out[2] = red / total, green / total, blue / total
@@ -265,7 +268,7 @@ def _shade(
                 break
             weight[s] = 0.0
             k = which[s]
-            if not _detail_at(color, bands.trust, k, at[s, 0], at[s, 1], fine):
+            if not _detail_at(color, bands.which[k], bands.trust, k, at[s, 0], at[s, 1], fine):
                 continue
             most = max(most, good)
             share = (good / most) ** SHARP

@@ -19,7 +19,7 @@ from twin.scene import STATIC_LABEL, Mesh
 def photos_of_cube() -> Photos:
     scene = Scene()
     shots = take(scene.recording, scene.cameras, scene.labels, sorted(scene.labels), 5.0)
-    return of_body(shots, STATIC_LABEL, [np.eye(4)] * len(shots), CAMERA)
+    return of_body(shots, STATIC_LABEL, [np.eye(4)] * len(shots.frames), CAMERA)
 
 
 def middle_of(photos: Photos) -> Photos:
