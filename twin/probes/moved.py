@@ -55,6 +55,8 @@ def moved(spec: Any, whole: Any, part: str, held: Mapping[str, float]) -> Moved:
     for joint in list(alone.joints):
         if joint.name != whole.joint(own).name:
             _place(joint.parent, whole, data)
+            for sensor in [s for s in alone.sensors if s.objname == joint.name]:
+                alone.delete(sensor)
             alone.delete(joint)
     _keep_apart(alone, whole, int(whole.jnt_bodyid[own]))
     alone.compiler.fusestatic = False

@@ -51,9 +51,10 @@ from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.scene import HAND_LABEL, Joint, Motion, Trajectory
 
-REFINE = Stage("refine", 19, ("labels",))
-POLISH = Stage("polish", 12, ())
+REFINE = Stage("refine", 20, ("labels",))
+POLISH = Stage("polish", 13, ())
 _DRIFT = Drift()
+_LEAP = 0.05  # of the range; smooth motion stays within .03 of its median at a turning point
 _FIRST_GRID = 2 / 3  # of the final labels' working width
 
 
@@ -143,7 +144,7 @@ def _refine_one(
     """Alternate association and Gauss-Newton until the joint settles; `focal` is the recording's, px."""
     part = tracks.part
     rows = np.array([views.row[int(f)] for f in part.motion.frames])
-    state = np.array(part.motion.state)
+    state = without_leaps(part.motion.state)
     rests = _rests(part.motion)
     joint: Joint = replace(part.joint, covariance=None, sigma=None)
     lean = LEAN_OF_DEPTH if tracks.type_source == "depth" else LEAN_OF_TRACKS
@@ -177,6 +178,18 @@ def _refine_one(
     return with_uncertainty(
         end.joint, end.state, part.motion.state, rests, end.terms, end.left, drift.at_least(noise.drift)
     )
+
+
+def without_leaps(state: Array) -> Array:
+    """States (n,) without leaps of one or two frames: the median of five stands in their place.
+
+    A hand that lets go carries the tracks along for a frame, and a surface as far away is no evidence within
+    the gates that follow. No part goes a twentieth of its range and comes back within two frames.
+    """
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(state, 2, mode="edge"), 5)
+    usual = np.median(around, axis=1)
+    leaps = np.abs(state - usual) > _LEAP * float(np.ptp(usual))
+    return np.where(leaps, usual, state)
 
 
 def _rests(motion: Motion) -> NDArray[np.bool_]:
