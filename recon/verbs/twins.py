@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from twin.cli import given
 from twin.cli.console import Console, Outcome
 from twin.cli.step import Step, joint_row, joint_text, judged, page, page_note, require_run, run_folder
@@ -20,7 +18,6 @@ from twin.runs.manifest import MANIFEST, opened_with
 from twin.runs.settings import from_dict
 from twin.runs.stages import Progress
 from twin.runs.threads import import_ahead
-from twin.scene import Part
 from twin.storage import load
 from twin.verdict import verdict_line
 
@@ -133,15 +130,14 @@ def reconstruct_step(
     """recording: a `recon.Recording`."""
     started = time.perf_counter()
     from recon import models, pipeline
+    from recon.verbs.of_walk import UNSOLVED, handled_text, notes, unsolved_rows
 
     import_ahead("open3d", "trimesh", "matplotlib.backends.backend_svg")  # for masses and the page
     hint = None if type_hint is None else models.joint_hint(type_hint)
     twin = pipeline.reconstruct(recording, settings, out=out, progress=progress, hint=hint)
     manifest = read_json(out / MANIFEST)
-    warnings = [
-        *manifest.get("warnings", []),
-        *(w for s in manifest.get("stages", []) for w in s["warnings"]),
-    ]
+    warnings = [*manifest.get("warnings", []), *notes(manifest.get("stages", []), recording.times)]
+    unsolved = unsolved_rows(out, twin, recording.times)
     rows = [[p.name, *joint_row(p)] for p in twin.parts]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
     if any(len(p.motion.intervals) > 1 for p in twin.parts):
@@ -150,28 +146,20 @@ def reconstruct_step(
     stages = {s["name"]: s["seconds"] for s in manifest.get("stages", [])}
     summary = "; ".join(f"{p.name}: {joint_text(p)}" for p in twin.parts) or "no part"
     data = {"run": str(out), "parts": [p.name for p in twin.parts], "seconds": stages}
+    tables = [Table(f"{twin.name} → {out}", columns, rows)]
+    if unsolved:
+        data["unsolved"] = [dict(zip(UNSOLVED, row, strict=True)) for row in unsolved]
+        tables.append(Table(f"{twin.name}, not solved", UNSOLVED, unsolved))
     trusted = twin.verdict is None or twin.verdict.trusted
     outcome = Outcome(
         data,
-        [Table(f"{twin.name} → {out}", columns, rows)],
+        tables,
         [page_note(out)],
         warnings,
         ok=trusted,
         doubt="" if trusted else verdict_line(twin),
     )
     return Step("reconstruct", judged(outcome, twin), summary, started)
-
-
-def handled_text(part: Part) -> str:
-    """When a part moves: "0:12-0:15 1:07-1:09", minutes and seconds from the recording's first frame."""
-    motion = part.motion
-    start = float(motion.times[0]) if len(motion.times) else 0.0
-
-    def clock(frame: int) -> str:
-        seconds = round(float(np.interp(frame, motion.frames, motion.times)) - start)
-        return f"{seconds // 60}:{seconds % 60:02d}"
-
-    return " ".join(f"{clock(a)}-{clock(b)}" for a, b in motion.intervals)
 
 
 def evaluate(console: Console, run: Path, truth: Path) -> Outcome:

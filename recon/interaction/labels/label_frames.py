@@ -158,13 +158,13 @@ def _warn(refs: References) -> None:
 
 
 def _warn_of_ends(labels: dict[int, NDArray[np.uint8]]) -> None:
-    """Warn when the recording starts or ends with the hand in the picture."""
-    for when, frame in (("starts", min(labels)), ("ends", max(labels))):
+    """Warn when the recording, or the window of a walk, starts or ends with the hand in the picture."""
+    for when, frame, which in (("start", min(labels), "first"), ("end", max(labels), "last")):
         share = float(np.mean(labels[frame] == HAND_LABEL))
         if share > _HAND_AT_END:
             warnings.warn(
-                f"the recording {when} with the hand in the picture (frame {frame}, {share:.1%} of it): what it hides "
-                "there is less sure; record a second of rest without the hand",
+                f"the frames {when} with the hand in the picture ({share:.1%} of the {which}): what it hides there is "
+                "less sure; record a second of rest without the hand",
                 stacklevel=3,
             )
 

@@ -344,9 +344,11 @@ def test_colour_counts_in_units_of_its_scale() -> None:
 def test_a_hand_at_either_end_is_named() -> None:
     without, with_hand = np.ones((40, 50), np.uint8), np.ones((40, 50), np.uint8)
     with_hand[:5, :4] = HAND_LABEL
-    with pytest.warns(UserWarning, match=r"starts with the hand in the picture \(frame 0, 1.0%") as at_start:
+    with pytest.warns(
+        UserWarning, match=r"start with the hand in the picture \(1.0% of the first"
+    ) as at_start:
         _warn_of_ends({0: with_hand, 4: with_hand, 8: without})
-    with pytest.warns(UserWarning, match=r"ends with the hand in the picture \(frame 8") as at_end:
+    with pytest.warns(UserWarning, match=r"end with the hand in the picture \(1.0% of the last") as at_end:
         _warn_of_ends({0: without, 4: without, 8: with_hand})
     assert len(at_start) == len(at_end) == 1  # of the other end nothing is said
     with warnings.catch_warnings():

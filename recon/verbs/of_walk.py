@@ -1,0 +1,67 @@
+"""What `twin reconstruct` tells of a walk: when each part was handled, and what was not solved, by time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.geometry import Array
+from twin.scene import Part, Twin
+from twin.verdict import reason
+
+UNSOLVED = ["from", "to", "not solved, since", "what to try"]
+
+
+def handled_text(part: Part) -> str:
+    """When a part moves: "0:12-0:15 1:07-1:09", minutes and seconds from the recording's first frame."""
+    motion = part.motion
+    start = float(motion.times[0]) if len(motion.times) else 0.0
+    seconds = motion.times - start
+    return " ".join(
+        f"{_clock(np.interp(a, motion.frames, seconds))}-{_clock(np.interp(b, motion.frames, seconds))}"
+        for a, b in motion.intervals
+    )
+
+
+def notes(stages: Sequence[Mapping[str, Any]], times: Array) -> list[str]:
+    """The warnings of a run's stages, those of a window with its time before them, each once."""
+    out: dict[str, None] = {}
+    for stage in stages:
+        _, _, item = stage["name"].partition("/")
+        first, last = (int(n) for n in item.split("-")) if item else (0, 0)
+        when = f"{_span(first, last, times)}: " if item else ""
+        out |= dict.fromkeys(when + w for w in stage["warnings"])
+    return list(out)
+
+
+def unsolved_rows(run: Path, twin: Twin, times: Array) -> list[list[str]]:
+    """A row (`UNSOLVED`) for each window of several in which something is handled and no part of the twin
+    moves: the first reason against a part that was refused there, or that none was found."""
+    from recon.pipeline import read_stage
+
+    windows = read_stage(run, "windows")
+    if len(windows) < 2:
+        return []
+    merged, judged = read_stage(run, "merge").parts, read_stage(run, "verdict").parts
+    refused = [(p.windows, judged[p.id].reasons) for p in merged if judged[p.id].level == "refused"]
+    moving = [span for p in twin.parts for span in p.motion.intervals]
+    out = []
+    for w in windows:
+        if w.handled is None or any(a <= w.last and w.first <= b for a, b in moving):
+            continue
+        against = [r for spans, reasons in refused if (w.first, w.last) in spans for r in reasons]
+        why = against[0] if against else reason("HandMovesNothing", "doubtful", *w.handled)
+        out.append([*_span(w.handled[0], w.handled[1], times).split("-"), why.text, why.help])
+    return out
+
+
+def _span(first: int, last: int, times: Array) -> str:
+    return f"{_clock(times[first] - times[0])}-{_clock(times[last] - times[0])}"
+
+
+def _clock(seconds: float) -> str:
+    whole = round(float(seconds))
+    return f"{whole // 60}:{whole % 60:02d}"
