@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from recon.dense.depth import F32
 from recon.dense.noise import GOOD_SENSOR, DepthNoise
 from recon.interaction.labels.crf import agree, upsample_labels
-from recon.interaction.labels.evidence import ENOUGH
+from recon.interaction.labels.first_scores import first_scores
 from recon.interaction.labels.hand_pieces import Rests, drop_crumbs
-from recon.interaction.labels.pooling import SURE, pool_color, world_points
+from recon.interaction.labels.pooling import pool_color, world_points
 from recon.interaction.labels.reference_frames import (
     COLOR_SIGMAS,
     References,
@@ -32,7 +32,6 @@ from recon.interaction.labels.reference_frames import (
     halved,
     lab,
     relative_moves,
-    says_nothing,
     view,
 )
 from recon.interaction.labels.spreading import follow_surroundings, pool_in_space
@@ -47,7 +46,7 @@ from twin.runs.setting import Settings, setting
 from twin.runs.threads import each
 from twin.scene import HAND_LABEL, STATIC_LABEL, UNKNOWN_LABEL, Trajectory
 
-LABELS = Stage("labels", 9, ("labels",))
+LABELS = Stage("labels", 10, ("labels",))
 
 
 @dataclass(frozen=True)
@@ -65,13 +64,9 @@ _POSE_ERROR = 0.003
 _REFERENCES = 6
 # Frames of the whole recording that join as free-space witnesses. Chosen by us.
 _WITNESSES = 8
-# Log scores, chosen by us and the same for every recording.
-_SUPPORT = 1.5  # two references' agreement
-_VIOLATION = 4.0  # one and a half references that see through
-_PRIOR_PART = -0.5  # of a part without any evidence: such a pixel is static
-_HAND = -0.7  # of a hand: a moving pixel without more evidence is part or hand alike
+# Log score of a part without any evidence: such a pixel is static. Chosen by us.
+_PRIOR_PART = -0.5
 _BOX_MARGIN_M = 0.1
-_MOVED_SHARE = 0.15
 _HAND_AT_END = 0.003  # share of the picture, as for references
 
 
@@ -117,7 +112,7 @@ def label_frames(
 
     def look(frame: int) -> tuple[View, F32, NDArray[np.bool_]]:
         seen = view(recording, frame, factor)
-        return seen, *_first_scores(seen, refs, cameras, parts, boxes, camera, _POSE_ERROR, noise)
+        return seen, *first_scores(seen, refs, cameras, parts, boxes, camera, _POSE_ERROR, noise)
 
     looks = [seen for _, seen in zip((progress or untold)(chosen, "labels"), each(look, chosen), strict=True)]
     views, scores, stays = (list(column) for column in zip(*looks, strict=True))
@@ -201,80 +196,6 @@ def _part_box(
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
     margin = _BOX_MARGIN_M + 0.5 * float((high - low).max())
     return low - margin, high + margin
-
-
-def _first_scores(
-    seen: View,
-    refs: References,
-    cameras: Trajectory,
-    parts: Sequence[MovingPart],
-    boxes: Sequence[tuple[Array, Array] | None],
-    camera: Intrinsics,
-    slack: float,
-    noise: DepthNoise,
-) -> tuple[F32, NDArray[np.bool_]]:
-    """Log scores (1 + P + 1, h, w) of static, parts, hand from the reference frames alone; the masks
-    (1 + P, h, w) of what surely moved and, for each part, of what surely stays (see `_stays`)."""
-    moves = relative_moves(cameras, parts, seen.frame, refs.frames)
-    moves[:, [f == seen.frame for f in refs.frames]] = np.nan
-    known = seen.depth > 0
-    world = world_points(seen, camera, cameras.pose(seen.frame))
-    within = [_within(p.pose(seen.frame), box, known, world) for p, box in zip(parts, boxes, strict=True)]
-    nowhere = known & ~np.logical_or.reduce(within)
-    planes = [_score(gather(seen, refs, moves[0], camera, slack, noise, nowhere))]
-    stays = []
-    for part, inside, move in zip(parts, within, moves[1:], strict=True):
-        side = _side(part, seen.frame, refs)
-        still = gather(seen, refs, moves[0], camera, slack, noise, inside, side)
-        planes[0][inside] = _score(still)[inside]
-        stays.append(_stays(still, side))
-        score = _score(gather(seen, refs, move, camera, slack, noise, inside, side))
-        score[known & ~inside] = -_VIOLATION
-        planes.append(score)
-    untold = says_nothing(seen, noise) & (np.max(planes, axis=0) < _HAND)
-    planes = [np.where(untold, np.float32(0), p) for p in planes]
-    planes.append(np.full(known.shape, _HAND, np.float32))
-    return np.stack(planes).astype(np.float32), np.array([planes[0] < -SURE, *stays])
-
-
-def _within(
-    pose: Array | None, box: tuple[Array, Array] | None, known: NDArray[np.bool_], world: F32
-) -> NDArray[np.bool_]:
-    """Pixels (h, w) of known depth in a part's box; all of them when its pose or its box is not known."""
-    inside = known.copy()
-    if box is not None and pose is not None:
-        at_rest = geo.transform(geo.invert_pose(pose), world)
-        inside[known] = ((at_rest > box[0]) & (at_rest < box[1])).all(axis=1)
-    return inside
-
-
-def _side(part: MovingPart, frame: int, refs: References) -> NDArray[np.int8]:
-    """-1 for references at rest with the part at a clearly lower state than in this frame, 1 at a higher."""
-    span = float(np.ptp(part.motion.state)) if len(part.motion.state) else 0.0
-    now, then = part.state(frame), [part.state(f) for f in refs.frames]
-    if now is None or span == 0:
-        return np.zeros(len(then), np.int8)
-    share = np.array([0.0 if s is None else (s - now) / span for s in then])
-    return np.asarray(np.sign(share) * (np.abs(share) > _MOVED_SHARE) * refs.trusted, dtype=np.int8)
-
-
-def _stays(evidence: F32, side: NDArray[np.int8]) -> NDArray[np.bool_]:
-    """Pixels that are seen at their place both while the part is at lower and while it is at higher states.
-
-    They are static even if so flat that they could have moved along themselves: a table below a door.
-    """
-    counts = [int((side == sign).sum()) for sign in (-1, 1)]
-    sides = [evidence[2 + k] > 0.4 * n for k, n in enumerate(counts) if n]
-    return np.logical_and.reduce(sides) if sides else np.ones(evidence.shape[1:], bool)
-
-
-def _score(evidence: F32) -> F32:
-    support, violation, lower, higher = evidence
-    seen_through = np.clip((0.85 * violation - 0.3 * (lower + higher)) / 1.5, 0.0, 1.0)
-    score: F32 = (_SUPPORT * np.minimum(support, ENOUGH) / ENOUGH - _VIOLATION * seen_through).astype(
-        np.float32
-    )
-    return score
 
 
 def _final(

@@ -144,9 +144,10 @@ def gather(
     out = np.zeros((4, *seen.depth.shape), np.float32)
     none = np.zeros(len(refs.frames), np.int8)
     everywhere = np.ones(seen.depth.shape, bool) if wanted is None else wanted
-    normals = _normals(seen.depth, camera) if seen.normals is None else seen.normals
     compare(
-        Pixels(seen.depth, seen.color, normals, everywhere, camera.vector.astype(np.float32)),
+        Pixels(
+            seen.depth, seen.color, normals_of(seen, camera), everywhere, camera.vector.astype(np.float32)
+        ),
         Others(
             moves.astype(np.float32),
             refs.depth,
@@ -159,6 +160,11 @@ def gather(
         out,
     )
     return out
+
+
+def normals_of(seen: View, camera: Intrinsics) -> F32:
+    """Normals (h, w, 3) of a view in its camera, 0 where unknown."""
+    return _normals(seen.depth, camera) if seen.normals is None else seen.normals
 
 
 def rest_phases(parts: Sequence[MovingPart], frames: NDArray[np.int64]) -> list[NDArray[np.int64]]:

@@ -18,7 +18,8 @@ from recon.evaluation.read_truth import load_truth
 from recon.evaluation.truth import Truth
 from recon.interaction.labels.crf import agree, geodesic, upsample_labels
 from recon.interaction.labels.evidence import Errors, Others, Pixels, compare, depth_range, median_depth
-from recon.interaction.labels.label_frames import LabelConfig, _score, _warn_of_ends, label_frames
+from recon.interaction.labels.first_scores import _score
+from recon.interaction.labels.label_frames import LabelConfig, _warn_of_ends, label_frames
 from recon.interaction.labels.reference_frames import View, find_references
 from recon.interaction.labels.spreading import spread_along_surfaces
 from recon.interaction.parts.moving_part import MovingPart
