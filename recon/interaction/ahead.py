@@ -50,7 +50,7 @@ def solve_ahead(stage: Chain, seen: Observed, windows: Sequence[Told], hints: Se
     recording in memory.
     """
     run, recording, count = stage.run, seen.recording, threads()
-    if run.folder is None or recording.path is None or count < 2 or len(windows) < 2:
+    if len(windows) < 2 or count < 2 or run.folder is None or recording.path is None:
         return
     place = _Place(
         run.folder,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from recon.recording import Recording
 from twin.geometry import Array
 from twin.scene import Part, Twin
 from twin.verdict import reason
@@ -26,18 +27,18 @@ def handled_text(part: Part) -> str:
     )
 
 
-def notes(stages: Sequence[Mapping[str, Any]], times: Array) -> list[str]:
+def notes(stages: Sequence[Mapping[str, Any]], recording: Recording) -> list[str]:
     """The warnings of a run's stages, those of a window with its time before them, each once."""
     out: dict[str, None] = {}
     for stage in stages:
         _, _, item = stage["name"].partition("/")
         first, last = (int(n) for n in item.split("-")) if item else (0, 0)
-        when = f"{_span(first, last, times)}: " if item else ""
+        when = f"{_span(first, last, recording.times)}: " if item else ""
         out |= dict.fromkeys(when + w for w in stage["warnings"])
     return list(out)
 
 
-def unsolved_rows(run: Path, twin: Twin, times: Array) -> list[list[str]]:
+def unsolved_rows(run: Path, twin: Twin, recording: Recording) -> list[list[str]]:
     """A row (`UNSOLVED`) for each window of several in which something is handled and no part of the twin
     moves: the first reason against a part that was refused there, or that none was found."""
     from recon.pipeline import read_stage
@@ -54,7 +55,7 @@ def unsolved_rows(run: Path, twin: Twin, times: Array) -> list[list[str]]:
             continue
         against = [r for spans, reasons in refused if (w.first, w.last) in spans for r in reasons]
         why = against[0] if against else reason("HandMovesNothing", "doubtful", *w.handled)
-        out.append([*_span(w.handled[0], w.handled[1], times).split("-"), why.text, why.help])
+        out.append([*_span(w.handled[0], w.handled[1], recording.times).split("-"), why.text, why.help])
     return out
 
 

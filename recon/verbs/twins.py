@@ -136,16 +136,18 @@ def reconstruct_step(
     hint = None if type_hint is None else models.joint_hint(type_hint)
     twin = pipeline.reconstruct(recording, settings, out=out, progress=progress, hint=hint)
     manifest = read_json(out / MANIFEST)
-    warnings = [*manifest.get("warnings", []), *notes(manifest.get("stages", []), recording.times)]
-    unsolved = unsolved_rows(out, twin, recording.times)
+    stages = manifest.get("stages", [])
+    warnings = [*manifest.get("warnings", []), *notes(stages, recording)]
+    several = any("/" in s["name"] for s in stages)
+    unsolved = unsolved_rows(out, twin, recording) if several else []
     rows = [[p.name, *joint_row(p)] for p in twin.parts]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
     if any(len(p.motion.intervals) > 1 for p in twin.parts):
         columns.append("handled")
         rows = [[*row, handled_text(p)] for row, p in zip(rows, twin.parts, strict=True)]
-    stages = {s["name"]: s["seconds"] for s in manifest.get("stages", [])}
+    seconds = {s["name"]: s["seconds"] for s in stages}
     summary = "; ".join(f"{p.name}: {joint_text(p)}" for p in twin.parts) or "no part"
-    data = {"run": str(out), "parts": [p.name for p in twin.parts], "seconds": stages}
+    data = {"run": str(out), "parts": [p.name for p in twin.parts], "seconds": seconds}
     tables = [Table(f"{twin.name} → {out}", columns, rows)]
     if unsolved:
         data["unsolved"] = [dict(zip(UNSOLVED, row, strict=True)) for row in unsolved]

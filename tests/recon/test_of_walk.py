@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def test_times_are_minutes_and_seconds_from_the_first_frame() -> None:
     assert handled_text(replace(part, motion=replace(motion, intervals=()))) == ""
 
 
-TIMES = 1000.0 + np.arange(1200) / 15.0
+WALK: Any = SimpleNamespace(times=1000.0 + np.arange(1200) / 15.0)
 # a drawer is opened, a door is refused, something is carried, and somebody stands by
 WINDOWS = (
     Window(150, 260, (180, 230)),
@@ -51,12 +52,12 @@ def test_a_window_without_a_part_is_told_by_its_time_with_the_reason(monkeypatch
     part = cabinet_twin().parts[0]
     motion = replace(part.motion, intervals=((190, 220),))
     twin = replace(cabinet_twin(), parts=(replace(part, motion=motion),))
-    door, carried = unsolved_rows(Path("run"), twin, TIMES)
+    door, carried = unsolved_rows(Path("run"), twin, WALK)
     assert door == ["0:22", "0:25", axis.text, axis.help]
     assert carried[:2] == ["0:35", "0:38"]
     assert "a hand is in view from frame 530 to 570, and nothing in the twin moves" in carried[2]
     stages["windows"] = (Window(0, 1199, (180, 230)),)
-    assert unsolved_rows(Path("run"), replace(twin, parts=()), TIMES) == []  # of a clip the verdict tells it
+    assert unsolved_rows(Path("run"), replace(twin, parts=()), WALK) == []  # of a clip the verdict tells it
 
 
 def test_warnings_of_a_window_have_its_time_and_each_stands_once() -> None:
@@ -65,7 +66,7 @@ def test_warnings_of_a_window_have_its_time_and_each_stands_once() -> None:
         {"name": "labels/000150-000260", "warnings": ["no frame is free of the hand"] * 2},
         {"name": "labels/000300-000400", "warnings": ["no frame is free of the hand"]},
     ]
-    assert notes(stages, TIMES) == [
+    assert notes(stages, WALK) == [
         "up is a guess",
         "0:10-0:17: no frame is free of the hand",
         "0:20-0:27: no frame is free of the hand",
