@@ -31,6 +31,8 @@ _VIOLATION = 4.0  # one and a half references that see through
 _HAND = -0.7  # of a hand: a moving pixel without more evidence is part or hand alike
 # Share of the range by which a state is clearly another. Chosen by us.
 _MOVED_SHARE = 0.15
+# px of the working grid at the picture's border, whose normals are unknown: what comes into view lies there.
+_RIM = 2
 # Cosine between a surface's normal and its way below which it slides in itself; normals are known to .1.
 _ALONG = 0.15
 
@@ -78,7 +80,8 @@ def slides_in_itself(
     Where the part was, the same surface goes on: that it is seen there tells nothing of where this piece was.
     """
     pose, joint = np.eye(4) if T_world_cam is None else T_world_cam, part.joint
-    normals = normals_of(seen, camera)
+    inner = normals_of(seen, camera)[_RIM:-_RIM, _RIM:-_RIM]
+    normals = np.pad(inner, ((_RIM, _RIM), (_RIM, _RIM), (0, 0)), mode="edge")
     way = np.broadcast_to(joint.axis @ pose[:3, :3], normals.shape)
     if isinstance(joint, Revolute):
         v, u = np.mgrid[: seen.depth.shape[0], : seen.depth.shape[1]]
