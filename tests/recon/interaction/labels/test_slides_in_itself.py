@@ -81,3 +81,11 @@ def test_a_wall_that_nobody_saw_before_is_not_taken_for_what_slides_along_it() -
     seen = (x > 0.3) & (x < 0.5)  # where both are known, both are supported
     assert np.all(static[5:-5, seen] > 0.5)
     assert np.all(moved[5:-5, seen] > 0.5)
+
+
+def test_a_wall_slides_in_itself_up_to_the_picture_s_border() -> None:
+    """What comes into view lies there, where normals are unknown."""
+    normal = geo.unit(np.array([0.3, 0.2, -1.0]))
+    along = geo.unit(np.cross(normal, [0.0, 1.0, 0.0]))
+    beside = MovingPart(2, Prismatic(axis=along, lower=0.0, upper=0.2), MOTION)
+    assert slides_in_itself(plane(normal), beside, np.eye(4), CAMERA).all()
