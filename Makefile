@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test mutants lint docs install engines wheel check-wheel clean
+.PHONY: help demo test test-all mutants lint docs install engines wheel check-wheel clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
@@ -21,8 +21,13 @@ help: ## show this list
 demo: install ## reconstruct the shipped recording, export it, let a robot open it; leaves out/demo/report.html
 	$(VENV)/bin/twin demo
 
-test: install ## run the tests
-	OMP_NUM_THREADS=1 $(VENV)/bin/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=50 --durations-min=1
+PYTEST := OMP_NUM_THREADS=1 $(VENV)/bin/pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+test: install ## run the tests that take less than a second each
+	$(PYTEST) --durations=50 --durations-min=1
+
+test-all: install ## run these and the longer ones, as .ci/run does
+	$(PYTEST) -m 'not slow' --durations=50 --durations-min=1
 
 mutants: install ## plant faults one at a time and write which of them the tests notice (hours; stop it and go on at will)
 	$(VENV)/bin/python -m benchmarks.mutants run

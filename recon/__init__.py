@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from recon.readers import open_recording
     from recon.recording import Frame, Intrinsics, Recording
     from recon.recording.said import Said
-    from recon.tracking.tracks import SparseTracks, Tracks, track_points
+    from recon.tracking.follow import track_points
+    from recon.tracking.tracks import SparseTracks, Tracks
 
 __all__ = [
     "Frame",
@@ -54,7 +55,7 @@ _LAZY = {
     "open_recording": "recon.readers",
     "read_stage": "recon.pipeline",
     "reconstruct": "recon.pipeline",
-    "track_points": "recon.tracking.tracks",
+    "track_points": "recon.tracking.follow",
 }
 
 

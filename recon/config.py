@@ -12,7 +12,7 @@ from recon.interaction.labels.label_frames import LabelConfig
 from recon.interaction.parts.config import MotionConfig
 from recon.recording.said import Said
 from recon.texture.photo_textures import TextureConfig
-from recon.tracking.tracks import TrackConfig
+from recon.tracking.follow import TrackConfig
 from twin.runs.setting import Settings, group
 
 

@@ -28,6 +28,7 @@ from recon.texture.handle_section import HANDLE, handle_sections, with_handles
 from recon.texture.photo_textures import TEXTURE, photo_textures
 from recon.verdict.assemble import assemble, earlier_twin, given_names, keep_key_frames, keep_twin, say_where
 from recon.verdict.judge import VERDICT, judge
+from recon.windows.windows import is_long
 from twin.cause import Cause
 from twin.errors import InputError, nearest_name
 from twin.level import DOUBTED
@@ -43,10 +44,15 @@ from twin.storage import require_place
 
 T = TypeVar("T")
 
-# Seconds of stages on two cores, for the time left: medians of benchmarks/speed.md. Only ratios count.
+# Seconds of a clip on two cores, for the time left: medians of benchmarks/speed.md. Only ratios count.
 _SECONDS = {
     "inspect": 4.6, "tracks": 5.7, "cameras": 2.6, "gravity": 0.2, "noise": 0.2, "windows": 0.1, "path": 0.1, "motion": 7.3, "refine": 5.9, "labels": 5.2, "polish": 2.1,
     "merge": 0.1, "fusion": 2.4, "up": 0.5, "contact": 0.8, "texture": 19.8, "verdict": 1.5, "handle": 0.1,
+}  # fmt: skip
+# The same of a walk of 45 s, whose interactions count as one.
+_SECONDS_OF_WALK = {
+    "inspect": 11.0, "frames": 3.0, "corners": 28.0, "tracks": 0.5, "submaps": 20.0, "cameras": 2.0, "gravity": 0.2, "noise": 0.3, "windows": 5.0, "path": 3.0,
+    "interactions": 75.0, "merge": 2.0, "fusion": 19.0, "up": 1.0, "contact": 3.0, "texture": 31.0, "verdict": 8.0, "handle": 0.3,
 }  # fmt: skip
 
 
@@ -83,9 +89,10 @@ def reconstruct(
     require_said(config.said, recording)
     if out is not None:
         require_place(out / "twin")
+    seconds = _SECONDS_OF_WALK if is_long(recording) else _SECONDS
     with (
         default_progress(progress) as shown,
-        Run(out, recording.fingerprint, Counted(shown, _SECONDS), config) as run,
+        Run(out, recording.fingerprint, Counted(shown, seconds), config) as run,
     ):
         for note in recording.warnings:
             run.warn(note)
@@ -106,10 +113,11 @@ def read_stage(run: Path | str, name: str) -> Any:
 
     Raises InputError for an unknown stage or one the run has not kept, CodecError for a damaged one.
     """
-    if name not in _SECONDS:
-        close = nearest_name(name, list(_SECONDS))
+    known = [*_SECONDS, *(n for n in _SECONDS_OF_WALK if n not in _SECONDS)]
+    if name not in known:
+        close = nearest_name(name, known)
         hint = f"did you mean {close!r}? " if close else ""
-        raise InputError(f"there is no stage {name!r}", f"{hint}stages: {', '.join(_SECONDS)}")
+        raise InputError(f"there is no stage {name!r}", f"{hint}stages: {', '.join(known)}")
     folder = next(iter(sorted(Path(run).glob(f"stages/[0-9][0-9]_{name}"))), None)
     if folder is None:
         raise InputError(

@@ -11,21 +11,22 @@ from numpy.typing import NDArray
 
 from recon.cameras.gravity import GRAVITY, upright
 from recon.cameras.path import PATH, close_loops
-from recon.cameras.poses import CAMERAS, camera_poses
 from recon.contact.up.decide import UP, Upright, World, find_up, turned
 from recon.dense.noise import NOISE, DepthNoise, measure_noise
 from recon.fusion.fuse import FUSION, fuse
 from recon.interaction.ahead import solve_ahead
-from recon.interaction.interaction import Interaction, Observed, interact
+from recon.interaction.interaction import Interaction, Observed, frame_of, interact
 from recon.interaction.joints.type_selection import TypeHint
 from recon.merge.merge import MERGE, as_merged, merge
 from recon.merge.relabel import all_labels
+from recon.odometry import odometry
 from recon.recording import Recording
-from recon.tracking.tracks import TRACKS, track_points
+from recon.recording.contents import FRAMES, frame_digests
 from recon.windows.said_windows import said_windows
-from recon.windows.windows import WINDOWS, apart, find_windows
+from recon.windows.windows import WINDOWS, apart, find_windows, is_long
 from twin.runs.chain import Chain
 from twin.runs.stages import StageResult
+from twin.scene import Trajectory
 
 T = TypeVar("T")
 
@@ -47,14 +48,12 @@ class Surveyed:
 
 def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -> Surveyed:
     """The stages from the recording to the surfaces of static scene and parts, in a world whose z is up."""
-    c, loop = stage.config, stage.run.loop
-    # Sparse 3D tracks, without weights; the paper's tracker is learned.
-    tracks = stage(TRACKS, [], lambda: track_points(recording, c.tracks, loop("tracks")))
-    # Camera poses in spite of hands and moving parts (FunREC, supplement 1.2).
-    cameras = stage(
-        CAMERAS, [tracks], lambda: camera_poses(recording, tracks.value, c.cameras, loop("cameras"))
-    )
-    said = c.said  # it joins the keys only where something is said
+    loop = stage.run.loop
+    contents = None
+    if is_long(recording):
+        contents = stage(FRAMES, [], lambda: frame_digests(recording, loop("frames")))
+    tracks, cameras = odometry(stage, recording, contents)
+    said = stage.config.said  # it joins the keys only where something is said
     guessed = stage(
         GRAVITY,
         [cameras],
@@ -69,38 +68,42 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
         [guessed, noise],
         lambda: find_windows(recording, guessed.value, noise.value, loop("windows")),
     )
-    windows = found_windows.value
-    rigid = apart(windows)
-    path = stage(PATH, [guessed, found_windows], lambda: close_loops(recording, guessed.value, rigid))
-    seen, solved = Observed(recording, tracks, path, noise), []
-    only = len(windows) == 1 and windows[0].is_whole(recording)
-    times = np.asarray(recording.times)
-    told = [(windows[0], said)] if only else said_windows(windows, said, times)
+    windows, times = found_windows.value, np.asarray(recording.times)
+    told = [(w, said) for w in windows] if contents is None else said_windows(windows, said, times)
+    rigid = apart(sorted({*windows, *(w for w, _ in told)}, key=lambda w: w.first))
+    path = stage(
+        PATH,
+        [guessed, found_windows],
+        lambda: close_loops(recording, guessed.value, rigid),
+        *([rigid] if rigid != apart(windows) else []),
+    )
+    seen = Observed(recording, tracks, path if contents is None else cameras, noise, contents)
     solve_ahead(stage, seen, told, hints)
-    for window, word in told:
-        solved.append(interact(stage, seen, window, hints, word, only=only))
-    results = [r for _, of_window in solved for r in of_window]
-    return _upright(stage, seen, [i for i, _ in solved], results, guessed.warnings)
+    solved: list[Interaction] = []
+    results: list[StageResult[Any]] = []
+    for k, (window, word) in enumerate(told):
+        interaction, of_window = interact(stage, seen, window, hints, word)
+        solved.append(interaction if contents is None else interaction.moved(frame_of(path.value, window)))
+        results += of_window
+        if contents is not None:
+            stage.run.report("interactions", (k + 1) / len(told), f"of {len(told)}")
+    return _upright(stage, seen, path, solved, results, guessed.warnings)
 
 
 def _upright(
     stage: Chain,
     seen: Observed,
+    guessed: StageResult[Trajectory],
     interactions: Sequence[Interaction],
     results: Sequence[StageResult[Any]],
     doubts: Sequence[str],
 ) -> Surveyed:
     """One scene of all interactions, its surfaces, and up by all that is known of the world.
 
-    results: of the stages that the interactions come from. doubts: about the first guess of up.
+    guessed: the cameras, upright by a first guess. results: of the stages that the interactions come from.
+    doubts: about the guess.
     """
-    c, loop, recording, guessed, noise = (
-        stage.config,
-        stage.run.loop,
-        seen.recording,
-        seen.cameras,
-        seen.noise,
-    )
+    c, loop, recording, noise = stage.config, stage.run.loop, seen.recording, seen.noise
     cameras = guessed.value
     # One part of several interactions, its states over the whole recording.
     merged = stage(MERGE, [guessed, *results], lambda: merge(recording, cameras, interactions))

@@ -32,8 +32,15 @@ ORDER = (
 )
 
 
+LONG = frozenset((Path(__file__).parent / "long.txt").read_text(encoding="utf-8").split())
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Those of ORDER first, all others as they come."""
+    """Those of ORDER first, all others as they come; those of long.txt are marked."""
+    for item in items:
+        if item.nodeid.partition("[")[0] in LONG:
+            item.add_marker(pytest.mark.long)
     items.sort(
         key=lambda item: next((k for k, n in enumerate(ORDER) if item.nodeid.startswith(n)), len(ORDER))
     )

@@ -38,24 +38,30 @@ def module_of(file: Path) -> ModuleType:
 
 
 def stages_of_the_pipeline() -> list[str]:
-    """Names of the stages of a reconstruction, in order: those before `survey`, those of it and of an
+    """Names of the stages of a clip's reconstruction, in order: those before `survey`, those of it and of an
     interaction, and those after it."""
 
     def calls(module: str, function: str) -> list[str]:
         tree = ast.parse((ROOT / module.replace(".", "/")).with_suffix(".py").read_text(encoding="utf-8"))
         (body,) = (n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
-        found = [n for n in ast.walk(body) if isinstance(n, ast.Call) and ast.unparse(n.func) == "stage"]
+        found = [
+            n
+            for n in ast.walk(body)
+            if isinstance(n, ast.Call) and ast.unparse(n.func) in {"stage", "of.stage"}
+        ]
         ordered = sorted(found, key=lambda c: c.lineno)
         return [getattr(import_module(module), ast.unparse(c.args[0])).name for c in ordered]
 
     places = (
         ("pipeline", "_run"),
+        ("odometry", "odometry"),
         ("survey", "survey"),
         ("interaction.interaction", "interact"),
         ("survey", "_upright"),
         ("pipeline", "_judged_twin"),
     )
-    return [name for module, function in places for name in calls(f"recon.{module}", function)]
+    found = [name for module, function in places for name in calls(f"recon.{module}", function)]
+    return [name for name in dict.fromkeys(found) if name != "frames"]  # which only minutes have
 
 
 def files_named(text: str) -> list[str]:

@@ -135,6 +135,8 @@ class Copy:
             *before,
             "-m",
             "pytest",
+            "-m",
+            "not slow",
             "-p",
             "mutants_plugin",
             "-p",

@@ -10,6 +10,7 @@ FunREC, supplement 1.2: no learned matches, no masks.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from recon.cameras.join import joined
 from recon.cameras.kernels import chi_squares, landmarks_of, pose_systems
 from recon.cameras.rigid import point_sigmas, ransac_pose
 from recon.cameras.rival import followed_part
-from recon.cameras.submaps import Piece, solve_pieces
+from recon.cameras.submaps import Piece, Solve, solve_pieces
 from recon.recording import Recording
 from recon.tracking.tracks import PIXEL_SIGMA, SparseTracks, Tracks
 from twin import geometry as geo
@@ -33,6 +34,7 @@ from twin.runs.setting import Settings, setting
 from twin.scene import Trajectory
 
 CAMERAS = Stage("cameras", 3, ("cameras",))
+SUBMAPS = Stage("submaps", 1, ("cameras",))
 _BUNDLE_ROUNDS = 60  # at most; it ends earlier when the poses stand still
 _CONVERGED = 5e-5  # m and rad, largest step of a round; a tenth of the accuracy that is reached
 # Frames after which two paths are compared.
@@ -74,11 +76,12 @@ def camera_poses(
     tracks: SparseTracks,
     config: CameraConfig = _DEFAULT,
     progress: Loop = untold,
+    pieces: Sequence[Piece] | None = None,
 ) -> Trajectory:
     """The recording's own poses where the settings say so, else those by tracks and depth.
 
-    The world is the first posed frame's camera. Raises InputError when the recording holds none,
-    ReconstructionError when too few frames can be posed.
+    The world is the first posed frame's camera. pieces: of the path, where they are solved already. Raises
+    InputError when the recording holds none, ReconstructionError when too few frames can be posed.
     """
     if config.use_known_poses:
         if recording.poses is None:
@@ -87,22 +90,28 @@ def camera_poses(
                 "leave cameras.use_known_poses off to estimate them",
             )
         return recording.poses
-    found = _solved(recording, tracks, progress)
+    if pieces is None:
+        pieces = solve_pieces(len(recording), _solver(recording, tracks, progress))
+    found = _largest(recording, joined(recording, pieces))
     lost = len(recording) - len(found.frames)
     if lost:
         warnings.warn(f"{lost} of {len(recording)} frames have no camera pose", stacklevel=2)
     return found
 
 
-def _solved(recording: Recording, tracks: SparseTracks, progress: Loop) -> Trajectory:
-    """The largest piece of the path, with those that are joined to it."""
+def _solver(recording: Recording, tracks: SparseTracks, progress: Loop) -> Solve:
+    """Solves the submaps of a recording."""
 
     def solve(first: int, last: int) -> tuple[Array, NDArray[np.bool_]]:
         whole = first == 0 and last == len(recording) - 1
         part = recording if whole else recording[first : last + 1]
-        return _checked(part, tracks.dense(first, last), progress if whole else untold)
+        return submap_poses(part, tracks.dense(first, last), progress if whole else untold)
 
-    pieces = joined(recording, solve_pieces(len(recording), solve))
+    return solve
+
+
+def _largest(recording: Recording, pieces: Sequence[Piece]) -> Trajectory:
+    """The first of the pieces, which is the largest, as a trajectory."""
     largest = pieces[0] if pieces else Piece(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     posed = np.zeros(len(recording), dtype=bool)
     posed[largest.frames] = True
@@ -111,7 +120,9 @@ def _solved(recording: Recording, tracks: SparseTracks, progress: Loop) -> Traje
     return Trajectory(largest.frames, recording.times[largest.frames], start @ largest.poses)
 
 
-def _checked(recording: Recording, tracks: Tracks, progress: Loop) -> tuple[Array, NDArray[np.bool_]]:
+def submap_poses(
+    recording: Recording, tracks: Tracks, progress: Loop = untold
+) -> tuple[Array, NDArray[np.bool_]]:
     """The poses by which the room keeps its place: by all other tracks if they follow a part.
 
     Poses (T, 4, 4) and which of them are known (T,).

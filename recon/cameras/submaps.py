@@ -18,9 +18,9 @@ from twin.geometry import Array
 # Frames of a recording that is solved as one. A clip of one interaction has 120 to 300 frames.
 WHOLE = 360
 # Frames of a submap, 12 s at 15 a second: an interaction lies in one or two. Chosen by us.
-_LENGTH = 180
+LENGTH = 180
 # Frames that neighbouring submaps share: more than the largest gap between frames that are compared.
-_SHARED = 45
+SHARED = 45
 # Fewest frames of a piece: fewer are noise between two losses. Chosen by us.
 _FEWEST = 10
 
@@ -46,7 +46,7 @@ def solve_pieces(count: int, solve: Solve) -> tuple[Piece, ...]:
     out: list[Piece] = []
     first = 0
     while count - first >= _FEWEST:
-        last = count - 1 if count - first < _LENGTH + _SHARED else first + _LENGTH - 1
+        last = count - 1 if count - first < LENGTH + SHARED else first + LENGTH - 1
         poses, posed = solve(first, last)
         frames = np.flatnonzero(posed)
         if len(frames) >= _FEWEST:
@@ -59,7 +59,7 @@ def solve_pieces(count: int, solve: Solve) -> tuple[Piece, ...]:
         elif last == count - 1:
             break
         else:
-            first = last + 1 - _SHARED
+            first = last + 1 - SHARED
     return tuple(out)
 
 

@@ -17,7 +17,8 @@ from recon.cameras.poses import estimate_cameras
 from recon.inspection.cuts import Shown
 from recon.inspection.pictures import PictureFacts, facts_of
 from recon.recording import Recording
-from recon.tracking.tracks import Seeding, Tracks, track_points
+from recon.tracking.follow import Seeding, track_points
+from recon.tracking.tracks import Tracks
 from twin.errors import ReconstructionError
 from twin.geometry import Array
 from twin.scene import Trajectory

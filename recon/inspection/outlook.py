@@ -14,7 +14,8 @@ from recon.cameras.rigid import point_sigmas, ransac_pose
 from recon.inspection.changes import Depths, moving_shares
 from recon.interaction.motion.intervals import REST_SECONDS
 from recon.recording import Frame, Intrinsics, Recording
-from recon.tracking.tracks import PIXEL_SIGMA, followed
+from recon.tracking.follow import followed
+from recon.tracking.tracks import PIXEL_SIGMA
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.runs.threads import each

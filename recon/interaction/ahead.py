@@ -36,7 +36,7 @@ class _Place:
     fingerprint: str
     config: Any
     before: tuple[tuple[str, str], ...]
-    reads: tuple[str, str, str]
+    reads: tuple[str, str, str, str]
     owner: int = field(default_factory=os.getpid)
 
     def run(self, *, computes: bool, owner: int | None) -> AttachedRun:
@@ -50,7 +50,7 @@ def solve_ahead(stage: Chain, seen: Observed, windows: Sequence[Told], hints: Se
     recording in memory.
     """
     run, recording, count = stage.run, seen.recording, threads()
-    if len(windows) < 2 or count < 2 or run.folder is None or recording.path is None:
+    if len(windows) < 2 or count < 2 or run.folder is None or recording.path is None or seen.contents is None:
         return
     place = _Place(
         run.folder,
@@ -59,7 +59,7 @@ def solve_ahead(stage: Chain, seen: Observed, windows: Sequence[Told], hints: Se
         recording.fingerprint,
         stage.config,
         tuple((r.name, r.key) for r in run.results),
-        (seen.tracks.name, seen.cameras.name, seen.noise.name),
+        (seen.tracks.name, seen.cameras.name, seen.noise.name, seen.contents.name),
     )
     todo = [told for told in windows if not _stored(place, seen, told, hints)]
     if len(todo) < 2:
@@ -72,7 +72,7 @@ def solve_ahead(stage: Chain, seen: Observed, windows: Sequence[Told], hints: Se
                 delayed(_solve)(place, told, hints) for told in todo
             )
         for k, computed in enumerate(done):
-            run.report("windows", (k + 1) / (len(todo) + 1), "interactions")
+            run.report("interactions", (k + 1) / (len(todo) + 1), f"of {len(windows)}")
             run.ahead |= computed
 
 
@@ -80,9 +80,7 @@ def _stored(place: _Place, seen: Observed, told: Told, hints: Sequence[TypeHint]
     """Whether all stages of a window are in the run's folder."""
     window, word = told
     try:
-        interact(
-            Chain(place.run(computes=False, owner=None), place.config), seen, window, hints, word, only=False
-        )
+        interact(Chain(place.run(computes=False, owner=None), place.config), seen, window, hints, word)
     except NotComputedError:
         return False
     return True
@@ -93,7 +91,6 @@ def _solve(place: _Place, told: Told, hints: Sequence[TypeHint]) -> dict[str, st
     window, word = told
     run = place.run(computes=True, owner=place.owner)
     recording = open_recording(place.path, **place.opened_with)
-    tracks, cameras, noise = (run.read(name) for name in place.reads)
-    seen = Observed(recording, tracks, cameras, noise)
-    interact(Chain(run, place.config), seen, window, hints, word, only=False)
+    seen = Observed(recording, *(run.read(name) for name in place.reads))
+    interact(Chain(run, place.config), seen, window, hints, word)
     return run.computed

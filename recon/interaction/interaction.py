@@ -9,20 +9,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.noise import DepthNoise
+from recon.dense.noise import DepthNoise, measure_noise
 from recon.interaction.joints.type_selection import TypeHint
 from recon.interaction.labels.label_frames import LABELS, label_frames
 from recon.interaction.parts.find_parts import MOTION, FoundParts, find_parts
 from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.recording import Recording
+from recon.recording.contents import content_of
 from recon.recording.depth_cache import with_cached_depth
 from recon.recording.said import Said
 from recon.tracking.tracks import SparseTracks
 from recon.windows.windows import Window
+from twin import geometry as geo
+from twin.geometry import Array
 from twin.runs.chain import Chain
+from twin.runs.keys import Stage, digest
 from twin.runs.stages import StageResult
 from twin.scene import Trajectory
+
+OWN_NOISE = Stage("window_noise", 1, ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +44,37 @@ class Interaction:
     parts: tuple[MovingPart, ...]
     labels: Mapping[int, NDArray[np.uint8]]
 
+    def moved(self, T: Array) -> Interaction:
+        """The same in a world into which T (4, 4) brings this one's points."""
+        movers = replace(self.found.movers, points_world=geo.transform(T, self.found.movers.points_world))
+        tracks = tuple(replace(t, part=t.part.moved(T)) for t in self.found.parts)
+        found = replace(self.found, movers=movers, parts=tracks)
+        return replace(self, found=found, parts=tuple(p.moved(T) for p in self.parts))
+
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What all windows share: the recording, its tracks, its cameras and the noise of its depth."""
+    """What all windows share: the recording, its tracks, its cameras by odometry, the noise of its depth, and
+    digests of its frames; None of a clip, which is one window."""
 
     recording: Recording
     tracks: StageResult[SparseTracks]
     cameras: StageResult[Trajectory]
     noise: StageResult[DepthNoise]
+    contents: StageResult[NDArray[np.uint8]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Local:
+    """One window: its stages, its frames, its cameras, the noise of its depth, and what its stages read."""
+
+    stage: Chain
+    recording: Recording
+    cameras: Trajectory
+    noise: StageResult[DepthNoise]
+    reads: tuple[StageResult[Any], ...]
+    tracks: tuple[StageResult[Any], ...]
+    item: str
 
 
 def frames_of(recording: Recording, window: Window) -> Recording:
@@ -62,6 +90,12 @@ def cameras_of(cameras: Trajectory, window: Window) -> Trajectory:
     return Trajectory(
         cameras.frames[inside] - window.first, cameras.times[inside], cameras.T_world_cam[inside]
     )
+
+
+def frame_of(cameras: Trajectory, window: Window) -> Array:
+    """Pose (4, 4) of a window's own frame: its first posed camera."""
+    inside = np.flatnonzero((cameras.frames >= window.first) & (cameras.frames <= window.last))
+    return cameras.T_world_cam[inside[0]] if len(inside) else np.eye(4)
 
 
 def during(part: MovingPart, window: Window) -> MovingPart:
@@ -81,22 +115,41 @@ def during(part: MovingPart, window: Window) -> MovingPart:
     return replace(part, motion=cut, windows=())
 
 
+def _local(stage: Chain, seen: Observed, window: Window) -> _Local:
+    """A clip as it is; a window of minutes in its own frame, keyed by what it holds."""
+    if seen.contents is None:
+        shared = (seen.cameras, seen.noise)
+        return _Local(
+            stage, seen.recording, seen.cameras.value, seen.noise, shared, (seen.tracks, seen.cameras), ""
+        )
+    recording, cameras = frames_of(seen.recording, window), cameras_of(seen.cameras.value, window)
+    cameras = cameras.transformed(geo.invert_pose(frame_of(seen.cameras.value, window)))
+    source = digest(
+        content_of(seen.recording, seen.contents.value, window.first, window.last),
+        seen.tracks.value.content(window.first, window.last),
+        cameras.frames,
+        cameras.T_world_cam,
+    )
+    own = replace(stage, source=source)
+    noise = own(OWN_NOISE, [], lambda: measure_noise(recording, cameras), item=window.name)
+    return _Local(own, recording, cameras, noise, (noise,), (), window.name)
+
+
 def interact(
-    stage: Chain, seen: Observed, window: Window, hints: Sequence[TypeHint], said: Said, *, only: bool
+    stage: Chain, seen: Observed, window: Window, hints: Sequence[TypeHint], said: Said
 ) -> tuple[Interaction, tuple[StageResult[Any], ...]]:
     """The parts of one window, and the stages' results that they come from: motion, refine, labels, polish.
 
-    only: whether the recording has no other window.
+    The window of a clip has the world of its cameras, one of minutes its own: that of its first camera.
     """
-    c, loop, item = stage.config, stage.run.loop, "" if only else window.name
-    recording, cameras = seen.recording, seen.cameras.value
-    if not only:
-        recording, cameras = frames_of(recording, window), cameras_of(cameras, window)
-    sigma, of_parts = seen.noise.value, said.of_parts
+    c, loop = stage.config, stage.run.loop
+    of = _local(stage, seen, window)
+    recording, cameras, item, reads = of.recording, of.cameras, of.item, of.reads
+    sigma, of_parts = of.noise.value, said.of_parts
     # Motion clustering, the joint of each part and its states (supplement 1.1 and 1.4).
-    found = stage(
+    found = of.stage(
         MOTION,
-        [seen.tracks, seen.cameras],
+        of.tracks,
         lambda: find_parts(
             recording,
             seen.tracks.value.dense(window.first, window.last),
@@ -110,22 +163,22 @@ def interact(
         *([of_parts] if of_parts is not None else []),
         item=item,
     )
-    refined = stage(
+    refined = of.stage(
         REFINE,
-        [seen.cameras, found, seen.noise],
+        [found, *reads],
         lambda: refine_found(recording, cameras, found.value, c.labels, sigma, loop("refine")),
         item=item,
     )
     # Pixel-aligned part segmentation (supplement 1.3).
-    labels = stage(
+    labels = of.stage(
         LABELS,
-        [seen.cameras, refined, seen.noise],
+        [refined, *reads],
         lambda: label_frames(recording, cameras, refined.value, c.labels, sigma, progress=loop("labels")),
         item=item,
     )
-    polished = stage(
+    polished = of.stage(
         POLISH,
-        [seen.cameras, found, refined, labels, seen.noise],
+        [found, refined, labels, *reads],
         lambda: polish_parts(recording, cameras, labels.value, found.value, refined.value, sigma),
         item=item,
     )

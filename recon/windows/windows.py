@@ -51,6 +51,11 @@ class Window:
         return f"{self.first:06d}-{self.last:06d}"
 
 
+def is_long(recording: Recording) -> bool:
+    """Whether a recording is no clip: it may have several windows, or none."""
+    return bool(recording.times[-1] - recording.times[0] >= _CLIP_S)
+
+
 def find_windows(
     recording: Recording, cameras: Trajectory, noise: DepthNoise, progress: Loop = untold
 ) -> tuple[Window, ...]:
@@ -59,7 +64,7 @@ def find_windows(
     A clip is one window with all frames.
     """
     times = np.asarray(recording.times)
-    if times[-1] - times[0] < _CLIP_S:
+    if not is_long(recording):
         return (Window(0, len(recording) - 1),)
     share = activity(recording, cameras, noise, progress)
     return padded(handled(share, times), times)

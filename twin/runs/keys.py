@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -26,6 +28,26 @@ class Stage:
         """What the stage reads of a run's settings: one section as it is, several as a tuple."""
         found = tuple(attrgetter(name)(config) for name in self.settings)
         return found[0] if len(found) == 1 else found
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a stage reads that is no stage's result as a whole: a name, and a digest of its content."""
+
+    name: str
+    key: str
+
+
+def digest(*told: Any) -> str:
+    """SHA-256 of arrays (type, shape and values), texts and numbers, in their order."""
+    out = hashlib.sha256()
+    for value in told:
+        if isinstance(value, np.ndarray):
+            out.update(f"{value.dtype.str}{value.shape}".encode())
+            out.update(np.ascontiguousarray(value).data)
+        else:
+            out.update(f"{value!r};".encode())
+    return out.hexdigest()
 
 
 def stage_key(name: str, parts: Mapping[str, Any]) -> str:

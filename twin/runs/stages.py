@@ -18,7 +18,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from twin.errors import FuntwinError, InputError, plain
 from twin.files.text import read_json, write_json, write_text
 from twin.runs.codec import Codec, OtherVersionError, TreeCodec
-from twin.runs.keys import stage_key, why_changed
+from twin.runs.keys import Content, stage_key, why_changed
 from twin.runs.loop import Loop
 from twin.runs.manifest import MANIFEST, update_manifest, versions
 from twin.runs.memory import peak_memory_mb, reset_peak_memory
@@ -51,6 +51,9 @@ class StageResult(Generic[T]):
     warnings: tuple[str, ...]
     cached: bool
     reason: str
+
+
+Read = StageResult[Any] | Content
 
 
 class Run:
@@ -99,10 +102,11 @@ class Run:
         name: str,
         version: int,
         config: Any,
-        upstream: Sequence[StageResult[Any]],
+        upstream: Sequence[Read],
         compute: Callable[[], T],
         codec: Codec[T] | None = None,
         item: str = "",
+        source: str = "",
     ) -> StageResult[T]:
         """The result of `compute`, from the cache if its key is there.
 
@@ -113,6 +117,7 @@ class Run:
             upstream: the results that `compute` reads.
             codec: how to store the value; TreeCodec when None.
             item: what of several the stage is run on, the name of a folder; empty where there is one.
+            source: digest of the part of the recording that `compute` reads; empty: all of it.
         """
         name = f"{name}/{item}" if item else name
         if any(r.name == name for r in self.results):
@@ -121,18 +126,18 @@ class Run:
             "version": version,
             "config": as_dict(config),
             "upstream": {u.name: u.key for u in upstream},
-            "input": self.fingerprint,
+            "input": source or self.fingerprint,
         }
         found, reason = self._look_up(name, parts, codec or TreeCodec())
+        report = (lambda *_: None) if item else self.report  # whoever goes through the items tells of them
         if found is None:
-            self.report(name, 0.0, reason)
+            report(name, 0.0, reason)
             found = self._compute(name, parts, compute, codec or TreeCodec(), reason)
-            self.report(name, 1.0, f"{found.seconds:.1f} s")
+            report(name, 1.0, f"{found.seconds:.1f} s")
         elif name in self.ahead:
             found = replace(found, cached=False, reason=self.ahead[name])
-            self.report(name, 1.0, f"{found.seconds:.1f} s")
         else:
-            self.report(name, 1.0, "from the cache")
+            report(name, 1.0, "from the cache")
         self.results.append(found)
         self._write_manifest()
         return found
@@ -163,6 +168,11 @@ class Run:
     def warnings(self) -> tuple[str, ...]:
         """All warnings so far, those of cached stages included."""
         return (*self._warnings, *(w for r in self.results for w in r.warnings))
+
+    def forget(self, results: Iterable[StageResult[Any]]) -> None:
+        """Free the memory of results that nothing reads any more."""
+        gone = {r.name for r in results}
+        self.results = [replace(r, value=None) if r.name in gone else r for r in self.results]
 
     def close(self) -> None:
         """Let other processes use the folder."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,22 +94,10 @@ def turned(world: World, up: Array) -> World:
     meshes = {k: mesh.transformed(T) for k, mesh in world.fused.parts.items()}
     return World(
         world.cameras.transformed(T),
-        tuple(_turned_interaction(i, T) for i in world.interactions),
-        tuple(_turned(part, T) for part in world.parts),
+        tuple(i.moved(T) for i in world.interactions),
+        tuple(part.moved(T) for part in world.parts),
         FusedScene(world.fused.static.transformed(T), meshes),
     )
-
-
-def _turned_interaction(interaction: Interaction, T: Array) -> Interaction:
-    found = interaction.found
-    movers = replace(found.movers, points_world=geo.transform(T, found.movers.points_world))
-    tracks = tuple(replace(t, part=_turned(t.part, T)) for t in found.parts)
-    parts = tuple(_turned(p, T) for p in interaction.parts)
-    return replace(interaction, found=replace(found, movers=movers, parts=tracks), parts=parts)
-
-
-def _turned(part: MovingPart, T: Array) -> MovingPart:
-    return replace(part, joint=part.joint.transformed(T))
 
 
 def _in_camera(up: Array, cameras: Trajectory) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,10 @@ class MovingPart:
     def __post_init__(self) -> None:
         if self.id < FIRST_PART_ID:
             raise SceneError(f"part ids start at {FIRST_PART_ID}, got {self.id}")
+
+    def moved(self, T: Array) -> MovingPart:
+        """The same part in a world into which T (4, 4) brings this one's points."""
+        return replace(self, joint=self.joint.transformed(T))
 
     @property
     def handled_states(self) -> Array:

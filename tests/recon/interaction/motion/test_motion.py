@@ -19,7 +19,8 @@ from recon.interaction.parts.config import MAX_RESIDUAL, REST_TOLERANCE, MotionC
 from recon.interaction.parts.find_parts import _moving_part, _Search, find_parts
 from recon.readers import open_recording
 from recon.recording import Recording
-from recon.tracking.tracks import Tracks, track_points
+from recon.tracking.follow import track_points
+from recon.tracking.tracks import Tracks
 from tests.makers.recon import tiny
 from twin import geometry as geo
 from twin.errors import ConfigError
