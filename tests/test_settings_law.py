@@ -334,7 +334,7 @@ def test_the_config_of_a_run_repeats_it(tmp_path: Path, monkeypatch: pytest.Monk
         keys: dict[str, str] = {}
 
         def stage(
-            self: Run, name: str, version: int, config: Any, upstream: Any, compute: Any, item: str = ""
+            self: Run, name: str, version: int, config: Any, upstream: Any, compute: Any, **_: str
         ) -> Any:
             parts = {"version": version, "config": as_dict(config), "upstream": [u.key for u in upstream]}
             keys[name] = stage_key(name, parts)
