@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from recon.inspection.glance import Stretch
 from twin.geometry import Array
 from twin.robust import mad_sigma
+from twin.runs.threads import each
 
 F32 = NDArray[np.float32]
 
@@ -43,7 +44,7 @@ def edge_table(stretch: Stretch) -> EdgeTable:
     """Look beside the edges of depth in the frames of a stretch."""
     n = len(stretch.small)
     frames = np.unique(np.linspace(1, n - 2, min(n - 2, _FRAMES)).astype(int)).tolist()
-    tables = [_of_frame(*stretch.small.frame(k)) for k in frames]
+    tables = each(lambda k: _of_frame(*stretch.small.frame(k)), frames)
     score, count = (np.array(t) for t in zip(*tables, strict=True))
     return EdgeTable(score, count)
 

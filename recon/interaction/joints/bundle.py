@@ -5,7 +5,9 @@ FunREC, supplement 1.4, eq. 3: fits the tracks themselves in place of relative p
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +39,7 @@ ROUGHLY = 2e-3
 class Bundle:
     """A refined model: residual (K, T) m, NaN where not seen, robust weight (K, T), noise sigma (m).
 
-    covariance: of the joint's tangent, then states (T), mean state fixed. landmarks (K, 3): at state 0.
+    landmarks (K, 3): at state 0. spread: finds the covariance, which few who refine ask for.
     """
 
     model: Model
@@ -45,7 +47,12 @@ class Bundle:
     residual: Array
     weight: Array
     sigma: float
-    covariance: Array
+    spread: Callable[[], Array]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the joint's tangent, then states (T), mean state fixed."""
+        return self.spread()
 
 
 def step(model: Model, delta: ArrayLike) -> Model:
@@ -83,7 +90,7 @@ def smoothness(information: Array, state: Array) -> Array:
     out, inner = np.zeros((n, n)), np.arange(n - 2)
     for a, left in enumerate((1.0, -2.0, 1.0)):
         for b, right in enumerate((1.0, -2.0, 1.0)):
-            np.add.at(out, (inner + a, inner + b), left * right * strength)
+            out[inner + a, inner + b] += left * right * strength
     return out
 
 
@@ -138,9 +145,15 @@ def refine(
         settled = bool(change < negligible * sigma**2)
         if (settled and rescaled >= len(rescale_at)) or _radius(model, marks) > farthest:
             break
-    covariance = _covariance(obs, square, weight, model, sigma, unknowns)
     residual = np.where(obs.weight > 0, np.sqrt(square), np.nan)
-    return Bundle(model, marks, residual, weight, sigma, covariance)
+    return Bundle(
+        model,
+        marks,
+        residual,
+        weight,
+        sigma,
+        lambda: _covariance(obs, square, weight, model, sigma, unknowns),
+    )
 
 
 def _radius(model: Model, landmarks: Array) -> float:

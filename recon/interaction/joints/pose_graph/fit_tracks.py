@@ -94,4 +94,4 @@ def _as_bundle(obs: Observations, model: Model, graph: PoseGraph, between: Array
     carry = np.zeros((n + between.shape[0], n + between.shape[1]))
     carry[:n, :n], carry[n:, n:] = np.eye(n), between
     residual = np.where(obs.weight > 0, np.sqrt(square), np.nan)
-    return Bundle(model, marks, residual, weight, sigma, carry @ graph.covariance @ carry.T)
+    return Bundle(model, marks, residual, weight, sigma, lambda: carry @ graph.covariance @ carry.T)
