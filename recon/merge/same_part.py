@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from recon.recording import Recording
 from twin import geometry as geo
 from twin.geometry import Array
 from twin.joint import Joint
+from twin.runs.threads import each
 from twin.scene import Revolute, Trajectory
 from twin.voxels import voxel_centres, voxel_keys
 
@@ -44,13 +46,21 @@ class Surface:
 
     points: Array
 
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The points, to ask for the nearest one."""
+        return cKDTree(self.points)
+
     def lies_on(self, other: Surface, pose: Array) -> tuple[float, float]:
         """Share of the smaller one that lies on the other, this one moved by a pose (4, 4), and how far its
         points lie off, m, at most `_NEAR_M` each."""
         if not len(self.points) or not len(other.points):
             return 0.0, _NEAR_M
-        moved = geo.transform(pose, self.points)
-        off = (cKDTree(other.points).query(moved)[0], cKDTree(moved).query(other.points)[0])
+        there, back = geo.transform(pose, self.points), geo.transform(geo.invert_pose(pose), other.points)
+        off = [
+            tree.query(points, distance_upper_bound=_NEAR_M)[0]  # farther ones are infinitely far
+            for tree, points in ((other.tree, there), (self.tree, back))
+        ]
         share, away = max((float((d < _NEAR_M).mean()), -float(np.minimum(d, _NEAR_M).mean())) for d in off)
         return share, -away
 
@@ -102,7 +112,7 @@ def match(known: Joint, surface: Surface, left: float, other: Joint, its: Surfac
     step = _STEP[known.kind]
     tried = np.arange(known.lower - span, known.upper + span + step, step)
     as_left, _ = surface.lies_on(its, known.pose(left))
-    seen = np.array([surface.lies_on(its, known.pose(float(s))) for s in tried])
+    seen = np.array(list(each(lambda s: surface.lies_on(its, known.pose(float(s))), tried.tolist())))
     shares, away = seen.T
     best = float(shares.max())
     if max(as_left, best) < _OVERLAP:
