@@ -18,6 +18,7 @@ from twin.report.drawn import drawn_once
 from twin.report.frames import Image, drawn_key_frames, part_color
 from twin.report.plots import FILM_LIMIT, film_pictures, shown, state_plot, unit
 from twin.report.sections import MARKS, PAGE, Section, Table, load_section, require_own_page, twin_key
+from twin.report.timeline import timeline
 from twin.runs.manifest import MANIFEST
 from twin.runs.threads import each
 from twin.scene import Part, Twin
@@ -57,6 +58,7 @@ def render(run: AnyPath) -> Path:
         "warnings": _warnings(manifest),
         "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
         "parts": [_part(p, pictures["plots"][str(p.id)]) for p in twin.parts] if twin else [],
+        "timeline": timeline(twin) if twin else "",
         **pictures,
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
         "replays": [_replay(run, p) for p in sorted((run / "replay").glob("*/*/replay.mp4"))],
@@ -116,7 +118,13 @@ def _cards(
 def _warnings(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Source and text of each warning of the reconstruction; those of the verbs stand with their tables."""
     found = [("recording", w) for w in manifest.get("warnings", [])]
-    return found + [(s["name"], w) for s in manifest.get("stages", []) for w in s["warnings"]]
+    return found + [(_where(s["name"]), w) for s in manifest.get("stages", []) for w in s["warnings"]]
+
+
+def _where(stage: str) -> str:
+    """A stage's name; of a window its frames."""
+    name, _, item = stage.partition("/")
+    return f"{name}, frames {' to '.join(str(int(n)) for n in item.split('-'))}" if item else name
 
 
 def _drawn(twin: Twin) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import warnings
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -100,6 +101,14 @@ def test_page_tells_what_the_run_holds(finished: Path, twin: Twin) -> None:
     ):
         assert words in text
     assert "earlier twin" not in text
+
+
+def test_a_warning_of_a_window_tells_its_frames(tmp_path: Path) -> None:
+    with Run(tmp_path, "x") as stages:
+        stages.stage(
+            "motion", 1, None, [], lambda: warnings.warn("a hand", stacklevel=1), item="000173-000276"
+        )
+    assert "<b>motion, frames 173 to 276</b>: a hand" in _rendered(tmp_path)
 
 
 def test_results_of_an_earlier_twin_are_marked(
