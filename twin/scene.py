@@ -192,6 +192,15 @@ class Trajectory(Described):
         k = int(np.searchsorted(self.frames, frame))
         return self.T_world_cam[k] if k < len(self.frames) and self.frames[k] == frame else None
 
+    def gaps(self, count: int) -> tuple[tuple[int, int], ...]:
+        """First and last frames of the stretches without a pose, of a recording of `count` frames."""
+        lost = np.setdiff1d(np.arange(count), self.frames)
+        if not len(lost):
+            return ()
+        ends = np.flatnonzero(np.diff(lost) > 1)
+        starts, lasts = lost[np.append(0, ends + 1)], lost[np.append(ends, len(lost) - 1)]
+        return tuple(zip(starts.tolist(), lasts.tolist(), strict=True))
+
     def transformed(self, T_new_world: Array) -> Trajectory:
         """The same cameras in another world frame."""
         return replace(self, T_world_cam=T_new_world @ self.T_world_cam)

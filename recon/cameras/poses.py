@@ -95,7 +95,8 @@ def camera_poses(
     found = _largest(recording, joined(recording, pieces))
     lost = len(recording) - len(found.frames)
     if lost:
-        warnings.warn(f"{lost} of {len(recording)} frames have no camera pose", stacklevel=2)
+        spans = ", ".join(f"{a}-{b}" if b > a else str(a) for a, b in found.gaps(len(recording)))
+        warnings.warn(f"{lost} of {len(recording)} frames have no camera pose: {spans}", stacklevel=2)
     return found
 
 

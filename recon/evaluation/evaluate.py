@@ -95,7 +95,8 @@ def evaluate(twin: Twin, truth: Path | str | Truth, recording: Recording | None 
     name = true.name or (recording.name if recording else true.folder.resolve().name)
     known = {(k, p.id): labels[k] for k, p in matched.items() if k in labels}
     lacks = lacking(true) if is_walk(true) else ()
-    walk = walk_scores(twin, true, labels=known) if is_walk(true) and not lacks else None
+    gaps = twin.cameras.gaps(true.frames) if twin.cameras is not None else ()  # a warning names them all
+    walk = walk_scores(twin, true, gaps=gaps, labels=known) if is_walk(true) and not lacks else None
     return Evaluation(name, tuple(rows), unknown_measures(true.known), true.notes, walk, lacks)
 
 

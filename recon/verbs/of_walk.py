@@ -14,6 +14,12 @@ from twin.scene import Part, Twin
 from twin.verdict import reason
 
 UNSOLVED = ["from", "to", "not solved, since", "what to try"]
+NO_CAMERA = (
+    "no camera pose: nothing joins these frames to the rest of the path",
+    "keep the lens free, turn slower, keep textured things with depth in view, and look at places twice",
+)
+# s; shorter stretches without poses are told in a warning alone
+_LOST_S = 0.5
 
 
 def handled_text(part: Part) -> str:
@@ -39,8 +45,19 @@ def notes(stages: Sequence[Mapping[str, Any]], recording: Recording) -> list[str
 
 
 def unsolved_rows(run: Path, twin: Twin, recording: Recording) -> list[list[str]]:
-    """A row (`UNSOLVED`) for each window of several in which something is handled and no part of the twin
-    moves: the first reason against a part that was refused there, or that none was found."""
+    """Rows (`UNSOLVED`), by time: for each stretch of half a second without camera poses, and for each window
+    of several in which something is handled and no part of the twin moves: the first reason against a part
+    that was refused there, or that none was found."""
+    times, rows = recording.times, _of_windows(run, twin)
+    for first, last in twin.cameras.gaps(len(times)) if twin.cameras is not None else ():
+        if times[last] - times[first] >= _LOST_S:
+            rows.append(((first, last), NO_CAMERA))
+    rows.sort(key=lambda row: row[0])
+    return [[*_span(first, last, times).split("-"), *texts] for (first, last), texts in rows]
+
+
+def _of_windows(run: Path, twin: Twin) -> list[tuple[tuple[int, int], tuple[str, str]]]:
+    """First and last frame, why, and what to try, of each window of several without a part that moves."""
     from recon.pipeline import read_stage
 
     windows = read_stage(run, "windows")
@@ -49,13 +66,13 @@ def unsolved_rows(run: Path, twin: Twin, recording: Recording) -> list[list[str]
     merged, judged = read_stage(run, "merge").parts, read_stage(run, "verdict").parts
     refused = [(p.windows, judged[p.id].reasons) for p in merged if judged[p.id].level == "refused"]
     moving = [span for p in twin.parts for span in p.motion.intervals]
-    out = []
+    out: list[tuple[tuple[int, int], tuple[str, str]]] = []
     for w in windows:
         if w.handled is None or any(a <= w.last and w.first <= b for a, b in moving):
             continue
         against = [r for spans, reasons in refused if (w.first, w.last) in spans for r in reasons]
         why = against[0] if against else reason("HandMovesNothing", "doubtful", *w.handled)
-        out.append([*_span(w.handled[0], w.handled[1], recording.times).split("-"), why.text, why.help])
+        out.append((w.handled, (why.text, why.help)))
     return out
 
 

@@ -12,9 +12,9 @@ import pytest
 
 import recon.pipeline
 from benchmarks.scenes.boards import cabinet_twin
-from recon.verbs.of_walk import handled_text, notes, unsolved_rows
+from recon.verbs.of_walk import NO_CAMERA, handled_text, notes, unsolved_rows
 from recon.windows.windows import Window
-from twin.scene import Motion
+from twin.scene import Motion, Trajectory
 from twin.verdict import Verdict, reason
 
 
@@ -51,13 +51,25 @@ def test_a_window_without_a_part_is_told_by_its_time_with_the_reason(monkeypatch
     monkeypatch.setattr(recon.pipeline, "read_stage", lambda _, name: stages[name])
     part = cabinet_twin().parts[0]
     motion = replace(part.motion, intervals=((190, 220),))
-    twin = replace(cabinet_twin(), parts=(replace(part, motion=motion),))
+    twin = replace(cabinet_twin(), cameras=None, parts=(replace(part, motion=motion),))
     door, carried = unsolved_rows(Path("run"), twin, WALK)
     assert door == ["0:22", "0:25", axis.text, axis.help]
     assert carried[:2] == ["0:35", "0:38"]
     assert "a hand is in view from frame 530 to 570, and nothing in the twin moves" in carried[2]
     stages["windows"] = (Window(0, 1199, (180, 230)),)
     assert unsolved_rows(Path("run"), replace(twin, parts=()), WALK) == []  # of a clip the verdict tells it
+
+
+def test_a_stretch_without_cameras_is_told_by_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of half a second and more; a single frame stands in a warning alone."""
+    monkeypatch.setattr(recon.pipeline, "read_stage", lambda *_: (WINDOWS[0],))
+    lost = np.r_[300:346, 700]
+    frames = np.setdiff1d(np.arange(1200), lost)
+    cameras = Trajectory(frames, np.asarray(WALK.times)[frames], np.tile(np.eye(4), (len(frames), 1, 1)))
+    assert cameras.gaps(1200) == ((300, 345), (700, 700))
+    assert cameras.gaps(1202) == ((300, 345), (700, 700), (1200, 1201))
+    (row,) = unsolved_rows(Path("run"), replace(cabinet_twin(), cameras=cameras), WALK)
+    assert row == ["0:20", "0:23", *NO_CAMERA]
 
 
 def test_warnings_of_a_window_have_its_time_and_each_stands_once() -> None:
