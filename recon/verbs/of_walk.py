@@ -44,6 +44,25 @@ def notes(stages: Sequence[Mapping[str, Any]], recording: Recording) -> list[str
     return list(out)
 
 
+def moved_unseen(twin: Twin, recording: Recording) -> list[str]:
+    """A sentence for each time, `_LOST_S` or longer, after which a part stood otherwise than it was left."""
+    if twin.cameras is None:
+        return []
+    times, out = recording.times, []
+    for part in twin.parts:
+        known = np.isin(twin.cameras.frames, part.motion.frames)
+        ends = np.flatnonzero(np.diff(np.r_[True, known, True].astype(int)))
+        for first, after in ends.reshape(-1, 2).tolist():
+            a, b = (int(twin.cameras.frames[k]) for k in (first, after - 1))
+            inside = part.motion.frames[0] < a and b < part.motion.frames[-1]
+            if inside and times[b] - times[a] >= _LOST_S:
+                told = (
+                    "stood otherwise than it was left: it was moved while out of view, its state is not known"
+                )
+                out.append(f"{_span(a, b, times)}: {part.name} {told}")
+    return out
+
+
 def unsolved_rows(run: Path, twin: Twin, recording: Recording) -> list[list[str]]:
     """Rows (`UNSOLVED`), by time: for each stretch of half a second without camera poses, and for each window
     of several in which something is handled and no part of the twin moves: the first reason against a part

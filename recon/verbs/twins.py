@@ -130,7 +130,7 @@ def reconstruct_step(
     """recording: a `recon.Recording`."""
     started = time.perf_counter()
     from recon import models, pipeline
-    from recon.verbs.of_walk import UNSOLVED, handled_text, notes, unsolved_rows
+    from recon.verbs.of_walk import UNSOLVED, handled_text, moved_unseen, notes, unsolved_rows
 
     import_ahead("open3d", "trimesh", "matplotlib.backends.backend_svg")  # for masses and the page
     hint = None if type_hint is None else models.joint_hint(type_hint)
@@ -139,10 +139,12 @@ def reconstruct_step(
     stages = manifest.get("stages", [])
     warnings = [*manifest.get("warnings", []), *notes(stages, recording)]
     several = any("/" in s["name"] for s in stages)
+    if several:
+        warnings += moved_unseen(twin, recording)
     unsolved = unsolved_rows(out, twin, recording) if several else []
     rows = [[p.name, *joint_row(p)] for p in twin.parts]
     columns = ["part", "joint", "range", "axis ±", "pivot ±", "mass"]
-    if any(len(p.motion.intervals) > 1 for p in twin.parts):
+    if several or any(len(p.motion.intervals) > 1 for p in twin.parts):
         columns.append("handled")
         rows = [[*row, handled_text(p)] for row, p in zip(rows, twin.parts, strict=True)]
     seconds = {s["name"]: s["seconds"] for s in stages}

@@ -12,7 +12,7 @@ import pytest
 
 import recon.pipeline
 from benchmarks.scenes.boards import cabinet_twin
-from recon.verbs.of_walk import NO_CAMERA, handled_text, notes, unsolved_rows
+from recon.verbs.of_walk import NO_CAMERA, handled_text, moved_unseen, notes, unsolved_rows
 from recon.windows.windows import Window
 from twin.scene import Motion, Trajectory
 from twin.verdict import Verdict, reason
@@ -70,6 +70,18 @@ def test_a_stretch_without_cameras_is_told_by_its_time(monkeypatch: pytest.Monke
     assert cameras.gaps(1202) == ((300, 345), (700, 700), (1200, 1201))
     (row,) = unsolved_rows(Path("run"), replace(cabinet_twin(), cameras=cameras), WALK)
     assert row == ["0:20", "0:23", *NO_CAMERA]
+
+
+def test_what_was_moved_out_of_view_is_told_with_its_time() -> None:
+    """Between two visits; not before the first state, nor for a moment."""
+    frames = np.arange(1200)
+    cameras = Trajectory(frames, np.asarray(WALK.times), np.tile(np.eye(4), (1200, 1, 1)))
+    known = np.r_[30:300, 600:900, 902:1200]
+    part = cabinet_twin().parts[0]
+    motion = Motion(known, np.asarray(WALK.times)[known], np.zeros(len(known)), ((60, 90),))
+    twin = replace(cabinet_twin(), cameras=cameras, parts=(replace(part, motion=motion),))
+    (told,) = moved_unseen(twin, WALK)
+    assert told.startswith(f"0:20-0:40: {part.name} stood otherwise than it was left")
 
 
 def test_warnings_of_a_window_have_its_time_and_each_stands_once() -> None:
