@@ -127,3 +127,16 @@ def test_joints_are_combined_by_their_information(joint: Joint) -> None:
     poor = replace(other, covariance=1e4 * cov)
     near = combined(mine, poor, surface)
     assert geo.line_angle(near.axis, mine.axis) < 1e-3 * geo.line_angle(other.axis, mine.axis)
+
+
+@pytest.mark.parametrize("smaller_first", [True, False])
+def test_the_smaller_surface_lies_on_the_larger_one_whichever_is_moved(smaller_first: bool) -> None:
+    """A part seen half in one visit and whole in another."""
+    y, z = np.meshgrid(np.arange(0.0, 0.6, 0.015), np.arange(0.0, 0.6, 0.015))
+    whole = np.stack([np.zeros(y.size), y.ravel(), z.ravel()], axis=-1)
+    half = whole[whole[:, 1] < 0.2]
+    pose = geo.make_pose(translation=[0.3, 0.0, 0.0])
+    first, second = (half, whole) if smaller_first else (whole, half)
+    share, away = Surface(first).lies_on(Surface(geo.transform(pose, second)), pose)
+    assert share == 1.0
+    assert away < 1e-9
