@@ -26,7 +26,7 @@ from recon.evaluation.outcome import LOST_MM, UP_DEG
 from recon.evaluation.read_truth import load_truth
 from recon.evaluation.scores import camera_errors
 from recon.readers import open_recording
-from recon.recording.depth_cache import with_cached_depth
+from recon.recording.decoded import decoded_once
 from recon.simulate.random.scene import simulate_random
 from recon.simulate.random.strata import Stratum, sealed_set
 from recon.survey import survey
@@ -57,8 +57,8 @@ def strata() -> dict[int, Stratum]:
 def clip(seed: int, index: int, place: Path) -> dict[str, int]:
     """Counters of one recording, made and measured in `place`."""
     folder = simulate_random(seed, place / "recording", strata()[index])
-    truth, recording = load_truth(folder / "truth"), with_cached_depth(open_recording(folder))
-    with Run(None, recording.fingerprint) as run:
+    truth = load_truth(folder / "truth")
+    with decoded_once(open_recording(folder), None) as recording, Run(None, recording.fingerprint) as run:
         surveyed = survey(Chain(run, ReconConfig()), recording)
     guessed: Trajectory = surveyed.reads[0].value
     before, after = camera_errors(guessed, truth), camera_errors(surveyed.world.cameras, truth)

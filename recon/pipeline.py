@@ -7,6 +7,7 @@ it. Each is a function of typed inputs and its settings, which its folder declar
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,7 +22,7 @@ from recon.interaction.joints.type_selection import TypeHint
 from recon.models.joint_hint import JointHint
 from recon.readers import open_recording
 from recon.recording import Recording
-from recon.recording.depth_cache import with_cached_depth
+from recon.recording.decoded import decoded_once
 from recon.recording.said import require_said
 from recon.survey import Surveyed, survey
 from recon.texture.handle_section import HANDLE, handle_sections, with_handles
@@ -93,10 +94,11 @@ def reconstruct(
     with (
         default_progress(progress) as shown,
         Run(out, recording.fingerprint, Counted(shown, seconds), config) as run,
+        ExitStack() as files,
     ):
         for note in recording.warnings:
             run.warn(note)
-        recording = with_cached_depth(recording)
+        recording = files.enter_context(decoded_once(recording, out))
         hints = hint(recording, None if out is None else out / "stages" / "vlm") if hint is not None else ()
         earlier = None if out is None else earlier_twin(run, out / "twin")
         twin = _run(run, recording, config, hints, materials, earlier)

@@ -15,6 +15,7 @@ from typing import Any
 from recon.interaction.interaction import Observed, interact
 from recon.interaction.joints.type_selection import TypeHint
 from recon.readers import open_recording
+from recon.recording.decoded import decoded_beside
 from recon.recording.said import Said
 from recon.windows.windows import Window
 from twin.interrupt import spared
@@ -90,7 +91,7 @@ def _solve(place: _Place, told: Told, hints: Sequence[TypeHint]) -> dict[str, st
     """In a process of its own: the stages that it computed, each with the reason."""
     window, word = told
     run = place.run(computes=True, owner=place.owner)
-    recording = open_recording(place.path, **place.opened_with)
-    seen = Observed(recording, *(run.read(name) for name in place.reads))
-    interact(Chain(run, place.config), seen, window, hints, word)
+    with decoded_beside(open_recording(place.path, **place.opened_with), place.folder) as recording:
+        seen = Observed(recording, *(run.read(name) for name in place.reads))
+        interact(Chain(run, place.config), seen, window, hints, word)
     return run.computed

@@ -17,7 +17,6 @@ from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.refine.refine_parts import POLISH, REFINE, polish_parts, refine_found
 from recon.recording import Recording
 from recon.recording.contents import content_of
-from recon.recording.depth_cache import with_cached_depth
 from recon.recording.said import Said
 from recon.tracking.tracks import SparseTracks
 from recon.windows.windows import Window
@@ -81,7 +80,7 @@ def frames_of(recording: Recording, window: Window) -> Recording:
     """The recording of a window's frames; the same one where these are all."""
     if window.is_whole(recording):
         return recording
-    return with_cached_depth(recording[window.frames])
+    return recording[window.frames]
 
 
 def cameras_of(cameras: Trajectory, window: Window) -> Trajectory:

@@ -51,14 +51,16 @@ def _jacobian(points, pulled, k, t, revolute, axis, basis, pivot, turn, out):  #
 @njit(cache=True, nogil=True)
 def _take_out(hessian, column, total, n, first, last):  # type: ignore[no-untyped-def]
     """Take a track's landmark out of the states' rows first..last: less its columns' products (3, n + T)."""
-    for t in range(first, last):
-        s0, s1, s2 = column[0, t] / total, column[1, t] / total, column[2, t] / total
+    c0, c1, c2 = column[0, first:last], column[1, first:last], column[2, first:last]
+    for t in range(last - first):
+        s0, s1, s2 = c0[t] / total, c1[t] / total, c2[t] / total
         if s0 == 0.0 and s1 == 0.0 and s2 == 0.0:
             continue
+        joint, states = hessian[first + t], hessian[first + t, first : first + t + 1]
         for a in range(n):
-            hessian[t, a] = hessian[t, a] - s0 * column[0, a] - s1 * column[1, a] - s2 * column[2, a]
-        for b in range(first, t + 1):
-            hessian[t, b] = hessian[t, b] - s0 * column[0, b] - s1 * column[1, b] - s2 * column[2, b]
+            joint[a] = joint[a] - s0 * column[0, a] - s1 * column[1, a] - s2 * column[2, a]
+        for b in range(len(states)):  # from 0 on, so that the compiler takes several at once
+            states[b] = states[b] - s0 * c0[b] - s1 * c1[b] - s2 * c2[b]
 
 
 @njit(cache=True, nogil=True)

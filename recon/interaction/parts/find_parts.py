@@ -31,7 +31,7 @@ from recon.interaction.motion.movers import Movers, find_movers
 from recon.interaction.parts.config import FAR_SHARE, MAX_RESIDUAL, REST_TOLERANCE, MotionConfig
 from recon.interaction.parts.found import FoundParts as FoundParts
 from recon.interaction.parts.found import PartTracks as PartTracks
-from recon.interaction.parts.hand_tracks import hand_tracks
+from recon.interaction.parts.hand_tracks import HandTracks
 from recon.interaction.parts.moving_part import MovingPart
 from recon.interaction.parts.part_matching import is_another_part, same_part
 from recon.interaction.parts.said_parts import Observed, outside, search_space
@@ -68,7 +68,7 @@ def find_parts(
     """
     movers = find_movers(tracks, cameras, recording.times)
     to_part = partial(_moving_part, cameras.frames, recording.times[cameras.frames])
-    hand_of = partial(hand_tracks, recording, cameras, tracks)
+    hand_of = HandTracks(recording, cameras, tracks).of
     if said.words:
         seen = Observed(recording, tracks, cameras, movers, joints)
         return _said_parts(seen, hand_of, to_part, hints, said)

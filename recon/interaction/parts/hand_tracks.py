@@ -10,13 +10,14 @@ FunREC, supplement 3.2: colour in place of a mask of the hand.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from recon.dense.depth import in_front
-from recon.recording import Intrinsics, Recording
+from recon.recording import Recording
 from recon.tracking.tracks import Tracks
 from twin import geometry as geo
 from twin.geometry import Array
@@ -31,53 +32,89 @@ _WIDTH = 160
 _MAX_FRAMES = 12
 # Share of the image below which it is noise, not a hand. Chosen by us.
 _MIN_SHARE = 0.003
+# px; about a track, so far its colour counts. Chosen by us.
+_NEIGHBOURS = 2
 # Mean log odds above which a track lies on the hand: more likely than not.
 _MIN_ODDS = 0.0
 
 
-def hand_tracks(
-    recording: Recording,
-    cameras: Trajectory,
-    tracks: Tracks,
-    rests: Sequence[tuple[int, int]],
-) -> NDArray[np.bool_]:
-    """Mask (K,) of the tracks whose colours are those of the hand.
+class HandTracks:
+    """Tells the tracks whose colours are those of the hand; what frames show is read once for all asking.
 
     Args:
-        rests: spans (first, last) of frames in which no part moves, in time order. In each span, the frame
-            farthest from the motion serves as the picture without a hand: the first frame of the recording's
-            first span, the last frame of the last one, and both ends of the spans in between.
+        tracks: of the recording, K of them.
     """
-    width = min(_WIDTH, recording.intrinsics.width)
-    size = width, max(1, round(recording.intrinsics.height * width / recording.intrinsics.width))
-    camera = recording.intrinsics.scaled(*size)
-    hand, rest_of = np.ones(_BINS**3), np.ones(_BINS**3)
-    found = 0
-    for reference, frames in _compared(rests, _MAX_FRAMES):
-        surface = _small_depth(recording, reference, camera)
 
-        def look(
-            frame: int, reference: int = reference, surface: Array = surface
-        ) -> tuple[NDArray[np.bool_], NDArray[np.int32]] | None:
-            there, here = cameras.pose(reference), cameras.pose(frame)
-            if there is None or here is None:
-                return None
-            pose = geo.invert_pose(there) @ here
-            mask = in_front(_small_depth(recording, frame, camera), surface, camera, pose)
-            if mask.mean() < _MIN_SHARE:
-                return None
-            return mask, _bin(_small_color(recording, frame, camera), _BINS)
+    def __init__(self, recording: Recording, cameras: Trajectory, tracks: Tracks) -> None:
+        self._recording, self._cameras, self._tracks = recording, cameras, tracks
+        width = min(_WIDTH, recording.intrinsics.width)
+        height = max(1, round(recording.intrinsics.height * width / recording.intrinsics.width))
+        self._camera = recording.intrinsics.scaled(width, height)
+        self._small: dict[int, tuple[NDArray[np.float32], NDArray[np.uint16]]] = {}
 
-        for seen in each(look, frames):
-            if seen is not None:
-                mask, index = seen
-                found += 1
-                hand += np.bincount(index[mask], minlength=len(hand))
-                rest_of += np.bincount(index[~mask], minlength=len(hand))
-    if found == 0:
-        return np.zeros(len(tracks), dtype=bool)
-    odds = _smooth_log_odds(hand, rest_of, _BINS)
-    return _mean_odds(recording, tracks, odds) > _MIN_ODDS
+    def of(self, rests: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
+        """Mask (K,) of the tracks on the hand.
+
+        Args:
+            rests: spans (first, last) of frames in which no part moves, in time order. In each span, the
+                frame farthest from the motion serves as the picture without a hand: the first frame of the
+                recording's first span, the last frame of the last one, and both ends of the spans in between.
+        """
+        hand, rest_of = np.ones(_BINS**3), np.ones(_BINS**3)
+        found = 0
+        for reference, frames in _compared(rests, _MAX_FRAMES):
+            for seen in each(partial(self._appeared, reference), frames):
+                if seen is not None:
+                    mask, index = seen
+                    found += 1
+                    hand += np.bincount(index[mask], minlength=len(hand))
+                    rest_of += np.bincount(index[~mask], minlength=len(hand))
+        if found == 0:
+            return np.zeros(len(self._tracks), dtype=bool)
+        return self._mean_odds(_smooth_log_odds(hand, rest_of, _BINS)) > _MIN_ODDS
+
+    def _appeared(self, reference: int, frame: int) -> tuple[NDArray[np.bool_], NDArray[np.uint16]] | None:
+        """What stands in a frame before the surface of a reference frame, and the frame's colours."""
+        there, here = self._cameras.pose(reference), self._cameras.pose(frame)
+        if there is None or here is None:
+            return None
+        depth, index = self._look(frame)
+        surface = self._look(reference)[0].astype(np.float64)
+        mask = in_front(depth.astype(np.float64), surface, self._camera, geo.invert_pose(there) @ here)
+        return None if mask.mean() < _MIN_SHARE else (mask, index)
+
+    def _look(self, frame: int) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
+        """Small depth, m, and colours of a frame."""
+        if frame not in self._small:
+            size, read = (self._camera.width, self._camera.height), self._recording.frame(frame)
+            color = cv2.resize(read.color, size, interpolation=cv2.INTER_AREA)
+            depth = cv2.resize(read.depth, size, interpolation=cv2.INTER_NEAREST)
+            self._small[frame] = np.asarray(depth, np.float32), _bin(np.asarray(color, np.uint8), _BINS)
+        return self._small[frame]
+
+    def _mean_odds(self, odds: Array) -> Array:
+        """Mean log odds (K,) of the colours about each track; -inf where it is not seen."""
+        track, colours = self._about_tracks
+        total = np.bincount(track, odds[colours].mean(axis=1), minlength=len(self._tracks))
+        count = np.bincount(track, minlength=len(self._tracks))
+        return np.where(count > 0, total / np.maximum(count, 1), -np.inf)
+
+    @cached_property
+    def _about_tracks(self) -> tuple[NDArray[np.int64], NDArray[np.uint16]]:
+        """Tracks (n,) seen in every third frame, one frame after the other, and the colours (n, 25) about
+        them."""
+
+        def about(frame: int) -> tuple[NDArray[np.int64], NDArray[np.uint16]]:
+            seen = np.flatnonzero(self._tracks.visible[frame])
+            index = _bin(self._recording.color(frame), _BINS)
+            x, y = np.rint(self._tracks.pixels[frame, seen]).astype(int).T
+            x, y = np.clip(x, 0, index.shape[1] - 1), np.clip(y, 0, index.shape[0] - 1)
+            padded = np.pad(index, _NEIGHBOURS, mode="reflect")
+            shifts = range(2 * _NEIGHBOURS + 1)
+            return seen, np.stack([padded[y + dy, x + dx] for dy in shifts for dx in shifts], axis=-1)
+
+        found = list(each(about, range(0, len(self._recording), 3)))
+        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
 
 def _compared(rests: Sequence[tuple[int, int]], most: int) -> Iterator[tuple[int, list[int]]]:
@@ -102,41 +139,10 @@ def _smooth_log_odds(hand: Array, rest: Array, bins: int) -> Array:
     return np.asarray(np.log((out[0] + 1e-5) / (out[1] + 1e-5)))
 
 
-def _bin(color: NDArray[np.uint8], bins: int) -> NDArray[np.int32]:
+def _bin(color: NDArray[np.uint8], bins: int) -> NDArray[np.uint16]:
     lab = cv2.cvtColor(color, cv2.COLOR_RGB2LAB)
     value = np.arange(256, dtype=np.int32)
     of_chroma = value * bins // 256
     of_lightness = (value // 2 + 64) * bins // 256  # shading changes lightness more than hue
     index = of_lightness[lab[..., 0]] * (bins * bins) + of_chroma[lab[..., 1]] * bins
-    return np.asarray(index + of_chroma[lab[..., 2]])
-
-
-def _small_color(recording: Recording, frame: int, camera: Intrinsics) -> NDArray[np.uint8]:
-    size = (camera.width, camera.height)
-    return np.asarray(cv2.resize(recording.color(frame), size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-def _small_depth(recording: Recording, frame: int, camera: Intrinsics) -> Array:
-    size = (camera.width, camera.height)
-    return np.asarray(
-        cv2.resize(recording.depth(frame), size, interpolation=cv2.INTER_NEAREST), dtype=np.float64
-    )
-
-
-def _mean_odds(recording: Recording, tracks: Tracks, odds: Array) -> Array:
-    """Mean log odds (K,) over every third frame's 5x5 neighbourhoods of each track."""
-
-    def odds_at(frame: int) -> tuple[NDArray[np.int64], Array]:
-        seen = np.flatnonzero(tracks.visible[frame])
-        if not len(seen):
-            return seen, np.zeros(0)
-        color = recording.color(frame)
-        score = cv2.blur(odds[_bin(color, _BINS)], (5, 5))
-        x, y = np.rint(tracks.pixels[frame, seen]).astype(int).T
-        return seen, score[np.clip(y, 0, color.shape[0] - 1), np.clip(x, 0, color.shape[1] - 1)]
-
-    total, count = np.zeros(len(tracks)), np.zeros(len(tracks))
-    for seen, found in each(odds_at, range(0, len(recording), 3)):
-        total[seen] += found
-        count[seen] += 1
-    return np.where(count > 0, total / np.maximum(count, 1), -np.inf)
+    return np.asarray(index + of_chroma[lab[..., 2]], np.uint16)

@@ -18,7 +18,7 @@ import recon
 import recon.simulate
 from recon import Frame, Intrinsics, Recording, open_recording, pipeline
 from recon.models.joint_hint import PrecomputedJointHint
-from recon.recording.depth_cache import with_cached_depth
+from recon.recording.decoded import SCRATCH, decoded_beside, decoded_once
 from recon.verdict.assemble import say_where
 from tests.makers.recon.in_memory import T, made
 from tests.makers.recon.tiny import FRAMES, cameras, write_poses, write_recording
@@ -214,39 +214,68 @@ def test_arrays_make_the_twin_that_their_folder_makes(tmp_path: Path) -> None:
     assert list((tmp_path / "run" / "report").iterdir())  # key frames
 
 
-def test_depth_is_decoded_once_and_only_as_much_kept_as_fits() -> None:
-    reads: list[int] = []
+class Counted:
+    """A recording of ten frames of 4x5 pixels that counts what is decoded."""
 
-    def read_depth(k: int) -> NDArray[np.float32]:
-        reads.append(k)
-        return np.full((4, 5), k + 1 / 3, np.float32)  # 80 bytes, no whole millimetres
+    def __init__(self, depth: NDArray[np.float32]) -> None:
+        self.reads: list[str] = []
+        camera = Intrinsics(5, 4, 5.0, 5.0, 2.0, 2.0)
 
-    camera = Intrinsics(5, 4, 5.0, 5.0, 2.0, 2.0)
-    color = np.zeros((4, 5, 3), np.uint8)
-    recording = with_cached_depth(
-        Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 3 * 80
-    )
-    for _ in range(2):
-        for k, frame in enumerate(recording):
-            assert (frame.depth == np.float32(k + 1 / 3)).all()
-            frame.depth[:] = 99.0  # what one reader does to its frame, the next doesn't see
-    assert [reads.count(k) for k in range(10)] == [1, 1, 1] + [2] * 7
+        def read_color(k: int) -> NDArray[np.uint8]:
+            self.reads.append(f"colour {k}")
+            return np.full((4, 5, 3), k, np.uint8)
+
+        def read_depth(k: int) -> NDArray[np.float32]:
+            self.reads.append(f"depth {k}")
+            return depth[k].copy()
+
+        self.recording = Recording("r", "r", np.arange(10.0), camera, read_color, read_depth, "f")
 
 
-def test_depth_in_millimetres_takes_half_the_room_and_loses_nothing() -> None:
-    rng, reads = np.random.default_rng(0), []
-    depth = rng.integers(0, 2**16, (10, 4, 5)).astype(np.float32) / np.float32(1000)
+_MILLIMETRES = np.random.default_rng(0).integers(0, 2**16, (10, 4, 5)).astype(np.float32) / np.float32(1000)
+_THIRDS = np.full((10, 4, 5), 1 / 3, np.float32)
 
-    def read_depth(k: int) -> NDArray[np.float32]:
-        reads.append(k)
-        return depth[k].copy()
 
-    camera = Intrinsics(5, 4, 5.0, 5.0, 2.0, 2.0)
-    color = np.zeros((4, 5, 3), np.uint8)
-    recording = with_cached_depth(
-        Recording("r", "r", np.arange(10.0), camera, lambda _: color, read_depth, "f"), 10 * 40
-    )
-    for _ in range(2):
-        for k in range(10):
-            assert np.array_equal(recording.depth(k), depth[k])
-    assert reads == list(range(10))
+@pytest.mark.parametrize("depth", [_MILLIMETRES, _THIRDS], ids=["millimetres", "thirds"])
+def test_images_are_decoded_once_and_nothing_is_lost(
+    tmp_path: Path, depth: NDArray[np.float32]
+) -> None:
+    counted = Counted(depth)
+    with decoded_once(counted.recording, tmp_path) as recording:
+        for _ in range(2):
+            for k, frame in enumerate(recording):
+                assert (frame.color == k).all() and np.array_equal(frame.depth, depth[k])
+                frame.depth[:], frame.color[:] = 99.0, 99  # the next reader doesn't see it
+    assert sorted(counted.reads) == sorted(f"{what} {k}" for k in range(10) for what in ("colour", "depth"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_as_many_decoded_images_are_kept_as_fit() -> None:
+    counted = Counted(_THIRDS)
+    header, slot = 2 * 10 + 8, 4 * 5 * (3 + 4)
+    with decoded_once(counted.recording, None, header + 3 * slot) as recording:
+        for _ in range(2):
+            for k in range(10):
+                assert np.array_equal(recording.depth(k), _THIRDS[k])
+    assert [counted.reads.count(f"depth {k}") for k in range(10)] == [1, 1, 1] + [2] * 7
+
+
+def test_another_process_reads_and_adds_to_what_a_run_has_decoded(tmp_path: Path) -> None:
+    first, second = Counted(_MILLIMETRES), Counted(_MILLIMETRES)
+    with decoded_once(first.recording, tmp_path) as recording:
+        recording.frame(0)
+        with decoded_beside(second.recording, tmp_path) as beside:
+            assert np.array_equal(beside.depth(0), _MILLIMETRES[0]) and (beside.color(0) == 0).all()
+            beside.frame(1)
+        assert np.array_equal(recording.depth(1), _MILLIMETRES[1])
+    assert first.reads == ["colour 0", "depth 0"] and second.reads == ["colour 1", "depth 1"]
+    with decoded_beside(second.recording, tmp_path) as beside:  # the run has ended
+        assert np.array_equal(beside.depth(2), _MILLIMETRES[2])
+
+
+def test_a_folder_that_cannot_be_written_costs_time_alone(tmp_path: Path) -> None:
+    counted = Counted(_MILLIMETRES)
+    (tmp_path / SCRATCH).mkdir()
+    with decoded_once(counted.recording, tmp_path) as recording:
+        assert [np.array_equal(recording.depth(3), _MILLIMETRES[3]) for _ in range(2)] == [True, True]
+    assert counted.reads == ["depth 3"] * 2

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recon.interaction.parts.hand_tracks import _smooth_log_odds, hand_tracks
+from recon.interaction.parts.hand_tracks import HandTracks, _smooth_log_odds
 from recon.readers import open_recording
 from recon.tracking.tracks import Tracks
 from tests.makers.recon import tiny
@@ -54,7 +54,7 @@ def test_hand_tracks_are_found_and_others_are_not(door: Path) -> None:
     tracks = _tracks(door)
     assert tracks.visible[::3].sum(axis=0).min() >= 3
     # the hand is in view while the door rests only just before and after the motion
-    on_hand = hand_tracks(recording, cameras, tracks, [(0, 9), (20, FRAMES - 1)])
+    on_hand = HandTracks(recording, cameras, tracks).of([(0, 9), (20, FRAMES - 1)])
     assert on_hand.tolist() == [True, False, False]
 
 
@@ -62,7 +62,7 @@ def test_no_hand_in_view_means_no_hand_tracks(door: Path) -> None:
     recording = open_recording(door)
     cameras = Trajectory(np.arange(FRAMES), recording.times, tiny.cameras(FRAMES))
     tracks = _tracks(door)
-    assert not hand_tracks(recording, cameras, tracks, [(0, 4)]).any()
+    assert not HandTracks(recording, cameras, tracks).of([(0, 4)]).any()
 
 
 def test_colours_are_blurred_by_one_bin() -> None:
