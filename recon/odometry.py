@@ -6,14 +6,16 @@ recording leaves those before it as they are.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.ahead import solve_ahead
 from recon.cameras.poses import CAMERAS, SUBMAPS, camera_poses, submap_poses
-from recon.cameras.submaps import Piece, solve_pieces
+from recon.cameras.submaps import Piece, regular_spans, solve_pieces
 from recon.recording import Recording
 from recon.recording.contents import content_of
 from recon.tracking.follow import CORNERS, TRACKS, Stretch, follow, track_points, tracks_of
@@ -45,7 +47,7 @@ def odometry(
     tracks = _tracks(stage, recording, contents.value)
     if c.cameras.use_known_poses:
         return tracks, stage(CAMERAS, [tracks], lambda: camera_poses(recording, tracks.value, c.cameras))
-    pieces, submaps = _pieces(stage, recording, contents.value, tracks.value)
+    pieces, submaps = _pieces(stage, recording, contents, tracks)
     cameras = stage(
         CAMERAS,
         [tracks, *submaps],
@@ -76,21 +78,34 @@ def _tracks(stage: Chain, recording: Recording, digests: NDArray[np.uint8]) -> S
 
 
 def _pieces(
-    stage: Chain, recording: Recording, digests: NDArray[np.uint8], tracks: SparseTracks
+    stage: Chain,
+    recording: Recording,
+    contents: StageResult[NDArray[np.uint8]],
+    tracks: StageResult[SparseTracks],
 ) -> tuple[tuple[Piece, ...], list[StageResult[Any]]]:
     """The path in pieces that hang together, and the results of the submaps."""
+    reads, count = (contents, tracks), len(recording)
+    solve_ahead(stage, recording, reads, _submap, regular_spans(count), "submaps")
     solved: list[StageResult[Any]] = []
 
     def solve(first: int, last: int) -> tuple[Array, NDArray[np.bool_]]:
-        submap = replace(stage, source=content_of(recording, digests, first, last))(
-            SUBMAPS,
-            [Content("tracks", tracks.content(first, last))],
-            lambda: submap_poses(recording[first : last + 1], tracks.dense(first, last)),
-            item=f"{first:06d}-{last:06d}",
-        )
+        submap = _submap(stage, recording, reads, (first, last))
         solved.append(submap)
-        stage.run.report("submaps", (last + 1) / len(recording), "frames")
+        stage.run.report("submaps", (last + 1) / count, "frames")
         poses, posed = submap.value
         return poses, posed
 
-    return solve_pieces(len(recording), solve), solved
+    return solve_pieces(count, solve), solved
+
+
+def _submap(
+    stage: Chain, recording: Recording, reads: Sequence[StageResult[Any]], span: tuple[int, int]
+) -> StageResult[Any]:
+    """Poses of the frames of a span, first and last. reads: digests of the frames, and the tracks."""
+    (first, last), digests, tracks = span, reads[0].value, reads[1].value
+    return replace(stage, source=content_of(recording, digests, first, last))(
+        SUBMAPS,
+        [Content("tracks", tracks.content(first, last))],
+        lambda: submap_poses(recording[first : last + 1], tracks.dense(first, last)),
+        item=f"{first:06d}-{last:06d}",
+    )

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.ahead import solve_ahead
 from recon.cameras.gravity import GRAVITY, upright
 from recon.cameras.path import PATH, close_loops
 from recon.contact.up.decide import UP, Upright, World, find_up, turned
 from recon.dense.noise import NOISE, DepthNoise, measure_noise
 from recon.fusion.fuse import FUSION, fuse
-from recon.interaction.ahead import solve_ahead
 from recon.interaction.interaction import Interaction, Observed, frame_of, interact
 from recon.interaction.joints.type_selection import TypeHint
 from recon.merge.merge import MERGE, as_merged, merge
@@ -22,8 +23,9 @@ from recon.merge.relabel import all_labels
 from recon.odometry import odometry
 from recon.recording import Recording
 from recon.recording.contents import FRAMES, frame_digests
+from recon.recording.said import Said
 from recon.windows.said_windows import said_windows
-from recon.windows.windows import WINDOWS, apart, find_windows, is_long
+from recon.windows.windows import WINDOWS, Window, apart, find_windows, is_long
 from twin.runs.chain import Chain
 from twin.runs.stages import StageResult
 from twin.scene import Trajectory
@@ -78,7 +80,9 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
         *([rigid] if rigid != apart(windows) else []),
     )
     seen = Observed(recording, tracks, path if contents is None else cameras, noise, contents)
-    solve_ahead(stage, seen, told, hints)
+    if contents is not None:
+        shared = (tracks, cameras, noise, contents)
+        solve_ahead(stage, recording, shared, partial(_one_window, hints), told, "interactions")
     solved: list[Interaction] = []
     results: list[StageResult[Any]] = []
     for k, (window, word) in enumerate(told):
@@ -88,6 +92,17 @@ def survey(stage: Chain, recording: Recording, hints: Sequence[TypeHint] = ()) -
         if contents is not None:
             stage.run.report("interactions", (k + 1) / len(told), f"of {len(told)}")
     return _upright(stage, seen, path, solved, results, guessed.warnings)
+
+
+def _one_window(
+    hints: Sequence[TypeHint],
+    stage: Chain,
+    recording: Recording,
+    reads: Sequence[StageResult[Any]],
+    told: tuple[Window, Said],
+) -> None:
+    """The stages of one window. reads: as `Observed` has them."""
+    interact(stage, Observed(recording, *reads), told[0], hints, told[1])
 
 
 def _upright(

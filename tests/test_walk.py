@@ -43,7 +43,7 @@ def test_a_minute_appended_computes_what_it_touches_and_gives_what_a_fresh_run_g
 ) -> None:
     """Law 4: submaps that end before, and windows in these alone, are kept. Law 3: windows that processes
     solve ahead have the bytes of those that are solved one after the other."""
-    monkeypatch.setattr("recon.interaction.ahead.threads", lambda: 2)
+    monkeypatch.setattr("recon.ahead.threads", lambda: 2)
     recording, run = walk_folder(tmp_path / "walk", 2), tmp_path / "run"
     heard: list[str] = []
     reconstruct(recording, out=run, progress=lambda stage, *_: heard.append(stage))
@@ -64,7 +64,7 @@ def test_a_minute_appended_computes_what_it_touches_and_gives_what_a_fresh_run_g
     assert not set(kept) & set(again)
     assert {"frames", "tracks", "cameras", "merge", "fusion"} <= set(again)
 
-    monkeypatch.setattr("recon.interaction.ahead.threads", lambda: 1)  # one window after the other
+    monkeypatch.setattr("recon.ahead.threads", lambda: 1)  # one window after the other
     fresh = tmp_path / "fresh"
     reconstruct(recording, out=fresh)
     assert without_provenance(run) == without_provenance(fresh)

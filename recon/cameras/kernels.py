@@ -53,11 +53,25 @@ def landmarks_of(poses, frame, track, points, info, weights, count):  # type: ig
         b[k, 1] += xy * x + yy * y + yz * z
         b[k, 2] += xz * x + yz * y + zz * z
     for k in range(count):
-        m = np.array([[a[k, 0], a[k, 1], a[k, 2]], [a[k, 1], a[k, 3], a[k, 4]], [a[k, 2], a[k, 4], a[k, 5]]])
-        solved = np.linalg.solve(m + 1e-9 * np.eye(3), b[k])
-        for i in range(3):  # an array put into a row takes seconds to compile
-            out[k, i] = solved[i]
+        _solve3(a[k], b[k], out[k])
     return out
+
+
+@njit(cache=True, nogil=True)
+def _solve3(a, b, out):  # type: ignore[no-untyped-def]
+    """Solution (3,) of a positive system, xx xy xz yy yz zz (6,), right side (3,), by Cholesky."""
+    e = 1e-9
+    l0 = np.sqrt(a[0] + e)
+    l1, l2 = a[1] / l0, a[2] / l0
+    l3 = np.sqrt(max(a[3] + e - l1 * l1, e * e))
+    l4 = (a[4] - l1 * l2) / l3
+    l5 = np.sqrt(max(a[5] + e - l2 * l2 - l4 * l4, e * e))
+    y0 = b[0] / l0
+    y1 = (b[1] - l1 * y0) / l3
+    y2 = (b[2] - l2 * y0 - l4 * y1) / l5
+    out[2] = y2 / l5
+    out[1] = (y1 - l4 * out[2]) / l3
+    out[0] = (y0 - l1 * out[1] - l2 * out[2]) / l0
 
 
 @njit(cache=True, nogil=True)
@@ -83,27 +97,48 @@ def pose_systems(poses, frame, track, points, info, weights, landmarks):  # type
     n = len(poses)
     h = np.zeros((n, 6, 6))
     g = np.zeros((n, 6))
-    j = np.zeros((3, 6))
-    j[0, 0] = j[1, 1] = j[2, 2] = 1.0
     for o in range(len(frame)):
         f = frame[o]
-        t = poses[f]
+        t, hf, gf = poses[f], h[f], g[f]
         k = track[o]
         dx, dy, dz = landmarks[k, 0] - t[0, 3], landmarks[k, 1] - t[1, 3], landmarks[k, 2] - t[2, 3]
         px = t[0, 0] * dx + t[1, 0] * dy + t[2, 0] * dz
         py = t[0, 1] * dx + t[1, 1] * dy + t[2, 1] * dz
         pz = t[0, 2] * dx + t[1, 2] * dy + t[2, 2] * dz
-        j[0, 4], j[0, 5] = pz, -py
-        j[1, 3], j[1, 5] = -pz, px
-        j[2, 3], j[2, 4] = py, -px
-        for c in range(3):
-            e = points[o, c] - (px if c == 0 else (py if c == 1 else pz))
-            w = weights[o] * (info[o, 1] if c == 2 else info[o, 0])
-            for i in range(6):
-                if j[c, i] != 0.0:
-                    g[f, i] += w * j[c, i] * e
-                    for m in range(i, 6):
-                        h[f, i, m] += w * j[c, i] * j[c, m]
+        lateral, axial = weights[o] * info[o, 0], weights[o] * info[o, 1]
+        # row x of de/dd: 1 0 0 | 0 pz -py
+        e, x4, x5 = points[o, 0] - px, lateral * pz, lateral * -py
+        gf[0] += lateral * e
+        gf[4] += x4 * e
+        gf[5] += x5 * e
+        hf[0, 0] += lateral
+        hf[0, 4] += x4
+        hf[0, 5] += x5
+        hf[4, 4] += x4 * pz
+        hf[4, 5] += x4 * -py
+        hf[5, 5] += x5 * -py
+        # row y: 0 1 0 | -pz 0 px
+        e, y3, y5 = points[o, 1] - py, lateral * -pz, lateral * px
+        gf[1] += lateral * e
+        gf[3] += y3 * e
+        gf[5] += y5 * e
+        hf[1, 1] += lateral
+        hf[1, 3] += y3
+        hf[1, 5] += y5
+        hf[3, 3] += y3 * -pz
+        hf[3, 5] += y3 * px
+        hf[5, 5] += y5 * px
+        # row z: 0 0 1 | py -px 0
+        e, z3, z4 = points[o, 2] - pz, axial * py, axial * -px
+        gf[2] += axial * e
+        gf[3] += z3 * e
+        gf[4] += z4 * e
+        hf[2, 2] += axial
+        hf[2, 3] += z3
+        hf[2, 4] += z4
+        hf[3, 3] += z3 * py
+        hf[3, 4] += z3 * -px
+        hf[4, 4] += z4 * -px
     for f in range(n):
         for i in range(6):
             for m in range(i):

@@ -35,6 +35,22 @@ class Piece:
     poses: Array
 
 
+def regular_spans(count: int) -> list[tuple[int, int]]:
+    """First and last frame of the submaps of `count` frames, unless tracking is lost on the way."""
+    spans = [(0, _last(0, count))]
+    while spans[-1][1] < count - 1:
+        first = spans[-1][1] + 1 - SHARED
+        spans.append((first, _last(first, count)))
+    return spans
+
+
+def _last(first: int, count: int) -> int:
+    """Last frame of the submap that starts at a frame."""
+    if not first and count <= WHOLE:
+        return count - 1
+    return count - 1 if count - first < LENGTH + SHARED else first + LENGTH - 1
+
+
 def solve_pieces(count: int, solve: Solve) -> tuple[Piece, ...]:
     """Poses of `count` frames, in pieces in the order of the frames.
 
@@ -46,7 +62,7 @@ def solve_pieces(count: int, solve: Solve) -> tuple[Piece, ...]:
     out: list[Piece] = []
     first = 0
     while count - first >= _FEWEST:
-        last = count - 1 if count - first < LENGTH + SHARED else first + LENGTH - 1
+        last = _last(first, count)
         poses, posed = solve(first, last)
         frames = np.flatnonzero(posed)
         if len(frames) >= _FEWEST:

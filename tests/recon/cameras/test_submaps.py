@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from recon.cameras.graph import bent
 from recon.cameras.places import Seen
-from recon.cameras.submaps import WHOLE, solve_pieces
+from recon.cameras.submaps import WHOLE, regular_spans, solve_pieces
 from twin import geometry as geo
 from twin.geometry import Array
 
@@ -49,6 +49,7 @@ def test_many_short_paths_make_the_long_one(count: int) -> None:
     solve, asked = solver(truth, np.zeros(count, bool))
     (piece,) = solve_pieces(count, solve)
     np.testing.assert_array_equal(piece.frames, np.arange(count))
+    assert asked == regular_spans(count)
     assert len(asked) > 1
     assert worst(piece.poses, truth) < 1e-9
 
@@ -57,7 +58,7 @@ def test_a_clip_is_solved_as_one() -> None:
     truth = path(WHOLE)
     solve, asked = solver(truth, np.zeros(WHOLE, bool))
     (piece,) = solve_pieces(WHOLE, solve)
-    assert asked == [(0, WHOLE - 1)]
+    assert asked == regular_spans(WHOLE) == [(0, WHOLE - 1)]
     assert len(piece.frames) == WHOLE
 
 

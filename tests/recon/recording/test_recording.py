@@ -237,14 +237,13 @@ _THIRDS = np.full((10, 4, 5), 1 / 3, np.float32)
 
 
 @pytest.mark.parametrize("depth", [_MILLIMETRES, _THIRDS], ids=["millimetres", "thirds"])
-def test_images_are_decoded_once_and_nothing_is_lost(
-    tmp_path: Path, depth: NDArray[np.float32]
-) -> None:
+def test_images_are_decoded_once_and_nothing_is_lost(tmp_path: Path, depth: NDArray[np.float32]) -> None:
     counted = Counted(depth)
     with decoded_once(counted.recording, tmp_path) as recording:
         for _ in range(2):
             for k, frame in enumerate(recording):
-                assert (frame.color == k).all() and np.array_equal(frame.depth, depth[k])
+                assert (frame.color == k).all()
+                assert np.array_equal(frame.depth, depth[k])
                 frame.depth[:], frame.color[:] = 99.0, 99  # the next reader doesn't see it
     assert sorted(counted.reads) == sorted(f"{what} {k}" for k in range(10) for what in ("colour", "depth"))
     assert not list(tmp_path.iterdir())
@@ -265,10 +264,12 @@ def test_another_process_reads_and_adds_to_what_a_run_has_decoded(tmp_path: Path
     with decoded_once(first.recording, tmp_path) as recording:
         recording.frame(0)
         with decoded_beside(second.recording, tmp_path) as beside:
-            assert np.array_equal(beside.depth(0), _MILLIMETRES[0]) and (beside.color(0) == 0).all()
+            assert np.array_equal(beside.depth(0), _MILLIMETRES[0])
+            assert (beside.color(0) == 0).all()
             beside.frame(1)
         assert np.array_equal(recording.depth(1), _MILLIMETRES[1])
-    assert first.reads == ["colour 0", "depth 0"] and second.reads == ["colour 1", "depth 1"]
+    assert first.reads == ["colour 0", "depth 0"]
+    assert second.reads == ["colour 1", "depth 1"]
     with decoded_beside(second.recording, tmp_path) as beside:  # the run has ended
         assert np.array_equal(beside.depth(2), _MILLIMETRES[2])
 
