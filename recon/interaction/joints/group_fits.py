@@ -49,8 +49,9 @@ def fit_group(
     movers: Movers,
     config: JointConfig,
     hints: Sequence[TypeHint] = (),
+    least: float = 0.0,
 ) -> GroupFit:
-    """The fit to the first choice of tracks that has one.
+    """The fit to the first choice of tracks that has one with a support of at least `least`.
 
     Raises ReconstructionError, that of the first choice, when none has.
     """
@@ -61,8 +62,16 @@ def fit_group(
             fit = fit_motion(points, visible, config=config, hints=hints)
         except ReconstructionError as e:
             failed.append(e)
-        else:
-            return GroupFit(fit, chosen, float(support(fit, free, movers).sum()))
+            continue
+        worth = float(support(fit, free, movers).sum())
+        if worth >= least:
+            return GroupFit(fit, chosen, worth)
+        failed.append(
+            ReconstructionError(
+                f"{int(fit.track_inliers.sum())} tracks follow a joint hardly better than they stand still",
+                "give the interval in which the part moves",
+            )
+        )
     raise failed[0]
 
 

@@ -28,7 +28,7 @@ from recon.interaction.joints.result import MotionFit
 from recon.interaction.joints.type_selection import TypeHint
 from recon.interaction.motion.intervals import MIN_DISPLACEMENT, state_intervals
 from recon.interaction.motion.movers import Movers, find_movers
-from recon.interaction.parts.config import FAR_SHARE, MAX_RESIDUAL, REST_TOLERANCE, MotionConfig
+from recon.interaction.parts.config import FAR_SHARE, MAX_RESIDUAL, MIN_SHARE, REST_TOLERANCE, MotionConfig
 from recon.interaction.parts.found import FoundParts as FoundParts
 from recon.interaction.parts.found import PartTracks as PartTracks
 from recon.interaction.parts.hand_tracks import HandTracks
@@ -45,7 +45,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.scene import FIRST_PART_ID, Motion, Trajectory
 
-MOTION = Stage("motion", 28, ("motion", "joints"))
+MOTION = Stage("motion", 29, ("motion", "joints"))
 _DEFAULT, _JOINTS, _UNSAID = MotionConfig(), JointConfig(), Said()
 # of telling restless tracks by the fit and fitting the others; more change nothing we measured
 _CALM_ROUNDS = 2
@@ -157,20 +157,26 @@ class _Search:
         hints: Sequence[TypeHint],
     ) -> None:
         self.movers, self.hand_of, self.to_part, self.joints = movers, hand_of, to_part, joints
-        self.fit_group = partial(fit_group, movers=movers, config=joints, hints=hints)
+        told = any(np.isinf(h.weight) for h in hints)  # the user's type holds whatever explains more
+        least = 0 if told else MIN_TRACKS
+        self.fit_group = partial(fit_group, movers=movers, config=joints, hints=hints, least=least)
         self.free, self.hand = movers.moving.copy(), np.zeros_like(movers.moving)
         self.found: list[PartTracks] = []
         self.fits: list[MotionFit] = []
         self.failed: list[ReconstructionError] = []
+        self.least = 0.0  # support of a further fit, once there is a first one
 
     def take(self, group: NDArray[np.bool_], given: GroupFit | None = None) -> bool:
         """Look for a part among a group's free tracks (K,), or take the given one; False if there is none."""
         try:
             best = given or self._fit(self.free & group)
+            if best.support < self.least:  # drift along edges, mostly
+                raise ReconstructionError("what still moves explains little by any joint")
         except ReconstructionError as e:
             self.failed.append(e)
             return False
         fit, members = best.fit, best.members
+        self.least = self.least or MIN_SHARE * best.support
         known = same_part(fit, members, self.movers, [f.part for f in self.found])
         if known is not None:
             members = self._join(known, members)
