@@ -283,7 +283,7 @@ def test_quick_commands_run_as_they_stand(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        report_page, "_pictures", lambda _: {"opening": [], "dollhouse": ""}
+        report_page, "_pictures", lambda _: {"opening": [], "dollhouse": "", "plan": ""}
     )  # has tests of its own
     for line in [*([FIRST[command]] if command in FIRST else []), command]:
         assert cli.run(words_of(line)) == 0, capsys.readouterr().err

@@ -18,7 +18,7 @@ from twin.inferred import Completion
 from twin.scene import Mesh, Part, Twin
 
 Pictures = dict[str, Any]
-_DRAWING = 3  # raised when the same twin gives other pictures
+_DRAWING = 4  # raised when the same twin gives other pictures
 _FILE = "pictures.json"
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from twin import geometry as geo
 from twin.geometry import Array
 from twin.inferred import Basis, Completion
 from twin.report.frames import AXIS_COLOR, Image, axis_line, draw_polyline, part_color
-from twin.scene import Mesh, Twin
+from twin.report.views import View, above, overview, part_view, placed
+from twin.scene import Mesh, Part, Twin
 
 Color = tuple[int, int, int]
 Shown = tuple[Mesh, Color, float]  # a mesh, a colour, and how strongly that tints the mesh's own (0..1)
@@ -22,94 +24,24 @@ STATIC_COLOR = (205, 208, 212)
 # of inferred pieces: blue and orange
 SHADES: dict[Basis, Color] = {"evidence": (120, 160, 205), "assumed": (224, 160, 96)}
 _SUPERSAMPLING = 2
+# of names on the map: Hershey's plain font, and its scale
+_FONT, _LETTERS = 0, 1.1
 
 
-@dataclass(frozen=True, eq=False)
-class View:
-    """A pinhole camera: T_world_cam (4, 4) with OpenCV axes, size in pixels, horizontal view in radians.
+def opening(
+    twin: Twin, steps: int, width: int = 560, height: int = 420, only: Part | None = None
+) -> list[Image]:
+    """Pictures of the twin from closed to open, every part at the same share of its range.
 
-    What lies nearer than `near` metres is cut away.
+    only: the part that opens, seen from where the person stood then.
     """
-
-    T_world_cam: Array
-    width: int
-    height: int
-    fov: float
-    near: float = 0.0
-
-    @property
-    def matrix(self) -> Array:
-        """K (3, 3)."""
-        f = self.width / 2 / np.tan(self.fov / 2)
-        return np.array([[f, 0, (self.width - 1) / 2], [0, f, (self.height - 1) / 2], [0, 0, 1]])
-
-    def scaled(self, factor: int) -> View:
-        """The same view with more pixels."""
-        return replace(self, width=self.width * factor, height=self.height * factor)
-
-    def rays(self) -> NDArray[np.float32]:
-        """Origins, `near` metres along the view, and unit directions (H, W, 6) float32 in the world."""
-        k, (r, t) = self.matrix, (self.T_world_cam[:3, :3], self.T_world_cam[:3, 3])
-        rays = np.empty((self.height, self.width, 6), dtype=np.float32)
-        x = ((np.arange(self.width) - k[0, 2]) / k[0, 0]).astype(np.float32)[None, :, None]
-        y = ((np.arange(self.height) - k[1, 2]) / k[1, 1]).astype(np.float32)[:, None, None]
-        d = x * r[:, 0].astype(np.float32) + y * r[:, 1].astype(np.float32) + r[:, 2].astype(np.float32)
-        rays[..., :3] = t + self.near * d
-        rays[..., 3:] = d / np.sqrt(1 + x**2 + y**2)
-        return rays
-
-
-def look_at(eye: Array, target: Array, points: Array, width: int, height: int) -> View:
-    """View from `eye` towards `target` with z up, as wide as it takes to hold the world points (n, 3)."""
-    forward = geo.unit(target - eye)
-    up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
-    right = geo.unit(np.cross(forward, up))
-    pose = geo.make_pose(np.stack([right, np.cross(forward, right), forward], 1), eye)
-    cam = geo.transform(geo.invert_pose(pose), points)
-    cam = cam[cam[:, 2] > 0.1]
-    tan = 0.3
-    if len(cam):
-        tan = max(
-            float(np.abs(cam[:, 0] / cam[:, 2]).max()),
-            float(np.abs(cam[:, 1] / cam[:, 2]).max()) * width / height,
-        )
-    return View(pose, width, height, 2 * float(np.arctan(np.clip(tan * 1.25, 0.15, 1.2))))
-
-
-def part_view(twin: Twin, width: int, height: int) -> View:
-    """From where the person stood, close enough to see the parts in all their states."""
-    swept = _swept(twin)
-    target = (swept.min(0) + swept.max(0)) / 2
-    return look_at(_stand_point(twin, target), target, swept, width, height)
-
-
-def overview(twin: Twin, width: int, height: int) -> View:
-    """From behind and above the camera path, holding the path and the parts."""
-    swept = _swept(twin)
-    path = twin.cameras.T_world_cam[:, :3, 3] if twin.cameras is not None else swept
-    points = np.concatenate([swept, path])
-    target = (points.min(0) + points.max(0)) / 2
-    centre = (swept.min(0) + swept.max(0)) / 2
-    back = _stand_point(twin, centre) - centre
-    back[2] = 0.0
-    back = geo.unit(back) if np.linalg.norm(back) > 1e-6 else np.array([0.0, -1.0, 0.0])
-    side = np.array([-back[1], back[0], 0.0])
-    reach = max(0.6, float(np.linalg.norm(np.ptp(points, axis=0))))
-    eye = target + reach * 1.5 * (0.55 * back + 0.7 * side + np.array([0.0, 0.0, 0.55]))
-    view = look_at(eye, target, points, width, height)
-    depths = geo.transform(geo.invert_pose(view.T_world_cam), points)[:, 2]
-    # what stands before the scene would hide it
-    return replace(view, near=max(0.0, float(depths.min()) - 0.4))
-
-
-def opening(twin: Twin, steps: int, width: int = 560, height: int = 420) -> list[Image]:
-    """Pictures of the twin from closed to open, every part at the same share of its range."""
-    view = part_view(twin, width, height).scaled(_SUPERSAMPLING)
+    parts = twin.parts if only is None else (only,)
+    view = part_view(twin, parts, width, height).scaled(_SUPERSAMPLING)
     rays = view.rays()
     static = _Caster(_layers(twin.static.mesh, twin.static.completion, STATIC_COLOR, 0.0)).cast(rays)
     pictures = []
     for share in np.linspace(0.0, 1.0, steps):
-        moving = _Caster(_placed_layers(twin, float(share))).cast(rays)
+        moving = _Caster(_placed_layers(twin, {p.id: float(share) for p in parts})).cast(rays)
         pictures.append(_shrink(_compose(static, moving)))
     return pictures
 
@@ -120,21 +52,65 @@ def dollhouse(twin: Twin, width: int = 720, height: int = 480) -> Image:
     rays = view.rays()
     static = _Caster([(twin.static.mesh, STATIC_COLOR, 0.0)]).cast(rays, cull=True)
     image = _compose(static, _Caster(_placed_parts(twin, 0.0)).cast(rays))
-    T_cam_world = geo.invert_pose(view.T_world_cam)
-    width_px = max(3, view.width // 450)
-    if twin.cameras is not None:
-        poses = twin.cameras.T_world_cam
-        shades = np.linspace(0.0, 1.0, max(2, len(poses)))
-        for k in range(len(poses) - 1):
-            color = _mix((20, 160, 220), (120, 40, 200), float(shades[k]))
-            draw_polyline(image, poses[k : k + 2, :3, 3], T_cam_world, view.matrix, color, width=width_px)
-        for pose, color in ((poses[0], (20, 160, 220)), (poses[-1], (120, 40, 200))):
-            draw_polyline(image, _frustum(pose), T_cam_world, view.matrix, color, width=width_px)
+    _draw_path(image, twin, view)
     for part in twin.parts:
         draw_polyline(
-            image, axis_line(part), T_cam_world, view.matrix, AXIS_COLOR, arrow=True, width=2 * width_px
+            image,
+            axis_line(part),
+            geo.invert_pose(view.T_world_cam),
+            view.matrix,
+            AXIS_COLOR,
+            arrow=True,
+            width=2 * _line(view),
         )
     return _shrink(image)
+
+
+def plan(twin: Twin, width: int = 720, height: int = 480) -> Image:
+    """The scene from straight above, half open, with camera path and the parts' names; ceilings are seen
+    through."""
+    import cv2
+
+    view = above(twin, width, height).scaled(_SUPERSAMPLING)
+    rays = view.rays()
+    static = _Caster([(twin.static.mesh, STATIC_COLOR, 0.0)]).cast(rays, cull=True)
+    moving = _Caster([(m, color, 0.7) for m, color, _ in _placed_parts(twin, 0.5)]).cast(rays)
+    image = _compose(static, moving)
+    _draw_path(image, twin, view)
+    T_cam_world = geo.invert_pose(view.T_world_cam)
+    written: list[tuple[int, int, int]] = []  # base line and ends of each name
+    seen = [(p, m) for p, m in zip(twin.parts, placed(twin, 0.5), strict=True) if len(m.vertices)]
+    for part, mesh in seen:
+        middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
+        x, y, z = view.matrix @ geo.transform(T_cam_world, middle[None])[0]
+        (across, up), _ = cv2.getTextSize(part.name, _FONT, _LETTERS, 2)
+        left = int(np.clip(x / z - across / 2, 4, view.width - across - 4))
+        base = int(np.clip(y / z + up / 2, up + 4, view.height - 4))
+        while any(abs(base - b) < 1.4 * up and left < r and x0 < left + across for b, x0, r in written):
+            base += up // 4
+        written.append((base, left, left + across))
+        for dx, dy in (*product((-3, 0, 3), repeat=2), (0, 0)):  # white about the name, then the name
+            color = part_color(part) if dx == dy == 0 else (255, 255, 255)
+            cv2.putText(image, part.name, (left + dx, base + dy), _FONT, _LETTERS, color, 2, cv2.LINE_AA)
+    return _shrink(image)
+
+
+def _line(view: View) -> int:
+    """Width of a line, px."""
+    return max(3, view.width // 450)
+
+
+def _draw_path(image: Image, twin: Twin, view: View) -> None:
+    """The camera path from blue to violet, with its first and last camera."""
+    if twin.cameras is None:
+        return
+    T_cam_world, poses = geo.invert_pose(view.T_world_cam), twin.cameras.T_world_cam
+    shades = np.linspace(0.0, 1.0, max(2, len(poses)))
+    for k in range(len(poses) - 1):
+        color = _mix((20, 160, 220), (120, 40, 200), float(shades[k]))
+        draw_polyline(image, poses[k : k + 2, :3, 3], T_cam_world, view.matrix, color, width=_line(view))
+    for pose, color in ((poses[0], (20, 160, 220)), (poses[-1], (120, 40, 200))):
+        draw_polyline(image, _frustum(pose), T_cam_world, view.matrix, color, width=_line(view))
 
 
 def draw_meshes(meshes: Sequence[Mesh], view: View) -> Image:
@@ -212,13 +188,15 @@ class _Caster:
 
 
 def _placed_parts(twin: Twin, share: float) -> list[Shown]:
-    states = {p.id: p.joint.lower + share * (p.joint.upper - p.joint.lower) for p in twin.parts}
-    return [(p.mesh.transformed(twin.part_pose(p.id, states)), part_color(p), 0.3) for p in twin.parts]
+    meshes = placed(twin, share)
+    return [(m, part_color(p), 0.3) for p, m in zip(twin.parts, meshes, strict=True)]
 
 
-def _placed_layers(twin: Twin, share: float) -> list[Shown]:
-    """What was seen and what is inferred of every part, opened by a share of its range."""
-    states = {p.id: p.joint.lower + share * (p.joint.upper - p.joint.lower) for p in twin.parts}
+def _placed_layers(twin: Twin, share: Mapping[int, float]) -> list[Shown]:
+    """What was seen and what is inferred of every part, opened by the share of its range, closed without."""
+    states = {
+        p.id: p.joint.lower + share.get(p.id, 0.0) * (p.joint.upper - p.joint.lower) for p in twin.parts
+    }
     return [
         (mesh.transformed(twin.part_pose(p.id, states)), color, tint)
         for p in twin.parts
@@ -232,27 +210,6 @@ def _layers(mesh: Mesh, completion: Completion | None, color: Color, tint: float
         return [(mesh, color, tint)]
     seen = [completion.shown, *([] if completion.room is None else [completion.room])]
     return [*((m, color, tint) for m in seen), *((p.mesh, SHADES[p.basis], 1.0) for p in completion.pieces)]
-
-
-def _swept(twin: Twin) -> Array:
-    """Corners of the boxes around 98 % of each part's vertices, closed, half open and open."""
-    meshes = [m for share in (0.0, 0.5, 1.0) for m, _, _ in _placed_parts(twin, share)]
-    meshes = [m for m in meshes if len(m.vertices)] or [twin.static.mesh]
-    points = [np.quantile(m.vertices, (0.01, 0.99), axis=0) for m in meshes if len(m.vertices)]
-    if not points:
-        return np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
-    return np.concatenate(
-        [[[b[i, 0], b[j, 1], b[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)] for b in points]
-    )
-
-
-def _stand_point(twin: Twin, target: Array) -> Array:
-    """Where the camera was in the middle, or a point in front of the first contact, or just some place."""
-    if twin.cameras is not None:
-        return np.array(np.median(twin.cameras.T_world_cam[:, :3, 3], axis=0))
-    contacts = [p.contact for p in twin.parts if p.contact is not None]
-    outward = contacts[0].rotation[:, 2] if contacts else np.array([-0.6, -0.7, 0.4])
-    return target + 1.5 * outward + np.array([0.0, 0.0, 0.2])
 
 
 def _compose(a: _Layer, b: _Layer) -> Image:

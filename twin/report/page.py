@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +57,7 @@ def render(run: AnyPath) -> Path:
         "cards": _cards(twin, manifest, sections),
         "warnings": _warnings(manifest),
         "key_frames": [(k, _jpeg(image)) for k, image in drawn_key_frames(run, twin)] if twin else [],
-        "parts": [_part(p, pictures["plots"][str(p.id)]) for p in twin.parts] if twin else [],
+        "parts": [_part(p, pictures) for p in twin.parts] if twin else [],
         "timeline": timeline(twin) if twin else "",
         **pictures,
         "sections": [{"it": s, "stale": bool(s.twin) and s.twin != key} for s in sections],
@@ -133,30 +133,42 @@ def _drawn(twin: Twin) -> dict[str, Any]:
 
 
 def _pictures(twin: Twin) -> dict[str, Any]:
-    """The twin from closed to open, and the scene with the camera path; drawn at the same time."""
-    from twin.report.meshes import dollhouse, opening
+    """The twin from closed to open, and the scene with the camera path; drawn at the same time.
 
+    Of a room, which no one view shows, each part from closed to open, and a map.
+    """
+    from twin.report.meshes import dollhouse, opening, plan
+
+    nothing: dict[str, Any] = {"opening": [], "dollhouse": "", "plan": ""}
     if not len(twin.static.mesh.faces) and not any(len(p.mesh.faces) for p in twin.parts):
-        return {"opening": [], "dollhouse": ""}
+        return nothing
     steps = STEPS if twin.parts else 1
-    draw: dict[str, Callable[[], Any]] = {
-        "opening": lambda: [_jpeg(i) for i in opening(twin, steps)],
-        "dollhouse": lambda: _jpeg(dollhouse(twin)),
-    }
-    return dict(zip(draw, each(lambda one: one(), draw.values()), strict=True))
+    draw: dict[str, Callable[[], Any]] = {"dollhouse": lambda: _jpeg(dollhouse(twin))}
+    if len(twin.parts) > 1 and timeline(twin):
+        draw["plan"] = lambda: _jpeg(plan(twin))
+        for part in twin.parts:
+            draw[f"opening {part.id}"] = partial(_jpegs, partial(opening, twin, steps, only=part))
+    else:
+        draw["opening"] = partial(_jpegs, partial(opening, twin, steps))
+    return nothing | dict(zip(draw, each(lambda one: one(), draw.values()), strict=True))
+
+
+def _jpegs(draw: Callable[[], list[Image]]) -> list[str]:
+    return [_jpeg(image) for image in draw()]
 
 
 def _plot(part: Part) -> str:
     return _uri(state_plot(part).encode(), "image/svg+xml") if len(part.motion.frames) else ""
 
 
-def _part(part: Part, plot: str) -> dict[str, Any]:
+def _part(part: Part, pictures: Mapping[str, Any]) -> dict[str, Any]:
     color = "#{:02x}{:02x}{:02x}".format(*part_color(part))
     return {
         "name": part.name,
         "kind": part.joint.kind,
         "color": color,
-        "plot": plot,
+        "plot": pictures["plots"][str(part.id)],
+        "opening": pictures.get(f"opening {part.id}", []),
         "facts": part_facts(part),
     }
 

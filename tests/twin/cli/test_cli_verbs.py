@@ -24,7 +24,7 @@ def plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """The page without its pictures, which have tests of their own."""
     from twin.report import page
 
-    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": ""})
+    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": "", "plan": ""})
 
 
 @dataclass(frozen=True)

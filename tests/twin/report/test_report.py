@@ -15,7 +15,7 @@ from benchmarks.scenes.boards import cabinet_twin
 from twin import geometry as geo
 from twin import report
 from twin.errors import InputError
-from twin.report import frames, meshes, page, plots, sections
+from twin.report import frames, meshes, page, plots, sections, views
 from twin.report.drawn import drawn_once
 from twin.runs.stages import Run
 from twin.scene import HAND_LABEL, Recorded, Trajectory, Twin
@@ -48,7 +48,7 @@ def seen(twin: Twin, count: int = 12) -> Twin:
     contact = twin.parts[0].contact
     assert contact is not None
     eye = centre + 2.0 * contact.rotation[:, 2] + [0, 0, 0.3]
-    pose = meshes.look_at(eye, centre, vertices, *SIZE[::-1]).T_world_cam
+    pose = views.look_at(eye, centre, vertices, *SIZE[::-1]).T_world_cam
     label = np.ones(SIZE, dtype=np.uint8)
     label[:, : SIZE[1] // 2] = 2
     label[:20, :20] = HAND_LABEL
@@ -114,7 +114,7 @@ def test_a_warning_of_a_window_tells_its_frames(tmp_path: Path) -> None:
 def test_results_of_an_earlier_twin_are_marked(
     finished: Path, twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": ""})
+    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": "", "plan": ""})
     section = sections.load_section(finished, "check")
     assert section is not None
     report.save_section(tmp_path, section)
@@ -241,7 +241,7 @@ def test_rendered_surface_lies_where_it_projects() -> None:
 
     corners = np.array([[-0.5, 0, -0.5], [0.5, 0, -0.5], [0.5, 0, 0.5], [-0.5, 0, 0.5]])
     square = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), np.full((4, 3), (200, 0, 0), np.uint8))
-    view = meshes.look_at(np.array([0, -2.0, 0]), np.zeros(3), corners, 200, 150)
+    view = views.look_at(np.array([0, -2.0, 0]), np.zeros(3), corners, 200, 150)
     layer = meshes._Caster([(square, (0, 0, 0), 0.0)]).cast(view.rays())
     hit = np.isfinite(layer.distance)
     side = 1.0 / 2.0 * view.matrix[0, 0]
@@ -259,7 +259,7 @@ def test_surfaces_seen_from_behind_are_seen_through() -> None:
     facing = Mesh(
         corners + [0, 1, 0], np.array([[0, 1, 2], [0, 2, 3]]), np.full((4, 3), (0, 250, 0), np.uint8)
     )
-    view = meshes.look_at(np.array([0, -3.0, 0]), np.zeros(3), corners, 80, 60)
+    view = views.look_at(np.array([0, -3.0, 0]), np.zeros(3), corners, 80, 60)
     caster = meshes._Caster([(away, (0, 0, 0), 0.0), (facing, (0, 0, 0), 0.0)])
     assert caster.cast(view.rays()).distance[30, 40] == pytest.approx(3.0, abs=1e-3)
     through = caster.cast(view.rays(), cull=True)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.boards import cabinet_twin
+from twin import geometry as geo
+from twin.report import meshes, page, views
 from twin.report.timeline import timeline
 from twin.scene import Motion, Trajectory, Twin
 
@@ -64,3 +66,46 @@ def test_rows_are_named_and_clips_have_no_timeline() -> None:
     cameras = dataclasses.replace(twin.cameras, times=twin.cameras.times / 10.0)
     assert timeline(dataclasses.replace(twin, cameras=cameras)) == ""
     assert timeline(dataclasses.replace(twin, parts=())) == ""
+
+
+def test_a_room_has_a_map_and_each_of_its_parts_opens_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "STEPS", 2)
+    twin = walk(np.ones(901, bool))
+    pictures = page._pictures(twin)
+    assert pictures["plan"]
+    assert not pictures["opening"]
+    for part in twin.parts:
+        closed, opened = pictures[f"opening {part.id}"]
+        assert closed != opened
+    of_clip = page._pictures(cabinet_twin())
+    assert set(of_clip) == {"opening", "dollhouse", "plan"}
+    assert not of_clip["plan"]
+
+
+def test_the_map_looks_straight_down_and_holds_path_and_parts() -> None:
+    twin = walk(np.ones(901, bool))
+    view = views.above(twin, 300, 200)
+    np.testing.assert_allclose(view.T_world_cam[:3, 2], [0, 0, -1], atol=1e-12)
+    points = np.concatenate([m.vertices for m in views.placed(twin, 1.0)] + [np.zeros((1, 3))])
+    x, y, z = view.matrix @ geo.transform(geo.invert_pose(view.T_world_cam), points).T
+    assert 0 < (x / z).min() < (x / z).max() < 299
+    assert 0 < (y / z).min() < (y / z).max() < 199
+    contact = next(p.contact for p in twin.parts if p.contact is not None)
+    outward = view.T_world_cam[:3, :3].T @ contact.rotation[:, 2]
+    assert outward[1] > 0.9  # it opens towards the lower edge
+
+
+def test_one_part_opens_where_the_person_stood_while_it_moved() -> None:
+    """The others stay closed: pixels change where this part goes."""
+    twin = walk(np.ones(901, bool))
+    assert twin.cameras is not None
+    poses = twin.cameras.T_world_cam.copy()
+    poses[300:376, :3, 3] = [0.3, -2.0, 1.2]
+    twin = dataclasses.replace(twin, cameras=dataclasses.replace(twin.cameras, T_world_cam=poses))
+    part = twin.parts[0]
+    view = views.part_view(twin, [part], 160, 120)
+    np.testing.assert_allclose(view.T_world_cam[:3, 3], [0.3, -2.0, 1.2])
+    closed, opened = meshes.opening(twin, 2, 160, 120, only=part)
+    both = meshes.opening(twin, 2, 160, 120)
+    assert 0.01 < (closed != opened).any(-1).mean() < 0.9
+    assert not np.array_equal(both[1], opened)

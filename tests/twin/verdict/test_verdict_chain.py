@@ -27,7 +27,7 @@ from twin.verdict import Verdict
 @pytest.fixture(autouse=True)
 def plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages without the pictures of the twin, which take seconds."""
-    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": ""})
+    monkeypatch.setattr(page, "_pictures", lambda _: {"opening": [], "dollhouse": "", "plan": ""})
 
 
 def exported(twin: Twin, folder: Path) -> dict[str, Path]:

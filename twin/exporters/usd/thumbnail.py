@@ -10,7 +10,8 @@ from twin import geometry as geo
 from twin.exporters.obj import encoded
 from twin.exporters.tree import Tree, Visual, front
 from twin.exporters.usd.layers import world_origins
-from twin.report.meshes import draw_meshes, look_at
+from twin.report.meshes import draw_meshes
+from twin.report.views import look_at
 from twin.scene import Mesh
 
 _SIZE = 256  # pixels, as SimReady's requirement SR.002 names the folder
