@@ -1,5 +1,5 @@
 """Draw docs/overview.png and docs/film.gif, which the README and docs/first_twin.md show, from a finished
-run.
+run; from that of a walk docs/room.png.
 
 usage: python benchmarks/overview.py RUN [FOLDER]
 """
@@ -14,11 +14,16 @@ from typing import Any
 import cv2
 import numpy as np
 
+from twin.completion import without_shapes
 from twin.report.frames import Image, drawn_key_frames
+from twin.report.meshes import opening, plan
 from twin.report.plots import film_pictures
+from twin.report.timeline import timeline
+from twin.scene import Twin
 from twin.storage import load
 
 PANEL = (480, 360)
+ROOM_PARTS = 4
 FILM_WIDTH, FILM_RATE = 720, 8  # px, frames in a second: the film stays below 3 MB
 _FILM_COLOURS = 256
 _FROM = (62.0, -24.0, 1.9)  # azimuth and elevation (deg) and distance (m) of the twin's pictures
@@ -74,6 +79,28 @@ def draw(run: Path, path: Path) -> None:
     FigureCanvasAgg(figure).print_png(path)
 
 
+def draw_room(twin: Twin, path: Path) -> None:
+    """Write the map of a room, and up to four of its parts closed and open as they were handled."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    twin = without_shapes(twin)  # as it was seen
+    shown = sorted(twin.parts, key=lambda p: p.motion.intervals[:1])[:ROOM_PARTS]
+    figure = Figure(figsize=(13.0, 4.3), layout="compressed", facecolor="white")
+    axes: dict[str, Any] = figure.subplot_mosaic(
+        [["map", *(f"{p.id} {k}" for p in shown)] for k in range(2)], width_ratios=[2.6, *(1 for _ in shown)]
+    )
+    axes["map"].imshow(plan(twin, 960, 720))
+    axes["map"].set_title("the room from above, with the way that the person walked", fontsize=12)
+    for part in shown:
+        for k, image in enumerate(opening(twin, 2, *PANEL, only=part)):
+            axes[f"{part.id} {k}"].imshow(image)
+        axes[f"{part.id} 0"].set_title(part.name, fontsize=12)
+    for ax in axes.values():
+        ax.set_axis_off()
+    FigureCanvasAgg(figure).print_png(path)
+
+
 def draw_film(run: Path, path: Path) -> None:
     """Write the robot's film beside the person's as an animation that repeats."""
     import av
@@ -106,5 +133,8 @@ if __name__ == "__main__":
         sys.exit("usage: python benchmarks/overview.py RUN [FOLDER]")
     os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it once, when it is first imported
     place = Path(sys.argv[2] if len(sys.argv) == 3 else "docs")
-    draw(Path(sys.argv[1]), place / "overview.png")
-    draw_film(Path(sys.argv[1]), place / "film.gif")
+    if timeline(found := load(Path(sys.argv[1]))):
+        draw_room(found, place / "room.png")
+    else:
+        draw(Path(sys.argv[1]), place / "overview.png")
+        draw_film(Path(sys.argv[1]), place / "film.gif")
