@@ -29,6 +29,7 @@ from twin.geometry import Array
 from twin.runs.keys import Stage
 from twin.runs.loop import Loop, untold
 from twin.runs.setting import Settings, setting
+from twin.runs.threads import each, threads
 from twin.scene import STATIC_LABEL, Mesh, Revolute, Texture, Trajectory
 
 TEXTURE = Stage("texture", 3, ("texture",))
@@ -39,7 +40,7 @@ _NEARER = 0.1  # share of the surface that is photographed finer than what the t
 _PLACES = 3000  # points of a body, spread evenly over its vertices, in which photographs are compared
 _GROW = 1.12  # of the texel, each time that the charts don't fit
 FACINGS = 6  # ways that a side of a body may face
-_AT_ONCE = 1 << 20  # texels whose colours are found together: more take memory and no less time
+_AT_ONCE = 1 << 16  # texels or faces that a thread takes at a time: more take memory and no less time
 _BLOCK = 0.5  # m: the static scene has one size of texel in each cube of so much
 _STEP = float(np.sqrt(2.0))  # between two sizes of texel
 
@@ -210,13 +211,14 @@ def _texels(
 
 def _finest_pixel(points: Array, normals: Array, photos: Photos, noise: DepthNoise) -> Array:
     """Size (n,) m on the body of a pixel of the photograph that shows a point best; infinite: none does."""
-    out = np.full(len(points), np.inf)
-    for start in range(0, len(points), _AT_ONCE >> 4):
-        some = slice(start, start + (_AT_ONCE >> 4))
-        _, weight = lows(points[some], normals[some], photos, noise)
+
+    def some(start: int) -> Array:
+        part = slice(start, start + _AT_ONCE)
+        _, weight = lows(points[part], normals[part], photos, noise)
         best = weight.max(axis=1, initial=0.0)
-        out[some] = np.where(best > 0, 1.0 / np.sqrt(np.maximum(best, 1e-12)), np.inf)
-    return out
+        return np.where(best > 0, 1.0 / np.sqrt(np.maximum(best, 1e-12)), np.inf)
+
+    return np.concatenate([np.zeros(0), *each(some, range(0, len(points), _AT_ONCE))])
 
 
 def _texture(
@@ -232,14 +234,15 @@ def _texture(
     layout = _fitting(mesh, texel, config.most)
     height, width = layout.size
     normals = vertex_normals(mesh.vertices, mesh.faces)
-    owner = faces_at(layout.uv, height, width)
+    owner = _owners(layout)
     at_vertices = shade(mesh.vertices, normals, photos, equal, facing(normals, mesh, part), noise)
     plain = over_surface(at_vertices.color, at_vertices.views > 0, mesh.faces)
     around_face = 2 * MARGIN * float(texel.max())  # a texel beside a chart reads the plane of its face
     among = framed(mesh.vertices[mesh.faces], photos, around_face)
     image, mask = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
     rows, columns = np.nonzero(owner >= 0)
-    for start in range(0, len(rows), _AT_ONCE):
+
+    def some(start: int) -> None:
         y, x = rows[start : start + _AT_ONCE], columns[start : start + _AT_ONCE]
         face = owner[y, x]
         points, ahead, inside = surface_at(layout.uv, face, y, x, mesh.vertices, mesh.faces, normals)
@@ -248,8 +251,21 @@ def _texture(
         colors = shown.color
         colors[~seen] = np.einsum("nk,nkc->nc", inside[~seen], plain[mesh.faces[face[~seen]]])
         image[y, x], mask[y, x] = np.round(colors), seen
+
+    for _ in each(some, range(0, len(rows), _AT_ONCE)):
+        pass
     image = around(image, owner >= 0)
     return Texture((layout.uv / [width, height]).astype(np.float32), image[::-1], mask[::-1])
+
+
+def _owners(layout: Layout) -> NDArray[np.int32]:
+    """The face (height, width) of each texel, band by band."""
+    height, width = layout.size
+    step = -(-height // threads())
+    bands = each(
+        lambda first: faces_at(layout.uv, first, min(first + step, height), width), range(0, height, step)
+    )
+    return np.concatenate(list(bands))
 
 
 def _fitting(mesh: Mesh, texel: Array, most: int) -> Layout:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +30,7 @@ _LEAST = 0.03  # what a pixel at the outline counts: used where nothing better s
 ZNEAR = 0.05  # m from the camera, within which nothing is seen
 # a step on a plane seen aslant in the corner of a picture spans less than so many of its pixels
 _ASLANT = 2.0
+_AT_ONCE = 1 << 14  # faces
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +155,39 @@ def _low(color: U8, own: NDArray[np.bool_]) -> F32:
 def framed(corners: Array, photos: Photos, reach: float) -> NDArray[np.bool_]:
     """Photographs (F, K) within whose border something of a face with corners (F, 3, 3) m, or of its plane
     within `reach` m around, may lie."""
-    camera = photos.camera
-    out = np.zeros((len(corners), len(photos.T_cam_body)), dtype=bool)
-    for k, T in enumerate(photos.T_cam_body):
-        p = corners @ T[:, :3].T + T[:, 3]
-        z = p[..., 2]
-        far, close = z.max(axis=1), z.min(axis=1) - reach
-        uv = p[..., :2] / np.maximum(z, 1e-9)[..., None] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-        beyond = reach * max(camera.fx, camera.fy) / np.maximum(close, 1e-9) * _ASLANT
-        low, high = uv.min(axis=1) - beyond[:, None], uv.max(axis=1) + beyond[:, None]
-        inside = np.all((high >= 0) & (low <= [camera.width - 1, camera.height - 1]), axis=1)
-        out[:, k] = (far + reach > 0) & (inside | (close <= ZNEAR))
+    camera, rest = photos.camera, (photos.T_cam_body, photos.camera.vector)
+    size = (camera.width, camera.height)
+
+    def some(start: int) -> NDArray[np.bool_]:
+        return np.asarray(
+            _framed(np.ascontiguousarray(corners[start : start + _AT_ONCE]), *rest, size, reach)
+        )
+
+    made = list(each(some, range(0, len(corners), _AT_ONCE)))
+    return np.concatenate(made) if made else np.zeros((0, len(photos.T_cam_body)), dtype=bool)
+
+
+@numba.njit(cache=True, nogil=True)
+def _framed(
+    corners: Array, T: Array, lens: Array, size: tuple[int, int], reach: float
+) -> NDArray[np.bool_]:  # pragma: no cover - compiled
+    out = np.zeros((len(corners), len(T)), np.bool_)
+    for f in range(len(corners)):
+        for k in range(len(T)):
+            far, close = -np.inf, np.inf
+            left, right, top, bottom = np.inf, -np.inf, np.inf, -np.inf
+            for c in range(3):
+                px, py, pz = corners[f, c, 0], corners[f, c, 1], corners[f, c, 2]
+                x = T[k, 0, 0] * px + T[k, 0, 1] * py + T[k, 0, 2] * pz + T[k, 0, 3]
+                y = T[k, 1, 0] * px + T[k, 1, 1] * py + T[k, 1, 2] * pz + T[k, 1, 3]
+                z = T[k, 2, 0] * px + T[k, 2, 1] * py + T[k, 2, 2] * pz + T[k, 2, 3]
+                far, close = max(far, z), min(close, z)
+                u = x / max(z, 1e-9) * lens[0] + lens[2]
+                v = y / max(z, 1e-9) * lens[1] + lens[3]
+                left, right, top, bottom = min(left, u), max(right, u), min(top, v), max(bottom, v)
+            close -= reach
+            beyond = reach * max(lens[0], lens[1]) / max(close, 1e-9) * _ASLANT
+            across = right + beyond >= 0 and left - beyond <= size[0] - 1
+            inside = across and bottom + beyond >= 0 and top - beyond <= size[1] - 1
+            out[f, k] = far + reach > 0 and (inside or close <= ZNEAR)
     return out

@@ -29,22 +29,22 @@ def within(
 
 
 @numba.njit(cache=True, nogil=True)
-def faces_at(uv: Array, height: int, width: int) -> I32:  # pragma: no cover - compiled
-    """(height, width), lowest row first: the face of each texel's centre, nearest within `MARGIN`; or -1."""
-    owner = np.full((height, width), -1, np.int32)
-    depth = np.full((height, width), -MARGIN, np.float32)
+def faces_at(uv: Array, first: int, end: int, width: int) -> I32:  # pragma: no cover - compiled
+    """The face of each texel's centre, the nearest within `MARGIN`, or -1: rows first..end, lowest first."""
+    owner = np.full((end - first, width), -1, np.int32)
+    depth = np.full((end - first, width), -MARGIN, np.float32)
     for face in range(len(uv)):
         ax, ay, bx, by, cx, cy = uv[face].ravel()
         if (bx - ax) * (cy - ay) < (by - ay) * (cx - ax):  # packing mirrors charts
             bx, by, cx, cy = cx, cy, bx, by
         x0, x1 = int(max(min(ax, bx, cx) - MARGIN, 0)), int(min(max(ax, bx, cx) + MARGIN, width - 1))
-        y0, y1 = int(max(min(ay, by, cy) - MARGIN, 0)), int(min(max(ay, by, cy) + MARGIN, height - 1))
+        y0, y1 = int(max(min(ay, by, cy) - MARGIN, first)), int(min(max(ay, by, cy) + MARGIN, end - 1))
         for y in range(y0, y1 + 1):
             for x in range(x0, x1 + 1):
                 d = within(ax, ay, bx, by, cx, cy, x + 0.5, y + 0.5)
-                if d > depth[y, x]:
-                    depth[y, x] = d
-                    owner[y, x] = face
+                if d > depth[y - first, x]:
+                    depth[y - first, x] = d
+                    owner[y - first, x] = face
     return owner
 
 

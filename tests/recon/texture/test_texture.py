@@ -215,7 +215,7 @@ def test_charts_share_no_texel_and_keep_their_size() -> None:
     area = geo.triangle_areas(both.vertices[both.faces]) / 0.004**2
     assert np.allclose(np.abs(double) / 2, area, rtol=0.01)
     assert np.allclose(layout.stretch, 1.0)
-    owner = faces_at(uv, *layout.size)
+    owner = faces_at(uv, 0, *layout.size)
     held = np.bincount(owner[owner >= 0], minlength=len(uv))
     assert (held > 0.8 * area).all()  # with its margin each face holds at least what it covers
 
@@ -247,7 +247,7 @@ def test_sheets_of_one_chart_are_cut_apart() -> None:
     faces = [f for k in range(n - 1) for f in ((k, k + n, k + 1), (k + 1, k + n, k + n + 1))]
     mesh = Mesh(vertices, np.array(faces, np.int32))
     layout = lay_out(mesh, np.full(len(faces), 0.005))
-    owner = faces_at(layout.uv, *layout.size)
+    owner = faces_at(layout.uv, 0, *layout.size)
     held = np.bincount(owner[owner >= 0], minlength=len(faces))
     area = geo.triangle_areas(mesh.vertices[mesh.faces]) / layout.stretch / 0.005**2
     assert (held > 0.8 * area).all()
