@@ -15,6 +15,7 @@ from recon.dense.depth import look_up
 from recon.verdict.posed import GATE_M, PosedTwin
 from twin import geometry as geo
 from twin.geometry import Array
+from twin.runs.threads import each
 from twin.scene import FIRST_PART_ID
 
 _FRAMES = 40  # looked at, evenly spread
@@ -29,16 +30,20 @@ def camera_drift(twin: PosedTwin) -> tuple[int, int, float]:
     known = twin.cameras.frames
     rows = np.unique(np.linspace(0, len(known) - 1, min(len(known), _FRAMES)).round().astype(int))
     frames = [int(known[r]) for r in rows]
-    rooms = [_room(twin, frame) for frame in frames]
+    twin.expected(frames[0])  # what it casts rays at is built once, before the threads ask for it
+    rooms = list(each(lambda frame: _room(twin, frame), frames))
+    gaps = [max(1, round(share * len(frames))) for share in _APART]
+    pairs = [
+        (int(a), int(a) + gap)
+        for gap in gaps
+        for a in np.unique(np.linspace(0, len(frames) - 1 - gap, _PAIRS).round().astype(int))
+        if a >= 0
+    ]
+    off = each(lambda p: _depth_difference(twin, *((frames[k], rooms[k]) for k in p)), pairs)
     worst = (frames[0], frames[0], 0.0)
-    for share in _APART:
-        gap = max(1, round(share * len(frames)))
-        for a in np.unique(np.linspace(0, len(frames) - 1 - gap, _PAIRS).round().astype(int)):
-            if a < 0:
-                continue
-            off = _depth_difference(twin, (frames[a], rooms[a]), (frames[a + gap], rooms[a + gap]))
-            if off > worst[2]:
-                worst = (frames[a], frames[a + gap], off)
+    for (a, b), metres in zip(pairs, off, strict=True):
+        if metres > worst[2]:
+            worst = (frames[a], frames[b], metres)
     return worst
 
 
